@@ -1,0 +1,83 @@
+"""What can be wrong with an interface definition, said so that it can be put right."""
+
+from __future__ import annotations
+
+
+class DefinitionError(ValueError):
+    """A .srv, .msg or .action text is not a valid definition, or a type cannot be found.
+
+    The attributes come first and the printed text is built from them, so that an editor can use
+    the position and a person can read the sentence.
+
+    Attributes:
+        message: one sentence: what was expected and what came.
+        path: the file (or a name for text that has none).
+        line, column: where, counted from 1; 0 when the whole file is meant.
+        source_line: the offending line as it stands in the file, or "".
+        hint: what the writer most likely meant, or "".
+    """
+
+    def __init__(
+        self,
+        message: str,
+        *,
+        path: str = "",
+        line: int = 0,
+        column: int = 0,
+        source_line: str = "",
+        hint: str = "",
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.path = path
+        self.line = line
+        self.column = column
+        self.source_line = source_line
+        self.hint = hint
+
+    def __str__(self) -> str:
+        where = ":".join(str(part) for part in (self.path, self.line, self.column) if part)
+        lines = [f"{where}: error: {self.message}" if where else self.message]
+        if self.source_line:
+            lines.append(f"    {self.source_line}")
+            if self.column:
+                lines.append("    " + _padding(self.source_line, self.column) + "^")
+        if self.hint:
+            lines.append(f"  hint: {self.hint}")
+        return "\n".join(lines)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _rebuild, (self.message, self.__dict__.copy())
+
+
+class DefinitionErrors(DefinitionError):
+    """Several problems of one file, found in one run; `problems` has them in order."""
+
+    def __init__(self, problems: list[DefinitionError]) -> None:
+        first = problems[0]
+        super().__init__(
+            first.message,
+            path=first.path,
+            line=first.line,
+            column=first.column,
+            source_line=first.source_line,
+            hint=first.hint,
+        )
+        self.problems = problems
+
+    def __str__(self) -> str:
+        return "\n".join(str(problem) for problem in self.problems)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return DefinitionErrors, (self.problems,)
+
+
+def _padding(source_line: str, column: int) -> str:
+    # A tab before the caret must stay a tab, or the caret points beside the character.
+    return "".join("\t" if char == "\t" else " " for char in source_line[: column - 1])
+
+
+def _rebuild(message: str, state: dict[str, object]) -> DefinitionError:
+    error = DefinitionError(message)
+    error.__dict__.update(state)
+    return error

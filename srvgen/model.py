@@ -1,0 +1,154 @@
+"""The parsed form of interface definitions: plain frozen values, no behaviour but naming."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Literal, TypeAlias
+
+Kind = Literal["msg", "srv", "action"]
+
+Scalar: TypeAlias = bool | int | float | str
+"""One literal of a definition. `byte` and `char` are integers 0..255 here."""
+
+Value: TypeAlias = Scalar | tuple[Scalar, ...]
+"""A default: one literal, or one for each element of an array."""
+
+PRIMITIVES = frozenset(
+    "bool byte char float32 float64 int8 uint8 int16 uint16 int32 uint32 int64 uint64 "
+    "string wstring".split()
+)
+"""The names of ROS 2's built-in types."""
+
+
+@dataclass(frozen=True, slots=True)
+class FieldType:
+    """The type of a field: a base type, perhaps bounded, perhaps an array of it."""
+
+    base: str
+    """`int32`, `string`, or a message's bare name such as `Point`."""
+    package: str | None = None
+    """The package of a message type (filled in for relative names too); None for primitives."""
+    string_bound: int | None = None
+    """N of `string<=N`."""
+    is_array: bool = False
+    array_size: int | None = None
+    """N of `[N]` and `[<=N]`; None where unbounded."""
+    is_upper_bound: bool = False
+    """True for `[<=N]`."""
+
+    @property
+    def is_primitive(self) -> bool:
+        """Whether the base is one of ROS 2's built-in types."""
+        return self.package is None
+
+    @property
+    def is_fixed_array(self) -> bool:
+        """Whether this is `T[N]`."""
+        return self.array_size is not None and not self.is_upper_bound
+
+    @property
+    def element(self) -> FieldType:
+        """The type of one element (the type itself where it is no array)."""
+        return FieldType(self.base, self.package, self.string_bound)
+
+    def __str__(self) -> str:
+        text = f"{self.package}/{self.base}" if self.package else self.base
+        if self.string_bound is not None:
+            text += f"<={self.string_bound}"
+        if self.is_array:
+            bound = "<=" if self.is_upper_bound else ""
+            text += f"[{bound}{'' if self.array_size is None else self.array_size}]"
+        return text
+
+
+@dataclass(frozen=True, slots=True)
+class Field:
+    """One field of a message."""
+
+    name: str
+    type: FieldType
+    default: Value | None = None
+    comment: tuple[str, ...] = ()
+    """The comment lines that belong to the field, without their `#`."""
+    unit: str | None = None
+    """What stood in one `[unit]` of the comment."""
+    line: int = 0
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Constant:
+    """One named constant of a message."""
+
+    name: str
+    type: str
+    value: Scalar
+    comment: tuple[str, ...] = ()
+    unit: str | None = None
+    line: int = 0
+    column: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class MessageDef:
+    """A message: a .msg file, one section of a .srv or .action file, or an implied type."""
+
+    package: str
+    kind: Kind
+    """The folder of the file that it comes from: `srv` for `AddTwoInts_Request`."""
+    name: str
+    fields: tuple[Field, ...] = ()
+    constants: tuple[Constant, ...] = ()
+    comment: tuple[str, ...] = ()
+    """The file's or section's leading comment lines."""
+
+    @property
+    def full_name(self) -> str:
+        """`example_interfaces/srv/AddTwoInts_Request`."""
+        return f"{self.package}/{self.kind}/{self.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class ServiceDef:
+    """A service: what is asked and what is answered."""
+
+    package: str
+    name: str
+    request: MessageDef
+    response: MessageDef
+
+    @property
+    def full_name(self) -> str:
+        """`example_interfaces/srv/AddTwoInts`."""
+        return f"{self.package}/srv/{self.name}"
+
+
+@dataclass(frozen=True, slots=True)
+class ActionDef:
+    """An action: a goal, its result, and feedback on the way."""
+
+    package: str
+    name: str
+    goal: MessageDef
+    result: MessageDef
+    feedback: MessageDef
+
+    @property
+    def full_name(self) -> str:
+        """`example_interfaces/action/Fibonacci`."""
+        return f"{self.package}/action/{self.name}"
+
+
+Definition: TypeAlias = MessageDef | ServiceDef | ActionDef
+
+
+def sections(definition: Definition) -> Iterator[MessageDef]:
+    """The messages that a definition's text spells out, in their order in the file."""
+    match definition:
+        case ServiceDef():
+            yield from (definition.request, definition.response)
+        case ActionDef():
+            yield from (definition.goal, definition.result, definition.feedback)
+        case _:
+            yield definition
