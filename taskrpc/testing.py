@@ -1,0 +1,98 @@
+"""Tools for testing programs that use taskrpc: a clock that does not wait, nodes without a network."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import selectors
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from typing import Any
+
+_EXECUTOR_PATIENCE = 30.0  # real seconds that a job in a thread may take before we call it stuck
+
+
+class NothingWillEverHappen(RuntimeError):
+    """A program on a `VirtualTimeLoop` waits, and nothing is scheduled that could wake it."""
+
+
+class VirtualTimeLoop(asyncio.SelectorEventLoop):
+    """An event loop whose clock jumps to the next timer instead of waiting for it.
+
+    Hours of timeouts, backoff and robot motion pass in milliseconds, exactly and in order.
+    `loop.time()` starts at 0.0 seconds. The clock stands still while a job runs in an executor,
+    and a wait that nothing can ever end raises `NothingWillEverHappen` instead of hanging.
+    """
+
+    def __init__(self) -> None:
+        self._virtual_now = 0.0
+        self._open_jobs = 0
+        super().__init__(_JumpingSelector(self))
+
+    def time(self) -> float:
+        """The virtual time in seconds."""
+        return self._virtual_now
+
+    def advance(self, seconds: float) -> None:
+        """Move the clock forward; timers that become due run in the loop's next turn."""
+        self._virtual_now += seconds
+
+    @property
+    def has_open_jobs(self) -> bool:
+        """Whether a job still runs in an executor, so that the clock must stand still."""
+        return self._open_jobs > 0
+
+    def run_in_executor(
+        self, executor: Executor | None, func: Callable[..., Any], *args: Any
+    ) -> asyncio.Future[Any]:
+        """Run `func` in a thread while the clock stands still."""
+        self._open_jobs += 1
+        future = super().run_in_executor(executor, func, *args)
+        future.add_done_callback(self._job_closed)
+        return future
+
+    async def shutdown_default_executor(self, *args: Any, **kwargs: Any) -> None:
+        """Wait for the threads of the default executor, the clock standing still."""
+        self._open_jobs += 1
+        try:
+            await super().shutdown_default_executor(*args, **kwargs)
+        finally:
+            self._open_jobs -= 1
+
+    def _job_closed(self, _: asyncio.Future[Any]) -> None:
+        self._open_jobs -= 1
+
+
+class _JumpingSelector(selectors.BaseSelector):
+    """A selector that moves its loop's clock instead of waiting."""
+
+    def __init__(self, loop: VirtualTimeLoop) -> None:
+        self._loop = loop
+        self._real = selectors.DefaultSelector()
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        ready = self._real.select(0)
+        if ready or timeout == 0:
+            return ready
+        if self._loop.has_open_jobs:
+            return self._real.select(_EXECUTOR_PATIENCE)
+        if timeout is None:
+            raise NothingWillEverHappen("everything waits and no timer is set")
+        self._loop.advance(timeout)
+        return []
+
+    def register(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
+        return self._real.register(fileobj, events, data)
+
+    def unregister(self, fileobj: Any) -> selectors.SelectorKey:
+        return self._real.unregister(fileobj)
+
+    def modify(self, fileobj: Any, events: int, data: Any = None) -> selectors.SelectorKey:
+        return self._real.modify(fileobj, events, data)
+
+    def get_map(self) -> Mapping[Any, selectors.SelectorKey]:
+        return self._real.get_map()
+
+    def close(self) -> None:
+        with contextlib.suppress(OSError):
+            self._real.close()

@@ -1,0 +1,28 @@
+"""Every async test runs on virtual time, unless it is marked `real_time`."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from taskrpc.testing import VirtualTimeLoop
+
+
+def pytest_asyncio_loop_factories(config, item):
+    """The virtual clock by default; the machine's for `real_time` tests."""
+    if item.get_closest_marker("real_time"):
+        return {"real": asyncio.SelectorEventLoop}
+    return {"virtual": VirtualTimeLoop}
+
+
+@pytest.fixture(autouse=True)
+def _private_places(tmp_path, monkeypatch):
+    """No test sees, or leaves anything in, the user's own runtime and state folders."""
+    runtime, state = tmp_path / "runtime", tmp_path / "state"
+    runtime.mkdir(mode=0o700)
+    state.mkdir(mode=0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
+    monkeypatch.setenv("XDG_STATE_HOME", str(state))
+    for name in ("ROS_DOMAIN_ID", "TASKRPC_PEERS", "TASKRPC_TOKEN", "TASKRPC_INTERFACE_PATH"):
+        monkeypatch.delenv(name, raising=False)

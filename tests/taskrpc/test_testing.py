@@ -1,0 +1,46 @@
+"""The virtual clock is exact, never sleeps, and says when nothing can ever happen."""
+
+import asyncio
+import threading
+import time
+
+import pytest
+
+from taskrpc.testing import NothingWillEverHappen, VirtualTimeLoop
+
+
+async def test_an_hour_passes_at_once_and_exactly():
+    loop = asyncio.get_running_loop()
+    began, real_began = loop.time(), time.perf_counter()
+    await asyncio.sleep(3600)
+    assert loop.time() - began == pytest.approx(3600, abs=1e-6)
+    assert time.perf_counter() - real_began < 60
+
+
+async def test_timers_fire_in_the_order_of_their_times():
+    fired = []
+    loop = asyncio.get_running_loop()
+    for delay in (3, 1, 2):
+        loop.call_later(delay, fired.append, delay)
+    await asyncio.sleep(4)
+    assert fired == [1, 2, 3]
+
+
+async def test_the_clock_stands_still_while_a_thread_works():
+    loop = asyncio.get_running_loop()
+    release = threading.Event()
+    timer = loop.call_later(0.001, lambda: None)
+    job = loop.run_in_executor(None, release.wait, 5)
+    loop.call_soon(release.set)
+    before = loop.time()
+    assert await job
+    assert loop.time() == before
+    timer.cancel()
+
+
+def test_waiting_for_nothing_is_an_error_instead_of_a_hang():
+    loop = VirtualTimeLoop()
+    forever = loop.create_future()
+    with pytest.raises(NothingWillEverHappen):
+        loop.run_until_complete(forever)
+    loop.close()
