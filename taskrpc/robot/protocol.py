@@ -15,6 +15,8 @@ from typing import Protocol
 
 import msgspec
 
+from taskrpc.errors import TaskRpcError
+
 
 class Pose(msgspec.Struct, frozen=True):
     """Where the robot stands and which way it looks."""
@@ -36,11 +38,11 @@ class Plan(msgspec.Struct, frozen=True):
     """Where the robot stands afterwards; the next task's plan starts here."""
 
 
-class TargetError(ValueError):
+class TargetError(TaskRpcError, ValueError):
     """The target makes no sense for this robot; the text tells the user what is allowed instead."""
 
 
-class RobotStopped(Exception):
+class RobotStopped(TaskRpcError):
     """`Robot.stop` ended this task's `Robot.execute` before it was done."""
 
 

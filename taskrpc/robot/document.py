@@ -1,0 +1,145 @@
+"""A YAML text whose values know where they stand, so that a mistake can be shown at its line."""
+
+import difflib
+import math
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, NoReturn
+
+from taskrpc.errors import TaskRpcError
+
+if TYPE_CHECKING:
+    from yaml import Mark, Node
+
+
+class MapError(TaskRpcError, ValueError):
+    """A map file cannot be read, or describes no floor on which the robot could drive.
+
+    Attributes:
+        problem: one sentence: what was expected and what came.
+        path: the file.
+        line, column: where, counted from 1; 0 when the whole file is meant.
+        source_line: that line as it stands in the file, or "".
+    """
+
+    def __init__(
+        self, problem: str, path: str, line: int = 0, column: int = 0, source_line: str = ""
+    ) -> None:
+        super().__init__(problem)
+        self.problem = problem
+        self.path = path
+        self.line = line
+        self.column = column
+        self.source_line = source_line
+
+    def __str__(self) -> str:
+        where = ":".join(str(part) for part in (self.path, self.line, self.column) if part)
+        text = f"{where}: error: {self.problem}"
+        if self.source_line:
+            # A tab before the caret must stay a tab, or the caret points beside the character.
+            before = self.source_line[: self.column - 1]
+            padding = "".join("\t" if char == "\t" else " " for char in before)
+            text += f"\n    {self.source_line}\n    {padding}^"
+        return text
+
+
+class Document:
+    """One YAML text.
+
+    Raises:
+        MapError: it is not valid YAML, or empty; every method raises it at the place in question.
+    """
+
+    def __init__(self, text: str, path: str) -> None:
+        import yaml  # here, because a server with hardware of its own reads no map
+
+        self._lines = text.splitlines()
+        self._path = path
+        try:
+            root = yaml.compose(text, yaml.SafeLoader)
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            self._fail_at(mark, f"not valid YAML: {error.problem or error.context}")
+        except (yaml.YAMLError, RecursionError) as error:
+            self.fail(None, f"not valid YAML: {str(error).splitlines()[0]}")
+        if root is None:
+            self.fail(None, "the map is empty")
+        self.root: Node = root
+
+    def fail(self, node: "Node | None", problem: str) -> NoReturn:
+        """Raise a `MapError` that shows the place of `node`; None means the whole file."""
+        self._fail_at(node.start_mark if node else None, problem)
+
+    def _fail_at(self, mark: "Mark | None", problem: str) -> NoReturn:
+        if mark is None:
+            raise MapError(problem, self._path) from None
+        line = self._lines[mark.line] if mark.line < len(self._lines) else ""
+        raise MapError(problem, self._path, mark.line + 1, mark.column + 1, line) from None
+
+    def entries(self, node: "Node", what: str) -> "list[tuple[Node, Node]]":
+        """The keys and values of a mapping; no key may be there twice."""
+        if node.id != "mapping":
+            self.fail(node, f"{what}: expected entries as `name: value`, got {shown(node)}")
+        seen: set[str] = set()
+        for key, _ in node.value:
+            if key.id != "scalar":
+                self.fail(key, f"{what}: expected a name before the colon, got {shown(key)}")
+            if key.value in seen:
+                self.fail(key, f"{what}: {key.value!r} is there twice")
+            seen.add(key.value)
+        pairs: list[tuple[Node, Node]] = node.value
+        return pairs
+
+    def fields(
+        self, node: "Node", what: str, required: Sequence[str], optional: Sequence[str] = ()
+    ) -> "dict[str, Node]":
+        """The values of a mapping whose keys are known."""
+        known = (*required, *optional)
+        entries = self.entries(node, what)
+        for key, _ in entries:
+            if key.value not in known:
+                near = difflib.get_close_matches(key.value, known, n=1)
+                guess = f" (did you mean {near[0]!r}?)" if near else ""
+                self.fail(key, f"{what} has no {key.value!r}{guess}: expected {', '.join(known)}")
+        fields = {key.value: value for key, value in entries}
+        for name in required:
+            if name not in fields:
+                self.fail(None if node is self.root else node, f"{what} needs {name!r}")
+        return fields
+
+    def items(self, node: "Node | None", what: str) -> "list[Node]":
+        """The values of a list; one that is not there, or empty, has none."""
+        if node is None or _is_null(node):
+            return []
+        if node.id != "sequence":
+            self.fail(node, f"{what}: expected a list, got {shown(node)}")
+        items: list[Node] = node.value
+        return items
+
+    def numbers(self, node: "Node", what: str, names: str) -> list[float]:
+        """As many numbers as there are comma-separated `names`, written as a list."""
+        if node.id != "sequence" or len(node.value) != names.count(",") + 1:
+            self.fail(node, f"{what}: expected [{names}] in metres, got {shown(node)}")
+        return [self.number(item, what) for item in node.value]
+
+    def number(self, node: "Node", what: str) -> float:
+        """A finite number."""
+        value = math.nan
+        if node.id == "scalar" and node.style is None:
+            try:
+                value = float(node.value)
+            except ValueError:
+                pass
+        if not math.isfinite(value):
+            self.fail(node, f"{what}: expected a number in metres, got {shown(node)}")
+        return value
+
+
+def shown(node: "Node") -> str:
+    """A value as an error message names it."""
+    if node.id == "scalar":
+        return "nothing" if _is_null(node) else repr(node.value)
+    return f"a list of {len(node.value)}" if node.id == "sequence" else "named entries"
+
+
+def _is_null(node: "Node") -> bool:
+    return bool(node.tag == "tag:yaml.org,2002:null")
