@@ -1,0 +1,86 @@
+"""What must survive the server: the seam between the task server and a disk, and its twin in memory."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import msgspec
+
+from taskrpc.errors import TaskRpcError
+from taskrpc.tasks.model import Task
+
+
+class StoreError(TaskRpcError):
+    """The tasks cannot be read or written; the text says which file and why."""
+
+
+class Stored(msgspec.Struct, frozen=True):
+    """What a store remembers."""
+
+    tasks: tuple[Task, ...]
+    """Every task, by number."""
+    next_id: int
+    """The number of the next task: higher than any that was ever given, also to a forgotten one."""
+
+
+class TaskStore(Protocol):
+    """Keeps tasks for the next server. Calls take effect in the order in which they are made.
+
+    It opens itself when it is first asked for something.
+    """
+
+    async def load(self) -> Stored:
+        """Return everything that is remembered.
+
+        Raises:
+            StoreError: there is something that cannot be read, or another server uses it.
+        """
+
+    async def apply(self, saved: Sequence[Task], forgotten: Sequence[int] = ()) -> None:
+        """Remember these tasks as they are now and forget those numbers; all of it or nothing.
+
+        When it returns, the tasks survive the end of this process, and of the machine if the
+        store is one on disk.
+
+        Raises:
+            StoreError: nothing was changed.
+        """
+
+    async def clear(self) -> None:
+        """Forget every task and begin again with number 1.
+
+        Raises:
+            StoreError: nothing was changed.
+        """
+
+    async def close(self) -> None:
+        """Let others use what this store used; a second close does nothing."""
+
+
+class MemoryStore:
+    """A store that lasts as long as the object itself."""
+
+    def __init__(self) -> None:
+        self._tasks: dict[int, Task] = {}
+        self._next_id = 1
+
+    async def load(self) -> Stored:
+        """Return everything that is remembered."""
+        return Stored(tuple(self._tasks[number] for number in sorted(self._tasks)), self._next_id)
+
+    async def apply(self, saved: Sequence[Task], forgotten: Sequence[int] = ()) -> None:
+        """Remember these tasks as they are now and forget those numbers."""
+        for task in saved:
+            self._tasks[task.task_id] = task
+            self._next_id = max(self._next_id, task.task_id + 1)
+        for number in forgotten:
+            self._tasks.pop(number, None)
+
+    async def clear(self) -> None:
+        """Forget every task and begin again with number 1."""
+        self._tasks.clear()
+        self._next_id = 1
+
+    async def close(self) -> None:
+        """Keep everything: the same object can be opened again."""

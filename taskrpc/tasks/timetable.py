@@ -1,0 +1,150 @@
+"""When each task will be done, and an account of every second by which that moved.
+
+The invariant: for each task, what it was promised plus its changes is the time from its acceptance
+to its end. It holds because everything that happens is entered as an event, and because `reckon`
+compares, whenever it matters, the instant at which the robot will be free with the instant that
+all promises presume; the difference (a pause, a slow run) is an event too.
+
+Instants and spans are robot seconds, on the robot's clock; the caller says what time it is.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import msgspec
+
+from taskrpc.robot.protocol import Pose
+from taskrpc.tasks.chain import RUNNING_KEY, Shift
+from taskrpc.tasks.estimate import EventLog, Promise, joined
+from taskrpc.tasks.model import EstimateChange, Key, Task
+from taskrpc.tasks.queue import TaskQueue
+
+_EVERYBODY: Key = (RUNNING_KEY[0] - 1, 0)  # the running task too
+_LISTED_CHANGES = 100
+
+
+class Timetable:
+    """The queue with its promises; every change of the order goes through here.
+
+    Call `reckon` first, in the same turn, wherever a method promises or shows an estimate.
+
+    Args:
+        queue: the tasks that wait.
+        tolerance: robot seconds of drift that are not worth an event.
+    """
+
+    def __init__(self, queue: TaskQueue, *, tolerance: float) -> None:
+        self.queue = queue
+        self.log = EventLog()
+        self._tolerance = tolerance
+        self._free_at = 0.0
+        self._presumed = 0.0
+        self._running: int | None = None
+        self._promises: dict[int, Promise] = {}
+
+    def drift(self, free_at: float) -> float:
+        """By how much later than presumed the robot will be free for the first queued task."""
+        return free_at - self._presumed
+
+    def reckon(self, free_at: float, cause: str) -> None:
+        """Say when the robot will be free, and why that may differ from what was presumed."""
+        self._free_at = free_at
+        drift = self.drift(free_at)
+        if not self._promises:
+            self._presumed = free_at
+        elif abs(drift) > self._tolerance:
+            self.log.add(_EVERYBODY, drift, cause)
+            self._presumed = free_at
+
+    def rebase(self, pose: Pose, cause: str) -> None:
+        """Say where the robot will be when it is free, if it is not where it was expected."""
+        self._enter(self.queue.rebase(pose), cause)
+
+    def accept(self, task: Task, now: float) -> Task:
+        """Queue a task and return it with its estimate: seconds from `now` until it is done."""
+        self._enter(
+            self.queue.put(task), f"task {task.task_id}, priority {task.priority}, went ahead"
+        )
+        seconds = self._free_at - now + self.queue.seconds_through(task)
+        promise = Promise(task.task_id, seconds, now, self.log.mark(), task.key)
+        self._promises[task.task_id] = promise
+        return msgspec.structs.replace(task, accepted_estimate=seconds)
+
+    def resume(self, task: Task, now: float, *, waited: float) -> None:
+        """Queue a task that an earlier server accepted, `waited` seconds ago, and keep its promise.
+
+        Resume tasks in the order of run, so that none delays another.
+        """
+        estimate = self.accept(task, now).accepted_estimate
+        late = waited + estimate - task.accepted_estimate
+        self._promises[task.task_id].seconds = task.accepted_estimate
+        self._promises[task.task_id].at = now - waited
+        self.log.add(_EVERYBODY, late, "the server was restarted", only=task.task_id)
+
+    def remove(self, task_id: int, cause: str) -> Task:
+        """Take a queued task out; raises KeyError if it does not wait.
+
+        `cause` completes the sentence "task 4 …", such as "was cancelled".
+        """
+        task = self._queued(task_id)
+        self._enter(self.queue.remove(task_id), f"task {task_id} {cause}")
+        del self._promises[task_id]
+        return task
+
+    def rerank(self, task_id: int, priority: int) -> Task:
+        """Move a queued task to another priority; raises KeyError if it does not wait."""
+        before = self.queue.seconds_through(self._queued(task_id))
+        cause, promise = f"moved to priority {priority}", self._promises[task_id]
+        promise.move(self.log.mark(), RUNNING_KEY)  # its own move concerns only the others
+        self._enter(self.queue.rerank(task_id, priority), f"task {task_id} was {cause}")
+        moved = self._queued(task_id)
+        promise.move(self.log.mark(), moved.key)
+        seconds = self.queue.seconds_through(moved) - before
+        self.log.add(_EVERYBODY, seconds, f"it was {cause}", only=task_id)
+        return moved
+
+    def begin(self, task: Task) -> float:
+        """Note that a task's run begins, and return the seconds that it is planned to take."""
+        seconds = self.queue.begin(task).seconds
+        self._free_at += seconds
+        self._presumed += seconds
+        self._running = task.task_id
+        self._promises[task.task_id].move(self.log.mark(), RUNNING_KEY)
+        return seconds
+
+    def end(self, now: float) -> tuple[EstimateChange, ...]:
+        """Note that the run has ended, and return why it did not end when it was promised."""
+        assert self._running is not None, "only a run that began can end"
+        changes = tuple(self.changes(self._running, now))
+        del self._promises[self._running]
+        self._running = None
+        return changes
+
+    def estimate(self, task: Task, now: float) -> float:
+        """Robot seconds from `now` until a task that waits or runs is done."""
+        ahead = self._free_at - now
+        return ahead if task.task_id == self._running else ahead + self.queue.seconds_through(task)
+
+    def changes(self, task_id: int, now: float) -> list[EstimateChange]:
+        """Why a task that waits or runs will not be done when it was promised, oldest first."""
+        promise = self._promises[task_id]
+        events = [e for e in self.log.since(promise.number) if promise.concerns(e)]
+        changes = [EstimateChange(event.seconds, event.cause) for event in events]
+        if not self.log.remembers(promise.number):
+            task = self.queue.find(task_id)
+            left = self.estimate(task, now) if task else self._free_at - now
+            late = now - promise.at + left - promise.seconds
+            forgotten = late - sum(change.seconds for change in changes)
+            changes.insert(0, EstimateChange(forgotten, "changes before these"))
+        return joined(iter(changes), at_most=_LISTED_CHANGES)
+
+    def _queued(self, task_id: int) -> Task:
+        task = self.queue.find(task_id)
+        if task is None:
+            raise KeyError(task_id)
+        return task
+
+    def _enter(self, shifts: Iterable[Shift], cause: str) -> None:
+        for shift in shifts:
+            self.log.add(shift.after, shift.seconds, cause)
