@@ -102,6 +102,8 @@ class MessageDef:
     constants: tuple[Constant, ...] = ()
     comment: tuple[str, ...] = ()
     """The file's or section's leading comment lines."""
+    unit: str | None = None
+    """What stood in one `[unit]` of that comment."""
 
     @property
     def full_name(self) -> str:

@@ -1,0 +1,70 @@
+"""A definition as plain data: the interface of `srvgen describe --json`."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from .model import ActionDef, Constant, Definition, Field, MessageDef, ServiceDef, Value
+
+
+def describe(definition: Definition) -> dict[str, Any]:
+    """Everything that a definition says, ready for `json.dumps(..., allow_nan=False)`.
+
+    Nested definitions are named, not followed. Strings keep their backslash escapes, as the
+    official parser leaves them; a number that JSON lacks is `{"$float": "nan"}`.
+    """
+    return {"type": definition.full_name, "spec": _spec(definition)}
+
+
+def _spec(definition: Definition) -> dict[str, Any]:
+    match definition:
+        case ServiceDef():
+            named = {"request": definition.request, "response": definition.response}
+        case ActionDef():
+            named = {
+                "goal": definition.goal,
+                "result": definition.result,
+                "feedback": definition.feedback,
+            }
+        case _:
+            named = {"message": definition}
+    return {section: _message(message) for section, message in named.items()}
+
+
+def _message(message: MessageDef) -> dict[str, Any]:
+    return {
+        "fields": [_field(field) for field in message.fields],
+        "constants": [_constant(constant) for constant in message.constants],
+    }
+
+
+def _field(field: Field) -> dict[str, Any]:
+    kind = field.type
+    return {
+        "name": field.name,
+        "type": kind.base,
+        "pkg": kind.package,
+        "string_upper_bound": kind.string_bound,
+        "is_array": kind.is_array,
+        "array_size": kind.array_size,
+        "is_upper_bound": kind.is_upper_bound,
+        "type_string": str(kind),
+        "default": None if field.default is None else _plain(field.default),
+    }
+
+
+def _constant(constant: Constant) -> dict[str, Any]:
+    return {
+        "name": constant.name,
+        "type": constant.type,
+        "value": _plain(constant.value),
+    }
+
+
+def _plain(value: Value) -> Any:
+    if isinstance(value, tuple):
+        return [_plain(element) for element in value]
+    if isinstance(value, float) and not math.isfinite(value):
+        return {"$float": str(value)}
+    return value

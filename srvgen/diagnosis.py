@@ -1,0 +1,109 @@
+"""Everything that is wrong with one line of a definition that the parser has refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from .fieldtypes import parse_type
+from .literals import parse_default, parse_scalar
+from .mistake import Mistake
+from .model import PRIMITIVES, FieldType
+from .names import CONSTANT_RULE, LOWER_RULE, is_constant_name, is_field_name
+from .slips import (
+    constant_name_hint,
+    field_name_hint,
+    lone_word_hint,
+    looks_like_separator,
+    strange_character,
+    type_hint,
+)
+
+
+def mistakes_in_line(code: str, package: str) -> list[Mistake]:
+    """Every mistake of a line (its comment removed), with its offset in the line."""
+    strange = strange_character(code)
+    if strange:
+        offset, hint = strange
+        found = next(iter(_mistakes(code, package)), None)
+        sentence = found.message if found else "this line is no definition"
+        return [Mistake(sentence, offset, hint)]
+    return list(_mistakes(code, package))
+
+
+def _mistakes(code: str, package: str) -> Iterator[Mistake]:
+    type_text, _, rest = code.partition(" ")
+    name = rest.lstrip()
+    if not type_text:
+        yield Mistake(
+            "expected the type at the start of the line, got white space",
+            hint="only comments may be indented",
+        )
+    elif not name:
+        yield from _lone_word(code)
+    elif "=" in name:
+        yield from _constant_mistakes(code, type_text, len(code) - len(name))
+    else:
+        yield from _field_mistakes(code, type_text, len(code) - len(name), package)
+
+
+def _lone_word(code: str) -> Iterator[Mistake]:
+    if looks_like_separator(code) or code == "---":
+        yield Mistake(
+            f"expected a type and a name, got {code!r}",
+            hint="a message has one section; a service (.srv) two, an action (.action) three, "
+            "with a line of exactly --- between them",
+        )
+        return
+    yield Mistake(f"expected a type and a name, got {code!r} alone", hint=lone_word_hint(code))
+
+
+def _constant_mistakes(code: str, type_text: str, name_at: int) -> Iterator[Mistake]:
+    name, _, raw_value = code[name_at:].partition("=")
+    name = name.rstrip()
+    value = raw_value.lstrip()
+    if type_text not in PRIMITIVES:
+        yield Mistake(
+            f"expected a built-in type without bounds or brackets for a constant, got {type_text!r}",
+            hint="" if "=" in type_text else type_hint(type_text),
+        )
+    if not is_constant_name(name):
+        yield Mistake(
+            f"expected the name of a constant ({CONSTANT_RULE}), got {name!r}",
+            name_at,
+            constant_name_hint(name, type_text, value),
+        )
+    if type_text in PRIMITIVES:
+        try:
+            parse_scalar(value, type_text)
+        except Mistake as mistake:
+            yield _moved(mistake, len(code) - len(value))
+
+
+def _field_mistakes(code: str, type_text: str, name_at: int, package: str) -> Iterator[Mistake]:
+    name, _, rest = code[name_at:].partition(" ")
+    default = rest.lstrip()
+    field_type: FieldType | None = None
+    try:
+        field_type = parse_type(type_text, package)
+    except Mistake as mistake:
+        yield _moved(mistake, 0)
+    if not is_field_name(name):
+        hint = field_name_hint(name, type_text)
+        if not hint and is_constant_name(name) and default:
+            hint = f"a constant is written with '=': {type_text} {name}={default}"
+        yield Mistake(f"expected the name of a field ({LOWER_RULE}), got {name!r}", name_at, hint)
+    elif field_type and default:
+        try:
+            parse_default(default, field_type)
+        except Mistake as mistake:
+            yield _with_default_hint(_moved(mistake, len(code) - len(default)), default)
+
+
+def _with_default_hint(mistake: Mistake, default: str) -> Mistake:
+    if default.startswith("//"):
+        mistake.hint = "a comment begins with '#'"
+    return mistake
+
+
+def _moved(mistake: Mistake, offset: int) -> Mistake:
+    return Mistake(mistake.message, mistake.offset + offset, mistake.hint)

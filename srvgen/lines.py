@@ -1,0 +1,61 @@
+"""Lines, comments and separators: the outer shape of a definition's text."""
+
+from __future__ import annotations
+
+import re
+import textwrap
+from collections.abc import Sequence
+from typing import NamedTuple
+
+SEPARATOR = "---"
+
+_UNIT = re.compile(r"\s*\[([^,\]]+)\]")
+
+
+class Comment(NamedTuple):
+    """The comment of a definition, or of one field or constant."""
+
+    lines: tuple[str, ...] = ()
+    unit: str | None = None
+    """What stood in the only `[unit]`, which is then no longer part of the lines."""
+
+
+_NO_COMMENT = Comment()
+
+
+def split_lines(text: str) -> list[str]:
+    """The lines of a text as the official tools see them; columns stay what they are."""
+    return text.replace("\t", " ").splitlines()
+
+
+def leading_comments(lines: Sequence[str]) -> int:
+    """How many lines at the start are comments of the whole section."""
+    count = 0
+    for line in lines:
+        if not line.startswith("#"):
+            break
+        count += 1
+    return count
+
+
+def read_comment(raw_lines: Sequence[str]) -> Comment:
+    """Tidy up comment lines (without their `#`): unit taken out, blank lines cut, dedented."""
+    if not raw_lines:
+        return _NO_COMMENT
+    text = "\n".join(raw_lines)
+    units = list(_UNIT.finditer(text)) if "[" in text else []
+    unit = None
+    if len(units) == 1:
+        unit = units[0][1]
+        text = text.replace(units[0][0], "")
+    kept: list[str] = []
+    for line in text.splitlines():
+        if line or (kept and kept[-1]):
+            kept.append(line)
+    if kept and not kept[-1]:
+        kept.pop()
+    if len(kept) == 1:
+        kept[0] = kept[0].lstrip(" ")
+    elif kept:
+        kept = textwrap.dedent("\n".join(kept)).split("\n")
+    return Comment(tuple(kept), unit)

@@ -1,0 +1,94 @@
+"""The rules for names, and how full type names are taken apart."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Iterable
+from typing import NamedTuple
+
+from .errors import DefinitionError
+from .model import Kind
+
+_LOWER = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
+_MESSAGE = re.compile(r"[A-Z][A-Za-z0-9]*")
+_CONSTANT = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*")
+# Each is taken off once, in this order, as the official tools do.
+_SECTION_SUFFIXES = ("_Request", "_Response", "_Goal", "_Result", "_Feedback")
+
+LOWER_RULE = "lower-case letters, digits and single underscores, with a letter first"
+MESSAGE_RULE = "letters and digits, with a capital first"
+CONSTANT_RULE = "capitals, digits and single underscores, with a letter first"
+
+
+class TypeName(NamedTuple):
+    """A full type name in its three parts."""
+
+    package: str
+    kind: Kind
+    name: str
+
+    def __str__(self) -> str:
+        return f"{self.package}/{self.kind}/{self.name}"
+
+
+def is_package_name(name: str) -> bool:
+    """Whether ROS 2 accepts this as the name of a package."""
+    return _LOWER.fullmatch(name) is not None
+
+
+def is_field_name(name: str) -> bool:
+    """Whether ROS 2 accepts this as the name of a field."""
+    return _LOWER.fullmatch(name) is not None
+
+
+def is_message_name(name: str) -> bool:
+    """Whether this can name a message, one section of a service or action included."""
+    name = name.removeprefix("Sample_")
+    for suffix in _SECTION_SUFFIXES:
+        name = name.removesuffix(suffix)
+    return _MESSAGE.fullmatch(name) is not None
+
+
+def is_constant_name(name: str) -> bool:
+    """Whether ROS 2 accepts this as the name of a constant."""
+    return _CONSTANT.fullmatch(name) is not None
+
+
+def snake_case(name: str) -> str:
+    """`maxSpeed` → `max_speed`; what a camel-case name looks like as a field or package."""
+    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|[^A-Za-z0-9]+", "_", name)
+    return re.sub("_+", "_", words).strip("_").lower()
+
+
+def camel_case(name: str) -> str:
+    """`add_two_ints` → `AddTwoInts`; what a file name looks like as the name of a type."""
+    return "".join(word[:1].upper() + word[1:] for word in re.split("[^A-Za-z0-9]+", name))
+
+
+def split_type_name(text: str) -> TypeName:
+    """Take `pkg/srv/Name` apart.
+
+    Raises:
+        DefinitionError: where the text is not three valid names with `/` between them.
+    """
+    parts = text.split("/")
+    if len(parts) == 3:
+        package, kind, name = parts
+        if kind in ("msg", "srv", "action") and is_package_name(package) and name.isidentifier():
+            return TypeName(package, kind, name)
+    raise DefinitionError(
+        f"expected a type name such as 'example_interfaces/srv/AddTwoInts', got {text!r}"
+    )
+
+
+def near(name: str, known: Iterable[str]) -> list[str]:
+    """The known names that a misspelt one most resembles, the best first, at most three."""
+    by_lower = {one.lower(): one for one in known}
+    return [by_lower[hit] for hit in difflib.get_close_matches(name.lower(), by_lower, 3, 0.7)]
+
+
+def did_you_mean(name: str, known: Iterable[str]) -> str:
+    """A hint that names what resembles `name`, or "" where nothing does."""
+    found = near(name, known)
+    return f"did you mean {' or '.join(found)}?" if found else ""

@@ -1,0 +1,132 @@
+"""What a writer most likely meant: hints for the usual slips, used only once a text is refused."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+from .model import PRIMITIVES
+from .names import camel_case, is_constant_name, is_field_name, is_message_name, snake_case
+
+_MEANT = {
+    "int": "int32",
+    "integer": "int32",
+    "long": "int64",
+    "short": "int16",
+    "uint": "uint32",
+    "unsigned": "uint32",
+    "float": "float32",
+    "double": "float64",
+    "real": "float64",
+    "number": "float64",
+    "boolean": "bool",
+    "str": "string",
+    "text": "string",
+    "std::string": "string",
+    "wchar": "uint16",
+    "octet": "byte",
+    "bytes": "byte[]",
+    "time": "builtin_interfaces/Time",
+    "duration": "builtin_interfaces/Duration",
+    **{name: name for name in PRIMITIVES},
+}
+_DASHES = "-\N{EM DASH}\N{EN DASH}\N{HYPHEN}\N{MINUS SIGN}\N{HORIZONTAL BAR}\N{FIGURE DASH}"
+_SEPARATOR_LOOKALIKE = re.compile(rf"\s*(?:[{_DASHES}]\s*)+(?:#.*)?|\s*(?:=+|_+|\*+)\s*")
+_BULLET = re.compile("\\s*[-*+\N{BULLET}\N{WHITE BULLET}\N{MIDDLE DOT}]\\s+|\\s*\N{BULLET}")
+_CURLY = "\N{LEFT DOUBLE QUOTATION MARK}\N{RIGHT DOUBLE QUOTATION MARK}\N{LEFT SINGLE QUOTATION MARK}\N{RIGHT SINGLE QUOTATION MARK}"
+
+
+def type_hint(text: str) -> str:
+    """What the unknown type `text` was meant to be, or ""."""
+    base, bracket, rest = text.partition("[")
+    meant = _MEANT.get(base.lower())
+    if meant and meant != base:
+        return f"did you mean {meant.removesuffix('[]') if bracket else meant}{bracket}{rest}?"
+    parts = re.split(r"/|::|\.", base)
+    if len(parts) == 3 and parts[1] in ("msg", "srv", "action"):
+        return f"in a definition the type is written {parts[0]}/{parts[2]}{bracket}{rest}"
+    if len(parts) == 2 and "/" not in base and is_field_name(parts[0]):
+        return f"did you mean {parts[0]}/{parts[1]}{bracket}{rest}?"
+    if text.count("[") > 1:
+        return "an array has one dimension; put an array into a message of its own for more"
+    if "<=" in base:
+        return "only string and wstring have an upper bound; an array's is written [<=N]"
+    if bracket and "]" not in rest:
+        return "write the brackets of an array without spaces, for example int32[<=5]"
+    return ""
+
+
+def message_name_hint(name: str) -> str:
+    """A valid name for a message that resembles `name`, or ""."""
+    meant = camel_case(name)
+    return f"did you mean {meant}?" if meant != name and is_message_name(meant) else ""
+
+
+def ros1_hint(name: str) -> str:
+    """How ROS 2 writes a type that ROS 1 files have, or ""."""
+    if name == "Header":
+        return "ROS 2 writes std_msgs/Header"
+    if name in ("time", "duration"):
+        return f"ROS 2 writes {_MEANT[name]}"
+    meant = _MEANT.get(name.lower(), name)
+    return "" if meant == name else f"did you mean the built-in type {meant}?"
+
+
+def field_name_hint(name: str, type_text: str) -> str:
+    """What the refused field name was meant to be, or ""."""
+    if name in PRIMITIVES and is_field_name(type_text):
+        return f"the type comes first: {name} {type_text}"
+    if "[" in name:
+        bare, _, rest = name.partition("[")
+        return f"the brackets belong to the type: {type_text}[{rest} {bare}"
+    trimmed = name.rstrip(";,:")
+    if trimmed != name and is_field_name(trimmed):
+        return f"nothing follows the name: {type_text} {trimmed}"
+    meant = snake_case(name)
+    return f"did you mean {meant}?" if meant != name and is_field_name(meant) else ""
+
+
+def constant_name_hint(name: str, type_text: str, value: str) -> str:
+    """What the refused name of a constant was meant to be, or ""."""
+    if " " in name:
+        return "a line with '=' anywhere, even in quotes, is read as a constant"
+    meant = snake_case(name).upper() if name != name.lower() else name.upper().strip("_")
+    if not is_constant_name(meant) or meant == name:
+        return ""
+    if is_field_name(name):
+        return (
+            f"a constant is in capitals: {type_text} {meant}={value}; "
+            f"a field's default has no '=': {type_text} {name} {value}"
+        )
+    return f"did you mean {meant}?"
+
+
+def looks_like_separator(line: str) -> bool:
+    """Whether a line that is not `---` was meant to be."""
+    return _SEPARATOR_LOOKALIKE.fullmatch(line) is not None and line != "---"
+
+
+def lone_word_hint(code: str) -> str:
+    """What a line with one word only was meant to be, or ""."""
+    if code.startswith(("//", "/*", "--")):
+        return "a comment begins with '#'"
+    if code.startswith("@"):
+        return "annotations belong to .idl files; leave this line out"
+    if "=" in code and is_constant_name(code.partition("=")[0]):
+        return f"a constant begins with its type: int32 {code}"
+    return ""
+
+
+def strange_character(code: str) -> tuple[int, str] | None:
+    """Offset of and hint for the first character that a word processor left in a line."""
+    bullet = _BULLET.match(code)
+    if bullet:
+        at = len(bullet[0]) - len(bullet[0].lstrip())
+        return at, f"leave out the {code[at]!r} of the list: one definition a line"
+    for offset, char in enumerate(code):
+        if char in _CURLY:
+            return offset, "replace the curly quotation mark by a straight one"
+        if char != " " and (char.isspace() or unicodedata.category(char) in ("Cf", "Cc", "Zs")):
+            name = unicodedata.name(char, "control character").lower()
+            return offset, f"replace the {name} (U+{ord(char):04X}) by a plain space or nothing"
+    return None
