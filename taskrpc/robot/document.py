@@ -1,14 +1,25 @@
 """A YAML text whose values know where they stand, so that a mistake can be shown at its line."""
 
+import contextlib
 import difflib
 import math
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
-    from yaml import Mark, Node
+    from yaml import Mark
+
+
+class Node(Protocol):
+    """What we use of PyYAML's nodes; its type stubs do not know them all."""
+
+    id: str
+    tag: str
+    value: Any
+    style: str | None
+    start_mark: "Mark"
 
 
 class MapError(TaskRpcError, ValueError):
@@ -55,7 +66,7 @@ class Document:
         self._lines = text.splitlines()
         self._path = path
         try:
-            root = yaml.compose(text, yaml.SafeLoader)
+            root: Any = yaml.compose(text, yaml.SafeLoader)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             self._fail_at(mark, f"not valid YAML: {error.problem or error.context}")
@@ -65,7 +76,7 @@ class Document:
             self.fail(None, "the map is empty")
         self.root: Node = root
 
-    def fail(self, node: "Node | None", problem: str) -> NoReturn:
+    def fail(self, node: Node | None, problem: str) -> NoReturn:
         """Raise a `MapError` that shows the place of `node`; None means the whole file."""
         self._fail_at(node.start_mark if node else None, problem)
 
@@ -75,7 +86,7 @@ class Document:
         line = self._lines[mark.line] if mark.line < len(self._lines) else ""
         raise MapError(problem, self._path, mark.line + 1, mark.column + 1, line) from None
 
-    def entries(self, node: "Node", what: str) -> "list[tuple[Node, Node]]":
+    def entries(self, node: Node, what: str) -> list[tuple[Node, Node]]:
         """The keys and values of a mapping; no key may be there twice."""
         if node.id != "mapping":
             self.fail(node, f"{what}: expected entries as `name: value`, got {shown(node)}")
@@ -90,8 +101,8 @@ class Document:
         return pairs
 
     def fields(
-        self, node: "Node", what: str, required: Sequence[str], optional: Sequence[str] = ()
-    ) -> "dict[str, Node]":
+        self, node: Node, what: str, required: Sequence[str], optional: Sequence[str] = ()
+    ) -> dict[str, Node]:
         """The values of a mapping whose keys are known."""
         known = (*required, *optional)
         entries = self.entries(node, what)
@@ -106,7 +117,7 @@ class Document:
                 self.fail(None if node is self.root else node, f"{what} needs {name!r}")
         return fields
 
-    def items(self, node: "Node | None", what: str) -> "list[Node]":
+    def items(self, node: Node | None, what: str) -> list[Node]:
         """The values of a list; one that is not there, or empty, has none."""
         if node is None or _is_null(node):
             return []
@@ -115,31 +126,29 @@ class Document:
         items: list[Node] = node.value
         return items
 
-    def numbers(self, node: "Node", what: str, names: str) -> list[float]:
+    def numbers(self, node: Node, what: str, names: str) -> list[float]:
         """As many numbers as there are comma-separated `names`, written as a list."""
         if node.id != "sequence" or len(node.value) != names.count(",") + 1:
             self.fail(node, f"{what}: expected [{names}] in metres, got {shown(node)}")
         return [self.number(item, what) for item in node.value]
 
-    def number(self, node: "Node", what: str) -> float:
+    def number(self, node: Node, what: str) -> float:
         """A finite number."""
         value = math.nan
         if node.id == "scalar" and node.style is None:
-            try:
+            with contextlib.suppress(ValueError):
                 value = float(node.value)
-            except ValueError:
-                pass
         if not math.isfinite(value):
             self.fail(node, f"{what}: expected a number in metres, got {shown(node)}")
         return value
 
 
-def shown(node: "Node") -> str:
+def shown(node: Node) -> str:
     """A value as an error message names it."""
     if node.id == "scalar":
         return "nothing" if _is_null(node) else repr(node.value)
     return f"a list of {len(node.value)}" if node.id == "sequence" else "named entries"
 
 
-def _is_null(node: "Node") -> bool:
-    return bool(node.tag == "tag:yaml.org,2002:null")
+def _is_null(node: Node) -> bool:
+    return node.tag == "tag:yaml.org,2002:null"

@@ -24,13 +24,13 @@ _SAME_HEADING = 1e-9  # radians
 class Limits(msgspec.Struct, frozen=True):
     """How fast the robot may be."""
 
-    speed: float = 1.0
+    speed: float = 1.5
     """Metres a second."""
-    acceleration: float = 0.8
+    acceleration: float = 1.2
     """Metres a second, each second; braking too."""
-    turn_speed: float = 1.5
+    turn_speed: float = 3.0
     """Radians a second."""
-    turn_acceleration: float = 3.0
+    turn_acceleration: float = 6.0
     """Radians a second, each second; braking too."""
 
 

@@ -5,15 +5,11 @@ The map that comes with the package, ``maps/default.yaml``, is also the example 
 
 from importlib import resources
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from taskrpc.robot.document import Document, MapError
+from taskrpc.robot.document import Document, MapError, Node
 from taskrpc.robot.kinematics import Point
 from taskrpc.robot.obstacles import Box
 from taskrpc.robot.world import DOCK, World
-
-if TYPE_CHECKING:
-    from yaml import Node
 
 _LARGEST = 1000.0  # metres
 _ROBOT_RADIUS = 0.25  # metres
@@ -98,7 +94,7 @@ class _MapReader:
             self._wall(node) for node in self._document.items(self._fields.get("walls"), "walls")
         ]
 
-    def _wall(self, node: "Node") -> Box:
+    def _wall(self, node: Node) -> Box:
         x0, y0, x1, y1 = self._document.numbers(node, "a wall", "x, y, x, y")
         if (x0, y0) == (x1, y1):
             self._document.fail(node, "a wall: its two ends are the same point")
@@ -110,7 +106,7 @@ class _MapReader:
             self._box(node) for node in self._document.items(self._fields.get("boxes"), "boxes")
         ]
 
-    def _box(self, node: "Node") -> Box:
+    def _box(self, node: Node) -> Box:
         fields = self._document.fields(node, "a box", ("at", "size"))
         x, y = self._document.numbers(fields["at"], "a box's at", "x, y")
         width, height = self._document.numbers(fields["size"], "a box's size", "width, height")
@@ -121,7 +117,7 @@ class _MapReader:
         self._check_inside(node, "a box", (x, y), (x + width, y + height))
         return Box.rectangle((x, y), (width, height))
 
-    def _place_entries(self) -> "list[tuple[Node, Node]]":
+    def _place_entries(self) -> list[tuple[Node, Node]]:
         node = self._fields.get("places")
         return self._document.entries(node, "places") if node else []
 
@@ -139,12 +135,12 @@ class _MapReader:
             places[key.value] = self._point(value, key.value)
         return places
 
-    def _point(self, node: "Node", what: str) -> Point:
+    def _point(self, node: Node, what: str) -> Point:
         x, y = self._document.numbers(node, what, "x, y")
         self._check_inside(node, what, (x, y))
         return x, y
 
-    def _check_inside(self, node: "Node", what: str, *points: Point) -> None:
+    def _check_inside(self, node: Node, what: str, *points: Point) -> None:
         width, height = self._size
         for x, y in points:
             if not (0.0 <= x <= width and 0.0 <= y <= height):
@@ -153,7 +149,7 @@ class _MapReader:
                     f"{what} reaches to {x:g}, {y:g}, outside the map of {width:g} x {height:g} m",
                 )
 
-    def _check_standing_room(self, world: World, node: "Node", what: str) -> None:
+    def _check_standing_room(self, world: World, node: Node, what: str) -> None:
         if not world.is_free(world.places[what]):
             self._document.fail(
                 node,
