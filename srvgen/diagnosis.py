@@ -63,7 +63,7 @@ def _constant_mistakes(code: str, type_text: str, name_at: int) -> Iterator[Mist
     value = raw_value.lstrip()
     if type_text not in PRIMITIVES:
         yield Mistake(
-            f"expected a built-in type without bounds or brackets for a constant, got {type_text!r}",
+            f"expected a plain built-in type for a constant, got {type_text!r}",
             hint="" if "=" in type_text else type_hint(type_text),
         )
     if not is_constant_name(name):

@@ -36,11 +36,18 @@ class FieldType:
     """N of `[N]` and `[<=N]`; None where unbounded."""
     is_upper_bound: bool = False
     """True for `[<=N]`."""
+    kind: Kind = "msg"
+    """The folder of a message type: `msg`, but for sections inside implied types."""
 
     @property
     def is_primitive(self) -> bool:
         """Whether the base is one of ROS 2's built-in types."""
         return self.package is None
+
+    @property
+    def full_name(self) -> str:
+        """`geometry_msgs/msg/Point`; a primitive's own name."""
+        return f"{self.package}/{self.kind}/{self.base}" if self.package else self.base
 
     @property
     def is_fixed_array(self) -> bool:
@@ -50,7 +57,7 @@ class FieldType:
     @property
     def element(self) -> FieldType:
         """The type of one element (the type itself where it is no array)."""
-        return FieldType(self.base, self.package, self.string_bound)
+        return FieldType(self.base, self.package, self.string_bound, kind=self.kind)
 
     def __str__(self) -> str:
         text = f"{self.package}/{self.base}" if self.package else self.base
@@ -122,8 +129,8 @@ class ServiceDef:
 
     @property
     def full_name(self) -> str:
-        """`example_interfaces/srv/AddTwoInts`."""
-        return f"{self.package}/srv/{self.name}"
+        """`example_interfaces/srv/AddTwoInts`; `…/action/…` for the services of an action."""
+        return f"{self.package}/{self.request.kind}/{self.name}"
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,7 +33,7 @@ _MEANT = {
 _DASHES = "-\N{EM DASH}\N{EN DASH}\N{HYPHEN}\N{MINUS SIGN}\N{HORIZONTAL BAR}\N{FIGURE DASH}"
 _SEPARATOR_LOOKALIKE = re.compile(rf"\s*(?:[{_DASHES}]\s*)+(?:#.*)?|\s*(?:=+|_+|\*+)\s*")
 _BULLET = re.compile("\\s*[-*+\N{BULLET}\N{WHITE BULLET}\N{MIDDLE DOT}]\\s+|\\s*\N{BULLET}")
-_CURLY = "\N{LEFT DOUBLE QUOTATION MARK}\N{RIGHT DOUBLE QUOTATION MARK}\N{LEFT SINGLE QUOTATION MARK}\N{RIGHT SINGLE QUOTATION MARK}"
+_CURLY = "\u201c\u201d\u201e\u2018\u2019"
 
 
 def type_hint(text: str) -> str:
@@ -47,11 +47,15 @@ def type_hint(text: str) -> str:
         return f"in a definition the type is written {parts[0]}/{parts[2]}{bracket}{rest}"
     if len(parts) == 2 and "/" not in base and is_field_name(parts[0]):
         return f"did you mean {parts[0]}/{parts[1]}{bracket}{rest}?"
+    return _bracket_hint(base, text)
+
+
+def _bracket_hint(base: str, text: str) -> str:
     if text.count("[") > 1:
         return "an array has one dimension; put an array into a message of its own for more"
     if "<=" in base:
         return "only string and wstring have an upper bound; an array's is written [<=N]"
-    if bracket and "]" not in rest:
+    if "[" in text and not text.endswith("]"):
         return "write the brackets of an array without spaces, for example int32[<=5]"
     return ""
 

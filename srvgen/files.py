@@ -1,0 +1,126 @@
+"""Definitions as files: reading, decoding, and what a path says about package and type."""
+
+from __future__ import annotations
+
+import codecs
+from pathlib import Path
+from typing import cast, get_args
+
+from .errors import DefinitionError
+from .model import Definition, Kind
+from .names import is_package_name, snake_case
+from .parser import parse_action, parse_msg, parse_srv
+
+KINDS: tuple[Kind, ...] = get_args(Kind)
+"""The folders of a package that hold definitions; each is also the suffix of its files."""
+
+_PARSERS = {"msg": parse_msg, "srv": parse_srv, "action": parse_action}
+_UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+
+
+def parse_definition(
+    text: str, package: str, kind: Kind, name: str, *, path: str = ""
+) -> Definition:
+    """Parse the text of a file of the given kind.
+
+    Raises:
+        DefinitionError: as the parser of this kind.
+    """
+    return cast("Definition", _PARSERS[kind](text, package, name, path=path))
+
+
+def read_definition(path: Path, package: str | None = None) -> Definition:
+    """Read and parse one file.
+
+    The type is named after the file, its package after the folder above `msg`, `srv` or `action`
+    unless `package` says otherwise.
+
+    Raises:
+        DefinitionError: the file cannot be read, is not UTF-8 or is not a valid definition.
+    """
+    text = read_text(path)
+    kind = kind_of(path)
+    package = package_of(path) if package is None else package
+    return parse_definition(text, package, kind, path.stem, path=str(path))
+
+
+def read_text(path: Path) -> str:
+    """The text of a definition file, line ends as they are.
+
+    Raises:
+        DefinitionError: the file cannot be read or is not UTF-8.
+    """
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise DefinitionError(
+            f"expected a readable file, got: {error.strerror or error}", path=str(path)
+        ) from None
+    return decode(data, str(path))
+
+
+def decode(data: bytes, path: str = "") -> str:
+    """Bytes of a file as text; a byte order mark of UTF-8 is left for the parser to refuse.
+
+    Raises:
+        DefinitionError: the bytes are not UTF-8.
+    """
+    if data.startswith(_UTF16_MARKS) or b"\0" in data[:64]:
+        raise DefinitionError(
+            "expected UTF-8 text, got UTF-16 or binary data",
+            path=path,
+            hint='save the file as "UTF-8"',
+        )
+    try:
+        return data.decode("utf-8")
+    except UnicodeDecodeError as error:
+        before = data[: error.start].decode("utf-8")
+        line = before.count("\n") + 1
+        raise DefinitionError(
+            f"expected UTF-8 text, got the byte 0x{data[error.start]:02X}",
+            path=path,
+            line=line,
+            column=len(before) - before.rfind("\n"),
+            source_line=before.rpartition("\n")[2] + "\N{REPLACEMENT CHARACTER}",
+            hint='save the file as "UTF-8"',
+        ) from None
+
+
+def kind_of(path: Path) -> Kind:
+    """Whether a file defines a message, a service or an action, by its suffix.
+
+    Raises:
+        DefinitionError: the suffix is none of the three.
+    """
+    for kind in KINDS:
+        if path.suffix == f".{kind}":
+            return kind
+    doubled = Path(path.stem).suffix.removeprefix(".")
+    hint = ""
+    if doubled in KINDS:
+        hint = f"rename the file to {path.stem}; file managers may hide the ending {path.suffix}"
+    elif path.suffix.lower().removeprefix(".") in KINDS:
+        hint = f"rename the file to {path.stem}{path.suffix.lower()}"
+    raise DefinitionError(
+        f"expected a file that ends in .msg, .srv or .action, got {path.name!r}",
+        path=str(path),
+        hint=hint,
+    )
+
+
+def is_definition(path: Path) -> bool:
+    """Whether a file's name says that it is a definition."""
+    return path.suffix.removeprefix(".") in KINDS and not path.name.startswith(".")
+
+
+def package_of(path: Path) -> str:
+    """The package of a definition file: the folder above `msg`, `srv` or `action`.
+
+    A file that lies elsewhere takes the name of its folder, made valid, so that it can be checked
+    before it has found its place.
+    """
+    folder = path.resolve().parent
+    if folder.name in KINDS:
+        return folder.parent.name
+    name = snake_case(folder.name)
+    return name if is_package_name(name) else "unnamed_package"

@@ -1,0 +1,253 @@
+"""Find definitions: in given paths, the working directory, the environment, the bundle."""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+from .errors import DefinitionError
+from .files import KINDS, is_definition, read_definition, read_text
+from .implied import implied_types
+from .model import Definition, Kind
+from .names import TypeName, did_you_mean, is_package_name, split_type_name
+from .slips import ros1_hint
+
+BUNDLED = Path(__file__).with_name("interfaces")
+"""The packages that come with srvgen."""
+
+_NOUNS = {"msg": "message", "srv": "service", "action": "action"}
+_log = logging.getLogger("srvgen")
+_noted: set[tuple[Path, str]] = set()
+
+
+class Search:
+    """Finds and loads definitions by name.
+
+    A name is looked for in this order: the given paths; the working directory (a package folder,
+    a folder of packages, or a workspace with packages in `src`); every folder of
+    `TASKRPC_INTERFACE_PATH` and `AMENT_PREFIX_PATH`; the bundled packages. Environment and disk
+    are looked at anew every time; a file is parsed again only when it has changed.
+
+    Args:
+        paths: package folders, folders of packages or workspaces that go before all others.
+    """
+
+    def __init__(self, paths: Sequence[Path | str] = ()) -> None:
+        self.paths = [Path(path) for path in paths]
+        self._parsed: dict[Path, tuple[tuple[int, int], Definition]] = {}
+
+    def find(self, full_name: str) -> Path:
+        """The file that defines a type; for an implied type, that of its service or action.
+
+        Raises:
+            DefinitionError: there is none; the hint names what resembles it.
+        """
+        return self._locate(self.resolve_name(full_name))[0]
+
+    def load(self, full_name: str) -> Definition:
+        """The definition of a type: from a file, a section of one, or implied by one.
+
+        Raises:
+            DefinitionError: there is none, or its file is not valid.
+        """
+        name = self.resolve_name(full_name)
+        path, owner = self._locate(name)
+        definition = self._read(path, owner.package)
+        if owner == name:
+            return definition
+        for one in implied_types(definition):
+            if one.full_name == str(name):
+                return one
+        raise self._unknown(name)
+
+    def text(self, full_name: str) -> str:
+        """The text of the file that defines a type.
+
+        Raises:
+            DefinitionError: as `find`, or the file cannot be read.
+        """
+        return read_text(self.find(full_name))
+
+    def packages(self) -> dict[str, list[Path]]:
+        """Every package within reach with its folders, those that win first."""
+        found: dict[str, list[Path]] = {}
+        for root in self._roots():
+            for folder in _package_folders(root):
+                folders = found.setdefault(folder.name, [])
+                if folder not in folders:
+                    folders.append(folder)
+        return dict(sorted(found.items()))
+
+    def interfaces(self, package: str) -> list[str]:
+        """The full names of all that a package defines, messages first.
+
+        Raises:
+            DefinitionError: no package of this name is within reach.
+        """
+        folders = self.packages().get(package)
+        if folders is None:
+            raise self._no_package(package)
+        return [
+            f"{package}/{kind}/{name}"
+            for kind in KINDS
+            for name in sorted({path.stem for folder in folders for path in _files(folder, kind)})
+        ]
+
+    def resolve_name(self, text: str) -> TypeName:
+        """A full type name taken apart; `pkg/Name` is accepted where it means one type only.
+
+        Raises:
+            DefinitionError: the text is no type name, or means several types.
+        """
+        parts = text.split("/")
+        if len(parts) != 2 or not is_package_name(parts[0]):
+            return split_type_name(text)
+        package, name = parts
+        full = [TypeName(package, kind, name) for kind in KINDS]
+        found = [one for one in full if self._candidates(one)]
+        if len(found) > 1:
+            raise DefinitionError(f"{text!r} may mean {' or '.join(map(str, found))}; say which")
+        if not found:
+            raise self._unknown(full[0])
+        return found[0]
+
+    def _roots(self) -> Iterator[Path]:
+        for path in self.paths:
+            yield from _workspace(path)
+        yield from _workspace(Path.cwd())
+        yield from _environment("TASKRPC_INTERFACE_PATH")
+        for prefix in _environment("AMENT_PREFIX_PATH"):
+            yield prefix / "share"
+        yield BUNDLED
+
+    def _candidates(self, name: TypeName) -> tuple[Path, TypeName] | None:
+        """The file of a type or of the service or action that implies it."""
+        owners = [name]
+        if name.kind != "msg" and "_" in name.name:
+            owners.append(name._replace(name=_owner(name.name)))
+        for owner in owners:
+            relative = Path(owner.package, owner.kind, f"{owner.name}.{owner.kind}")
+            local: Path | None = None
+            for folder in self._folders_of(owner.package):
+                path = folder.joinpath(*relative.parts[1:])
+                if _is_file(path):
+                    if local and folder.parent == BUNDLED:
+                        _note_bundled(local, owner)
+                    return path, owner
+                local = local or folder
+        return None
+
+    def _folders_of(self, package: str) -> Iterator[Path]:
+        for root in self._roots():
+            for folder in (root, root / package):
+                if folder.name == package and _is_package(folder):
+                    yield folder
+
+    def _locate(self, name: TypeName) -> tuple[Path, TypeName]:
+        found = self._candidates(name)
+        if found is None:
+            raise self._unknown(name)
+        return found
+
+    def _read(self, path: Path, package: str) -> Definition:
+        status = path.stat()
+        stamp = (status.st_mtime_ns, status.st_size)
+        known = self._parsed.get(path)
+        if known and known[0] == stamp:
+            return known[1]
+        definition = read_definition(path, package)
+        self._parsed[path] = (stamp, definition)
+        return definition
+
+    def _unknown(self, name: TypeName) -> DefinitionError:
+        packages = self.packages()
+        if name.package not in packages:
+            return self._no_package(name.package, name)
+        known = [one.split("/") for one in self.interfaces(name.package)]
+        hint = ros1_hint(name.name) if name.kind == "msg" else ""
+        hint = hint or did_you_mean(
+            name.name, [other for _, kind, other in known if kind == name.kind]
+        )
+        if not hint:
+            kinds = [kind for _, kind, other in known if other == name.name]
+            hint = f"did you mean {name.package}/{kinds[0]}/{name.name}?" if kinds else ""
+        return DefinitionError(
+            f"package {name.package!r} has no {_NOUNS[name.kind]} {name.name!r}",
+            hint=hint,
+        )
+
+    def _no_package(self, package: str, name: TypeName | None = None) -> DefinitionError:
+        hint = did_you_mean(package, self.packages())
+        if name:
+            stray = Path(f"{name.name}.{name.kind}")
+            if stray.is_file():
+                hint = f"move {stray} to {package}/{name.kind}/{stray}"
+        return DefinitionError(f"no package {package!r} within reach", hint=hint)
+
+
+def _workspace(path: Path) -> Iterator[Path]:
+    yield path
+    yield path / "src"
+
+
+def _environment(variable: str) -> list[Path]:
+    return [Path(part) for part in os.environ.get(variable, "").split(os.pathsep) if part]
+
+
+def _package_folders(root: Path) -> Iterator[Path]:
+    """The root itself where it is a package, and the packages directly in it."""
+    if _is_package(root):
+        yield root.resolve()
+    try:
+        children = sorted(root.iterdir())
+    except OSError:
+        return
+    for child in children:
+        if _is_package(child):
+            yield child
+
+
+def _is_package(folder: Path) -> bool:
+    return is_package_name(folder.name) and any(
+        (folder / kind).is_dir() and next(_files(folder, kind), None) for kind in KINDS
+    )
+
+
+def _files(folder: Path, kind: Kind) -> Iterator[Path]:
+    for path in (folder / kind).glob(f"*.{kind}"):
+        if is_definition(path):
+            yield path
+
+
+def _is_file(path: Path) -> bool:
+    # Windows and macOS find addtwoints.srv for AddTwoInts.srv; a robot on Linux would not.
+    return path.is_file() and path.name in os.listdir(path.parent)
+
+
+def _owner(name: str) -> str:
+    """`AddTwoInts_Request` → `AddTwoInts`; only the prefix `Sample_` may have a `_` of its own."""
+    prefix = "Sample_" if name.startswith("Sample_") else ""
+    return prefix + name.removeprefix(prefix).partition("_")[0]
+
+
+def _note_bundled(local: Path, name: TypeName) -> None:
+    """Say once a package that a bundled definition fills a gap of a local package."""
+    if (local, name.package) in _noted:
+        return
+    _noted.add((local, name.package))
+    mixed = [
+        path.stem
+        for kind in KINDS
+        for path in _files(local, kind)
+        if (twin := BUNDLED / name.package / kind / path.name).is_file()
+        and twin.read_bytes().split() != path.read_bytes().split()
+    ]
+    _log.log(
+        logging.WARNING if mixed else logging.INFO,
+        "%s is not in %s: srvgen's own definition is used%s",
+        name,
+        local,
+        f", though the package differs in {', '.join(sorted(mixed))}" if mixed else "",
+    )
