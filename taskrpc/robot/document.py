@@ -3,6 +3,7 @@
 import contextlib
 import difflib
 import math
+import re
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any, NoReturn, Protocol
 
@@ -10,6 +11,8 @@ from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
     from yaml import Mark
+
+_LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
 
 
 class Node(Protocol):
@@ -61,30 +64,40 @@ class Document:
     """
 
     def __init__(self, text: str, path: str) -> None:
-        import yaml  # here, because a server with hardware of its own reads no map
-
-        self._lines = text.splitlines()
+        self._lines = _LINE_BREAK.split(text)
         self._path = path
-        try:
-            root: Any = yaml.compose(text, yaml.SafeLoader)
-        except yaml.MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            self._fail_at(mark, f"not valid YAML: {error.problem or error.context}")
-        except (yaml.YAMLError, RecursionError) as error:
-            self.fail(None, f"not valid YAML: {str(error).splitlines()[0]}")
+        root = self._compose(text)
         if root is None:
             self.fail(None, "the map is empty")
         self.root: Node = root
 
+    def _compose(self, text: str) -> Any:
+        import yaml  # here, because a server with hardware of its own reads no map
+
+        try:
+            return yaml.compose(text, yaml.SafeLoader)
+        except yaml.MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            place = (mark.line, mark.column) if mark else None
+            self._fail_at(place, f"not valid YAML: {error.problem or error.context}")
+        except yaml.reader.ReaderError as error:
+            *above, before = _LINE_BREAK.split(text[: error.position])
+            problem = f"not valid YAML: the character {text[error.position]!r} is not allowed"
+            self._fail_at((len(above), len(before)), problem)
+        except RecursionError:
+            self.fail(None, "not valid YAML: nested too deeply")
+
     def fail(self, node: Node | None, problem: str) -> NoReturn:
         """Raise a `MapError` that shows the place of `node`; None means the whole file."""
-        self._fail_at(node.start_mark if node else None, problem)
+        mark = node.start_mark if node else None
+        self._fail_at((mark.line, mark.column) if mark else None, problem)
 
-    def _fail_at(self, mark: "Mark | None", problem: str) -> NoReturn:
-        if mark is None:
+    def _fail_at(self, place: tuple[int, int] | None, problem: str) -> NoReturn:
+        if place is None:
             raise MapError(problem, self._path) from None
-        line = self._lines[mark.line] if mark.line < len(self._lines) else ""
-        raise MapError(problem, self._path, mark.line + 1, mark.column + 1, line) from None
+        line, column = place
+        source_line = self._lines[line] if line < len(self._lines) else ""
+        raise MapError(problem, self._path, line + 1, column + 1, source_line) from None
 
     def entries(self, node: Node, what: str) -> list[tuple[Node, Node]]:
         """The keys and values of a mapping; no key may be there twice."""

@@ -67,7 +67,9 @@ class _MapReader:
             self._check_standing_room(world, value, key.value)
             if world.path(world.dock, world.places[key.value]) is None:
                 self._document.fail(
-                    value, f"no way leads from the dock to {key.value!r}: walls are in between"
+                    value,
+                    f"no way leads from the dock to {key.value!r}: walls are in between, or a gap "
+                    f"is too narrow for the robot",
                 )
         return world
 
