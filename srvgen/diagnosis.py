@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from .fieldtypes import parse_type
+from .fieldtypes import ROS1_TIME_TYPES, parse_type
 from .literals import parse_default, parse_scalar
 from .mistake import Mistake
 from .model import PRIMITIVES, FieldType
@@ -12,7 +12,7 @@ from .names import CONSTANT_RULE, LOWER_RULE, is_constant_name, is_field_name
 from .slips import (
     constant_name_hint,
     field_name_hint,
-    lone_word_hint,
+    line_hint,
     looks_like_separator,
     strange_character,
     type_hint,
@@ -38,7 +38,7 @@ def _mistakes(code: str, package: str) -> Iterator[Mistake]:
             "expected the type at the start of the line, got white space",
             hint="only comments may be indented",
         )
-    elif not name:
+    elif not name or line_hint(type_text):
         yield from _lone_word(code)
     elif "=" in name:
         yield from _constant_mistakes(code, type_text, len(code) - len(name))
@@ -54,7 +54,8 @@ def _lone_word(code: str) -> Iterator[Mistake]:
             "with a line of exactly --- between them",
         )
         return
-    yield Mistake(f"expected a type and a name, got {code!r} alone", hint=lone_word_hint(code))
+    alone = "" if " " in code else " alone"
+    yield Mistake(f"expected a type and a name, got {code!r}{alone}", hint=line_hint(code))
 
 
 def _constant_mistakes(code: str, type_text: str, name_at: int) -> Iterator[Mistake]:
@@ -64,7 +65,7 @@ def _constant_mistakes(code: str, type_text: str, name_at: int) -> Iterator[Mist
     if type_text not in PRIMITIVES:
         yield Mistake(
             f"expected a plain built-in type for a constant, got {type_text!r}",
-            hint="" if "=" in type_text else type_hint(type_text),
+            hint="" if "=" in type_text or type_text in ROS1_TIME_TYPES else type_hint(type_text),
         )
     if not is_constant_name(name):
         yield Mistake(
@@ -86,10 +87,14 @@ def _field_mistakes(code: str, type_text: str, name_at: int, package: str) -> It
     try:
         field_type = parse_type(type_text, package)
     except Mistake as mistake:
-        yield _moved(mistake, 0)
+        if name in PRIMITIVES and is_field_name(type_text):
+            mistake.hint = f"the type comes first: {name} {type_text}"
+        yield mistake
+        if ("[" in type_text and "]" not in type_text) or name in PRIMITIVES:
+            return  # type and name do not stand where they should: say it once
     if not is_field_name(name):
         hint = field_name_hint(name, type_text)
-        if not hint and is_constant_name(name) and default:
+        if is_constant_name(name) and default:
             hint = f"a constant is written with '=': {type_text} {name}={default}"
         yield Mistake(f"expected the name of a field ({LOWER_RULE}), got {name!r}", name_at, hint)
     elif field_type and default:
@@ -102,6 +107,8 @@ def _field_mistakes(code: str, type_text: str, name_at: int, package: str) -> It
 def _with_default_hint(mistake: Mistake, default: str) -> Mistake:
     if default.startswith("//"):
         mistake.hint = "a comment begins with '#'"
+    if looks_like_separator(default) or default == "---":
+        mistake.hint = "the separator --- stands on a line of its own"
     return mistake
 
 

@@ -36,6 +36,12 @@ def parse_type(text: str, package: str) -> FieldType:
     opening = text.rfind("[")
     if opening < 0:
         raise Mistake(f"expected '[' before the ']' of {text!r}", len(text) - 1)
+    if "[" in text[:opening]:
+        raise Mistake(
+            f"expected one pair of brackets, got {text!r}",
+            text.index("["),
+            "an array has one dimension; a message with an array inside makes the second",
+        )
     base = _base_type(text[:opening], package)
     size_text = text[opening + 1 : -1]
     bounded = size_text.startswith("<=")

@@ -108,18 +108,19 @@ class _File:
         self.path = path
         self.package = package
         self.problems: list[DefinitionError] = []
-        if text.startswith(_BOM):
-            text = text[1:]
+        self.text = text.removeprefix(_BOM)
+        self.lines = split_lines(self.text)
+        if text != self.text:
             self.problem(
                 "expected plain UTF-8, got a byte order mark at the start of the file",
+                1,
+                1,
                 hint='save the file as "UTF-8", not as "UTF-8 with BOM"',
             )
-        self.text = text
-        self.lines = split_lines(text)
 
     def problem(self, message: str, line: int = 0, column: int = 0, hint: str = "") -> None:
         """Note a problem; line and column count from 1, 0 means the whole file."""
-        source = self.text.splitlines()[line - 1] if line else ""
+        source = self.text.splitlines()[line - 1] if 0 < line <= len(self.lines) else ""
         self.problems.append(
             DefinitionError(
                 message, path=self.path, line=line, column=column, source_line=source, hint=hint
@@ -160,8 +161,10 @@ class _File:
             found = sorted(found + alike[: wanted - len(found)])
         elif len(found) > wanted:
             hint = "a file with three sections is an action: name it .action"
+            count = "one line" if wanted == 1 else "two lines"
             self.problem(
-                f"expected {wanted} separator {SEPARATOR} in {_article(noun)}, this is one more",
+                f"expected {count} {SEPARATOR} in {_article(noun)}, "
+                f"got {len(found)}; this is one too many",
                 found[wanted] + 1,
                 1,
                 hint if kind == "srv" and len(found) == 2 else "",
@@ -175,7 +178,8 @@ class _File:
         self, found: int, alike: Sequence[int], noun: str, names: Sequence[str]
     ) -> None:
         parts = f"{', '.join(names[:-1])} and {names[-1]}"
-        expected = f"expected {len(names) - 1} line {SEPARATOR} between {parts}"
+        count = "one line" if len(names) == 2 else "two lines"
+        expected = f"expected {count} {SEPARATOR} between {parts}"
         for at in alike:
             self.problem(
                 f"{expected}, got {self.lines[at]!r}",
@@ -185,7 +189,9 @@ class _File:
             )
         if not alike:
             self.problem(
-                f"{expected} of {_article(noun)}, found {found or 'none'}",
+                f"{expected} of {_article(noun)}, got {found or 'none'} up to the end of the file",
+                max(len(self.lines), 1),
+                len(self.lines[-1].rstrip()) + 1 if self.lines else 1,
                 hint=f"put a line {SEPARATOR} after the {names[found]}, even if nothing follows",
             )
 

@@ -7,8 +7,10 @@ import os
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+from .closure import check_ros2_types, closure
 from .errors import DefinitionError
 from .files import KINDS, is_definition, read_definition, read_text
+from .fulltext import join_full_text
 from .implied import implied_types
 from .model import Definition, Kind
 from .names import TypeName, did_you_mean, is_package_name, split_type_name
@@ -69,6 +71,28 @@ class Search:
             DefinitionError: as `find`, or the file cannot be read.
         """
         return read_text(self.find(full_name))
+
+    def closure(self, full_name: str) -> list[Definition]:
+        """A definition and all that it needs, ordered so that each comes after what it needs.
+
+        A service or action needs what its implied types refer to as well.
+
+        Raises:
+            DefinitionError: a type is missing or contains itself; the position is that of the
+                field that refers to it. `DefinitionErrors` where there are several.
+        """
+        return closure(self.load(full_name), self)
+
+    def full_text(self, full_name: str) -> str:
+        """The text of a definition followed by those of all that it needs.
+
+        `split_full_text` takes it apart again.
+
+        Raises:
+            DefinitionError: as `closure`.
+        """
+        names = [one.full_name for one in self.closure(full_name)]
+        return join_full_text(self.text(full_name), {name: self.text(name) for name in names[:-1]})
 
     def packages(self) -> dict[str, list[Path]]:
         """Every package within reach with its folders, those that win first."""
@@ -158,6 +182,7 @@ class Search:
         if known and known[0] == stamp:
             return known[1]
         definition = read_definition(path, package)
+        check_ros2_types(definition, path)
         self._parsed[path] = (stamp, definition)
         return definition
 

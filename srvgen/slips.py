@@ -17,13 +17,9 @@ _MEANT = {
     "unsigned": "uint32",
     "float": "float32",
     "double": "float64",
-    "real": "float64",
-    "number": "float64",
     "boolean": "bool",
     "str": "string",
-    "text": "string",
     "std::string": "string",
-    "wchar": "uint16",
     "octet": "byte",
     "bytes": "byte[]",
     "time": "builtin_interfaces/Time",
@@ -45,14 +41,13 @@ def type_hint(text: str) -> str:
     parts = re.split(r"/|::|\.", base)
     if len(parts) == 3 and parts[1] in ("msg", "srv", "action"):
         return f"in a definition the type is written {parts[0]}/{parts[2]}{bracket}{rest}"
-    if len(parts) == 2 and "/" not in base and is_field_name(parts[0]):
+    if len(parts) == 2 and is_field_name(parts[0].lower()) and is_message_name(parts[1]):
+        parts[0] = snake_case(parts[0])
         return f"did you mean {parts[0]}/{parts[1]}{bracket}{rest}?"
     return _bracket_hint(base, text)
 
 
 def _bracket_hint(base: str, text: str) -> str:
-    if text.count("[") > 1:
-        return "an array has one dimension; put an array into a message of its own for more"
     if "<=" in base:
         return "only string and wstring have an upper bound; an array's is written [<=N]"
     if "[" in text and not text.endswith("]"):
@@ -62,6 +57,8 @@ def _bracket_hint(base: str, text: str) -> str:
 
 def message_name_hint(name: str) -> str:
     """A valid name for a message that resembles `name`, or ""."""
+    if not re.fullmatch("[A-Za-z0-9_]+", name):
+        return ""
     meant = camel_case(name)
     return f"did you mean {meant}?" if meant != name and is_message_name(meant) else ""
 
@@ -78,14 +75,14 @@ def ros1_hint(name: str) -> str:
 
 def field_name_hint(name: str, type_text: str) -> str:
     """What the refused field name was meant to be, or ""."""
-    if name in PRIMITIVES and is_field_name(type_text):
-        return f"the type comes first: {name} {type_text}"
     if "[" in name:
         bare, _, rest = name.partition("[")
         return f"the brackets belong to the type: {type_text}[{rest} {bare}"
     trimmed = name.rstrip(";,:")
     if trimmed != name and is_field_name(trimmed):
         return f"nothing follows the name: {type_text} {trimmed}"
+    if not name.isascii():
+        return "a name has the letters a to z only, without accents"
     meant = snake_case(name)
     return f"did you mean {meant}?" if meant != name and is_field_name(meant) else ""
 
@@ -110,10 +107,12 @@ def looks_like_separator(line: str) -> bool:
     return _SEPARATOR_LOOKALIKE.fullmatch(line) is not None and line != "---"
 
 
-def lone_word_hint(code: str) -> str:
-    """What a line with one word only was meant to be, or ""."""
-    if code.startswith(("//", "/*", "--")):
+def line_hint(code: str) -> str:
+    """What a line that is no definition at all was meant to be, or ""."""
+    if code.startswith(("//", "/*", "--", "%")):
         return "a comment begins with '#'"
+    if code.startswith("MSG:"):
+        return "these are several definitions in one; give each type a file of its own"
     if code.startswith("@"):
         return "annotations belong to .idl files; leave this line out"
     if "=" in code and is_constant_name(code.partition("=")[0]):
