@@ -1,0 +1,212 @@
+"""Everything that can go wrong with a call, as one tree.
+
+    TaskRpcError
+    ├── DeadlineExceeded       no answer by the deadline (also a TimeoutError)
+    ├── ServiceUnavailable     nobody offers the service; the call certainly did not run
+    ├── ConnectionLost         the connection ended before the answer
+    │   └── OutcomeUnknown     … and the call may or may not have run
+    ├── TypeMismatch           both sides know the service by different definitions
+    ├── InvalidRequest         a value does not fit its field (`path` names it)
+    ├── ServerBusy             the server refused for load; try again after `retry_after` seconds
+    ├── HandlerFailed          the server's callback raised
+    ├── HandlerError           what a callback raises to say something to its caller
+    ├── InvalidName            a node, service or namespace name breaks ROS's rules
+    ├── NameInUse              another process already offers a service of this name
+    ├── CannotListen           the address to listen at is taken, wrong or not allowed
+    ├── WouldDeadlock          a blocking call from the thread that would have to answer it
+    ├── ProtocolError          the peer does not speak this protocol
+    ├── AuthenticationFailed   the peer could not prove the token
+    ├── PermissionDenied       the peer may not do this
+    └── SessionExpired         the server no longer remembers this client
+
+Every error has `not_executed`: True when the call certainly did not run, False when it did,
+None when nobody can know.
+"""
+
+from __future__ import annotations
+
+from enum import IntEnum
+
+
+class Code(IntEnum):
+    """The status codes that travel on the wire: gRPC's sixteen and three of our own."""
+
+    OK = 0
+    CANCELLED = 1
+    UNKNOWN = 2
+    INVALID_ARGUMENT = 3
+    DEADLINE_EXCEEDED = 4
+    NOT_FOUND = 5
+    ALREADY_EXISTS = 6
+    PERMISSION_DENIED = 7
+    RESOURCE_EXHAUSTED = 8
+    FAILED_PRECONDITION = 9
+    ABORTED = 10
+    OUT_OF_RANGE = 11
+    UNIMPLEMENTED = 12
+    INTERNAL = 13
+    UNAVAILABLE = 14
+    DATA_LOSS = 15
+    UNAUTHENTICATED = 16
+    OUTCOME_UNKNOWN = 17
+    SESSION_EXPIRED = 18
+    ID_REUSED = 19
+
+
+class TaskRpcError(Exception):
+    """The root of every error that this library raises on purpose."""
+
+    not_executed: bool | None = None
+
+    def __init__(self, message: str = "", *, not_executed: bool | None = None) -> None:
+        super().__init__(message)
+        if not_executed is not None:
+            self.not_executed = not_executed
+
+
+class DeadlineExceeded(TaskRpcError, TimeoutError):
+    """No answer came by the deadline; the call was cancelled and may have run."""
+
+
+class ServiceUnavailable(TaskRpcError):
+    """Nobody offers the service, or nobody could be reached in time."""
+
+    not_executed = True
+
+
+class ConnectionLost(TaskRpcError):
+    """The connection ended before the answer came."""
+
+
+class OutcomeUnknown(ConnectionLost):
+    """The connection ended after the request was sent: it may or may not have run."""
+
+
+class TypeMismatch(TaskRpcError):
+    """Client and server know the service by definitions that differ."""
+
+    not_executed = True
+
+
+class InvalidRequest(TaskRpcError):
+    """A value in a message does not fit its field.
+
+    Attributes:
+        path: the field, as in `goal.position.x` or `ranges[3]`; "" for the whole message.
+        problem: what was expected and what came.
+    """
+
+    not_executed = True
+
+    def __init__(self, path: str, problem: str) -> None:
+        self.path = path
+        self.problem = problem
+        super().__init__(f"{path}: {problem}" if path else problem)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return InvalidRequest, (self.path, self.problem)
+
+
+class ServerBusy(TaskRpcError):
+    """The server refused the call for load; it did not run.
+
+    Attributes:
+        retry_after: seconds after which the server suggests to try again.
+    """
+
+    not_executed = True
+
+    def __init__(self, message: str = "", *, retry_after: float = 0.0) -> None:
+        self.retry_after = retry_after
+        super().__init__(message)
+
+
+class _Coded(TaskRpcError):
+    """An error of a callback, with its code."""
+
+    def __init__(self, code: Code | str, message: str = "") -> None:
+        self.code = Code[code] if isinstance(code, str) else Code(code)
+        self.message = message
+        super().__init__(message or self.code.name)
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.code, self.message)
+
+
+class HandlerFailed(_Coded):
+    """The server's callback raised.
+
+    Attributes:
+        code: `Code.INTERNAL`, or what the callback chose with `HandlerError`.
+        message: what the callback chose to say.
+    """
+
+    not_executed = False
+
+
+class HandlerError(_Coded):
+    """Raise this in a service callback to tell the caller what is wrong.
+
+    `code` is a `Code` or its name. `UNAVAILABLE` promises that nothing was done, so that the
+    caller's retry policy may try again; with any other code the call counts as run.
+    """
+
+
+class InvalidName(TaskRpcError, ValueError):
+    """A name breaks ROS's naming rules.
+
+    Attributes:
+        name: the name as given. index: the offending character, counted from 0.
+        kind: `node name`, `namespace`, `service name` or `topic name`. problem: the rule.
+    """
+
+    not_executed = True
+
+    def __init__(self, name: str, index: int, *, kind: str = "name", problem: str = "") -> None:
+        self.name, self.index, self.kind, self.problem = name, index, kind, problem
+        super().__init__(f"Invalid {kind}: {problem}:\n  '{name}'\n   {' ' * index}^")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return _rebuild_name, (self.name, self.index, self.kind, self.problem)
+
+
+class NameInUse(TaskRpcError):
+    """Another process of this user already offers a service of this name."""
+
+    not_executed = True
+
+
+class CannotListen(TaskRpcError):
+    """The address to listen at is taken, wrong, or not allowed without more protection."""
+
+    not_executed = True
+
+
+class WouldDeadlock(TaskRpcError, RuntimeError):
+    """A blocking call was made from the event loop's own thread, which would have to answer it."""
+
+    not_executed = True
+
+
+class ProtocolError(TaskRpcError):
+    """The peer sent something that this protocol does not allow."""
+
+
+class AuthenticationFailed(TaskRpcError):
+    """One side could not prove that it knows the other's token."""
+
+    not_executed = True
+
+
+class PermissionDenied(TaskRpcError):
+    """The peer may not do this."""
+
+    not_executed = True
+
+
+class SessionExpired(TaskRpcError):
+    """The server no longer remembers this client, so a repeated request cannot be recognised."""
+
+
+def _rebuild_name(name: str, index: int, kind: str, problem: str) -> InvalidName:
+    return InvalidName(name, index, kind=kind, problem=problem)

@@ -1,0 +1,77 @@
+"""When to try again, and how long to wait before: plain arithmetic, chance passed in."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+_BUDGET_FULL = 10.0
+_BUDGET_GAIN = 0.1
+_BUDGET_FLOOR = 3.0  # retries a second that an empty budget still allows
+
+
+@dataclass(frozen=True, slots=True)
+class RetryPolicy:
+    """How a client repeats a call that failed and may safely be repeated.
+
+    The wait before retry n (from 0) is `min(wait_max, wait_initial * wait_exp_base**n)` seconds, of
+    which the share `wait_jitter` (0 to 1) is drawn at random. `attempts` counts the first call too;
+    None repeats until the call's deadline.
+    """
+
+    attempts: int | None = None
+    wait_initial: float = 0.05
+    wait_max: float = 2.0
+    wait_exp_base: float = 2.0
+    wait_jitter: float = 1.0
+
+    def __post_init__(self) -> None:
+        if self.attempts is not None and self.attempts < 1:
+            raise ValueError(f"attempts: expected at least 1 or None, got {self.attempts}")
+        for name in ("wait_initial", "wait_max"):
+            if getattr(self, name) < 0:
+                raise ValueError(f"{name}: expected seconds >= 0, got {getattr(self, name)}")
+        if self.wait_exp_base < 1:
+            raise ValueError(f"wait_exp_base: expected at least 1, got {self.wait_exp_base}")
+        if not 0 <= self.wait_jitter <= 1:
+            raise ValueError(f"wait_jitter: expected a share from 0 to 1, got {self.wait_jitter}")
+
+    def allows(self, attempt: int) -> bool:
+        """Whether attempt number `attempt` (the first is 1) may still be made."""
+        return self.attempts is None or attempt <= self.attempts
+
+    def wait(self, retry: int, chance: float) -> float:
+        """Seconds to wait before retry number `retry` (from 0); `chance` is drawn from [0, 1)."""
+        # Past 64 doublings the cap has long been reached, and the power would overflow.
+        whole = min(self.wait_max, self.wait_initial * self.wait_exp_base ** min(retry, 64))
+        return whole * (1 - self.wait_jitter) + whole * self.wait_jitter * chance
+
+
+class RetryBudget:
+    """Keeps retries from multiplying an outage: each costs a token, each success earns a tenth.
+
+    An empty budget does not forbid a retry, it spaces them to three a second.
+    """
+
+    def __init__(self) -> None:
+        self._tokens = _BUDGET_FULL
+        self._next_floor = float("-inf")
+
+    def earn(self) -> None:
+        """A call succeeded."""
+        self._tokens = min(_BUDGET_FULL, self._tokens + _BUDGET_GAIN)
+
+    def spend(self, now: float) -> float:
+        """Book one retry; returns the seconds that it must wait at least, 0.0 with tokens left."""
+        if self._tokens >= 1:
+            self._tokens -= 1
+            return 0.0
+        self._next_floor = max(now, self._next_floor) + 1 / _BUDGET_FLOOR
+        return self._next_floor - now
+
+
+def reconnect_delay(failures: int, chance: float) -> float:
+    """Seconds before dialling again after `failures` failed attempts in a row.
+
+    `rand(0.5, 1) * min(5 s, 0.05 s * 1.6**n)`: quick at first, spread out when many wait.
+    """
+    return float((0.5 + chance / 2) * min(5.0, 0.05 * 1.6 ** min(failures, 64)))
