@@ -1,0 +1,90 @@
+"""What a session reports: past-tense facts, each with what its reader needs."""
+
+from __future__ import annotations
+
+from typing import Any, TypeAlias
+
+import msgspec
+
+from taskrpc.errors import TaskRpcError
+from taskrpc.wire import messages
+from taskrpc.wire.handshake import Peer
+
+Body: TypeAlias = bytes | bytearray
+
+
+class Ready(msgspec.Struct, gc=False):
+    """The handshake is done."""
+
+    peer: Peer
+
+
+class RequestReceived(msgspec.Struct, gc=False):
+    """The peer called method `method`; answer with `respond` or `fail`."""
+
+    call_id: int
+    method: int
+    flags: int
+    time_left: int
+    """Milliseconds, `NO_DEADLINE` without a deadline."""
+    body: Body
+
+
+class ResolveReceived(msgspec.Struct, gc=False):
+    """The peer asks for a service, or with an empty name for a listing."""
+
+    call_id: int
+    question: messages.Resolve
+    with_definition: bool
+
+
+class CancelReceived(msgspec.Struct, gc=False):
+    """The peer gave up a call; it still awaits its terminal frame."""
+
+    call_id: int
+
+
+class Answered(msgspec.Struct, gc=False):
+    """A call of ours got its response."""
+
+    ticket: Any
+    """What was given to `request` or `resolve`."""
+    body: Body
+    server_time: int
+    """Microseconds in the server."""
+
+
+class Failed(msgspec.Struct, gc=False):
+    """A call of ours got an error."""
+
+    ticket: Any
+    error: TaskRpcError
+
+
+class Advertised(msgspec.Struct, gc=False):
+    """The peer's services changed: what was not there may be there now."""
+
+
+class Draining(msgspec.Struct, gc=False):
+    """The peer takes no new calls on this connection; `refused` are ours that it never began."""
+
+    refused: list[Any]
+
+
+class Closed(msgspec.Struct, gc=False):
+    """The connection must end: the peer broke the protocol, or refused us."""
+
+    error: TaskRpcError
+
+
+Event: TypeAlias = (
+    Ready
+    | RequestReceived
+    | ResolveReceived
+    | CancelReceived
+    | Answered
+    | Failed
+    | Advertised
+    | Draining
+    | Closed
+)

@@ -1,0 +1,159 @@
+"""The start of a connection: versions, domain, and proof of the token from both sides.
+
+    client                              server
+    TRPC, HELLO(nonce)          ─▶
+                                ◀─      HELLO_ACK(nonce)
+    AUTH(proof)                 ─▶
+                                ◀─      AUTH_OK(proof)
+
+A proof is an HMAC over both nonces and the prover's role, so that it can neither be replayed nor
+sent back to the one who asked for it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TypeVar
+
+import msgspec
+
+from taskrpc.errors import AuthenticationFailed, ProtocolError, TaskRpcError
+from taskrpc.wire import messages, status
+from taskrpc.wire.frames import MAGIC, Frame, FrameType, pack_frame
+from taskrpc.wire.messages import DEFAULT_LIMITS, VERSION, Hello, HelloAck, Limits
+
+_Body = TypeVar("_Body")
+
+
+@dataclass(frozen=True, slots=True)
+class Identity:
+    """What one side brings to a handshake. Ids and nonce are 16 random bytes each."""
+
+    id: bytes
+    """The client id, or the server's boot id."""
+    nonce: bytes
+    """Fresh for every connection."""
+    token: bytes
+    domain: int = 0
+    name: str = ""
+    limits: Limits = DEFAULT_LIMITS
+
+
+@dataclass(frozen=True, slots=True)
+class Peer:
+    """What is known of the other side once the handshake is done."""
+
+    id: bytes
+    name: str
+    limits: Limits
+    """What the other side accepts (a server's view of a client has the defaults)."""
+
+
+class ClientHandshake:
+    """The calling side."""
+
+    def __init__(self, me: Identity) -> None:
+        self._me = me
+        self._ack: HelloAck | None = None
+        self.peer: Peer | None = None
+
+    def start(self) -> bytes:
+        """The first bytes of the connection."""
+        me = self._me
+        hello = Hello(VERSION, VERSION, me.id, me.nonce, me.domain, me.name)
+        return MAGIC + pack_frame(FrameType.HELLO, 0, 0, 0, 0, messages.encode(hello))
+
+    def receive(self, frame: Frame) -> bytes:
+        """Take the server's next frame; returns what to send. `peer` is set once it is done.
+
+        Raises AuthenticationFailed, ProtocolError, or whatever error the server answered.
+        """
+        type_, flags, _, _, arg, body = frame
+        if type_ == FrameType.ERROR:
+            raise status.from_wire(arg >> 16, flags, arg & 0xFFFF, body)
+        if type_ == FrameType.HELLO_ACK and self._ack is None:
+            return self._prove(_decoded(messages.decode_hello_ack, body, "HELLO_ACK"))
+        if type_ == FrameType.AUTH_OK and self._ack is not None:
+            return self._accept(_decoded(messages.decode_auth, body, "AUTH_OK"), self._ack)
+        raise ProtocolError(f"frame type {type_} came where the server's handshake was expected")
+
+    def _prove(self, ack: HelloAck) -> bytes:
+        if ack.version != VERSION:
+            raise ProtocolError(f"the server speaks version {ack.version}; this is {VERSION}")
+        self._ack = ack
+        proof = _proof(self._me.token, b"client", self._me.nonce, ack.nonce)
+        return pack_frame(FrameType.AUTH, 0, 0, 0, 0, messages.encode(messages.Auth(proof)))
+
+    def _accept(self, auth: messages.Auth, ack: HelloAck) -> bytes:
+        expected = _proof(self._me.token, b"server", self._me.nonce, ack.nonce)
+        if not hmac.compare_digest(auth.proof, expected):
+            raise AuthenticationFailed("the server could not prove that it knows the token")
+        self.peer = Peer(ack.boot_id, "", ack.limits)
+        return b""
+
+
+class ServerHandshake:
+    """The called side."""
+
+    def __init__(self, me: Identity) -> None:
+        self._me = me
+        self._hello: Hello | None = None
+        self.peer: Peer | None = None
+
+    def receive(self, frame: Frame) -> bytes:
+        """Take the client's next frame; returns what to send. `peer` is set once it is done.
+
+        Raises AuthenticationFailed or ProtocolError; tell the client with `refusal(error)`.
+        """
+        type_, body = frame[0], frame[5]
+        if type_ == FrameType.HELLO and self._hello is None:
+            return self._greet(_decoded(messages.decode_hello, body, "HELLO"))
+        if type_ == FrameType.AUTH and self._hello is not None:
+            return self._accept(_decoded(messages.decode_auth, body, "AUTH"), self._hello)
+        raise ProtocolError(f"frame type {type_} came where the client's handshake was expected")
+
+    def _greet(self, hello: Hello) -> bytes:
+        me = self._me
+        if not hello.lowest <= VERSION <= hello.highest:
+            raise ProtocolError(
+                f"this server speaks version {VERSION},"
+                f" the client {hello.lowest} to {hello.highest}"
+            )
+        if hello.domain != me.domain:
+            raise ProtocolError(
+                f"this server is in domain {me.domain}, the client in domain {hello.domain}"
+                " (ROS_DOMAIN_ID)"
+            )
+        self._hello = hello
+        ack = HelloAck(VERSION, me.id, me.nonce, me.limits)
+        return pack_frame(FrameType.HELLO_ACK, 0, 0, 0, 0, messages.encode(ack))
+
+    def _accept(self, auth: messages.Auth, hello: Hello) -> bytes:
+        me = self._me
+        expected = _proof(me.token, b"client", hello.nonce, me.nonce)
+        if not hmac.compare_digest(auth.proof, expected):
+            raise AuthenticationFailed("the token is not this server's")
+        self.peer = Peer(hello.client_id, hello.name, DEFAULT_LIMITS)
+        proof = _proof(me.token, b"server", hello.nonce, me.nonce)
+        return pack_frame(FrameType.AUTH_OK, 0, 0, 0, 0, messages.encode(messages.Auth(proof)))
+
+
+def refusal(error: TaskRpcError) -> bytes:
+    """The ERROR frame that tells a peer why its connection is closed."""
+    wire = status.to_wire(error)
+    arg = wire.code << 16 | wire.retry_after
+    return pack_frame(FrameType.ERROR, wire.flags, 0, 0, arg, wire.body)
+
+
+def _proof(token: bytes, role: bytes, client_nonce: bytes, server_nonce: bytes) -> bytes:
+    return hmac.digest(token, b"taskrpc " + role + client_nonce + server_nonce, hashlib.sha256)
+
+
+def _decoded(decode: Callable[[bytes], _Body], body: bytes | bytearray, what: str) -> _Body:
+    try:
+        return decode(bytes(body))
+    except msgspec.MsgspecError as error:
+        raise ProtocolError(f"{what} is not valid: {error}") from None
