@@ -1,0 +1,191 @@
+"""The one place that knows how Linux, macOS and Windows differ."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import socket
+import stat
+import sys
+import tempfile
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from types import FrameType
+
+from taskrpc.errors import TaskRpcError
+
+WINDOWS = sys.platform == "win32"
+_LOCK_OFFSET = 0x7FFF_0000  # far behind the contents: Windows forbids reading locked bytes
+_TCP_MAXRT = 5  # Windows: seconds of retransmission before the connection is dropped
+_TCP_RXT_CONNDROPTIME = 0x80  # macOS: the same
+
+
+def runtime_dir() -> Path:
+    """The folder for what lives as long as its process; made if need be, open to this user only.
+
+    Raises TaskRpcError when the folder is not ours alone.
+    """
+    if xdg := os.environ.get("XDG_RUNTIME_DIR"):
+        base = Path(xdg) / "taskrpc"
+    elif WINDOWS:
+        base = Path(os.environ.get("LOCALAPPDATA") or tempfile.gettempdir()) / "taskrpc" / "run"
+    else:
+        base = Path(tempfile.gettempdir()) / f"taskrpc-{os.getuid()}"
+    return private_dir(base)
+
+
+def state_dir() -> Path:
+    """The folder for what outlives its process, such as the task server's database."""
+    if xdg := os.environ.get("XDG_STATE_HOME"):
+        base = Path(xdg) / "taskrpc"
+    elif WINDOWS:
+        base = Path(os.environ.get("LOCALAPPDATA") or Path.home()) / "taskrpc"
+    elif sys.platform == "darwin":
+        base = Path.home() / "Library" / "Application Support" / "taskrpc"
+    else:
+        base = Path.home() / ".local" / "state" / "taskrpc"
+    return private_dir(base)
+
+
+def private_dir(path: Path) -> Path:
+    """Make a folder that only this user can enter, or check that it is one.
+
+    Raises TaskRpcError when it cannot be made, is a link, or belongs to somebody else.
+    """
+    try:
+        path.mkdir(mode=0o700, parents=True, exist_ok=True)
+        found = path.lstat()
+    except OSError as error:
+        raise TaskRpcError(f"cannot make the folder {path}: {error.strerror}") from None
+    if not stat.S_ISDIR(found.st_mode):
+        raise TaskRpcError(f"{path}: expected a folder of this user's, found a link or a file")
+    if not WINDOWS:
+        _check_owner(path, found)
+    return path
+
+
+def _check_owner(path: Path, found: os.stat_result) -> None:
+    if found.st_uid != os.getuid():
+        raise TaskRpcError(f"{path}: expected a folder of this user's, it belongs to another user")
+    if found.st_mode & 0o077:
+        path.chmod(0o700)
+
+
+def open_private(path: Path) -> int:
+    """Open or create a file that only this user can read; returns the descriptor."""
+    flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
+    return os.open(path, flags, 0o600)
+
+
+def lock(descriptor: int) -> None:
+    """Take the file's lock, waiting for it; the system frees it when the process ends."""
+    _lock(descriptor, wait=True)
+
+
+def try_lock(descriptor: int) -> bool:
+    """Take the file's lock if nobody holds it; the system frees it when the process ends."""
+    try:
+        _lock(descriptor, wait=False)
+    except OSError:
+        return False
+    return True
+
+
+@contextlib.contextmanager
+def locked(path: Path) -> Iterator[None]:
+    """Hold a lock file while the block runs; waits its turn."""
+    descriptor = open_private(path)
+    try:
+        _lock(descriptor, wait=True)
+        yield
+    finally:
+        os.close(descriptor)
+
+
+if sys.platform == "win32":
+    import msvcrt
+
+    def _lock(descriptor: int, *, wait: bool) -> None:
+        os.lseek(descriptor, _LOCK_OFFSET, os.SEEK_SET)
+        # LK_LOCK itself gives up after ten seconds, which is what a stuck holder deserves.
+        msvcrt.locking(descriptor, msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK, 1)
+
+    def is_locked(descriptor: int) -> bool:
+        """Whether a process holds the file's lock."""
+        return not try_lock(descriptor)
+
+else:
+    import fcntl
+
+    def _lock(descriptor: int, *, wait: bool) -> None:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+
+    def is_locked(descriptor: int) -> bool:
+        """Whether a process holds the file's lock."""
+        try:
+            # Shared, so that two who ask at once do not take each other for the holder.
+            fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+        except OSError:
+            return True
+        return False
+
+
+def drop_dead_peers(sock: socket.socket, seconds: float) -> None:
+    """Let the kernel end a connection whose peer has not acknowledged for `seconds`."""
+    with contextlib.suppress(OSError):
+        if WINDOWS:
+            sock.setsockopt(socket.IPPROTO_TCP, _TCP_MAXRT, int(seconds))
+        elif sys.platform == "darwin":
+            sock.setsockopt(socket.IPPROTO_TCP, _TCP_RXT_CONNDROPTIME, int(seconds))
+        elif hasattr(socket, "TCP_USER_TIMEOUT"):
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(seconds * 1000))
+
+
+@contextlib.contextmanager
+def stop_signals(stop: Callable[[int], None]) -> Iterator[None]:
+    """Call `stop(signal number)` in the running loop at SIGINT, SIGTERM (Windows: Ctrl-Break).
+
+    Works on the main thread only; elsewhere signals are left alone.
+    """
+    loop = asyncio.get_running_loop()
+    before: dict[int, object] = {}
+
+    def on_signal(number: int, _: FrameType | None) -> None:
+        loop.call_soon_threadsafe(stop, number)
+
+    try:
+        for number in _stop_signals():
+            before[number] = signal.signal(number, on_signal)
+    except ValueError:  # not the main thread
+        pass
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)  # type: ignore[arg-type]
+
+
+def _stop_signals() -> list[int]:
+    names = ("SIGINT", "SIGTERM", "SIGBREAK")
+    return [getattr(signal, name) for name in names if hasattr(signal, name)]
+
+
+def prepare_output() -> None:
+    """Let stdout and stderr take any character, whatever the terminal's code page is."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")
+
+
+def end_process(pid: int, *, at_once: bool = False) -> None:
+    """Ask a process to end; `at_once` does not ask.
+
+    Raises ProcessLookupError when there is none.
+    """
+    if WINDOWS:
+        # There SIGTERM is TerminateProcess; only Ctrl-Break can be asked for, and only of groups.
+        os.kill(pid, signal.SIGTERM)
+    else:
+        os.kill(pid, signal.SIGKILL if at_once else signal.SIGTERM)

@@ -1,0 +1,1 @@
+"""How calls travel: the seam (`base`), and behind it TCP and memory."""

@@ -1,0 +1,138 @@
+"""The seam between calls and what carries them: offer, call, ask who is there.
+
+Nothing above this module knows whether TCP frames, memory or another middleware lies below. The
+seam passes typed messages: how they are encoded is the transport's business.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Any, Protocol
+
+from taskrpc.callinfo import CallInfo
+from taskrpc.errors import TaskRpcError
+from taskrpc.transport.codec import ServiceType
+from taskrpc.transport.registry import Entry
+
+
+class Mode(IntEnum):
+    """What a server promises about repeated requests of one service."""
+
+    AT_MOST_ONCE = 0
+    IDEMPOTENT = 1
+    EXACTLY_ONCE = 2
+
+
+class IncomingCall(CallInfo):
+    """A call that arrived: `request`, and exactly one of `reply` and `fail` to end it."""
+
+    __slots__ = ("on_cancel", "request", "started")
+
+    request: Any
+    on_cancel: Callable[[], object] | None
+    """Set by whoever runs the call and can stop it."""
+    started: bool
+    """Set by whoever runs the call: until then it certainly did not run."""
+
+    def reply(self, response: Any) -> None:
+        """Answer with a response message.
+
+        Raises InvalidRequest for a response that cannot be sent; the call is still open then.
+        """
+        raise NotImplementedError
+
+    def fail(self, error: TaskRpcError) -> None:
+        """Answer with an error."""
+        raise NotImplementedError
+
+    def cancel(self) -> None:
+        """The caller gave up, or its time is over."""
+        self.cancelled = True
+        if self.on_cancel is not None:
+            self.on_cancel()
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Offer:
+    """A service that a node offers."""
+
+    name: str
+    """Absolute."""
+    srv_type: ServiceType
+    node: str
+    """The offering node's fully qualified name."""
+    serve: Callable[[IncomingCall], None]
+    """Takes each call; returns at once and answers when it can."""
+    mode: Mode = Mode.AT_MOST_ONCE
+    join: bool = False
+    """Whether other processes may offer the same name."""
+
+
+class Channel(Protocol):
+    """A client's way to one service, kept open over reconnects."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether `send` can be used now."""
+
+    @property
+    def mode(self) -> Mode:
+        """What the server promised; known once connected."""
+
+    async def connect(self, deadline: float | None) -> None:
+        """Find the service and reach it.
+
+        Raises ServiceUnavailable at once when nobody offers it, TypeMismatch, or whatever stood in
+        the way.
+        """
+
+    async def wait(self, deadline: float | None) -> bool:
+        """Wait until the service is there; False at the deadline."""
+
+    def send(self, request: Any, deadline: float | None) -> asyncio.Future[Any]:
+        """Send a request over a ready channel; the future yields the response or an error.
+
+        Raises InvalidRequest for a request that cannot be sent. Cancelling the future cancels the
+        call.
+        """
+
+    def close(self) -> None:
+        """Forget the service; calls in flight are cancelled."""
+
+
+class Transport(Protocol):
+    """What a node stands on. Nodes of one process and event loop may share one."""
+
+    def add_node(self, name: str) -> None:
+        """Announce a node (fully qualified name)."""
+
+    def remove_node(self, name: str) -> None:
+        """Withdraw a node's announcement."""
+
+    def offer(self, offer: Offer) -> None:
+        """Take calls for a service. Raises NameInUse when another process has the name."""
+
+    def withdraw(self, offer: Offer) -> None:
+        """Stop taking calls for a service."""
+
+    def channel(self, name: str, srv_type: ServiceType, node: str) -> Channel:
+        """A way to call a service for a node."""
+
+    async def graph(self) -> list[Entry]:
+        """Every process that can be seen: its nodes, services and clients."""
+
+    async def definition(self, name: str) -> tuple[str, str]:
+        """A service's type and the full text of its definition, from the server that has it."""
+
+    @property
+    def address(self) -> str:
+        """Where this process takes calls, "" while it does not."""
+
+    async def drain(self, grace: float) -> None:
+        """Take no new calls; wait until those in flight are answered, at most `grace` seconds."""
+
+    async def release(self) -> None:
+        """Give up this holder's share; the last one closes everything."""

@@ -1,0 +1,203 @@
+"""The calling end of a connection: calls as futures, queued while the peer's limits are reached."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from taskrpc.errors import (
+    ConnectionLost,
+    DeadlineExceeded,
+    InvalidRequest,
+    ServiceUnavailable,
+    TaskRpcError,
+)
+from taskrpc.transport.connection import Connection, Owner
+from taskrpc.wire import messages
+from taskrpc.wire.events import Advertised, Answered, Body, Draining, Event, Failed, Ready
+from taskrpc.wire.frames import NO_DEADLINE
+from taskrpc.wire.handshake import Identity
+from taskrpc.wire.session import LAST_CALL_ID, refused_error
+
+
+class CallFuture(asyncio.Future[Any]):
+    """A call in flight: yields the decoded answer; cancelling it cancels the call."""
+
+    __slots__ = ("_connection", "_decode", "body", "call_id", "deadline", "method", "slot")
+
+    def __init__(
+        self,
+        connection: CallingConnection,
+        decode: Callable[[Body], Any],
+        deadline: float | None,
+        method: int,
+        body: Body,
+    ) -> None:
+        super().__init__(loop=connection.owner.loop)
+        self._connection = connection
+        self._decode = decode
+        self.deadline = deadline
+        self.method = method
+        self.body = body
+        self.call_id = 0
+        """0 until the request is sent."""
+        self.slot = connection.owner.deadlines.add(deadline, self) if deadline is not None else 0
+
+    def answered(self, body: Body) -> None:
+        """The response came."""
+        if not self.done():
+            self._forget_deadline()
+            try:
+                self.set_result(self._decode(body))
+            except InvalidRequest as error:
+                self.set_exception(_bad_answer(error))
+
+    def failed(self, error: BaseException) -> None:
+        """The call ended with an error."""
+        if type(error) is ServiceUnavailable:
+            self._connection.gone_methods.add(self.method)
+        if not self.done():
+            self._forget_deadline()
+            self.set_exception(error)
+
+    def expired(self) -> None:
+        """The deadline passed: tell the caller at once, and the server that nobody waits."""
+        if not self.done():
+            self._connection.forget(self)
+            sent = None if self.call_id else True
+            self.set_exception(DeadlineExceeded("no answer by the deadline", not_executed=sent))
+
+    def cancel(self, msg: Any | None = None) -> bool:
+        """Give the call up."""
+        if self.done():
+            return False
+        self._forget_deadline()
+        self._connection.forget(self)
+        return super().cancel(msg)
+
+    def _forget_deadline(self) -> None:
+        if self.deadline is not None:
+            self._connection.owner.deadlines.discard(self.slot, self)
+
+
+class CallingConnection(Connection):
+    """A connection on which we call; shared by all channels to the same process."""
+
+    def __init__(self, owner: Owner, me: Identity) -> None:
+        super().__init__(owner, me, is_client=True)
+        self.ready: asyncio.Future[None] = owner.loop.create_future()
+        """Done when calls may begin, or with the error that ended the connection before."""
+        self.gone_methods: set[int] = set()
+        """Method ids whose services the server has withdrawn."""
+        self.on_advertised: Callable[[], None] = lambda: None
+        self._waiting: deque[CallFuture] = deque()
+        self._writing_paused = False
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether new calls may begin here."""
+        return self.is_open and self.session.last_call_id < LAST_CALL_ID
+
+    def call(
+        self, method: int, body: Body, decode: Callable[[Body], Any], deadline: float | None
+    ) -> CallFuture:
+        """Send a request, or queue it under its deadline while the peer's limits are reached."""
+        if len(body) > self.session.body_limit:
+            limit = self.session.body_limit
+            raise InvalidRequest("", f"a message of {len(body)} bytes; the server accepts {limit}")
+        call = CallFuture(self, decode, deadline, method, body)
+        if self._waiting or self._writing_paused or not self.session.can_send(len(body)):
+            self._waiting.append(call)
+        else:
+            self._send(call)
+        return call
+
+    def resolve(
+        self, question: messages.Resolve, deadline: float | None, *, definition: bool = False
+    ) -> CallFuture:
+        """Ask for a service (yields `Resolved`), or with an empty name for a `Listing`."""
+        decode = messages.decode_resolved if question.name else messages.decode_listing
+        call = CallFuture(self, decode, deadline, 0, b"")
+        call.call_id = self.session.resolve(call, question, definition=definition)
+        self.flush_soon()
+        return call
+
+    def forget(self, call: CallFuture) -> None:
+        """A caller gave up."""
+        if call.call_id:
+            self.session.cancel(call.call_id)
+            self.flush_soon()
+        elif call in self._waiting:
+            self._waiting.remove(call)
+
+    def pause_writing(self) -> None:
+        """The server reads slower than we call: new calls wait here, under their deadlines."""
+        self._writing_paused = True
+
+    def resume_writing(self) -> None:
+        """The server has caught up."""
+        self._writing_paused = False
+        self._send_waiting()
+
+    def happened(self, event: Event) -> None:
+        """Hand an answer to its caller."""
+        match event:
+            case Answered():
+                event.ticket.answered(event.body)
+            case Failed():
+                event.ticket.failed(event.error)
+            case Ready():
+                if not self.ready.done():
+                    self.ready.set_result(None)
+            case Draining():
+                for call in event.refused:
+                    call.failed(refused_error())
+            case Advertised():
+                self.on_advertised()
+        if self._waiting:
+            self._send_waiting()
+
+    def ended(self) -> None:
+        """Fail what is in flight: each caller learns at once whether its call may have run."""
+        reason = self.why_closed
+        if not self.ready.done():
+            lost = ConnectionLost("the connection was lost in the handshake", not_executed=True)
+            self.ready.set_exception(reason or lost)
+            self.ready.exception()  # nobody may be left to ask
+        for call, error in self.session.lost():
+            call.failed(error)
+        waiting, self._waiting = self._waiting, deque()
+        for call in waiting:
+            message = str(reason) if reason else "the connection was lost before the call was sent"
+            call.failed(ConnectionLost(message, not_executed=True))
+
+    def _send(self, call: CallFuture) -> None:
+        left = NO_DEADLINE
+        if call.deadline is not None:
+            seconds = call.deadline - self.owner.loop.time()
+            left = max(0, min(math.ceil(seconds * 1000), NO_DEADLINE - 1))
+        call.call_id = self.session.request(call, call.method, call.body, left)
+        call.body = b""
+        if self.session.in_flight == 1 and not self._in_turn:
+            self.flush()
+        else:
+            self.flush_soon()
+
+    def _send_waiting(self) -> None:
+        while self._waiting and not self._writing_paused:
+            call = self._waiting[0]
+            if not self.session.can_send(len(call.body)):
+                break
+            self._waiting.popleft()
+            self._send(call)
+        if self._waiting and not self.is_open:
+            waiting, self._waiting = self._waiting, deque()
+            for call in waiting:
+                call.failed(refused_error())
+
+
+def _bad_answer(error: InvalidRequest) -> TaskRpcError:
+    return TaskRpcError(f"the server's answer is not valid: {error}", not_executed=False)

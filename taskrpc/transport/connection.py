@@ -1,0 +1,223 @@
+"""A session on an asyncio transport: reads into one shared buffer, writes once a turn."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from typing import Any, Protocol
+
+from taskrpc import platform
+from taskrpc.errors import ProtocolError, TaskRpcError
+from taskrpc.transport.timers import Deadlines
+from taskrpc.wire.events import Closed, Event
+from taskrpc.wire.frames import LARGE
+from taskrpc.wire.handshake import Identity
+from taskrpc.wire.session import Session, State
+
+log = logging.getLogger("taskrpc.transport")
+
+READ_BUFFER = 65_536
+"""Bytes read at once; asyncio's own 256 KiB cost twice the time of a small call."""
+
+HANDSHAKE_TIMEOUT = 3.0
+SILENCE_BEFORE_PING = 5.0
+DEAD_AFTER = SILENCE_BEFORE_PING + 3.0
+"""Seconds without an acknowledgement after which the kernel gives a peer up."""
+STALL_PERIOD = 10.0
+STALL_RATE = 1024
+"""Bytes a second that a peer must move while it owes us a frame or has output to read."""
+UNREAD_LIMIT = 1024 * 1024
+"""Bytes of output that a peer may leave unread for long."""
+
+
+class Owner(Protocol):
+    """What the connections of one endpoint share."""
+
+    loop: asyncio.AbstractEventLoop
+    deadlines: Deadlines
+    read_buffer: memoryview
+
+    def connection_ended(self, connection: Any) -> None:
+        """A connection is gone."""
+
+
+class Connection(asyncio.BufferedProtocol):
+    """Either end of a connection; subclasses say what the events mean."""
+
+    def __init__(self, owner: Owner, me: Identity, *, is_client: bool) -> None:
+        self.owner = owner
+        self.session = Session(me, is_client=is_client)
+        self.why_closed: TaskRpcError | None = None
+        self.gone: asyncio.Future[None] = owner.loop.create_future()
+        """Done when the connection has ended."""
+        self.peer_name = ""
+        """The peer's address, for logs."""
+        self.transport: asyncio.Transport | None = None
+        self._in_turn = False
+        self._flush_planned = False
+        self._watch = _Watch(owner.loop.time())
+        self._handshake_timer = owner.loop.call_later(HANDSHAKE_TIMEOUT, self._handshake_late)
+
+    # asyncio's side
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The transport is there."""
+        assert isinstance(transport, asyncio.Transport)
+        self.transport = transport
+        self.peer_name = _shown(transport.get_extra_info("peername"))
+        if (sock := transport.get_extra_info("socket")) is not None:
+            platform.drop_dead_peers(sock, DEAD_AFTER)
+        self.flush()
+
+    def get_buffer(self, sizehint: int) -> memoryview:
+        """Where to read into: the shared buffer, or a large body's own."""
+        return self.session.room() or self.owner.read_buffer
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """Bytes were read."""
+        session = self.session
+        self._watch.received += nbytes
+        self._in_turn = True
+        if session.room() is not None:
+            events = session.filled(nbytes)
+        else:
+            events = session.feed(bytes(self.owner.read_buffer[:nbytes]))
+        for event in events:
+            self._happened(event)
+        self._in_turn = False
+        if session.has_output:
+            self.flush()
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The transport is gone."""
+        self._handshake_timer.cancel()
+        self.transport = None
+        self.ended()
+        self.owner.connection_ended(self)
+        if not self.gone.done():
+            self.gone.set_result(None)
+
+    # Subclasses
+
+    def happened(self, event: Event) -> None:
+        """Something that only one of the two sides knows."""
+        raise NotImplementedError
+
+    def ended(self) -> None:
+        """The connection is gone; nothing more will come."""
+        raise NotImplementedError
+
+    # Our side
+
+    @property
+    def is_open(self) -> bool:
+        """Whether calls may begin on this connection."""
+        return self.session.state is State.OPEN and self.transport is not None
+
+    def flush(self) -> None:
+        """Write what the session has to say."""
+        self._flush_planned = False
+        out = self.session.take()
+        transport = self.transport
+        if not out or transport is None:
+            return
+        small: list[bytes | bytearray] = []
+        for piece in out:
+            if len(piece) < LARGE:
+                small.append(piece)
+                continue
+            # Joining would copy megabytes; the header before and the body go out one by one.
+            transport.write(b"".join(small))
+            transport.write(piece)
+            small.clear()
+        if small:
+            transport.write(small[0] if len(small) == 1 else b"".join(small))
+
+    def flush_soon(self) -> None:
+        """Write at the end of this turn of the loop, together with whatever else comes."""
+        if not self._in_turn and not self._flush_planned:
+            self._flush_planned = True
+            self.owner.loop.call_soon(self.flush)
+
+    def close(self, error: TaskRpcError | None = None) -> None:
+        """End the connection after what is written."""
+        self.why_closed = self.why_closed or error
+        if self.transport is not None:
+            self.flush()
+            self.transport.close()
+
+    def abort(self, error: TaskRpcError) -> None:
+        """End the connection at once."""
+        self.why_closed = self.why_closed or error
+        self.session.state = State.CLOSED
+        if self.transport is not None:
+            self.transport.abort()
+
+    def tick(self, now: float) -> None:
+        """Look after the connection, about once a second: silence, and peers that do not move."""
+        if self.transport is None or self.session.state is State.HANDSHAKE:
+            return
+        unread = self.transport.get_write_buffer_size()
+        owes = self.session.mid_frame or unread > UNREAD_LIMIT
+        if self._watch.stalled(now, unread, owes=owes):
+            log.warning("%s moved too few bytes for %s s; cut off", self.peer_name, STALL_PERIOD)
+            self.abort(ProtocolError("the peer moved too few bytes with a frame half-way"))
+        elif self._watch.silent(now, self.session.frames_received):
+            self.session.ping(self.session.frames_received & 0xFFFFFFFF)
+            self.flush()
+
+    def _happened(self, event: Event) -> None:
+        if isinstance(event, Closed):
+            self._refuse(event.error)
+            return
+        if self.session.state is not State.HANDSHAKE:
+            self._handshake_timer.cancel()
+        self.happened(event)
+
+    def _refuse(self, error: TaskRpcError) -> None:
+        if not self.session.is_client:
+            log.warning("closed the connection from %s: %s", self.peer_name, error)
+        self.close(error)
+
+    def _handshake_late(self) -> None:
+        if self.session.state is State.HANDSHAKE:
+            self._refuse(ProtocolError(f"no handshake within {HANDSHAKE_TIMEOUT:g} s"))
+
+
+class _Watch:
+    """Counts what a connection moves, for `Connection.tick`."""
+
+    def __init__(self, now: float) -> None:
+        self.received = 0
+        self._began = now
+        self._moved_before = 0
+        self._unread_before = 0
+        self._frames_before = 0
+        self._heard = now
+
+    def stalled(self, now: float, unread: int, *, owes: bool) -> bool:
+        """Whether the peer owed us movement for a whole period and hardly moved."""
+        if not owes:
+            self._restart(now, unread)
+            return False
+        if now - self._began < STALL_PERIOD:
+            return False
+        moved = self.received - self._moved_before + max(0, self._unread_before - unread)
+        self._restart(now, unread)
+        return moved < STALL_RATE * STALL_PERIOD
+
+    def silent(self, now: float, frames: int) -> bool:
+        """Whether the peer has said nothing for so long that a ping is due."""
+        if frames != self._frames_before:
+            self._frames_before, self._heard = frames, now
+        if now - self._heard < SILENCE_BEFORE_PING:
+            return False
+        self._heard = now
+        return True
+
+    def _restart(self, now: float, unread: int) -> None:
+        self._began, self._moved_before, self._unread_before = now, self.received, unread
+
+
+def _shown(peer: Any) -> str:
+    return f"{peer[0]}:{peer[1]}" if isinstance(peer, tuple) else str(peer or "a peer in memory")

@@ -1,0 +1,336 @@
+"""What one event loop has in a network: its services, clients and connections."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import secrets
+import sys
+import time
+from pathlib import Path
+
+from taskrpc.errors import (
+    ConnectionLost,
+    NameInUse,
+    ServiceUnavailable,
+    TaskRpcError,
+)
+from taskrpc.transport.base import Offer
+from taskrpc.transport.calling import CallingConnection
+from taskrpc.transport.channel import RemoteChannel
+from taskrpc.transport.codec import ServiceType
+from taskrpc.transport.connection import READ_BUFFER, Connection
+from taskrpc.transport.network import Address, Network
+from taskrpc.transport.registry import Entry
+from taskrpc.transport.serving import ServingConnection
+from taskrpc.transport.timers import Deadlines
+from taskrpc.wire.handshake import Identity
+from taskrpc.wire.messages import Endpoint as Named
+from taskrpc.wire.messages import Listing, Resolve
+
+log = logging.getLogger("taskrpc.transport")
+
+READY_TIMEOUT = 4.0
+"""Dialling and the handshake together."""
+TICK = 1.0
+LISTING_TIMEOUT = 2.0
+CLOSE_TIMEOUT = 1.0
+
+
+class Endpoint:
+    """The `Transport` that frames travel on; shared by the nodes of one loop and network."""
+
+    def __init__(self, network: Network) -> None:
+        self.loop = asyncio.get_running_loop()
+        self.network = network
+        self.deadlines = Deadlines(self.loop)
+        self.read_buffer = memoryview(bytearray(READ_BUFFER))
+        self.address = ""
+        self.holders = 1
+        self._id = secrets.token_bytes(16)
+        self._call_number = 0
+        self._offers: dict[int, Offer] = {}
+        self._methods: dict[str, int] = {}
+        self._next_method = 1
+        self._nodes: list[str] = []
+        self._clients: list[Named] = []
+        self._since = time.time()
+        self._served: set[ServingConnection] = set()
+        self._dialled: dict[str, CallingConnection] = {}
+        self._dialling: dict[str, asyncio.Task[CallingConnection]] = {}
+        self._ticker: asyncio.TimerHandle | None = None
+        self._pulses = 0
+        self._pulsed: asyncio.Future[None] | None = None
+        self._hidden = False
+
+    # Transport: nodes, services, clients
+
+    def add_node(self, name: str) -> None:
+        """Announce a node."""
+        self._nodes.append(name)
+        self._publish()
+
+    def remove_node(self, name: str) -> None:
+        """Withdraw a node's announcement."""
+        self._nodes.remove(name)
+        self._publish()
+
+    def offer(self, offer: Offer) -> None:
+        """Take calls for a service."""
+        if offer.name in self._methods:
+            node = self._offers[self._methods[offer.name]].node
+            raise NameInUse(f"{offer.name} is already offered by the node {node} of this process")
+        if not self.address:
+            self.address = self.network.listen(self._accepted)
+        method = self._methods[offer.name] = self._next_method
+        self._offers[method] = offer
+        try:
+            self._publish(claim="" if offer.join else offer.name)
+        except NameInUse:
+            del self._methods[offer.name], self._offers[method]
+            raise
+        self._next_method += 1
+        self._advertise()
+
+    def withdraw(self, offer: Offer) -> None:
+        """Stop taking calls for a service."""
+        method = self._methods.get(offer.name, 0)
+        if self._offers.get(method) is offer:
+            del self._methods[offer.name], self._offers[method]
+            self._publish()
+            self._advertise()
+
+    def channel(self, name: str, srv_type: ServiceType, node: str) -> RemoteChannel:
+        """A way to call a service for a node."""
+        named = Named(name, srv_type._TYPE, srv_type._HASH, node)
+        self._clients.append(named)
+        self._publish()
+        return RemoteChannel(self, named, srv_type)
+
+    def channel_closed(self, named: Named) -> None:
+        """A client is gone."""
+        with contextlib.suppress(ValueError):
+            self._clients.remove(named)
+            self._publish()
+
+    # Transport: the graph
+
+    async def graph(self) -> list[Entry]:
+        """Every process that can be seen, unreachable peers left out."""
+        asked = [self._list_peer(address) for address in self.network.peers()]
+        remote = await asyncio.gather(*asked)
+        return self.network.entries() + [entry for entry in remote if entry is not None]
+
+    async def definition(self, name: str) -> tuple[str, str]:
+        """A service's type and the full text of its definition.
+
+        Raises ServiceUnavailable when nobody offers it.
+        """
+        deadline = self.loop.time() + READY_TIMEOUT
+        for address in self.network.locate(name):
+            with contextlib.suppress(TaskRpcError):
+                connection = await self.connection(address, deadline)
+                resolved = await connection.resolve(Resolve(name), deadline, definition=True)
+                return resolved.type_name, resolved.definition
+        raise ServiceUnavailable(f"nobody offers {name}")
+
+    def mark(self) -> tuple[int, object]:
+        """What is known now; `wait_for_change` returns when more may be known."""
+        return self._pulses, self.network.mark()
+
+    async def wait_for_change(self, mark: tuple[int, object]) -> None:
+        """Return when a service that was not there at the mark may be there."""
+        if self._pulses != mark[0]:
+            return
+        if self._pulsed is None:
+            self._pulsed = self.loop.create_future()
+        network = asyncio.ensure_future(self.network.changed(mark[1]))
+        try:
+            await asyncio.wait((self._pulsed, network), return_when=asyncio.FIRST_COMPLETED)
+        finally:
+            network.cancel()
+
+    # Transport: ends
+
+    async def drain(self, grace: float) -> None:
+        """Take no new calls; wait until those in flight are answered."""
+        self._hidden = True
+        self._publish()
+        await self.network.stop_listening()
+        ends = [connection.gone for connection in self._served]
+        for connection in list(self._served):
+            connection.drain()
+        if ends:
+            await asyncio.wait(ends, timeout=grace)
+
+    async def release(self) -> None:
+        """Give up one holder's share; the last one closes everything."""
+        self.holders -= 1
+        if self.holders:
+            return
+        await self.network.stop_listening()
+        for task in self._dialling.values():
+            task.cancel()
+        connections: list[Connection] = [*self._served, *self._dialled.values()]
+        for connection in connections:
+            connection.close()
+        if connections:
+            # The transports must learn that they are closed while the loop still runs.
+            await asyncio.wait([each.gone for each in connections], timeout=CLOSE_TIMEOUT)
+        self.deadlines.close()
+        if self._ticker is not None:
+            self._ticker.cancel()
+        self.network.close()
+
+    # Host: what connections ask
+
+    def next_call_number(self) -> int:
+        """Counts the calls of this endpoint, for logs."""
+        self._call_number += 1
+        return self._call_number
+
+    def offer_of(self, method: int) -> Offer | None:
+        """The service behind a method id."""
+        return self._offers.get(method)
+
+    def method_of(self, name: str) -> int:
+        """The method id of a service, 0 if there is none."""
+        return self._methods.get(name, 0)
+
+    def listing(self) -> Listing:
+        """Everything that this process offers."""
+        services = [
+            Named(offer.name, offer.srv_type._TYPE, offer.srv_type._HASH, offer.node)
+            for offer in self._offers.values()
+        ]
+        return Listing(list(self._nodes), services, list(self._clients))
+
+    def connection_ended(self, connection: Connection) -> None:
+        """A connection is gone."""
+        if isinstance(connection, ServingConnection):
+            self._served.discard(connection)
+        for place, each in list(self._dialled.items()):
+            if each is connection:
+                del self._dialled[place]
+
+    # What channels ask
+
+    async def connection(self, address: Address, deadline: float | None) -> CallingConnection:
+        """A usable connection to a process, made if need be.
+
+        Raises ConnectionLost when nobody answers there, or what the other side refused it for.
+        """
+        connection = self._dialled.get(address.place)
+        if connection is not None and connection.is_usable:
+            return connection
+        task = self._dialling.get(address.place)
+        if task is None:
+            task = self.loop.create_task(self._dial(address))
+            self._dialling[address.place] = task
+            task.add_done_callback(lambda _: self._dialling.pop(address.place, None))
+        left = None if deadline is None else max(0.0, deadline - self.loop.time())
+        # Whoever gives up waiting must not take the connection from the others.
+        done, _ = await asyncio.wait((task,), timeout=left)
+        if not done:
+            raise ConnectionLost(f"{address.place} did not answer in time", not_executed=True)
+        return task.result()
+
+    async def _dial(self, address: Address) -> CallingConnection:
+        protocol: asyncio.BaseProtocol | None = None
+        try:
+            async with asyncio.timeout(READY_TIMEOUT):
+                protocol = await self.network.dial(address, lambda: self._caller(address))
+                assert isinstance(protocol, CallingConnection)
+                await protocol.ready
+        except TimeoutError:
+            if isinstance(protocol, CallingConnection):
+                protocol.abort(ConnectionLost(f"{address.place} did not answer"))
+            raise ConnectionLost(f"{address.place} did not answer", not_executed=True) from None
+        except OSError as error:
+            reason = error.strerror or str(error)
+            raise ConnectionLost(f"{address.place}: {reason}", not_executed=True) from None
+        self._dialled[address.place] = protocol
+        protocol.on_advertised = self._pulse
+        self._keep_ticking()
+        return protocol
+
+    # Inside
+
+    def _caller(self, address: Address) -> CallingConnection:
+        name = self._nodes[0] if self._nodes else _script()
+        return CallingConnection(self, self._identity(address.token, name))
+
+    def _accepted(self) -> ServingConnection:
+        connection = ServingConnection(self, self._identity(self.network.token, ""))
+        self._served.add(connection)
+        self._keep_ticking()
+        return connection
+
+    def _identity(self, token: bytes, name: str) -> Identity:
+        nonce = secrets.token_bytes(16)
+        return Identity(self._id, nonce, token, self.network.domain, name)
+
+    def _publish(self, *, claim: str = "") -> None:
+        listing = self.listing()
+        address = "" if self._hidden else self.address
+        entry = Entry(
+            pid=os.getpid(),
+            script=_script(),
+            folder=str(Path.cwd()),
+            since=self._since,
+            address=address,
+            token=self.network.token.hex() if address else "",
+            nodes=tuple(listing.nodes),
+            services=tuple(listing.services if address else ()),
+            clients=tuple(listing.clients),
+        )
+        self.network.publish(entry, claim=claim)
+
+    def _advertise(self) -> None:
+        for connection in self._served:
+            connection.session.advertise()
+            connection.flush_soon()
+
+    def _pulse(self) -> None:
+        self._pulses += 1
+        if self._pulsed is not None:
+            self._pulsed.set_result(None)
+            self._pulsed = None
+
+    async def _list_peer(self, address: Address) -> Entry | None:
+        deadline = self.loop.time() + LISTING_TIMEOUT
+        try:
+            connection = await self.connection(address, deadline)
+            listing = await connection.resolve(Resolve(""), deadline)
+        except TaskRpcError as error:
+            log.warning("%s: %s", address.place, error)
+            return None
+        return Entry(
+            pid=0,
+            script=address.place,
+            folder="",
+            since=0.0,
+            address=address.place,
+            nodes=tuple(listing.nodes),
+            services=tuple(listing.services),
+            clients=tuple(listing.clients),
+        )
+
+    def _keep_ticking(self) -> None:
+        if self._ticker is None:
+            self._ticker = self.loop.call_later(TICK, self._tick)
+
+    def _tick(self) -> None:
+        self._ticker = None
+        now = self.loop.time()
+        connections: list[Connection] = [*self._served, *self._dialled.values()]
+        for connection in connections:
+            connection.tick(now)
+        if connections:
+            self._keep_ticking()
+
+
+def _script() -> str:
+    return Path(sys.argv[0]).name if sys.argv and sys.argv[0] else "python"

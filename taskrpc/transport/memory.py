@@ -1,0 +1,234 @@
+"""The network inside one event loop: the same frames and rules as TCP, without sockets.
+
+For users' tests, and for programs such as the demo that want to be seen by nobody. All endpoints
+of one loop and domain see each other.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import weakref
+from collections import deque
+from typing import Any
+
+from taskrpc.errors import NameInUse
+from taskrpc.transport.network import Address, Factory
+from taskrpc.transport.registry import Entry
+
+HIGH_WATER, LOW_WATER = 65_536, 16_384
+
+
+class Hub:
+    """What the endpoints of one loop share: the directory, and how to reach each other."""
+
+    def __init__(self) -> None:
+        self.token = secrets.token_bytes(32)
+        self.entries: dict[MemoryNetwork, Entry] = {}
+        self.listeners: dict[str, Factory] = {}
+        self.revision = 0
+        self.names = 0
+        self._news: asyncio.Future[None] | None = None
+
+    def changed(self) -> None:
+        """Wake everybody who waits for a change."""
+        self.revision += 1
+        if self._news is not None and not self._news.done():
+            self._news.set_result(None)
+        self._news = None
+
+    async def news(self) -> None:
+        """Return at the next change."""
+        if self._news is None:
+            self._news = asyncio.get_running_loop().create_future()
+        await asyncio.shield(self._news)
+
+
+_hubs: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[int, Hub]] = (
+    weakref.WeakKeyDictionary()
+)
+
+
+class MemoryNetwork:
+    """One endpoint's share in its loop's hub."""
+
+    def __init__(self, *, domain: int) -> None:
+        self.domain = domain
+        hubs = _hubs.setdefault(asyncio.get_running_loop(), {})
+        self._hub = hubs.setdefault(domain, Hub())
+        self.token = self._hub.token
+        self._place = ""
+
+    def listen(self, factory: Factory) -> str:
+        """Take connections from now on."""
+        self._hub.names += 1
+        self._place = f"memory:{self._hub.names}"
+        self._hub.listeners[self._place] = factory
+        return self._place
+
+    async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
+        """Connect."""
+        await asyncio.sleep(0)
+        server_factory = self._hub.listeners.get(address.place)
+        if server_factory is None:
+            raise ConnectionRefusedError(f"nobody listens at {address.place}")
+        client, server = factory(), server_factory()
+        join(client, server, address.place)
+        return client
+
+    def publish(self, entry: Entry, *, claim: str = "") -> None:
+        """Tell everybody in this loop what this endpoint has."""
+        for network, other in self._hub.entries.items():
+            if claim and network is not self and other.offers(claim):
+                raise NameInUse(f"{claim} is already offered by another node of this program")
+        self._hub.entries[self] = entry
+        self._hub.changed()
+
+    def locate(self, service: str) -> list[Address]:
+        """Whom to ask for a service."""
+        return [
+            Address(entry.address, self.token, surely_offers=True)
+            for entry in self._hub.entries.values()
+            if entry.address and entry.offers(service)
+        ]
+
+    def entries(self) -> list[Entry]:
+        """What every endpoint of this loop has."""
+        return list(self._hub.entries.values())
+
+    def peers(self) -> list[Address]:
+        """Nobody: everybody is in the hub."""
+        return []
+
+    def mark(self) -> object:
+        """What the hub looks like now."""
+        return self._hub.revision
+
+    async def changed(self, mark: object) -> None:
+        """Return when the hub looks different from the mark."""
+        while self._hub.revision == mark:
+            await self._hub.news()
+
+    async def stop_listening(self) -> None:
+        """Take no more connections."""
+        self._hub.listeners.pop(self._place, None)
+
+    def close(self) -> None:
+        """Leave the hub."""
+        self._hub.entries.pop(self, None)
+        self._hub.changed()
+
+
+class Pipe(asyncio.Transport):
+    """One end of a connection in memory; what is written here is read at the other end."""
+
+    def __init__(self, protocol: asyncio.BufferedProtocol, name: str) -> None:
+        super().__init__({"peername": name})
+        self._loop = asyncio.get_running_loop()
+        self._protocol = protocol
+        self._inbox: deque[memoryview] = deque()
+        self._inbox_size = 0
+        self._reading = True
+        self._delivery_planned = False
+        self._writing_paused = False
+        self._closing = False
+        self._lost = False
+        self.peer: Pipe
+
+    def get_protocol(self) -> asyncio.BaseProtocol:
+        """Who reads here."""
+        return self._protocol
+
+    def is_closing(self) -> bool:
+        """Whether this end was closed."""
+        return self._closing
+
+    def write(self, data: Any) -> None:
+        """Send bytes to the other end, which reads them in the loop's next turn."""
+        if not self._closing and data:
+            self.peer._receive(bytes(data))
+            if self.peer._inbox_size > HIGH_WATER and not self._writing_paused:
+                self._writing_paused = True
+                self._protocol.pause_writing()
+
+    def get_write_buffer_size(self) -> int:
+        """Bytes that the other end has not read."""
+        return self.peer._inbox_size
+
+    def pause_reading(self) -> None:
+        """Read nothing for now."""
+        self._reading = False
+
+    def resume_reading(self) -> None:
+        """Read on."""
+        self._reading = True
+        self._plan_delivery()
+
+    def is_reading(self) -> bool:
+        """Whether this end reads."""
+        return self._reading
+
+    def close(self) -> None:
+        """Close both ends, after what was written has been read."""
+        if not self._closing:
+            self._closing = True
+            self.peer._plan_delivery()
+            self._loop.call_soon(self._lose)
+
+    def abort(self) -> None:
+        """Close both ends at once."""
+        self._closing = True
+        self.peer._inbox.clear()
+        self.peer._inbox_size = 0
+        self.peer._plan_delivery()
+        self._loop.call_soon(self._lose)
+
+    def _receive(self, data: bytes) -> None:
+        if not self._lost:
+            self._inbox.append(memoryview(data))
+            self._inbox_size += len(data)
+            self._plan_delivery()
+
+    def _plan_delivery(self) -> None:
+        if not self._delivery_planned:
+            self._delivery_planned = True
+            self._loop.call_soon(self._deliver)
+
+    def _deliver(self) -> None:
+        self._delivery_planned = False
+        while self._inbox and self._reading and not self._lost and not self._closing:
+            self._read_once()
+        if self.peer._writing_paused and self._inbox_size < LOW_WATER and not self.peer._lost:
+            self.peer._writing_paused = False
+            self.peer._protocol.resume_writing()
+        if self.peer._closing and (not self._inbox or self._closing):
+            self._closing = True
+            self._lose()
+
+    def _read_once(self) -> None:
+        room = memoryview(self._protocol.get_buffer(-1))
+        data = self._inbox.popleft()
+        count = min(len(room), len(data))
+        room[:count] = data[:count]
+        if count < len(data):
+            self._inbox.appendleft(data[count:])
+        self._inbox_size -= count
+        self._protocol.buffer_updated(count)
+
+    def _lose(self) -> None:
+        if not self._lost:
+            self._lost = True
+            self._inbox.clear()
+            self._inbox_size = 0
+            self._protocol.connection_lost(None)
+
+
+def join(
+    client: asyncio.BufferedProtocol, server: asyncio.BufferedProtocol, name: str
+) -> tuple[Pipe, Pipe]:
+    """Connect two protocols with each other."""
+    one, other = Pipe(client, name), Pipe(server, f"a client of {name}")
+    one.peer, other.peer = other, one
+    server.connection_made(other)
+    client.connection_made(one)
+    return one, other

@@ -1,0 +1,62 @@
+"""What differs between TCP and memory: who is where, how to reach them, how to be reached."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from taskrpc.transport.registry import Entry
+
+
+@dataclass(frozen=True, slots=True)
+class Address:
+    """Where a process takes calls, and the token that it wants to see."""
+
+    place: str
+    """`host:port`, or the name of an endpoint in memory."""
+    token: bytes
+    surely_offers: bool = False
+    """Whether a directory says that the wanted service is there (a bare peer must be asked)."""
+
+
+Factory = Callable[[], asyncio.BufferedProtocol]
+
+
+class Network(Protocol):
+    """The part of an endpoint that knows sockets, or does without."""
+
+    token: bytes
+    """What callers of this process must prove to know."""
+    domain: int
+
+    def listen(self, factory: Factory) -> str:
+        """Take connections from now on; returns the place. Raises CannotListen."""
+
+    async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
+        """Connect. Raises OSError."""
+
+    def publish(self, entry: Entry, *, claim: str = "") -> None:
+        """Tell everybody what this process has; raises NameInUse if `claim` is taken."""
+
+    def locate(self, service: str) -> list[Address]:
+        """Whom to ask for a service, the surest first."""
+
+    def entries(self) -> list[Entry]:
+        """What the directory knows of every process, this one included."""
+
+    def peers(self) -> list[Address]:
+        """Processes that are in no directory and must be asked themselves."""
+
+    def mark(self) -> object:
+        """What the directory looks like now."""
+
+    async def changed(self, mark: object) -> None:
+        """Return when the directory looks different from the mark."""
+
+    async def stop_listening(self) -> None:
+        """Take no more connections."""
+
+    def close(self) -> None:
+        """Leave no trace."""

@@ -1,0 +1,205 @@
+"""The answering end of a connection: requests become calls of offered services."""
+
+from __future__ import annotations
+
+import logging
+import traceback
+from typing import Any, Protocol
+
+from taskrpc.errors import (
+    Code,
+    DeadlineExceeded,
+    HandlerFailed,
+    InvalidRequest,
+    ServiceUnavailable,
+    TaskRpcError,
+    TypeMismatch,
+)
+from taskrpc.transport.base import IncomingCall, Offer
+from taskrpc.transport.codec import codec_of
+from taskrpc.transport.connection import Connection, Owner
+from taskrpc.wire import messages
+from taskrpc.wire.events import CancelReceived, Event, Ready, RequestReceived, ResolveReceived
+from taskrpc.wire.frames import NO_DEADLINE
+from taskrpc.wire.handshake import Identity
+from taskrpc.wire.messages import Listing, Resolved
+
+log = logging.getLogger("taskrpc.server")
+
+
+class Host(Owner, Protocol):
+    """What a process offers, as far as its connections ask."""
+
+    def next_call_number(self) -> int:
+        """Counts calls, for logs."""
+
+    def offer_of(self, method: int) -> Offer | None:
+        """The service behind a method id."""
+
+    def method_of(self, name: str) -> int:
+        """The method id of a service, 0 if there is none."""
+
+    def listing(self) -> Listing:
+        """Everything that this process offers."""
+
+
+class ServedCall(IncomingCall):
+    """A call that came over a connection."""
+
+    __slots__ = ("_call_id", "_connection", "_offer", "_slot")
+
+    def __init__(
+        self, connection: ServingConnection, offer: Offer, call_id: int, deadline: float | None
+    ) -> None:
+        host = connection.host
+        caller = connection.caller
+        super().__init__(offer.name, caller, host.next_call_number(), deadline, host.loop.time)
+        self._connection = connection
+        self._offer = offer
+        self._call_id = call_id
+        self.on_cancel = None
+        self.started = False
+        self._slot = host.deadlines.add(deadline, self) if deadline is not None else 0
+
+    def reply(self, response: Any) -> None:
+        """Answer with a response message."""
+        body = codec_of(self._offer.srv_type.Response).encode(response)
+        limit = self._connection.session.body_limit
+        if len(body) > limit:
+            raise InvalidRequest("", f"a response of {len(body)} bytes; the caller accepts {limit}")
+        if self._ended():
+            self._connection.session.respond(self._call_id, body)
+            self._connection.flush_soon()
+
+    def fail(self, error: TaskRpcError) -> None:
+        """Answer with an error."""
+        if self._ended():
+            self._connection.session.fail(self._call_id, error)
+            self._connection.flush_soon()
+
+    def expired(self) -> None:
+        """The caller's deadline passed."""
+        self.cancel()
+        unstarted = None if self.started else True
+        self.fail(DeadlineExceeded("the deadline passed in the server", not_executed=unstarted))
+
+    def _ended(self) -> bool:
+        if self.deadline is not None:
+            self._connection.host.deadlines.discard(self._slot, self)
+        return self._connection.calls.pop(self._call_id, None) is not None
+
+
+class ServingConnection(Connection):
+    """A connection on which we are called."""
+
+    def __init__(self, host: Host, me: Identity) -> None:
+        super().__init__(host, me, is_client=False)
+        self.host = host
+        self.caller = ""
+        self.calls: dict[int, ServedCall] = {}
+        self._draining = False
+
+    def pause_writing(self) -> None:
+        """The caller reads slower than we answer: take no more calls from it for now."""
+        if self.transport is not None:
+            self.transport.pause_reading()
+
+    def resume_writing(self) -> None:
+        """The caller has caught up."""
+        if self.transport is not None and not self.transport.is_closing():
+            self.transport.resume_reading()
+
+    def happened(self, event: Event) -> None:
+        """Serve a request."""
+        match event:
+            case RequestReceived():
+                self._serve(event)
+            case ResolveReceived():
+                self._resolve(event)
+            case CancelReceived():
+                self._cancel(event.call_id)
+            case Ready():
+                self.caller = event.peer.name
+
+    def ended(self) -> None:
+        """The caller is gone: what still runs for it is cancelled."""
+        self.session.lost()
+        for call in list(self.calls.values()):
+            call.cancel()
+            call.fail(TaskRpcError("the caller is gone"))
+
+    def drain(self) -> None:
+        """Take no new calls; close once those in flight are answered."""
+        self._draining = True
+        self.session.drain()
+        self.flush()
+
+    def flush(self) -> None:
+        """Write what the session has to say; a drained connection closes with its last answer."""
+        super().flush()
+        if self._draining and not self.session.serving and self.transport is not None:
+            self.transport.close()
+
+    def _serve(self, event: RequestReceived) -> None:
+        offer = self.host.offer_of(event.method)
+        if offer is None:
+            gone = ServiceUnavailable("the service is no longer offered here")
+            self.session.fail(event.call_id, gone)
+            return
+        deadline = None
+        if event.time_left != NO_DEADLINE:
+            deadline = self.host.loop.time() + event.time_left / 1000
+        try:
+            request = codec_of(offer.srv_type.Request).decode(event.body)
+        except InvalidRequest as error:
+            self.session.fail(event.call_id, error)
+            return
+        call = ServedCall(self, offer, event.call_id, deadline)
+        call.request = request
+        self.calls[event.call_id] = call
+        offer.serve(call)
+
+    def _cancel(self, call_id: int) -> None:
+        call = self.calls.get(call_id)
+        if call is not None:
+            call.cancel()
+            call.fail(TaskRpcError("cancelled by the caller"))
+
+    def _resolve(self, event: ResolveReceived) -> None:
+        question = event.question
+        if not question.name:
+            self.session.respond(event.call_id, messages.encode(self.host.listing()))
+            return
+        method = self.host.method_of(question.name)
+        offer = self.host.offer_of(method)
+        if offer is None:
+            error: TaskRpcError = ServiceUnavailable(f"no service {question.name} here")
+            self.session.fail(event.call_id, error)
+        elif question.type_hash not in ("", offer.srv_type._HASH):
+            self.session.fail(event.call_id, mismatch(question, offer))
+        else:
+            body = _resolved(method, offer, with_definition=event.with_definition)
+            self.session.respond(event.call_id, messages.encode(body))
+
+
+def mismatch(question: messages.Resolve, offer: Offer) -> TypeMismatch:
+    """What a caller learns whose definition is not the server's."""
+    ours, theirs = offer.srv_type._HASH, question.type_hash
+    return TypeMismatch(
+        f"{offer.name} is offered as {offer.srv_type._TYPE} with the hash {ours[:15]}…, the caller"
+        f" has another definition with the hash {theirs[:15]}…; compare the two .srv files"
+    )
+
+
+def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
+    """Log a callback's exception with its traceback; tell the caller only where to look."""
+    text = "".join(traceback.format_exception(error)).rstrip()
+    log.error("call %d of %s from %s failed:\n%s", call.number, call.service, call.caller, text)
+    message = f"the handler failed; see the server's log, call {call.number}"
+    call.fail(HandlerFailed(Code.INTERNAL, message))
+
+
+def _resolved(method: int, offer: Offer, *, with_definition: bool) -> Resolved:
+    srv_type = offer.srv_type
+    text = srv_type._DEFINITION if with_definition else ""
+    return Resolved(method, int(offer.mode), srv_type._TYPE, srv_type._HASH, text)

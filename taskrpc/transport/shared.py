@@ -1,0 +1,48 @@
+"""One endpoint for all nodes of an event loop that want the same network."""
+
+from __future__ import annotations
+
+import asyncio
+import weakref
+from collections.abc import Hashable, Sequence
+
+from taskrpc.errors import TaskRpcError
+from taskrpc.transport.base import Transport
+from taskrpc.transport.endpoint import Endpoint
+from taskrpc.transport.memory import MemoryNetwork
+from taskrpc.transport.network import Network
+from taskrpc.transport.tcp import TcpNetwork, domain_id, environment_peers
+
+_endpoints: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[Hashable, Endpoint]] = (
+    weakref.WeakKeyDictionary()
+)
+
+
+def shared_transport(
+    name: str, *, listen: str | None, peers: Sequence[str] | None, token: str | None
+) -> Transport:
+    """The running loop's endpoint for these settings, made for the first who asks.
+
+    `release()` it when done. Raises TaskRpcError for an unknown name or wrong setting.
+    """
+    domain = domain_id()
+    where = tuple(environment_peers() if peers is None else peers)
+    endpoints = _endpoints.setdefault(asyncio.get_running_loop(), {})
+    key = (name, domain, listen, where, token)
+    endpoint = endpoints.get(key)
+    if endpoint is None or not endpoint.holders:
+        secret = token.encode() if token else None
+        endpoints[key] = endpoint = Endpoint(_network(name, domain, listen, where, secret))
+    else:
+        endpoint.holders += 1
+    return endpoint
+
+
+def _network(
+    name: str, domain: int, listen: str | None, peers: Sequence[str], token: bytes | None
+) -> Network:
+    if name == "tcp":
+        return TcpNetwork(domain=domain, listen=listen, peers=peers, token=token)
+    if name == "memory":
+        return MemoryNetwork(domain=domain)
+    raise TaskRpcError(f"transport: expected 'tcp' or 'memory', got {name!r}")

@@ -1,0 +1,178 @@
+"""The network of real processes: sockets, and the registry of this machine."""
+
+from __future__ import annotations
+
+import asyncio
+import ipaddress
+import logging
+import os
+import secrets
+import socket
+from collections.abc import Sequence
+
+from taskrpc.errors import CannotListen, TaskRpcError
+from taskrpc.transport.network import Address, Factory
+from taskrpc.transport.registry import Entry, Registry
+
+log = logging.getLogger("taskrpc.transport")
+
+POLL = 0.04
+"""Seconds between two looks at the registry, while somebody waits for a change."""
+
+_BACKLOG = 512
+_MAX_DOMAIN = 232
+
+
+class TcpNetwork:
+    """TCP on this machine's loopback, or wherever `listen` and `peers` say.
+
+    `listen` is `host:port` (port 0: any free one). `peers` are `host:port` of processes on other
+    machines; without them the registry of this machine is asked.
+    """
+
+    def __init__(
+        self,
+        *,
+        domain: int,
+        listen: str | None = None,
+        peers: Sequence[str] = (),
+        token: bytes | None = None,
+    ) -> None:
+        self.domain = domain
+        self.token = token or secrets.token_bytes(32)
+        self._peers = [_checked_place(peer) for peer in peers]
+        self._peer_token = token
+        self._listen_at = listen or "127.0.0.1:0"
+        self._registry = Registry(domain)
+        self._serving: asyncio.Task[asyncio.Server] | None = None
+
+    def listen(self, factory: Factory) -> str:
+        """Take connections from now on."""
+        host, port = split_place(self._listen_at)
+        _refuse_unprotected(host)
+        # Bound here and now, so that the address can be announced before the loop's next turn;
+        # callers who are quicker than the loop wait in the backlog.
+        sock = _bound(host, port)
+        loop = asyncio.get_running_loop()
+        self._serving = loop.create_task(loop.create_server(factory, sock=sock, backlog=_BACKLOG))
+        return _place(*sock.getsockname()[:2])
+
+    async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
+        """Connect."""
+        host, port = split_place(address.place)
+        _, protocol = await asyncio.get_running_loop().create_connection(factory, host, port)
+        return protocol
+
+    def publish(self, entry: Entry, *, claim: str = "") -> None:
+        """Tell everybody on this machine what this process has."""
+        self._registry.publish(entry, claim=claim)
+
+    def locate(self, service: str) -> list[Address]:
+        """Whom to ask for a service."""
+        entries = self._registry.entries()
+        if self._peers:
+            return self._with_tokens(entries)
+        return [
+            Address(entry.address, bytes.fromhex(entry.token), surely_offers=True)
+            for entry in entries
+            if entry.address and entry.offers(service)
+        ]
+
+    def entries(self) -> list[Entry]:
+        """What the registry knows; with peers given, only what is this process's."""
+        entries = self._registry.entries()
+        return [each for each in entries if each.pid == os.getpid()] if self._peers else entries
+
+    def peers(self) -> list[Address]:
+        """The processes that were named."""
+        return self._with_tokens(self._registry.entries()) if self._peers else []
+
+    def mark(self) -> object:
+        """What the registry looks like now."""
+        return self._registry.signature()
+
+    async def changed(self, mark: object) -> None:
+        """Return when the registry looks different from the mark."""
+        # A watcher per platform would be quicker, but this runs only while somebody waits.
+        while self._registry.signature() == mark:  # noqa: ASYNC110 - other processes set no Event
+            await asyncio.sleep(POLL)
+
+    async def stop_listening(self) -> None:
+        """Take no more connections."""
+        if self._serving is not None:
+            serving, self._serving = self._serving, None
+            (await serving).close()
+
+    def close(self) -> None:
+        """Remove this process's registry entry."""
+        self._registry.close()
+
+    def _with_tokens(self, entries: Sequence[Entry]) -> list[Address]:
+        # A peer on this machine, of this user, has its token in the registry.
+        known = {entry.address: bytes.fromhex(entry.token) for entry in entries if entry.address}
+        given = self._peer_token or b""
+        return [Address(place, known.get(place, given)) for place in self._peers]
+
+
+def domain_id() -> int:
+    """`ROS_DOMAIN_ID`, 0 where it is not set. Raises TaskRpcError for anything but 0 to 232."""
+    text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
+    if not text.isdecimal() or int(text) > _MAX_DOMAIN:
+        raise TaskRpcError(
+            f"ROS_DOMAIN_ID: expected a number from 0 to {_MAX_DOMAIN}, got {text!r}"
+        )
+    return int(text)
+
+
+def environment_peers() -> list[str]:
+    """`TASKRPC_PEERS`: `host:port`, separated by commas, semicolons or spaces."""
+    text = os.environ.get("TASKRPC_PEERS", "")
+    return text.replace(",", " ").replace(";", " ").split()
+
+
+def split_place(place: str) -> tuple[str, int]:
+    """Host and port of `host:port` (IPv6 in brackets). Raises TaskRpcError."""
+    host, colon, port = place.rpartition(":")
+    if not colon or not port.isdecimal() or int(port) > 65535 or not host:
+        raise TaskRpcError(f"expected HOST:PORT such as 127.0.0.1:7450, got {place!r}")
+    return host.strip("[]"), int(port)
+
+
+def _checked_place(place: str) -> str:
+    return _place(*split_place(place))
+
+
+def _place(host: str, port: int) -> str:
+    host = "127.0.0.1" if host == "localhost" else host
+    return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
+
+
+def _refuse_unprotected(host: str) -> None:
+    if host != "localhost" and not _is_loopback(host):
+        raise CannotListen(
+            f"cannot listen at {host}: without encryption only this machine's own addresses"
+            " (127.0.0.1, localhost, ::1) are allowed"
+        )
+
+
+def _is_loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return False
+
+
+def _bound(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    sock = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        if os.name == "posix":
+            sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        sock.bind((host, port))
+        sock.listen(_BACKLOG)
+        sock.setblocking(False)
+    except OSError as error:
+        sock.close()
+        reason = error.strerror or str(error)
+        raise CannotListen(f"cannot listen at {_place(host, port)}: {reason}") from None
+    return sock
