@@ -1,0 +1,98 @@
+"""ROS 2 services without ROS: typed services from .srv files over asyncio.
+
+Names are loaded when they are first used, so that a command that needs one of them does not pay
+for all.
+"""
+
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from taskrpc.callinfo import CallInfo, current_call
+    from taskrpc.client import Client
+    from taskrpc.errors import (
+        AuthenticationFailed,
+        CannotListen,
+        Code,
+        ConnectionLost,
+        DeadlineExceeded,
+        HandlerError,
+        HandlerFailed,
+        InvalidName,
+        InvalidRequest,
+        NameInUse,
+        OutcomeUnknown,
+        PermissionDenied,
+        ProtocolError,
+        ServerBusy,
+        ServiceUnavailable,
+        SessionExpired,
+        TaskRpcError,
+        TypeMismatch,
+        WouldDeadlock,
+    )
+    from taskrpc.node import Node, run
+    from taskrpc.retry import RetryPolicy
+    from taskrpc.robot import KinematicRobot, Robot
+    from taskrpc.service import Service
+    from taskrpc.tasks import TaskServer
+
+_HOMES = {
+    "callinfo": "CallInfo current_call",
+    "client": "Client",
+    "errors": (
+        "AuthenticationFailed CannotListen Code ConnectionLost DeadlineExceeded HandlerError"
+        " HandlerFailed InvalidName InvalidRequest NameInUse OutcomeUnknown PermissionDenied"
+        " ProtocolError ServerBusy ServiceUnavailable SessionExpired TaskRpcError TypeMismatch"
+        " WouldDeadlock"
+    ),
+    "node": "Node run",
+    "retry": "RetryPolicy",
+    "robot": "KinematicRobot Robot",
+    "service": "Service",
+    "tasks": "TaskServer",
+}
+_HOME_OF = {name: home for home, exported in _HOMES.items() for name in exported.split()}
+
+__all__ = [
+    "AuthenticationFailed",
+    "CallInfo",
+    "CannotListen",
+    "Client",
+    "Code",
+    "ConnectionLost",
+    "DeadlineExceeded",
+    "HandlerError",
+    "HandlerFailed",
+    "InvalidName",
+    "InvalidRequest",
+    "KinematicRobot",
+    "NameInUse",
+    "Node",
+    "OutcomeUnknown",
+    "PermissionDenied",
+    "ProtocolError",
+    "RetryPolicy",
+    "Robot",
+    "ServerBusy",
+    "Service",
+    "ServiceUnavailable",
+    "SessionExpired",
+    "TaskRpcError",
+    "TaskServer",
+    "TypeMismatch",
+    "WouldDeadlock",
+    "current_call",
+    "run",
+]
+
+
+def __getattr__(name: str) -> Any:
+    home = _HOME_OF.get(name)
+    if home is None:
+        raise AttributeError(f"module 'taskrpc' has no attribute {name!r}")
+    value = getattr(importlib.import_module(f"taskrpc.{home}"), name)
+    globals()[name] = value
+    return value

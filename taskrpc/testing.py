@@ -1,4 +1,4 @@
-"""Tools for testing programs that use taskrpc: a clock that does not wait, nodes without a network."""
+"""Tools for testing programs that use taskrpc: a clock that jumps instead of waiting."""
 
 from __future__ import annotations
 
@@ -7,7 +7,10 @@ import contextlib
 import selectors
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
-from typing import Any
+from typing import Any, TypeVar, TypeVarTuple
+
+_Args = TypeVarTuple("_Args")
+_Result = TypeVar("_Result")
 
 _EXECUTOR_PATIENCE = 30.0  # real seconds that a job in a thread may take before we call it stuck
 
@@ -43,8 +46,8 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         return self._open_jobs > 0
 
     def run_in_executor(
-        self, executor: Executor | None, func: Callable[..., Any], *args: Any
-    ) -> asyncio.Future[Any]:
+        self, executor: Executor | None, func: Callable[[*_Args], _Result], *args: *_Args
+    ) -> asyncio.Future[_Result]:
         """Run `func` in a thread while the clock stands still."""
         self._open_jobs += 1
         future = super().run_in_executor(executor, func, *args)

@@ -1,0 +1,240 @@
+"""A node: a name on a network, with services and clients of its own."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Callable, Coroutine, Sequence
+from types import TracebackType
+from typing import Any, Self, TypeVar, cast
+
+from taskrpc import names, platform
+from taskrpc.client import DEFAULT_TIMEOUT, Client
+from taskrpc.errors import TaskRpcError
+from taskrpc.retry import RetryPolicy
+from taskrpc.service import Callback, Service
+from taskrpc.transport.base import Mode, Transport
+from taskrpc.transport.registry import Entry
+from taskrpc.transport.shared import shared_transport
+
+_Result = TypeVar("_Result")
+
+DRAIN_GRACE = 30.0
+"""Seconds that calls in flight get when a node shuts down."""
+
+
+class Node:
+    """A participant: offers services, calls others'.
+
+    Use it as `async with taskrpc.Node("name") as node:`. All nodes of one program and event loop
+    share one listening socket and its connections.
+
+    Arguments:
+        name, namespace: by ROS's naming rules.
+        transport: `tcp`, or `memory` for nodes of this event loop only (tests, demos).
+        listen: `HOST:PORT` to take calls at; any free loopback port unless said.
+        peers: `HOST:PORT` of processes to call, instead of this machine's registry
+            (`TASKRPC_PEERS` where not given).
+        token: the secret that callers and peers on other machines must know
+            (`TASKRPC_TOKEN` where not given); processes of one user and machine need none.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        namespace: str = "",
+        transport: str = "tcp",
+        listen: str | None = None,
+        peers: Sequence[str] | None = None,
+        token: str | None = None,
+    ) -> None:
+        self._name = names.check_node_name(name)
+        self._namespace = names.check_namespace(namespace)
+        self._transport_name = transport
+        self._listen, self._peers = listen, peers
+        self._token = token or os.environ.get("TASKRPC_TOKEN")
+        self._transport: Transport | None = None
+        self._services: list[Service] = []
+        self._clients: list[Client] = []
+
+    # What it is
+
+    def get_name(self) -> str:
+        """The node's name, without its namespace."""
+        return self._name
+
+    def get_namespace(self) -> str:
+        """The node's namespace, which begins with `/`."""
+        return self._namespace
+
+    def get_fully_qualified_name(self) -> str:
+        """`/namespace/name`."""
+        return names.fully_qualified(self._namespace, self._name)
+
+    def resolve_service_name(self, srv_name: str) -> str:
+        """The absolute name that a service name means for this node."""
+        return names.expand(srv_name, namespace=self._namespace, node=self._name)
+
+    @property
+    def address(self) -> str:
+        """`HOST:PORT` at which this program takes calls, "" before it offers anything."""
+        return self._transport.address if self._transport is not None else ""
+
+    # Its life
+
+    async def __aenter__(self) -> Self:
+        await self.start()
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        await self.destroy()
+
+    async def start(self) -> None:
+        """Join the network; `async with` does it."""
+        if self._transport is None:
+            self._transport = shared_transport(
+                self._transport_name, listen=self._listen, peers=self._peers, token=self._token
+            )
+            self._transport.add_node(self.get_fully_qualified_name())
+
+    async def destroy(self) -> None:
+        """Withdraw services and clients and leave the network; `async with` does it."""
+        if self._transport is None:
+            return
+        for service in self._services:
+            service.destroy()
+        for client in self._clients:
+            client.destroy()
+        self._services.clear()
+        self._clients.clear()
+        transport, self._transport = self._transport, None
+        transport.remove_node(self.get_fully_qualified_name())
+        await transport.release()
+
+    async def spin(self) -> None:
+        """Serve until cancelled or told to end (Ctrl-C, SIGTERM), then finish the calls in flight.
+
+        A second signal ends the program at once.
+        """
+        stopped = asyncio.get_running_loop().create_future()
+        signals = 0
+
+        def stop(number: int) -> None:
+            nonlocal signals
+            signals += 1
+            if signals > 1:
+                os._exit(128 + number)
+            stopped.set_result(None)
+
+        await self.start()
+        with platform.stop_signals(stop):
+            await stopped
+            await self.drain()
+
+    async def drain(self, grace: float = DRAIN_GRACE) -> None:
+        """Take no new calls; wait until those in flight are answered, at most `grace` seconds."""
+        await self._started().drain(grace)
+
+    # What it has
+
+    def create_service(
+        self,
+        srv_type: Any,
+        srv_name: str,
+        callback: Callback,
+        *,
+        concurrency: int = 1,
+        threaded: bool = False,
+        idempotent: bool = False,
+        join: bool = False,
+    ) -> Service:
+        """Offer a service: `callback(request, response)` is called for each request.
+
+        It returns the response. It may be async. A plain one runs on the event loop and must be
+        quick; `threaded=True` runs it in a thread instead. `concurrency` calls run at a time,
+        later ones wait their turn. `idempotent=True` tells clients that repeating a call does no
+        harm. `join=True` allows other processes to offer the same name.
+
+        Raises NameInUse, InvalidName, CannotListen.
+        """
+        service = Service(
+            self._started(),
+            _service_type(srv_type),
+            self.resolve_service_name(srv_name),
+            self.get_fully_qualified_name(),
+            callback,
+            concurrency=concurrency,
+            threaded=threaded,
+            mode=Mode.IDEMPOTENT if idempotent else Mode.AT_MOST_ONCE,
+            join=join,
+        )
+        self._services.append(service)
+        return service
+
+    def create_client(
+        self,
+        srv_type: Any,
+        srv_name: str,
+        *,
+        timeout: float | None = DEFAULT_TIMEOUT,
+        retry: RetryPolicy | None = None,
+    ) -> Client:
+        """A client of a service; `timeout` (seconds) and `retry` hold for all its calls."""
+        client = Client(
+            self._started(),
+            _service_type(srv_type),
+            self.resolve_service_name(srv_name),
+            self.get_fully_qualified_name(),
+            timeout=timeout,
+            retry=retry,
+        )
+        self._clients.append(client)
+        return client
+
+    async def graph(self) -> list[Entry]:
+        """Every process that this node can see: its nodes, services and clients."""
+        return await self._started().graph()
+
+    async def definition(self, srv_name: str) -> tuple[str, str]:
+        """A service's type name and the full text of its definition, told by its server.
+
+        Raises ServiceUnavailable when nobody offers it.
+        """
+        return await self._started().definition(self.resolve_service_name(srv_name))
+
+    def _started(self) -> Transport:
+        if self._transport is None:
+            raise TaskRpcError(
+                f"the node {self._name} has not started;"
+                " write `async with taskrpc.Node(...) as node:`"
+            )
+        return self._transport
+
+
+def run(main: Coroutine[Any, Any, _Result]) -> _Result:
+    """Run a coroutine to its end: `asyncio.run`, on uvloop where it is installed."""
+    with asyncio.Runner(loop_factory=_fast_loop()) as runner:
+        return runner.run(main)
+
+
+def _fast_loop() -> Callable[[], asyncio.AbstractEventLoop] | None:
+    try:
+        from uvloop import new_event_loop
+    except ImportError:
+        return None
+    return cast(Callable[[], asyncio.AbstractEventLoop], new_event_loop)
+
+
+def _service_type(srv_type: Any) -> Any:
+    if not (hasattr(srv_type, "Request") and hasattr(srv_type, "_HASH")):
+        kind = f"the class {srv_type.__name__}" if isinstance(srv_type, type) else repr(srv_type)
+        raise TypeError(
+            f"expected a service type such as srvgen.load('std_srvs/srv/Trigger'), got {kind}"
+        )
+    return srv_type
