@@ -1,0 +1,469 @@
+"""What generated message classes stand on: base classes, arrays, and the checks of each field.
+
+`srvgen generate` copies this file into every package that it writes, so that a generated package
+needs msgspec and nothing else; therefore only the standard library and msgspec are imported.
+"""
+
+from __future__ import annotations
+
+import operator
+import reprlib
+import struct
+import sys
+from array import array
+from collections.abc import Callable, Iterable, Mapping, Sized
+from functools import cache, partial
+from types import GenericAlias
+from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar
+
+import msgspec
+
+
+class FieldError(ValueError):
+    """A field holds what its type does not allow.
+
+    Attributes:
+        path: where, from the message that was checked: `goal.position.x`, `ranges[3]`.
+        problem: what was expected and what came.
+    """
+
+    def __init__(self, path: str, problem: str) -> None:
+        super().__init__(path, problem)
+        self.path = path
+        self.problem = problem
+
+    def __str__(self) -> str:
+        return f"{self.path}: {self.problem}" if self.path else self.problem
+
+
+def under(error: ValueError, name: str) -> FieldError:
+    """The same error seen from the message that has the faulty one in its field `name`."""
+    # The error may come from another package's copy of this file: only its attributes are known.
+    path = str(getattr(error, "path", ""))
+    joined = f"{name}.{path}" if name and path and path[0] != "[" else name + path
+    return FieldError(joined, str(getattr(error, "problem", error)))
+
+
+def shown(value: object) -> str:
+    """A short text for a wrong value, with its type: `'abc' (str)`."""
+    try:
+        text = reprlib.repr(value)
+    except Exception:  # a hostile __repr__, or an int too long to print
+        text = "a value"
+    return text if value is None else f"{text} ({type(value).__name__})"
+
+
+def _wrong(path: str, expected: str, value: object) -> NoReturn:
+    raise FieldError(path, f"expected {expected}, got {shown(value)}")
+
+
+def _integer(name: str, low: int, high: int) -> Callable[[object, str], int]:
+    def convert(value: object, path: str) -> int:
+        try:
+            number = int(operator.index(value))  # type: ignore[arg-type]
+        except TypeError:
+            _wrong(path, name, value)
+        if low <= number <= high:
+            return number
+        text = reprlib.repr(number) if abs(number) < 1 << 256 else "a far larger number"
+        raise FieldError(path, f"expected {name} in {low}..{high}, got {text}")
+
+    convert.__name__ = f"to_{name}"
+    return convert
+
+
+to_int8 = _integer("int8", -(2**7), 2**7 - 1)
+to_uint8 = _integer("uint8", 0, 2**8 - 1)
+to_int16 = _integer("int16", -(2**15), 2**15 - 1)
+to_uint16 = _integer("uint16", 0, 2**16 - 1)
+to_int32 = _integer("int32", -(2**31), 2**31 - 1)
+to_uint32 = _integer("uint32", 0, 2**32 - 1)
+to_int64 = _integer("int64", -(2**63), 2**63 - 1)
+to_uint64 = _integer("uint64", 0, 2**64 - 1)
+
+
+def _floating(name: str, code: str, top: str) -> Callable[[Any, str], float]:
+    layout = struct.Struct(code)
+
+    def convert(value: Any, path: str) -> float:
+        try:
+            number: float = layout.unpack(layout.pack(value))[0]
+        except (struct.error, TypeError):
+            _wrong(path, name, value)
+        except OverflowError:
+            _wrong(path, f"{name} in -{top}..{top}", value)
+        return number
+
+    convert.__name__ = f"to_{name}"
+    return convert
+
+
+# Rounded to the nearest float32 here, so that every transport carries the same value.
+to_float32 = _floating("float32", "<f", "3.4028235e+38")
+to_float64 = _floating("float64", "<d", "1.7976931348623157e+308")
+
+
+@cache
+def _singles(count: int) -> struct.Struct:
+    return struct.Struct(f"<{count}f")
+
+
+def to_float32s(paths: tuple[str, ...], *values: Any) -> tuple[float, ...]:
+    """Several float32 at once, at a third of the price."""
+    layout = _singles(len(values))
+    try:
+        return layout.unpack(layout.pack(*values))
+    except (struct.error, TypeError, OverflowError):
+        return tuple(map(to_float32, values, paths))
+
+
+def to_boolean(value: object, path: str) -> bool:
+    """True or False; 0, 1 and numpy's booleans count."""
+    if isinstance(value, int) and value in (0, 1):
+        return bool(value)
+    if type(value).__module__ == "numpy" and type(value).__name__ in ("bool", "bool_"):
+        return bool(value)
+    _wrong(path, "true or false", value)
+
+
+def to_byte(value: object, path: str) -> bytes:
+    """One byte as `bytes` of length 1, from that or from 0..255."""
+    if isinstance(value, (bytes, bytearray)):
+        if len(value) == 1:
+            return bytes(value)
+        _wrong(path, "one byte", value)
+    return bytes((to_uint8(value, path),))
+
+
+def to_text(value: object, path: str, bound: int | None = None) -> str:
+    """A string that UTF-8 can carry, of at most `bound` characters."""
+    if not isinstance(value, str):
+        _wrong(path, "string", value)
+    text = str.__str__(value)
+    if bound is not None and len(text) > bound:
+        raise FieldError(path, f"expected at most {bound} characters, got {len(text)}")
+    try:
+        text.encode()
+    except UnicodeEncodeError as error:
+        problem = f"expected text that UTF-8 can carry, got a lone surrogate at {error.start}"
+        raise FieldError(path, problem) from None
+    return text
+
+
+def bounded_text(bound: int) -> Callable[[Any, str], str]:
+    """`to_text` with this bound."""
+    return partial(to_text, bound=bound)
+
+
+Number = TypeVar("Number", int, float)
+_SWAPPED = sys.byteorder == "big"
+_KINDS = {code: kind for kind in ("bhilq", "BHILQ", "f", "d") for code in kind}
+_new = array.__new__
+
+
+if TYPE_CHECKING:
+    _Elements = array
+else:
+
+    class _Elements(array):
+        # Python 3.11's own cannot be subscripted.
+        __slots__ = ()
+        __class_getitem__ = classmethod(GenericAlias)
+
+
+class NumericArray(_Elements[Number]):
+    """A sequence of one numeric type; compares equal to a list of the same numbers.
+
+    Takes any iterable of numbers; `bytes` and `bytearray` are raw little-endian elements.
+
+    Raises:
+        FieldError: an element does not fit; its path is the index, `[3]`.
+    """
+
+    __slots__ = ()
+    _CODE: ClassVar[str]
+    _SIZE: ClassVar[int]
+    _CONVERT: ClassVar[Callable[[Any, str], float]]
+
+    if TYPE_CHECKING:  # as a field it takes any iterable of numbers
+
+        def __get__(self, instance: object, owner: type) -> Self: ...
+        def __set__(self, instance: object, value: Iterable[Number]) -> None: ...
+
+    def __new__(cls, values: Iterable[Number] = ()) -> Self:
+        return cls.of(values, "")
+
+    @classmethod
+    def field(cls, default: int | tuple[float, ...] = ()) -> Any:
+        """A field's default: these elements, or this many zeros."""
+        values = bytes(default * cls._SIZE) if isinstance(default, int) else default
+        return msgspec.field(default_factory=partial(_new, cls, cls._CODE, values))
+
+    @classmethod
+    def of(cls, values: Any, path: str, least: int = 0, most: int | None = None) -> Self:
+        """The values as this array, of `least` to `most` elements; FieldError with the path."""
+        if type(values) is bytes or isinstance(values, bytearray):
+            try:
+                made = _new(cls, cls._CODE, values)
+            except ValueError:
+                problem = f"expected elements of {cls._SIZE} bytes, got {len(values)} bytes"
+                raise FieldError(path, problem) from None
+            if _SWAPPED:
+                made.byteswap()
+        elif isinstance(values, (list, tuple)):
+            made = cls._of_items(values, path)
+        else:
+            made = cls._of_buffer(values, path)
+        if most is not None:
+            check_length(made, path, least, most)
+        return made
+
+    @classmethod
+    def _of_buffer(cls, values: Any, path: str) -> Self:
+        try:
+            view = memoryview(values)
+        except (TypeError, ValueError):  # numpy refuses views of its dates with ValueError
+            return cls._of_items(to_list(values, path), path)
+        if _KINDS.get(view.format) == _KINDS[cls._CODE] and view.itemsize == cls._SIZE:
+            return _new(cls, cls._CODE, view.tobytes())
+        # numpy's own ravel and tolist know the formats (float16, '>i4') that memoryview does not.
+        flat = values.ravel() if hasattr(values, "ravel") else view
+        return cls._of_items(flat.tolist(), path)
+
+    @classmethod
+    def _of_items(cls, items: list[Any] | tuple[Any, ...], path: str) -> Self:
+        try:
+            if cls._CODE != "f":
+                return _new(cls, cls._CODE, items)
+            # array() turns what float32 cannot hold into infinity without a word.
+            return _new(cls, cls._CODE, struct.pack(f"={len(items)}f", *items))
+        except (TypeError, ValueError, OverflowError, struct.error):
+            exact = [cls._CONVERT(item, f"{path}[{i}]") for i, item in enumerate(items)]
+        return _new(cls, cls._CODE, exact)
+
+    def little_endian(self) -> memoryview:
+        """The elements' bytes as messages carry them."""
+        if not _SWAPPED:
+            return memoryview(self)
+        swapped = self.__copy__()
+        swapped.byteswap()
+        return memoryview(swapped)
+
+    def __eq__(self, other: object) -> bool:
+        if isinstance(other, (list, tuple)):
+            return self.tolist() == list(other)
+        return super().__eq__(other)
+
+    def __ne__(self, other: object) -> bool:
+        equal = self.__eq__(other)
+        return equal if equal is NotImplemented else not equal
+
+    __hash__ = None
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}({self.tolist()})"
+
+    def __copy__(self) -> Self:
+        return _new(type(self), self._CODE, self)
+
+    def __deepcopy__(self, memo: object) -> Self:
+        return self.__copy__()
+
+    def __reduce_ex__(self, protocol: object) -> tuple[object, ...]:
+        return type(self), (bytes(self.little_endian()),)
+
+
+def _array_class(code: str, convert: Callable[[Any, str], Number]) -> type[NumericArray[Number]]:
+    name = convert.__name__.removeprefix("to_").capitalize() + "Array"
+    facts = {"_CODE": code, "_SIZE": array(code).itemsize, "_CONVERT": staticmethod(convert)}
+    return type(name, (NumericArray,), {"__module__": __name__, "__slots__": (), **facts})
+
+
+Int8Array = _array_class("b", to_int8)
+Uint8Array = _array_class("B", to_uint8)
+Int16Array = _array_class("h", to_int16)
+Uint16Array = _array_class("H", to_uint16)
+Int32Array = _array_class("i", to_int32)
+Uint32Array = _array_class("I", to_uint32)
+Int64Array = _array_class("q", to_int64)
+Uint64Array = _array_class("Q", to_uint64)
+Float32Array = _array_class("f", to_float32)
+Float64Array = _array_class("d", to_float64)
+
+# Messages carry arrays as raw bytes, which msgspec decodes without calling Python; `_check` makes
+# the arrays. Type checkers are told what a program sees.
+if TYPE_CHECKING:
+    Ints = NumericArray[int]
+    Floats = NumericArray[float]
+
+    class Byte:
+        """A field that reads as `bytes` of length 1 and takes 0..255 too."""
+
+        def __get__(self, instance: object, owner: type) -> bytes: ...
+        def __set__(self, instance: object, value: bytes | int) -> None: ...
+else:
+    Byte = Ints = Floats = bytes
+
+
+def byte(value: bytes) -> Any:
+    """The default of a `byte` field, whose declared type is not what is set."""
+    return value
+
+
+def encode_hook(value: object) -> memoryview:
+    """What msgspec's encoders must be given as `enc_hook`."""
+    if isinstance(value, NumericArray):
+        return value.little_endian()
+    raise NotImplementedError(f"a message cannot carry {shown(value)}")
+
+
+def check_length(values: Sized, path: str, least: int, most: int | None) -> None:
+    """Refuse fewer than `least` or more than `most` elements."""
+    count = len(values)
+    if count < least or (most is not None and count > most):
+        bound = least if least == most else f"at most {most}"
+        raise FieldError(path, f"expected {bound} elements, got {count}")
+
+
+def to_list(values: Any, path: str, least: int = 0, most: int | None = None) -> list[Any]:
+    """The values as a list (the same one, if it is one) of `least` to `most` elements."""
+    if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
+        _wrong(path, "a list", values)
+    items = values if type(values) is list else list(values)
+    check_length(items, path, least, most)
+    return items
+
+
+def to_items(
+    values: Any,
+    path: str,
+    convert: Callable[[Any, str], Any],
+    least: int = 0,
+    most: int | None = None,
+) -> list[Any]:
+    """A list of what `convert` makes of each value."""
+    items = to_list(values, path, least, most)
+    try:
+        return [convert(item, "") for item in items]
+    except FieldError:
+        return [convert(item, f"{path}[{i}]") for i, item in enumerate(items)]
+
+
+def check_nested(value: Any, expected: type[Message], path: str) -> None:
+    """Check a nested message, which must be of exactly this class."""
+    if type(value) is not expected:
+        if getattr(value, "_TYPE", None) == expected._TYPE:
+            raise FieldError(path, f"expected {expected!r}, got another class of that name")
+        _wrong(path, expected._TYPE, value)
+    try:
+        value._check()
+    except ValueError as error:
+        raise under(error, path) from None
+
+
+def to_messages(
+    values: Any, path: str, expected: type[Message], least: int = 0, most: int | None = None
+) -> list[Any]:
+    """A list of messages of exactly this class, each of them checked."""
+    items = to_list(values, path, least, most)
+    for i, item in enumerate(items):
+        try:
+            check_nested(item, expected, "")
+        except FieldError as error:  # paths are made only where one is needed
+            raise under(error, f"{path}[{i}]") from None
+    return items
+
+
+class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fields=True):
+    """The base of every message class: a value with named, writable, default-initialised fields."""
+
+    _TYPE: ClassVar[str] = ""
+    _HASH: ClassVar[str] = ""
+    _FIELDS: ClassVar[tuple[tuple[str, str], ...]] = ()
+    _NESTED: ClassVar[Mapping[str, type[Message]]] = {}
+    _WIDTH: ClassVar[int] = 0
+    _fields_and_field_types: ClassVar[dict[str, str]] = {}
+
+    def _check(self) -> None:
+        """Bring every field to its exact type, or raise FieldError."""
+
+    @classmethod
+    def get_fields_and_field_types(cls) -> dict[str, str]:
+        """Each field's name and its type in rosidl's spelling."""
+        return cls._fields_and_field_types.copy()
+
+    def __repr__(self) -> str:
+        cls = type(self)
+        values = (getattr(self, attribute) for attribute in cls.__struct_fields__)
+        parts = (
+            f"{name}={_plain(value)!r}"
+            for (name, _), value in zip(cls._FIELDS, values, strict=True)
+        )
+        package = cls.__module__.rpartition(".")[0]
+        return f"{package}.{cls.__name__}({', '.join(parts)})".lstrip(".")
+
+    __hash__ = None  # type: ignore[assignment]
+
+    def __eq__(self, other: object) -> bool:
+        if type(other) is not type(self):
+            return NotImplemented
+        names = self.__struct_fields__
+        return all(_plain(getattr(self, n)) == _plain(getattr(other, n)) for n in names)
+
+
+def _plain(value: Any) -> Any:
+    # Lists before and after a check, arrays and numpy's arrays of the same numbers are equal.
+    if isinstance(value, array) or hasattr(value, "tolist"):
+        return value.tolist()
+    return list(value) if isinstance(value, tuple) else value
+
+
+class _RenamingMeta(type(msgspec.Struct)):  # type: ignore[misc]
+    """Lets a keyword field be written both as `from_` and as `from`."""
+
+    def __init__(cls, *args: Any, **options: Any) -> None:
+        super().__init__(*args)
+        cls._RENAMED = {
+            attribute[:-1]: attribute
+            for attribute in cls.__struct_fields__
+            if attribute.endswith("_")
+        }
+        for name, attribute in cls._RENAMED.items():
+            if not hasattr(cls, name):
+                setattr(cls, name, _alias(attribute))
+
+    if not TYPE_CHECKING:
+
+        def __call__(cls, **values):
+            return super().__call__(**{cls._RENAMED.get(n, n): values[n] for n in values})
+
+
+def _alias(attribute: str) -> property:
+    getter = operator.attrgetter(attribute)
+    return property(getter, lambda message, value: setattr(message, attribute, value))
+
+
+class RenamedMessage(Message, kw_only=True, metaclass=_RenamingMeta):
+    """The base of messages with a field whose name Python keeps for itself."""
+
+
+class _Namespace:
+    _KIND: ClassVar[str]
+    _TYPE: ClassVar[str]
+    _HASH: ClassVar[str]
+    _DEFINITION: ClassVar[str]
+
+    def __new__(cls, *args: object, **values: object) -> NoReturn:
+        raise NotImplementedError(f"{cls._KIND} classes can not be instantiated")
+
+
+class Service(_Namespace):
+    """The base of service classes, which only hold `Request`, `Response` and `Event`."""
+
+    _KIND = "Service"
+
+
+class Action(_Namespace):
+    """The base of action classes, which only hold `Goal`, `Result`, `Feedback` and `Impl`."""
+
+    _KIND = "Action"
