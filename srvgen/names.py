@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import NamedTuple, cast, get_args
 
 from .errors import DefinitionError
 from .model import Kind
@@ -75,8 +75,8 @@ def split_type_name(text: str) -> TypeName:
     parts = text.split("/")
     if len(parts) == 3:
         package, kind, name = parts
-        if kind in ("msg", "srv", "action") and is_package_name(package) and name.isidentifier():
-            return TypeName(package, kind, name)
+        if kind in get_args(Kind) and is_package_name(package) and name.isidentifier():
+            return TypeName(package, cast("Kind", kind), name)
     raise DefinitionError(
         f"expected a type name such as 'example_interfaces/srv/AddTwoInts', got {text!r}"
     )

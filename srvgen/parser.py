@@ -280,7 +280,7 @@ def _read(code: str, package: str, number: int, comments: list[str]) -> _Entry:
 
 def _build(entry: _Entry) -> Field | Constant:
     comment, unit = read_comment(entry.comments)
-    return entry.element(*entry.arguments, comment, unit, entry.line, entry.column)  # type: ignore[arg-type]
+    return entry.element(*entry.arguments, comment, unit, entry.line, entry.column)  # type: ignore[call-arg]
 
 
 def _article(noun: str) -> str:

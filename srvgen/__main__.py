@@ -1,0 +1,7 @@
+"""`python -m srvgen` is the `srvgen` command."""
+
+import sys
+
+from .cli import main
+
+sys.exit(main())
