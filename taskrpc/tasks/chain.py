@@ -83,6 +83,11 @@ class Chain:
         level.add_seconds(link.plan.seconds)
         return self._shifts(task, link.plan.seconds, at + 1)
 
+    def amend(self, task: Task) -> None:
+        """Write a task anew that stands here, at the same place and with the same plan."""
+        level = self._levels[task.priority]
+        level.links[level.index(task.arrival)].task = task
+
     def remove(self, task: Task) -> list[Shift]:
         """Take a task out and return by how much those behind it shift."""
         level = self._levels[task.priority]

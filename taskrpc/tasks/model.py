@@ -117,13 +117,18 @@ class Task(msgspec.Struct, frozen=True, kw_only=True):
         """Its place in the order of run."""
         return (-self.priority, self.arrival)
 
+    @property
+    def may_become(self) -> frozenset[State]:
+        """The states into which it may move."""
+        return MOVES[self.state]
+
     def moved_to(self, state: State, *, message: str = "") -> Task:
         """The same task in another state.
 
         Raises:
             ValueError: a task never moves so.
         """
-        if state not in MOVES[self.state]:
+        if state not in self.may_become:
             raise ValueError(
                 f"task {self.task_id} is {self.state.value} and cannot become {state.value}"
             )

@@ -74,6 +74,11 @@ class TaskQueue:
         del self._tasks[task.task_id]
         return self._chain.take_first()
 
+    def amend(self, task: Task) -> None:
+        """Write a queued task anew where only what has nothing to do with its place differs."""
+        self._chain.amend(task)
+        self._tasks[task.task_id] = task
+
     def remove(self, task_id: int) -> list[Shift]:
         """Take a task out of the queue.
 

@@ -1,4 +1,4 @@
-"""What must survive the server: the seam between the task server and a disk, and its twin in memory."""
+"""What must survive the server: the seam to a disk, and its twin in memory."""
 
 from __future__ import annotations
 

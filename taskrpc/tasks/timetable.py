@@ -66,10 +66,12 @@ class Timetable:
         self._enter(
             self.queue.put(task), f"task {task.task_id}, priority {task.priority}, went ahead"
         )
-        seconds = self._free_at - now + self.queue.seconds_through(task)
+        seconds = self.seconds_ahead(now) + self.queue.seconds_through(task)
         promise = Promise(task.task_id, seconds, now, self.log.mark(), task.key)
         self._promises[task.task_id] = promise
-        return msgspec.structs.replace(task, accepted_estimate=seconds)
+        accepted = msgspec.structs.replace(task, accepted_estimate=seconds)
+        self.queue.amend(accepted)
+        return accepted
 
     def resume(self, task: Task, now: float, *, waited: float) -> None:
         """Queue a task that an earlier server accepted, `waited` seconds ago, and keep its promise.
@@ -78,6 +80,7 @@ class Timetable:
         """
         estimate = self.accept(task, now).accepted_estimate
         late = waited + estimate - task.accepted_estimate
+        self.queue.amend(task)
         self._promises[task.task_id].seconds = task.accepted_estimate
         self._promises[task.task_id].at = now - waited
         self.log.add(_EVERYBODY, late, "the server was restarted", only=task.task_id)
@@ -113,6 +116,15 @@ class Timetable:
         self._promises[task.task_id].move(self.log.mark(), RUNNING_KEY)
         return seconds
 
+    def undo_begin(self, task: Task, pose: Pose, seconds: float) -> None:
+        """Put a task back that could not begin after all; nobody's promise changes."""
+        self._free_at -= seconds
+        self._presumed -= seconds
+        self._running = None
+        self.queue.rebase(pose)
+        self.queue.put(task)
+        self._promises[task.task_id].move(self.log.mark(), task.key)
+
     def end(self, now: float) -> tuple[EstimateChange, ...]:
         """Note that the run has ended, and return why it did not end when it was promised."""
         assert self._running is not None, "only a run that began can end"
@@ -121,20 +133,26 @@ class Timetable:
         self._running = None
         return changes
 
-    def estimate(self, task: Task, now: float) -> float:
-        """Robot seconds from `now` until a task that waits or runs is done."""
-        ahead = self._free_at - now
-        return ahead if task.task_id == self._running else ahead + self.queue.seconds_through(task)
+    def seconds_ahead(self, now: float) -> float:
+        """Robot seconds from `now` until the first queued task can begin."""
+        return self._free_at - now
+
+    def estimate(self, task_id: int, now: float) -> float:
+        """Robot seconds from `now` until a task that waits or runs is done; 0.0 for any other."""
+        if task_id not in self._promises:
+            return 0.0
+        task = self.queue.find(task_id)
+        return self.seconds_ahead(now) + (self.queue.seconds_through(task) if task else 0.0)
 
     def changes(self, task_id: int, now: float) -> list[EstimateChange]:
         """Why a task that waits or runs will not be done when it was promised, oldest first."""
-        promise = self._promises[task_id]
+        promise = self._promises.get(task_id)
+        if promise is None:
+            return []
         events = [e for e in self.log.since(promise.number) if promise.concerns(e)]
         changes = [EstimateChange(event.seconds, event.cause) for event in events]
         if not self.log.remembers(promise.number):
-            task = self.queue.find(task_id)
-            left = self.estimate(task, now) if task else self._free_at - now
-            late = now - promise.at + left - promise.seconds
+            late = now - promise.at + self.estimate(task_id, now) - promise.seconds
             forgotten = late - sum(change.seconds for change in changes)
             changes.insert(0, EstimateChange(forgotten, "changes before these"))
         return joined(iter(changes), at_most=_LISTED_CHANGES)

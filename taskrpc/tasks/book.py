@@ -1,0 +1,131 @@
+"""The book of all tasks: each change is stored first, then known here, then announced."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Iterator
+from itertools import islice
+
+import msgspec
+
+from taskrpc.tasks.board import Board
+from taskrpc.tasks.model import Task
+from taskrpc.tasks.store import TaskStore
+
+
+class TaskBook:
+    """Every task that is remembered, as the store has it.
+
+    Args:
+        store: where tasks survive.
+        board: where changes are announced.
+        keep_ended: how many ended tasks are remembered; the oldest are forgotten.
+    """
+
+    def __init__(self, store: TaskStore, board: Board, *, keep_ended: int = 1000) -> None:
+        self.board = board
+        self._store = store
+        self._keep_ended = keep_ended
+        self._tasks: dict[int, Task] = {}
+        self._ended: dict[int, None] = {}  # an ordered set, the oldest end first
+        self._commits: dict[int, asyncio.Task[None]] = {}  # task_id -> its newest commit
+        self._next_id = 1
+        self._next_arrival = 1
+
+    async def open(self) -> list[Task]:
+        """Read the store and return every task in it; raises StoreError."""
+        stored = await self._store.load()
+        self._next_id = stored.next_id
+        self._next_arrival = 1 + max((task.arrival for task in stored.tasks), default=0)
+        for task in sorted(stored.tasks, key=lambda task: task.ended_at or 0.0):
+            self._note(task)
+        return list(stored.tasks)
+
+    async def close(self) -> None:
+        """Wait for what is being stored, then close the store."""
+        if self._commits:
+            await asyncio.wait(self._commits.values())
+        await self._store.close()
+
+    def new_id(self) -> int:
+        """The number of the next task; each is given once."""
+        self._next_id += 1
+        return self._next_id - 1
+
+    def new_arrival(self) -> int:
+        """The next place in the order of arrival."""
+        self._next_arrival += 1
+        return self._next_arrival - 1
+
+    def find(self, task_id: int) -> Task | None:
+        """The task of this number as the store has it, None if there is none."""
+        return self._tasks.get(task_id)
+
+    def ended(self) -> Iterator[Task]:
+        """Iterate over the ended tasks, the newest end first."""
+        return (self._tasks[task_id] for task_id in reversed(self._ended))
+
+    async def save(self, *tasks: Task) -> None:
+        """Store tasks and announce them; once begun it runs to its end, whoever stops waiting.
+
+        Raises:
+            StoreError: nothing was stored and nothing announced.
+        """
+        commit = asyncio.ensure_future(self._commit(tasks))
+        for task in tasks:
+            self._commits[task.task_id] = commit
+        commit.add_done_callback(lambda _: self._forget_commit(commit, tasks))
+        await asyncio.shield(commit)
+
+    async def stored(self, task_id: int) -> bool:
+        """Wait until nothing about a task is on its way to the store; whether the task is there."""
+        while commit := self._commits.get(task_id):
+            await asyncio.wait({commit})
+        return task_id in self._tasks
+
+    def is_settled(self, task_id: int) -> bool:
+        """Whether a task is stored and nothing more about it is on its way to the store."""
+        return task_id in self._tasks and task_id not in self._commits
+
+    def note_progress(self, task_id: int, progress: float) -> None:
+        """Announce how far a task is; progress is not stored."""
+        self._tasks[task_id] = msgspec.structs.replace(self._tasks[task_id], progress=progress)
+        self.board.announce(task_id)
+
+    def note_unstored(self, task: Task) -> None:
+        """Announce a change that the store refused, where hiding it would be worse."""
+        self._note(task)
+        self.board.announce(task.task_id)
+
+    async def _commit(self, tasks: tuple[Task, ...]) -> None:
+        forgotten = self._surplus(tasks)
+        await self._store.apply(tasks, forgotten)
+        for task_id in forgotten:
+            self._tasks.pop(task_id, None)
+            self._ended.pop(task_id, None)
+        for task in tasks:
+            self._note(task)
+            self.board.announce(task.task_id)
+
+    def _forget_commit(self, commit: asyncio.Task[None], tasks: tuple[Task, ...]) -> None:
+        if not commit.cancelled():
+            commit.exception()  # seen, also where nobody waits for it any more
+        for task in tasks:
+            if self._commits.get(task.task_id) is commit:
+                del self._commits[task.task_id]
+
+    def _note(self, task: Task) -> None:
+        self._tasks[task.task_id] = task
+        self._ended.pop(task.task_id, None)
+        if task.state.is_ended:
+            self._ended[task.task_id] = None
+
+    def _surplus(self, tasks: tuple[Task, ...]) -> list[int]:
+        """The ended tasks that are too many once these are stored.
+
+        What is on its way to the store stays: it may be about to be queued once more.
+        """
+        ending = sum(task.state.is_ended for task in tasks)
+        surplus = max(0, len(self._ended) + ending - self._keep_ended) if ending else 0
+        idle = (task_id for task_id in self._ended if task_id not in self._commits)
+        return list(islice(idle, surplus))

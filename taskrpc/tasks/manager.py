@@ -1,0 +1,321 @@
+"""The task manager: everything that can be asked of the robot's tasks, without any network."""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections.abc import Callable, Sequence
+
+import msgspec
+
+from taskrpc.robot.protocol import Robot, TargetError
+from taskrpc.tasks.board import Board
+from taskrpc.tasks.book import TaskBook
+from taskrpc.tasks.guard import RobotGuard, checked_plan, sentence
+from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, EstimateChange, State, Task
+from taskrpc.tasks.queue import TaskQueue
+from taskrpc.tasks.store import StoreError, TaskStore
+from taskrpc.tasks.timetable import Timetable
+from taskrpc.tasks.worker import Worker
+
+_log = logging.getLogger("taskrpc.tasks")
+
+_TOLERANCE = 0.005  # real seconds by which a run may end late before its followers are told
+
+
+class Answer(msgspec.Struct, frozen=True):
+    """What became of a request."""
+
+    success: bool
+    message: str
+    """One sentence for the user, also when all went well."""
+    task_id: int = -1
+    """The task in question, -1 if it was refused."""
+    estimated_time: float = 0.0
+    """Robot seconds from now until that task is done."""
+
+
+class Resumed(msgspec.Struct, frozen=True):
+    """What a new server found of the tasks of the one before."""
+
+    queued: int
+    """How many tasks wait again."""
+    interrupted: tuple[int, ...]
+    """The tasks that ran when a server ended and about which nobody has decided yet."""
+
+    def __str__(self) -> str:
+        count = f"{self.queued or 'no'} queued task{'' if self.queued == 1 else 's'}"
+        notes = [f"task {number} was interrupted ({_again(number)})" for number in self.interrupted]
+        shown, hidden = notes[:3], len(notes) - 3
+        more = [f"{hidden} more were interrupted (taskrpc task list --all)"] if hidden > 0 else []
+        return "; ".join([f"resumed {count}", *shown, *more])
+
+
+class TaskManager:
+    """Accepts tasks, lets the robot do them in order, and remembers what became of them.
+
+    Args:
+        robot: the robot, an object that follows the `Robot` protocol.
+        store: where tasks survive the server.
+        queue_limit: how many tasks may wait.
+        settle: real seconds that an idle robot waits for company before it takes the first task.
+        keep_ended: how many ended tasks are remembered.
+        wall_clock: the time of day, in seconds since 1970.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        store: TaskStore,
+        *,
+        queue_limit: int = 10_000,
+        settle: float = 0.1,
+        keep_ended: int = 1000,
+        wall_clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._guard = RobotGuard(robot)
+        self._wall_clock = wall_clock
+        self._queue_limit = queue_limit
+        self.board = Board(int(wall_clock() * 1000))
+        """Tells who waits for it what has changed."""
+        self.book = TaskBook(store, self.board, keep_ended=keep_ended)
+        """Every task that is remembered."""
+        self.queue = TaskQueue(self._guard.plan, self._guard.pose())
+        """The tasks that wait."""
+        tolerance = _TOLERANCE * max(1.0, self._guard.speed)
+        self._timetable = Timetable(self.queue, tolerance=tolerance)
+        self._worker = Worker(
+            self._guard, self._timetable, self.book, settle=settle, wall_clock=wall_clock
+        )
+
+    # Its life
+
+    async def start(self) -> Resumed:
+        """Take up the store's tasks and begin to work.
+
+        Raises:
+            StoreError: the store cannot be used.
+        """
+        tasks = await self.book.open()
+        begun = [task for task in tasks if task.state.is_begun]
+        if begun:
+            await self.book.save(*(self._interrupted(task) for task in begun))
+        queued = [task for task in tasks if task.state is State.QUEUED]
+        self._worker.reckon()
+        now = self._worker.now()
+        for task in sorted(queued, key=lambda task: task.key):
+            waited = max(0.0, self._wall_clock() - task.submitted_at) * self._guard.speed
+            self._timetable.resume(task, now, waited=waited)
+        self._worker.start()
+        ended = (task for task in self.book.ended() if task.state is State.INTERRUPTED)
+        return Resumed(len(queued), tuple(sorted(task.task_id for task in ended)))
+
+    async def close(self) -> None:
+        """Halt the robot, store what ran as INTERRUPTED, answer the watchers, close the store."""
+        self.board.close()
+        await self._worker.close()
+        await self.book.close()
+
+    # What may be asked
+
+    @property
+    def is_paused(self) -> bool:
+        """Whether the queue stands still until `resume`."""
+        return self._worker.is_paused
+
+    @property
+    def running(self) -> Task | None:
+        """The task that the robot has in hand."""
+        run = self._worker.run
+        return self.book.find(run.task.task_id) if run else None
+
+    def reckon(self) -> None:
+        """Bring the estimates up to date; do so before asking for them."""
+        self._worker.reckon()
+
+    def seconds_ahead(self) -> float:
+        """Robot seconds until the first task of the queue can begin."""
+        return self._timetable.seconds_ahead(self._worker.now())
+
+    def estimate(self, task_id: int) -> float:
+        """Robot seconds until a task is done; 0.0 once it has ended."""
+        return self._timetable.estimate(task_id, self._worker.now())
+
+    def changes(self, task: Task) -> Sequence[EstimateChange]:
+        """Why a task is or was not done when it was promised, oldest first."""
+        if task.state.is_ended:
+            return task.changes
+        return self._timetable.changes(task.task_id, self._worker.now())
+
+    # What may be done; each returns when it is stored
+
+    async def submit(
+        self, task_type: str, target: str, priority: int, *, client: str = ""
+    ) -> Answer:
+        """Queue a task, or say what is wrong with it.
+
+        Raises:
+            StoreError: it could not be stored, and so was not queued.
+        """
+        if refusal := self._refusal(task_type, target, priority):
+            return Answer(False, refusal)
+        task = Task(
+            task_id=self.book.new_id(),
+            task_type=task_type,
+            target=target,
+            priority=priority,
+            arrival=self.book.new_arrival(),
+            submitted_at=self._wall_clock(),
+            client=client,
+        )
+        accepted = await self._accept(task)
+        _log.info(
+            "Task %d queued: %s to %s (priority: %d)", task.task_id, task_type, target, priority
+        )
+        return _queued(accepted)
+
+    async def cancel(self, task_id: int, *, client: str = "") -> Answer:
+        """Call a task off, whether it waits or runs."""
+        reason = _by("cancelled", client)
+        if task_id in self.queue:
+            return await self._call_off(task_id, reason)
+        if (run := self._worker.run) and run.task.task_id == task_id:
+            if not await self._worker.cancel(run, reason):
+                return self._done(f"Task {task_id} is being cancelled", run.task)
+            if run.task.state is State.CANCELED:
+                return self._done(f"Task {task_id} was cancelled", run.task)
+        if (task := self.book.find(task_id)) and task.state is State.CANCELED:
+            return self._done(f"Task {task_id} is cancelled already", task)
+        return self._refuse(task_id, "cannot be cancelled any more")
+
+    async def drop(self, task_id: int, *, client: str = "") -> Answer:
+        """Give up a task that waits or was interrupted."""
+        reason = _by("dropped", client)
+        if task_id in self.queue:
+            return await self._call_off(task_id, reason)
+        task = self.book.find(task_id)
+        if task and task.state is State.INTERRUPTED:
+            await self.book.save(task.ended(State.CANCELED, self._wall_clock(), message=reason))
+            return self._done(f"Task {task_id} was dropped", task)
+        if task and task.state is State.CANCELED:
+            return self._done(f"Task {task_id} is dropped already", task)
+        return self._refuse(task_id, "only a queued or interrupted task can be dropped")
+
+    async def reprioritise(self, task_id: int, priority: int) -> Answer:
+        """Move a queued task to another priority."""
+        if refusal := _priority_refusal(priority):
+            return Answer(False, refusal)
+        if task_id not in self.queue:
+            return self._refuse(task_id, "only a queued task can be moved")
+        self.reckon()
+        moved = self._timetable.rerank(task_id, priority)
+        await self.book.save(moved)
+        return self._done(f"Task {task_id} has priority {priority}", moved)
+
+    async def requeue(self, task_id: int) -> Answer:
+        """Queue a task once more that was interrupted, failed or cancelled."""
+        if waiting := self.queue.find(task_id):
+            return self._done(f"Task {task_id} is queued already", waiting)
+        task = self.book.find(task_id)
+        if task is None or State.QUEUED not in task.may_become:
+            return self._refuse(
+                task_id, "only one that was interrupted, failed or cancelled can be queued again"
+            )
+        if refusal := self._refusal(task.task_type, task.target, task.priority):
+            return Answer(False, refusal)
+        again = task.requeued(self._wall_clock(), self.book.new_arrival())
+        return _queued(await self._accept(again))
+
+    async def pause(self) -> Answer:
+        """Halt the robot in mid-task and begin no other."""
+        if failure := await self._worker.pause():
+            return Answer(False, f"The queue is paused, but {failure}")
+        return Answer(True, "The queue is paused")
+
+    async def resume(self) -> Answer:
+        """Go on after a pause or a stop."""
+        if failure := await self._worker.resume():
+            return Answer(False, f"The queue goes on, but {failure}")
+        return Answer(True, "The queue goes on")
+
+    async def stop(self, *, client: str = "") -> Answer:
+        """Halt the robot at once and pause the queue; the running task ends CANCELED."""
+        run = self._worker.run
+        if failure := await self._worker.stop(_by("the robot was stopped", client)):
+            return Answer(False, f"The queue is paused, but {failure}")
+        note = ""
+        if run and run.task.state is State.CANCELED:
+            note = f"; task {run.task.task_id} was cancelled ({_again(run.task.task_id)})"
+        return Answer(True, f"The robot is stopped and the queue is paused{note}")
+
+    # How
+
+    def _refusal(self, task_type: str, target: str, priority: int) -> str:
+        robot = self._guard.robot
+        if task_type not in robot.task_types:
+            expected = " or ".join(", ".join(robot.task_types).rsplit(", ", 1))
+            return f"Invalid task: {_shown(task_type)} (expected {expected})"
+        try:
+            checked_plan(robot, task_type, target, self._guard.pose())
+        except TargetError as error:
+            return f"Invalid target: {_shown(target)} ({sentence(error)[:400]})"
+        if refusal := _priority_refusal(priority):
+            return refusal
+        if len(self.queue) >= self._queue_limit:
+            return f"Queue full: {len(self.queue)} tasks wait, and no more may"
+        return ""
+
+    async def _accept(self, task: Task) -> Task:
+        self.reckon()
+        accepted = self._timetable.accept(task, self._worker.now())
+        try:
+            await self.book.save(accepted)
+        except StoreError:
+            if task.task_id in self.queue:
+                self._timetable.remove(task.task_id, "could not be stored")
+            raise
+        return accepted
+
+    async def _call_off(self, task_id: int, reason: str) -> Answer:
+        self.reckon()
+        task = self._timetable.remove(task_id, "was cancelled")
+        await self.book.save(task.ended(State.CANCELED, self._wall_clock(), message=reason))
+        return self._done(f"Task {task_id} was cancelled", task)
+
+    def _interrupted(self, task: Task) -> Task:
+        message = "the server ended while it ran"
+        return task.ended(State.INTERRUPTED, self._wall_clock(), message=message)
+
+    def _done(self, message: str, task: Task) -> Answer:
+        return Answer(True, message, task.task_id, self.estimate(task.task_id))
+
+    def _refuse(self, task_id: int, rule: str) -> Answer:
+        task = self.book.find(task_id)
+        if task is None:
+            return Answer(False, f"There is no task {task_id}")
+        return Answer(False, f"Task {task_id} is {task.state.value}: {rule}")
+
+
+def _queued(task: Task) -> Answer:
+    return Answer(True, f"Task queued: {task.task_type}", task.task_id, task.accepted_estimate)
+
+
+def _priority_refusal(priority: int) -> str:
+    if PRIORITY_MIN <= priority <= PRIORITY_MAX:
+        return ""
+    allowed = f"{PRIORITY_MIN} to {PRIORITY_MAX}, {PRIORITY_MAX} runs first"
+    return f"Invalid priority: {priority} (expected {allowed})"
+
+
+def _again(task_id: int) -> str:
+    return f"taskrpc task requeue {task_id} runs it again"
+
+
+def _by(what: str, client: str) -> str:
+    return f"{what} by {client}" if client else what
+
+
+def _shown(text: str) -> str:
+    """A user's text, fit for one line of a terminal."""
+    shown = "".join(letter if letter.isprintable() else "?" for letter in text)
+    return shown if len(shown) <= 60 else shown[:59] + "…"

@@ -1,0 +1,214 @@
+"""What a task was promised, plus the changes that were named since, is when it was done."""
+
+import asyncio
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taskrpc.robot import KinematicRobot, default_world
+from taskrpc.tasks.manager import TaskManager
+from taskrpc.tasks.model import State
+from taskrpc.tasks.store import MemoryStore
+from taskrpc.testing import VirtualTimeLoop
+from tests.taskrpc.tasks.fakes import LineRobot
+
+submits = st.tuples(st.just("submit"), st.integers(0, 5), st.integers(1, 10))
+meddling = st.one_of(
+    st.tuples(st.sampled_from(["cancel", "requeue"]), st.integers(1, 12), st.none()),
+    st.tuples(st.just("reprioritise"), st.integers(1, 12), st.integers(1, 10)),
+    st.tuples(st.sampled_from(["pause", "resume", "stop"]), st.none(), st.none()),
+)
+pauses = st.tuples(st.just("sleep"), st.floats(0.0, 8.0), st.none())
+
+
+def until(condition):
+    """Wait in virtual time."""
+
+    async def wait():
+        while not condition():
+            await asyncio.sleep(0.05)
+
+    return wait()
+
+
+class Witness:
+    """Notes, on the robot's clock, when each task was last accepted and when it ended."""
+
+    def __init__(self, manager, robot):
+        self.manager, self.robot = manager, robot
+        self.accepted, self.ended = {}, {}
+
+    def now(self):
+        return asyncio.get_running_loop().time() * self.robot.speed
+
+    async def watch(self):
+        revision = self.manager.board.revision
+        while True:
+            await self.manager.board.wait_for_change(revision, 1e9)
+            for task_id in self.manager.board.changed_since(revision):
+                task = self.manager.book.find(task_id)
+                if task.state.is_ended:
+                    self.ended[task_id] = self.now()
+            revision = self.manager.board.revision
+
+    async def do(self, action, a, b):
+        manager = self.manager
+        match action:
+            case "submit":
+                answer = await manager.submit("move", str(a), b)
+                self.accepted[answer.task_id] = self.now()
+            case "requeue":
+                answer = await manager.requeue(a)
+                if answer.message.startswith("Task queued"):
+                    self.accepted[a] = self.now()
+            case "sleep":
+                await asyncio.sleep(a / self.robot.speed)
+            case "pause" | "resume" | "stop":
+                await getattr(manager, action)()
+            case "cancel":
+                await manager.cancel(a)
+            case _:
+                await manager.reprioritise(a, b)
+
+    def check_succeeded(self):
+        """Compare for every task that ran to its end; return their number."""
+        done = [t for t in self.manager.book.ended() if t.state is State.SUCCEEDED]
+        for task in done:
+            took = self.ended[task.task_id] - self.accepted[task.task_id]
+            said = task.accepted_estimate + sum(change.seconds for change in task.changes)
+            assert said == pytest.approx(took, rel=0.01, abs=0.01), (task, took)
+        return len(done)
+
+
+async def rehearse(robot, actions):
+    """Do the actions, let the queue run empty, and compare promises with what came."""
+    manager = TaskManager(robot, MemoryStore(), settle=0.1)
+    await manager.start()
+    witness = Witness(manager, robot)
+    watcher = asyncio.ensure_future(witness.watch())
+    for action in actions:
+        await witness.do(*action)
+    await manager.resume()
+    await until(lambda: not manager.queue and manager.running is None)
+    await asyncio.sleep(1)
+    watcher.cancel()
+    await manager.close()
+    return manager, witness
+
+
+def virtually(coroutine):
+    loop = VirtualTimeLoop()
+    try:
+        return loop.run_until_complete(coroutine)
+    finally:
+        loop.close()
+
+
+@settings(max_examples=40, deadline=None)
+@given(actions=st.lists(st.one_of(submits, pauses), max_size=12), speed=st.sampled_from([1.0, 8.0]))
+def test_where_nobody_interferes_equal_tasks_are_done_when_it_was_said(actions, speed):
+    equal = [(name, a, 5 if name == "submit" else b) for name, a, b in actions]
+    manager, witness = virtually(rehearse(LineRobot(speed=speed), equal))
+    assert witness.check_succeeded() == sum(name == "submit" for name, *_ in actions)
+    assert not any(task.changes for task in manager.book.ended())
+
+
+@settings(max_examples=150, deadline=None)
+@given(
+    actions=st.lists(st.one_of(submits, submits, meddling, pauses), max_size=30),
+    speed=st.sampled_from([1.0, 8.0]),
+    slowness=st.sampled_from([1.0, 1.7, 0.6]),
+)
+def test_every_second_of_delay_has_a_named_cause(actions, speed, slowness):
+    manager, witness = virtually(rehearse(LineRobot(speed=speed, slowness=slowness), actions))
+    witness.check_succeeded()
+    assert not manager._timetable._promises, "a promise outlived its task"
+
+
+@settings(max_examples=10, deadline=None)
+@given(
+    actions=st.lists(
+        st.one_of(
+            st.tuples(st.just("submit"), st.integers(1, 3), st.integers(1, 10)), meddling, pauses
+        ),
+        max_size=12,
+    )
+)
+def test_the_same_is_true_of_the_kinematic_robot(actions):
+    robot = KinematicRobot(default_world(), speed=4.0)
+    robot_actions = [(name, f"{a},2" if name == "submit" else a, b) for name, a, b in actions]
+    _, witness = virtually(rehearse(robot, robot_actions))
+    witness.check_succeeded()
+
+
+async def test_the_causes_are_named_as_a_user_would():
+    robot = LineRobot()
+    manager = TaskManager(robot, MemoryStore(), settle=0.5)
+    await manager.start()
+    await manager.submit("move", "10", 5)
+    await manager.submit("move", "0", 5)
+    late = (await manager.submit("move", "10", 2)).task_id
+    await asyncio.sleep(1)
+    await manager.submit("move", "20", 7)
+    await manager.cancel(2)
+    await manager.reprioritise(late, 3)
+    await manager.pause()
+    await asyncio.sleep(4)
+    await manager.resume()
+    robot.slowness = 2.0
+    await until(lambda: manager.book.find(late).state.is_ended)
+    causes = [change.cause for change in manager.book.find(late).changes]
+    assert causes[:4] == [
+        "task 4, priority 7, went ahead",
+        "task 2 was cancelled",
+        "it was moved to priority 3",
+        "the queue was paused",
+    ] or causes[:3] == [
+        "task 4, priority 7, went ahead",
+        "task 2 was cancelled",
+        "the queue was paused",
+    ]
+    assert any(cause.endswith("took longer than planned") for cause in causes)
+    await manager.close()
+
+
+async def test_an_estimate_that_is_asked_for_again_agrees_with_the_promise():
+    """What is shown at any time is the promise, plus the changes so far, less the time passed."""
+    robot = LineRobot()
+    manager = TaskManager(robot, MemoryStore())
+    await manager.start()
+    for target in ("3", "9", "1"):
+        await manager.submit("move", target, 5)
+    loop = asyncio.get_running_loop()
+    accepted = manager.book.find(3).accepted_estimate
+    await asyncio.sleep(2)
+    await manager.pause()
+    for _ in range(5):
+        await asyncio.sleep(1.5)
+        manager.reckon()
+        said = accepted + sum(c.seconds for c in manager.changes(manager.book.find(3)))
+        assert manager.estimate(3) == pytest.approx(said - loop.time(), abs=0.01)
+    await manager.close()
+
+
+async def test_so_many_changes_that_some_are_forgotten_still_add_up():
+    robot = LineRobot()
+    manager = TaskManager(robot, MemoryStore())
+    await manager.start()
+    await manager.submit("move", "100", 5)
+    await asyncio.sleep(1)
+    first = await manager.submit("move", "5", 5)
+    accepted_at = asyncio.get_running_loop().time()
+    for number in range(3, 2_600):
+        await manager.submit("move", str(number % 7), 6)
+        await manager.cancel(number)
+    await manager.submit("move", "50", 6)
+    changes = manager.changes(manager.book.find(2))
+    assert changes[0].cause.endswith("earlier changes")
+    assert len(changes) <= 101
+    await until(lambda: manager.book.find(2).state.is_ended)
+    took = asyncio.get_running_loop().time() - accepted_at
+    total = sum(change.seconds for change in manager.book.find(2).changes)
+    assert first.estimated_time + total == pytest.approx(took, rel=0.01)
+    await manager.close()
