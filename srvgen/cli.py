@@ -47,10 +47,16 @@ class _Report:
         self.exit_code = 0
         self._as_json = as_json
         self._printed: set[str] = set()
+        self._names: dict[str, str] = {}
+
+    def remember(self, path: Path) -> None:
+        """Call this file as the user did, whoever finds a problem in it."""
+        self._names.setdefault(str(path.resolve()), str(path))
 
     def error(self, error: DefinitionError) -> None:
         self.exit_code = 1
         for problem in problems_of(error):
+            problem.path = self._names.get(problem.path, problem.path)
             text = self._json(problem) if self._as_json else _positioned(problem)
             if text not in self._printed:
                 self._printed.add(text)
@@ -221,17 +227,19 @@ def _complete(options: argparse.Namespace, search: Search, report: _Report) -> I
 
 def _readable(options: argparse.Namespace, report: _Report) -> Iterator[tuple[Path, Definition]]:
     """The files of the sources that can be parsed; the others are reported."""
+    paths: dict[Path, Path] = {}
     for source in options.sources:
         try:
-            paths = list(definition_files([source]))
+            for path in definition_files(source):
+                paths.setdefault(path.resolve(), path)
+                report.remember(path)
         except DefinitionError as error:
             report.error(error)
-            continue
-        for path in paths:
-            try:
-                yield path, read_definition(path)
-            except DefinitionError as error:
-                report.error(error)
+    for path in paths.values():
+        try:
+            yield path, read_definition(path)
+        except DefinitionError as error:
+            report.error(error)
 
 
 def _print_notes() -> None:

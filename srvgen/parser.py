@@ -7,7 +7,7 @@ valid file pays nothing for good messages and a bad one gets all of them in one 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from .diagnosis import mistakes_in_line
 from .errors import DefinitionError, DefinitionErrors
@@ -95,7 +95,7 @@ class _Entry(NamedTuple):
     """A field or constant whose comment may still grow."""
 
     element: type[Field] | type[Constant]
-    arguments: tuple[object, ...]
+    arguments: tuple[Any, ...]
     comments: list[str]
     line: int
     column: int
@@ -280,7 +280,7 @@ def _read(code: str, package: str, number: int, comments: list[str]) -> _Entry:
 
 def _build(entry: _Entry) -> Field | Constant:
     comment, unit = read_comment(entry.comments)
-    return entry.element(*entry.arguments, comment, unit, entry.line, entry.column)  # type: ignore[call-arg]
+    return entry.element(*entry.arguments, comment, unit, entry.line, entry.column)
 
 
 def _article(noun: str) -> str:

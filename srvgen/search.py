@@ -37,7 +37,7 @@ class Search:
     """
 
     def __init__(self, paths: Sequence[Path | str] = ()) -> None:
-        self.paths = [Path(path) for path in paths]
+        self.paths = [Path(path).resolve() for path in paths]
         self._parsed: dict[Path, tuple[tuple[int, int], Definition]] = {}
 
     def find(self, full_name: str) -> Path:
@@ -224,7 +224,7 @@ def _environment(variable: str) -> list[Path]:
 def _package_folders(root: Path) -> Iterator[Path]:
     """The root itself where it is a package, and the packages directly in it."""
     if _is_package(root):
-        yield root.resolve()
+        yield root
     try:
         children = sorted(root.iterdir())
     except OSError:
