@@ -22,12 +22,7 @@ from .slips import (
 def mistakes_in_line(code: str, package: str) -> list[Mistake]:
     """Every mistake of a line (its comment removed), with its offset in the line."""
     strange = strange_character(code)
-    if strange:
-        offset, hint = strange
-        found = next(iter(_mistakes(code, package)), None)
-        sentence = found.message if found else "this line is no definition"
-        return [Mistake(sentence, offset, hint)]
-    return list(_mistakes(code, package))
+    return [strange] if strange else list(_mistakes(code, package))
 
 
 def _mistakes(code: str, package: str) -> Iterator[Mistake]:
@@ -47,7 +42,7 @@ def _mistakes(code: str, package: str) -> Iterator[Mistake]:
 
 
 def _lone_word(code: str) -> Iterator[Mistake]:
-    if looks_like_separator(code) or code == "---":
+    if (looks_like_separator(code) or code == "---") and not line_hint(code):
         yield Mistake(
             f"expected a type and a name, got {code!r}",
             hint="a message has one section; a service (.srv) two, an action (.action) three, "

@@ -6,7 +6,7 @@ valid file pays nothing for good messages and a bad one gets all of them in one 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from .diagnosis import mistakes_in_line
@@ -39,7 +39,7 @@ def parse_msg(text: str, package: str, name: str, *, path: str = "") -> MessageD
             the text has several problems. `path` is what they call the file.
     """
     file = _File(text, package, path)
-    file.check_names(name)
+    file.check_names(name, "msg")
     message = file.section(_Span(0, len(file.lines)), "msg", name)
     file.raise_problems()
     return message
@@ -52,7 +52,7 @@ def parse_srv(text: str, package: str, name: str, *, path: str = "") -> ServiceD
         DefinitionError: as `parse_msg`.
     """
     file = _File(text, package, path)
-    file.check_names(name, "_Request")
+    file.check_names(name, "srv", "_Request")
     request, response = file.split("srv", "service", ("request", "response"))
     service = ServiceDef(
         package,
@@ -71,7 +71,7 @@ def parse_action(text: str, package: str, name: str, *, path: str = "") -> Actio
         DefinitionError: as `parse_msg`.
     """
     file = _File(text, package, path)
-    file.check_names(name, "_Goal")
+    file.check_names(name, "action", "_Goal")
     goal, result, feedback = file.split("action", "action", ("goal", "result", "feedback"))
     action = ActionDef(
         package,
@@ -94,7 +94,7 @@ class _Span(NamedTuple):
 class _Entry(NamedTuple):
     """A field or constant whose comment may still grow."""
 
-    element: type[Field] | type[Constant]
+    element: Callable[..., Field | Constant]
     arguments: tuple[Any, ...]
     comments: list[str]
     line: int
@@ -136,7 +136,7 @@ class _File:
             raise self.problems[0]
         raise DefinitionErrors(self.problems)
 
-    def check_names(self, name: str, suffix: str = "") -> None:
+    def check_names(self, name: str, kind: Kind, suffix: str = "") -> None:
         """Note what is wrong with the package's name and with the type's (from the file's)."""
         if not is_package_name(self.package):
             meant = snake_case(self.package)
@@ -148,7 +148,7 @@ class _File:
             meant = camel_case(name.removesuffix(".srv").removesuffix(".msg"))
             self.problem(
                 f"expected a type name ({MESSAGE_RULE}) as the file's name, got {name!r}",
-                hint=f"rename the file to {meant}" if is_message_name(meant) else "",
+                hint=f"rename the file to {meant}.{kind}" if is_message_name(meant) else "",
             )
 
     def split(self, kind: Kind, noun: str, names: Sequence[str]) -> list[_Span]:
@@ -179,17 +179,17 @@ class _File:
     ) -> None:
         parts = f"{', '.join(names[:-1])} and {names[-1]}"
         count = "one line" if len(names) == 2 else "two lines"
-        expected = f"expected {count} {SEPARATOR} between {parts}"
         for at in alike:
             self.problem(
-                f"{expected}, got {self.lines[at]!r}",
+                f"expected the separator {SEPARATOR} between {parts}, got {self.lines[at]!r}",
                 at + 1,
                 1,
-                f"the separator is exactly three hyphens, alone on the line: {SEPARATOR}",
+                "write exactly three hyphens, alone on the line",
             )
         if not alike:
             self.problem(
-                f"{expected} of {_article(noun)}, got {found or 'none'} up to the end of the file",
+                f"expected {count} {SEPARATOR} between {parts} of {_article(noun)}, "
+                f"got {found or 'none'} up to the end of the file",
                 max(len(self.lines), 1),
                 len(self.lines[-1].rstrip()) + 1 if self.lines else 1,
                 hint=f"put a line {SEPARATOR} after the {names[found]}, even if nothing follows",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
+from .mistake import Mistake
 from .model import PRIMITIVES
 from .names import camel_case, is_constant_name, is_field_name, is_message_name, snake_case
 
@@ -111,7 +112,7 @@ def line_hint(code: str) -> str:
     """What a line that is no definition at all was meant to be, or ""."""
     if code.startswith(("//", "/*", "--", "%")):
         return "a comment begins with '#'"
-    if code.startswith("MSG:"):
+    if code.startswith(("MSG:", "===")):
         return "these are several definitions in one; give each type a file of its own"
     if code.startswith("@"):
         return "annotations belong to .idl files; leave this line out"
@@ -120,16 +121,28 @@ def line_hint(code: str) -> str:
     return ""
 
 
-def strange_character(code: str) -> tuple[int, str] | None:
-    """Offset of and hint for the first character that a word processor left in a line."""
+def strange_character(code: str) -> Mistake | None:
+    """The first character that a word processor left in a line that is no definition."""
     bullet = _BULLET.match(code)
     if bullet:
         at = len(bullet[0]) - len(bullet[0].lstrip())
-        return at, f"leave out the {code[at]!r} of the list: one definition a line"
+        return Mistake(
+            f"expected a type at the start of the line, got a list's {code[at]!r}",
+            at,
+            "leave it out: one definition a line needs no list",
+        )
     for offset, char in enumerate(code):
         if char in _CURLY:
-            return offset, "replace the curly quotation mark by a straight one"
-        if char != " " and (char.isspace() or unicodedata.category(char) in ("Cf", "Cc", "Zs")):
+            return Mistake(
+                f"expected plain text, got the curly quotation mark {char}",
+                offset,
+                "replace it by a straight one",
+            )
+        if char != " " and unicodedata.category(char) in ("Cf", "Cc", "Zs"):
             name = unicodedata.name(char, "control character").lower()
-            return offset, f"replace the {name} (U+{ord(char):04X}) by a plain space or nothing"
+            return Mistake(
+                f"expected plain text, got a {name} (U+{ord(char):04X})",
+                offset,
+                "replace it by a plain space or by nothing",
+            )
     return None
