@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from pathlib import Path
 
 import pytest
 
@@ -24,5 +25,7 @@ def _private_places(tmp_path, monkeypatch):
     state.mkdir(mode=0o700)
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
     monkeypatch.setenv("XDG_STATE_HOME", str(state))
+    # Programs that tests start run the same code as the tests, installed or not.
+    monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
     for name in ("ROS_DOMAIN_ID", "TASKRPC_PEERS", "TASKRPC_TOKEN", "TASKRPC_INTERFACE_PATH"):
         monkeypatch.delenv(name, raising=False)
