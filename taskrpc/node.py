@@ -16,6 +16,7 @@ from taskrpc.service import Callback, Service
 from taskrpc.transport.base import Mode, Transport
 from taskrpc.transport.registry import Entry
 from taskrpc.transport.shared import shared_transport
+from taskrpc.transport.tls import Tls
 
 _Result = TypeVar("_Result")
 
@@ -35,6 +36,7 @@ class Node:
         listen: `HOST:PORT` to take calls at; any free loopback port unless said.
         peers: `HOST:PORT` of processes to call, instead of this machine's registry
             (`TASKRPC_PEERS` where not given).
+        tls: certificates, for nodes that are reached from, or call, other machines.
         token: the secret that callers and peers on other machines must know
             (`TASKRPC_TOKEN` where not given); processes of one user and machine need none.
     """
@@ -47,12 +49,13 @@ class Node:
         transport: str = "tcp",
         listen: str | None = None,
         peers: Sequence[str] | None = None,
+        tls: Tls | None = None,
         token: str | None = None,
     ) -> None:
         self._name = names.check_node_name(name)
         self._namespace = names.check_namespace(namespace)
         self._transport_name = transport
-        self._listen, self._peers = listen, peers
+        self._listen, self._peers, self._tls = listen, peers, tls
         self._token = token or os.environ.get("TASKRPC_TOKEN")
         self._transport: Transport | None = None
         self._services: list[Service] = []
@@ -99,7 +102,11 @@ class Node:
         """Join the network; `async with` does it."""
         if self._transport is None:
             self._transport = shared_transport(
-                self._transport_name, listen=self._listen, peers=self._peers, token=self._token
+                self._transport_name,
+                listen=self._listen,
+                peers=self._peers,
+                token=self._token,
+                tls=self._tls,
             )
             self._transport.add_node(self.get_fully_qualified_name())
 
@@ -122,7 +129,8 @@ class Node:
 
         A second signal ends the program at once.
         """
-        stopped = asyncio.get_running_loop().create_future()
+        loop = asyncio.get_running_loop()
+        stopped = loop.create_future()
         signals = 0
 
         def stop(number: int) -> None:
@@ -133,7 +141,7 @@ class Node:
             stopped.set_result(None)
 
         await self.start()
-        with platform.stop_signals(stop):
+        with platform.stop_signals(lambda number: loop.call_soon_threadsafe(stop, number)):
             await stopped
             await self.drain()
 
@@ -219,16 +227,17 @@ class Node:
 
 def run(main: Coroutine[Any, Any, _Result]) -> _Result:
     """Run a coroutine to its end: `asyncio.run`, on uvloop where it is installed."""
-    with asyncio.Runner(loop_factory=_fast_loop()) as runner:
+    with asyncio.Runner(loop_factory=fast_loop()) as runner:
         return runner.run(main)
 
 
-def _fast_loop() -> Callable[[], asyncio.AbstractEventLoop] | None:
+def fast_loop() -> Callable[[], asyncio.AbstractEventLoop] | None:
+    """uvloop's loop where it is installed, else None for asyncio's own."""
     try:
         from uvloop import new_event_loop
     except ImportError:
         return None
-    return cast(Callable[[], asyncio.AbstractEventLoop], new_event_loop)
+    return cast("Callable[[], asyncio.AbstractEventLoop]", new_event_loop)
 
 
 def _service_type(srv_type: Any) -> Any:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import contextlib
 import os
 import signal
@@ -12,7 +11,7 @@ import sys
 import tempfile
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from types import FrameType
+from typing import Any
 
 from taskrpc.errors import TaskRpcError
 
@@ -144,27 +143,21 @@ def drop_dead_peers(sock: socket.socket, seconds: float) -> None:
 
 
 @contextlib.contextmanager
-def stop_signals(stop: Callable[[int], None]) -> Iterator[None]:
-    """Call `stop(signal number)` in the running loop at SIGINT, SIGTERM (Windows: Ctrl-Break).
+def stop_signals(stop: Callable[[int], object]) -> Iterator[None]:
+    """Call `stop(signal number)` at Ctrl-C, SIGTERM and Windows' Ctrl-Break.
 
-    Works on the main thread only; elsewhere signals are left alone.
+    It is called on the main thread, between any two of its steps; threads other than that one
+    cannot change signals, there nothing happens.
     """
-    loop = asyncio.get_running_loop()
-    before: dict[int, object] = {}
-
-    def on_signal(number: int, _: FrameType | None) -> None:
-        loop.call_soon_threadsafe(stop, number)
-
-    try:
+    before: dict[int, Any] = {}
+    with contextlib.suppress(ValueError):  # not the main thread
         for number in _stop_signals():
-            before[number] = signal.signal(number, on_signal)
-    except ValueError:  # not the main thread
-        pass
+            before[number] = signal.signal(number, lambda number, _: stop(number))
     try:
         yield
     finally:
         for number, handler in before.items():
-            signal.signal(number, handler)  # type: ignore[arg-type]
+            signal.signal(number, handler)
 
 
 def _stop_signals() -> list[int]:
