@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from taskrpc.robot import KinematicRobot, Robot
     from taskrpc.service import Service
     from taskrpc.tasks import TaskServer
+    from taskrpc.transport.tls import Tls
 
 _HOMES = {
     "callinfo": "CallInfo current_call",
@@ -53,6 +54,7 @@ _HOMES = {
     "robot": "KinematicRobot Robot",
     "service": "Service",
     "tasks": "TaskServer",
+    "transport.tls": "Tls",
 }
 _HOME_OF = {name: home for home, exported in _HOMES.items() for name in exported.split()}
 
@@ -82,6 +84,7 @@ __all__ = [
     "SessionExpired",
     "TaskRpcError",
     "TaskServer",
+    "Tls",
     "TypeMismatch",
     "WouldDeadlock",
     "current_call",

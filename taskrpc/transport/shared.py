@@ -12,6 +12,7 @@ from taskrpc.transport.endpoint import Endpoint
 from taskrpc.transport.memory import MemoryNetwork
 from taskrpc.transport.network import Network
 from taskrpc.transport.tcp import TcpNetwork, domain_id, environment_peers
+from taskrpc.transport.tls import Tls
 
 _endpoints: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[Hashable, Endpoint]] = (
     weakref.WeakKeyDictionary()
@@ -19,7 +20,12 @@ _endpoints: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[Hashable, 
 
 
 def shared_transport(
-    name: str, *, listen: str | None, peers: Sequence[str] | None, token: str | None
+    name: str,
+    *,
+    listen: str | None,
+    peers: Sequence[str] | None,
+    token: str | None,
+    tls: Tls | None,
 ) -> Transport:
     """The running loop's endpoint for these settings, made for the first who asks.
 
@@ -28,21 +34,27 @@ def shared_transport(
     domain = domain_id()
     where = tuple(environment_peers() if peers is None else peers)
     endpoints = _endpoints.setdefault(asyncio.get_running_loop(), {})
-    key = (name, domain, listen, where, token)
+    key = (name, domain, listen, where, token, tls)
     endpoint = endpoints.get(key)
     if endpoint is None or not endpoint.holders:
         secret = token.encode() if token else None
-        endpoints[key] = endpoint = Endpoint(_network(name, domain, listen, where, secret))
+        network = _network(name, domain, listen, where, secret, tls)
+        endpoints[key] = endpoint = Endpoint(network)
     else:
         endpoint.holders += 1
     return endpoint
 
 
 def _network(
-    name: str, domain: int, listen: str | None, peers: Sequence[str], token: bytes | None
+    name: str,
+    domain: int,
+    listen: str | None,
+    peers: Sequence[str],
+    token: bytes | None,
+    tls: Tls | None,
 ) -> Network:
     if name == "tcp":
-        return TcpNetwork(domain=domain, listen=listen, peers=peers, token=token)
+        return TcpNetwork(domain=domain, listen=listen, peers=peers, token=token, tls=tls)
     if name == "memory":
         return MemoryNetwork(domain=domain)
     raise TaskRpcError(f"transport: expected 'tcp' or 'memory', got {name!r}")

@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from taskrpc.errors import CannotListen, TaskRpcError
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.registry import Entry, Registry
+from taskrpc.transport.tls import Tls
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -37,7 +38,9 @@ class TcpNetwork:
         listen: str | None = None,
         peers: Sequence[str] = (),
         token: bytes | None = None,
+        tls: Tls | None = None,
     ) -> None:
+        self._tls = tls
         self.domain = domain
         self.token = token or secrets.token_bytes(32)
         self._peers = [_checked_place(peer) for peer in peers]
@@ -49,18 +52,23 @@ class TcpNetwork:
     def listen(self, factory: Factory) -> str:
         """Take connections from now on."""
         host, port = split_place(self._listen_at)
-        _refuse_unprotected(host)
+        self._refuse_unprotected(host)
+        context = self._tls.server_context() if self._tls is not None else None
         # Bound here and now, so that the address can be announced before the loop's next turn;
         # callers who are quicker than the loop wait in the backlog.
         sock = _bound(host, port)
         loop = asyncio.get_running_loop()
-        self._serving = loop.create_task(loop.create_server(factory, sock=sock, backlog=_BACKLOG))
+        self._serving = loop.create_task(
+            loop.create_server(factory, sock=sock, backlog=_BACKLOG, ssl=context)
+        )
         return _place(*sock.getsockname()[:2])
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect."""
         host, port = split_place(address.place)
-        _, protocol = await asyncio.get_running_loop().create_connection(factory, host, port)
+        context = self._tls.client_context() if self._tls is not None else None
+        loop = asyncio.get_running_loop()
+        _, protocol = await loop.create_connection(factory, host, port, ssl=context)
         return protocol
 
     def publish(self, entry: Entry, *, claim: str = "") -> None:
@@ -107,6 +115,13 @@ class TcpNetwork:
         """Remove this process's registry entry."""
         self._registry.close()
 
+    def _refuse_unprotected(self, host: str) -> None:
+        if not _is_loopback(host) and (self._tls is None or self._peer_token is None):
+            raise CannotListen(
+                f"cannot listen at {host}: beyond this machine's own addresses (127.0.0.1,"
+                " localhost, ::1) a certificate (tls) and a token are needed"
+            )
+
     def _with_tokens(self, entries: Sequence[Entry]) -> list[Address]:
         # A peer on this machine, of this user, has its token in the registry.
         known = {entry.address: bytes.fromhex(entry.token) for entry in entries if entry.address}
@@ -147,15 +162,9 @@ def _place(host: str, port: int) -> str:
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
-def _refuse_unprotected(host: str) -> None:
-    if host != "localhost" and not _is_loopback(host):
-        raise CannotListen(
-            f"cannot listen at {host}: without encryption only this machine's own addresses"
-            " (127.0.0.1, localhost, ::1) are allowed"
-        )
-
-
 def _is_loopback(host: str) -> bool:
+    if host == "localhost":
+        return True
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

@@ -1,0 +1,56 @@
+"""TLS 1.3 for connections that leave this machine."""
+
+from __future__ import annotations
+
+import ssl
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from taskrpc.errors import CannotListen, TaskRpcError
+
+
+@dataclass(frozen=True, slots=True)
+class Tls:
+    """Certificates for a node: files in PEM format.
+
+    A node that takes calls needs `cert` and `key`. A node that calls trusts servers whose
+    certificates `ca` signed (the system's authorities where it is not given), and checks that the
+    certificate is for the host that it dialled. A node that takes calls and has `ca` wants its
+    callers to show certificates signed by it.
+    """
+
+    cert: str | Path | None = None
+    key: str | Path | None = None
+    ca: str | Path | None = None
+
+    def server_context(self) -> ssl.SSLContext:
+        """How to accept connections. Raises CannotListen without a certificate and its key."""
+        if self.cert is None or self.key is None:
+            raise CannotListen("listening with TLS needs a certificate and its key")
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.minimum_version = ssl.TLSVersion.TLSv1_3
+        _reading(self.cert, lambda: context.load_cert_chain(str(self.cert), str(self.key)))
+        if self.ca is not None:
+            _reading(self.ca, lambda: context.load_verify_locations(str(self.ca)))
+            context.verify_mode = ssl.CERT_REQUIRED
+        return context
+
+    def client_context(self) -> ssl.SSLContext:
+        """How to connect. Raises TaskRpcError for a file that is missing or is no certificate."""
+        context = ssl.create_default_context()
+        context.minimum_version = ssl.TLSVersion.TLSv1_3
+        if self.ca is not None:
+            _reading(self.ca, lambda: context.load_verify_locations(str(self.ca)))
+        if self.cert is not None and self.key is not None:
+            _reading(self.cert, lambda: context.load_cert_chain(str(self.cert), str(self.key)))
+        return context
+
+
+def _reading(path: str | Path, load: Callable[[], object]) -> None:
+    try:
+        load()
+    except (ssl.SSLError, ValueError):
+        raise TaskRpcError(f"{path}: expected a certificate (and its key) in PEM format") from None
+    except OSError as error:
+        raise TaskRpcError(f"{path}: {error.strerror}") from None
