@@ -261,8 +261,9 @@ async def test_late_timers_do_not_add_up_over_a_queue(lateness):
     for target in ["central", "dock"] * 10:
         plan = robot.plan("move", target, pose)
         planned, pose = planned + plan.seconds, plan.end
-        loop.call_at(planned - 1e-6, loop.advance, lateness)
-        await robot.execute("move", target, ignore)
+        running = await started(robot, "move", target)
+        loop.call_later(robot.remaining() - 1e-6, loop.advance, lateness)
+        await running
     assert loop.time() == pytest.approx(planned + lateness, abs=1e-5)
 
 
@@ -286,10 +287,12 @@ async def test_a_loop_that_hung_for_long_does_not_send_the_robot_into_the_past()
     assert loop.time() - began == pytest.approx(1.0)
 
 
-async def test_a_cancelled_task_hands_no_instant_on():
+@pytest.mark.parametrize("share", [0.05, 0.5])
+async def test_a_cancelled_task_hands_no_instant_on(share):
     robot = KinematicRobot(WORLD)
+    await robot.execute("report", "dock", ignore)
     running = await started(robot, "report", "dock")
-    await asyncio.sleep(0.5)
+    await asyncio.sleep(share)
     running.cancel()
     await asyncio.wait([running])
     began = asyncio.get_running_loop().time()
@@ -297,16 +300,29 @@ async def test_a_cancelled_task_hands_no_instant_on():
     assert asyncio.get_running_loop().time() - began == pytest.approx(1.0)
 
 
+async def test_a_stop_at_the_very_instant_of_the_end_is_a_stop():
+    robot = KinematicRobot(WORLD, speed=100.0)
+    running = await started(robot, "report", "dock")
+    asyncio.get_running_loop().call_at(0.01, robot.stop)  # just behind the robot's own timer
+    with pytest.raises(RobotStopped):
+        await running
+    await robot.execute("report", "dock", ignore)
+
+
 def test_a_robot_goes_on_under_another_event_loop():
     robot = KinematicRobot(WORLD)
-    for _ in range(2):
+    levels = []
 
-        async def scenario():
-            await asyncio.sleep(1.0)
-            await robot.execute("report", "dock", ignore)
-            return asyncio.get_running_loop().time()
+    async def scenario():
+        await asyncio.sleep(100.0 - 90.0 * len(levels))
+        began = asyncio.get_running_loop().time()
+        levels.append((await robot.execute("report", "2,2", ignore))["battery"])
+        return asyncio.get_running_loop().time() - began
 
-        assert run(scenario) == pytest.approx(2.0)
+    away = robot.plan("report", "2,2", robot.pose()).seconds
+    assert run(scenario) == pytest.approx(away)
+    assert run(scenario) == pytest.approx(1.0)
+    assert levels[1] < levels[0]
 
 
 # -- results -------------------------------------------------------------------------------------

@@ -109,6 +109,23 @@ def test_a_motion_is_continuous_and_ends_at_its_last_waypoint(start, waypoints, 
         assert math.dist((motion.end.x, motion.end.y), waypoints[-1]) <= 1e-6
 
 
+@given(poses, st.lists(points, min_size=1, max_size=5), st.floats(0, 1))
+def test_a_motion_is_its_legs_one_after_the_other(start, waypoints, share):
+    motion = Motion(start, waypoints, LIMITS)
+    here, began, driven = start, 0.0, 0.0
+    for point in waypoints:
+        if math.dist((here.x, here.y), point) <= 1e-6:
+            continue
+        leg = Leg(here, point, LIMITS)
+        t = share * leg.duration
+        pose, expected = motion.pose_at(began + t), leg.pose_at(t)
+        assert (pose.x, pose.y) == pytest.approx((expected.x, expected.y), abs=1e-6)
+        assert motion.distance_at(began + t) == pytest.approx(driven + leg.distance_at(t), abs=1e-6)
+        here, began, driven = leg.end, began + leg.duration, driven + leg.length
+    assert motion.duration == pytest.approx(began)
+    assert motion.distance == pytest.approx(driven)
+
+
 @given(poses, st.lists(points, max_size=5), st.floats(0, 1))
 def test_distance_at_is_the_length_of_the_track_so_far(start, waypoints, share):
     motion = Motion(start, waypoints, LIMITS)

@@ -101,6 +101,32 @@ def grid_length(world, boxes, start, goal, cell=0.25):
     return None
 
 
+@given(rectangles | walls, points, points)
+def test_a_box_blocks_exactly_the_lines_that_lead_through_it(box, start, end):
+    grown = box.inflated(RADIUS)
+    depth = deepest(grown, start, end)
+    assume(abs(depth) > 1e-8)
+    assert grown.blocks(start, end) == (depth > 0)
+
+
+@given(
+    rectangles,
+    st.integers(0, 3),
+    st.floats(0.05, 1.5),
+    st.floats(1e-6, 0.1) | st.floats(-0.1, -1e-6),
+)
+def test_a_line_past_a_corner_is_blocked_as_soon_as_it_cuts_it(box, which, slope, depth):
+    """The line crosses the corner's diagonal at `depth` inside, or outside."""
+    corner = box.corners()[which]
+    inward = math.copysign(1, box.x - corner[0]), math.copysign(1, box.y - corner[1])
+    assume(depth < min(box.half_length, box.half_width))
+    through = corner[0] + depth * inward[0], corner[1] + depth * inward[1]
+    along = inward[0], -slope * inward[1]
+    start = through[0] - 5 * along[0], through[1] - 5 * along[1]
+    end = through[0] + 5 * along[0], through[1] + 5 * along[1]
+    assert box.blocks(start, end) == (depth > 0)
+
+
 @settings(max_examples=25, deadline=None)
 @given(obstacles, points, points)
 def test_no_way_over_a_dense_grid_is_shorter(boxes, start, goal):
