@@ -349,11 +349,12 @@ def to_items(
         return [convert(item, f"{path}[{i}]") for i, item in enumerate(items)]
 
 
-def check_nested(value: Any, expected: type[Message], path: str) -> None:
+def check_nested(value: Any, expected: type[Any], path: str) -> None:
     """Check a nested message, which must be of exactly this class."""
     if type(value) is not expected:
         if getattr(value, "_TYPE", None) == expected._TYPE:
-            raise FieldError(path, f"expected {expected!r}, got another class of that name")
+            problem = f"expected {expected._TYPE}, got one of another class of that name"
+            raise FieldError(path, problem)
         _wrong(path, expected._TYPE, value)
     try:
         value._check()
@@ -362,7 +363,7 @@ def check_nested(value: Any, expected: type[Message], path: str) -> None:
 
 
 def to_messages(
-    values: Any, path: str, expected: type[Message], least: int = 0, most: int | None = None
+    values: Any, path: str, expected: type[Any], least: int = 0, most: int | None = None
 ) -> list[Any]:
     """A list of messages of exactly this class, each of them checked."""
     items = to_list(values, path, least, most)
@@ -380,7 +381,8 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
     _TYPE: ClassVar[str] = ""
     _HASH: ClassVar[str] = ""
     _FIELDS: ClassVar[tuple[tuple[str, str], ...]] = ()
-    _NESTED: ClassVar[Mapping[str, type[Message]]] = {}
+    # Nested classes may stand on another package's copy of this file.
+    _NESTED: ClassVar[Mapping[str, type[Any]]] = {}
     _WIDTH: ClassVar[int] = 0
     _fields_and_field_types: ClassVar[dict[str, str]] = {}
 

@@ -23,7 +23,7 @@ def literal(value: Scalar | bytes) -> str:
 
 def text_literal(text: str) -> str:
     """A string's source, in double quotes."""
-    return '"' + "".join(_escaped(char) for char in text).replace('"', '\\"') + '"'
+    return '"' + _escaped(text).replace('"', '\\"') + '"'
 
 
 def definition_literal(text: str) -> str:
@@ -44,13 +44,15 @@ def docstring(lines: Sequence[str], indent: str) -> list[str]:
 
 
 def _docstring_line(line: str) -> str:
-    text = "".join(_escaped(char) for char in line.rstrip())
-    return text.replace('"""', '\\"\\"\\"')
+    return _escaped(line.rstrip()).replace('"""', '\\"\\"\\"')
 
 
-def _escaped(char: str) -> str:
+def _escaped(text: str) -> str:
     # Everything that does not print is escaped: a definition must not be able to end a literal,
     # nor to show one thing in an editor and be another.
-    if char == "\\":
-        return "\\\\"
-    return char if char.isprintable() else char.encode("unicode_escape").decode("ascii")
+    text = text.replace("\\", "\\\\")
+    if text.isprintable():
+        return text
+    return "".join(
+        char if char.isprintable() else char.encode("unicode_escape").decode() for char in text
+    )

@@ -1,0 +1,87 @@
+"""Messages as plain dicts, lists and numbers, and back."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+from ._runtime import FieldError, Message, shown, to_list, under
+from .names import near
+
+M = TypeVar("M", bound=Message)
+
+
+def to_builtins(message: Message) -> dict[str, Any]:
+    """A message as dict, list, int, float, str and bool, with ROS's names; a byte is an int.
+
+    The message is checked first, and brought to its exact types, as when it is sent.
+
+    Raises:
+        FieldError: a field holds what its type does not allow.
+    """
+    message._check()
+    return _plain_message(message)
+
+
+def from_builtins(cls: type[M], obj: Any) -> M:
+    """A checked message from a dict; fields that are not named keep their defaults.
+
+    Raises:
+        FieldError: an unknown field, or a value that the field's type does not allow.
+    """
+    message = _build(cls, obj, "")
+    message._check()
+    return message
+
+
+def _plain_message(message: Message) -> dict[str, Any]:
+    pairs = zip(message._FIELDS, message.__struct_fields__, strict=True)
+    return {name: _plain(getattr(message, attribute)) for (name, _), attribute in pairs}
+
+
+def _plain(value: Any) -> Any:
+    if hasattr(value, "_FIELDS"):  # a generated package's messages have a base of their own
+        return _plain_message(value)
+    if isinstance(value, bytes):
+        return value[0]
+    if isinstance(value, list):
+        return [_plain(item) for item in value]
+    return value.tolist() if hasattr(value, "tolist") else value
+
+
+def _build(cls: type[M], obj: Any, path: str) -> M:
+    if type(obj) is cls:
+        return obj
+    if not isinstance(obj, Mapping):
+        names = ", ".join(name for name, _ in cls._FIELDS) or "no fields"
+        raise FieldError(path, f"expected the fields of {cls._TYPE} ({names}), got {shown(obj)}")
+    attributes = {
+        name: attribute
+        for (name, _), attribute in zip(cls._FIELDS, cls.__struct_fields__, strict=True)
+    }
+    values = {}
+    for name, value in obj.items():
+        if name not in attributes:
+            raise _unknown(cls, name, path)
+        values[attributes[name]] = _field(cls, name, value, path)
+    return cls(**values)
+
+
+def _field(cls: type[Message], name: str, value: Any, path: str) -> Any:
+    nested = cls._NESTED.get(name)
+    if nested is None:
+        return value
+    inner = f"{path}.{name}" if path else name
+    if "[" not in dict(cls._FIELDS)[name]:
+        return _build(nested, value, inner)
+    items = to_list(value, inner)
+    return [_build(nested, item, f"{inner}[{i}]") for i, item in enumerate(items)]
+
+
+def _unknown(cls: type[Message], name: object, path: str) -> FieldError:
+    known = [one for one, _ in cls._FIELDS]
+    similar = near(name, known) if isinstance(name, str) else []
+    hint = f"; did you mean {similar[0]!r}?" if similar else ""
+    has = ", ".join(known) if known else "no fields"
+    problem = f"unknown field {name!r}; {cls.__name__} has {has}{hint}"
+    return under(FieldError(str(name), problem), path)

@@ -1,0 +1,165 @@
+"""An import hook: `from my_robot_interfaces.srv import RobotTask` straight from a .srv file."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.abc import Loader, MetaPathFinder
+from importlib.machinery import ModuleSpec
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from .errors import DefinitionError
+from .files import KINDS
+from .loader import module_of, search, search_first
+from .names import did_you_mean, is_package_name
+from .render_types import module_name
+
+
+def install_import_hook(*paths: Path | str) -> None:
+    """Make interface packages importable from their definitions.
+
+    Afterwards `from my_robot_interfaces.srv import RobotTask` works wherever
+    `my_robot_interfaces/srv/RobotTask.srv` is within reach. A package that was generated or
+    installed as Python is imported as it is. Calling it again only adds paths.
+
+    Args:
+        paths: package folders, folders of packages or workspaces to look in first; `load` and
+            `type_hash` use them too.
+    """
+    search_first([Path(path).resolve() for path in paths])
+    if _finder not in sys.meta_path:
+        # In front: a folder `my_robot_interfaces/srv` beside the script is a namespace package
+        # to Python's own finder, which would hide what we can make of it.
+        sys.meta_path.insert(0, _finder)
+
+
+def uninstall_import_hook() -> None:
+    """Take the hook away again, with the paths and the modules that came with it."""
+    if _finder in sys.meta_path:
+        sys.meta_path.remove(_finder)
+    search().paths.clear()
+    for name, module in list(sys.modules.items()):
+        if isinstance(getattr(module.__spec__, "loader", None), _InterfaceLoader):
+            del sys.modules[name]
+
+
+class _InterfaceFinder(MetaPathFinder):
+    """Claims packages of definitions, unless they are importable as Python."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        package, *rest = fullname.split(".")
+        if package in sys.stdlib_module_names or not is_package_name(package):
+            return None
+        match rest:
+            case []:
+                return self._package(package)
+            case [kind] if kind in KINDS:
+                return self._folder(fullname, path, package, kind)
+            case [kind, module] if kind in KINDS and _is_ours(f"{package}.{kind}"):
+                return self._module(fullname, package, kind, module)
+        return None
+
+    def _package(self, package: str) -> ModuleSpec | None:
+        if not search().has_package(package):
+            return None
+        real = self._real(package, None)
+        if real is not None and real.loader is not None and real.origin is not None:
+            return None
+        spec = ModuleSpec(package, _PackageLoader(), is_package=True)
+        # Python modules that lie in the same folder stay importable.
+        spec.submodule_search_locations = list(_locations(real))
+        return spec
+
+    def _folder(
+        self, fullname: str, path: Sequence[str] | None, package: str, kind: str
+    ) -> ModuleSpec | None:
+        real = self._real(fullname, path)
+        if real is not None and real.origin is not None:
+            return None
+        names = _names(package, kind)
+        return ModuleSpec(fullname, _FolderLoader(names), is_package=True) if names else None
+
+    def _module(self, fullname: str, package: str, kind: str, module: str) -> ModuleSpec | None:
+        for name in _names(package, kind):
+            if module_name(name) == module:
+                return ModuleSpec(fullname, _ModuleLoader(f"{package}/{kind}/{name}"))
+        return None
+
+    def _real(self, fullname: str, path: Sequence[str] | None) -> ModuleSpec | None:
+        for finder in sys.meta_path:
+            if finder is not self and (spec := finder.find_spec(fullname, path)) is not None:
+                return spec
+        return None
+
+
+class _InterfaceLoader(Loader):
+    """The base of our loaders, by which our modules are known."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Nothing: what the module holds is there when it is made, or made when asked for."""
+
+
+class _PackageLoader(_InterfaceLoader):
+    """Makes `example_interfaces`."""
+
+
+class _FolderLoader(_InterfaceLoader):
+    """Makes `example_interfaces.srv`, whose classes are loaded when they are asked for."""
+
+    def __init__(self, names: list[str]) -> None:
+        self.names = names
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Let attributes come from the definitions."""
+        folder = module.__name__
+
+        def get(attribute: str) -> Any:
+            if attribute not in self.names:
+                hint = did_you_mean(attribute, self.names)
+                problem = f"{folder} has no interface {attribute!r}"
+                raise AttributeError(f"{problem}; {hint}" if hint else problem)
+            home = import_module(f"{folder}.{module_name(attribute)}")
+            found = getattr(home, attribute)
+            setattr(module, attribute, found)
+            return found
+
+        module.__dict__.update(__getattr__=get, __all__=self.names, __dir__=lambda: self.names)
+
+
+class _ModuleLoader(_InterfaceLoader):
+    """Makes `example_interfaces.srv._add_two_ints`: the module that `load` uses."""
+
+    def __init__(self, full_name: str) -> None:
+        self.full_name = full_name
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        """The loaded module itself, so that `load` and imports give one class."""
+        return module_of(self.full_name)
+
+
+def _names(package: str, kind: str) -> list[str]:
+    try:
+        return [
+            name
+            for _, one_kind, name in (full.split("/") for full in search().interfaces(package))
+            if one_kind == kind
+        ]
+    except DefinitionError:
+        return []
+
+
+def _locations(real: ModuleSpec | None) -> Sequence[str]:
+    return (real.submodule_search_locations or ()) if real is not None else ()
+
+
+def _is_ours(name: str) -> bool:
+    spec = getattr(sys.modules.get(name), "__spec__", None)
+    return isinstance(getattr(spec, "loader", None), _InterfaceLoader)
+
+
+_finder = _InterfaceFinder()

@@ -1,0 +1,219 @@
+"""Message and service classes at run time, straight from definitions, with nothing written."""
+
+from __future__ import annotations
+
+import builtins
+import linecache
+import math
+import threading
+import typing
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import msgspec
+
+from . import _runtime
+from .errors import DefinitionError
+from .files import parse_definition, read_text
+from .fulltext import join_full_text, split_full_text
+from .model import Definition, MessageDef
+from .names import TypeName, split_type_name
+from .render import Import, Source, imports_of, render
+from .search import Search
+from .typehash import Resolve, hash_of
+
+_Stamp = tuple[Path, int, int]
+
+_lock = threading.RLock()
+_search = Search()
+_loaded: dict[str, _Loaded] = {}
+_built: dict[tuple[Definition, str, tuple[type, ...]], ModuleType] = {}
+
+
+@dataclass(frozen=True, slots=True)
+class _Loaded:
+    """A module, and the state of the files that it was made from."""
+
+    module: ModuleType
+    stamps: tuple[_Stamp, ...]
+
+    def is_current(self, path: Path) -> bool:
+        return self.stamps[-1][0] == path and all(_stamp(one[0]) == one for one in self.stamps)
+
+
+def load(type_name: str) -> Any:
+    """The class of a type: `example_interfaces/srv/AddTwoInts`, `std_msgs/msg/String`.
+
+    Definitions are looked for as `Search` does, first in the paths of `install_import_hook`. The
+    same class comes back until a file that it was made from changes; the import hook gives the
+    same class too. Safe to call from any thread.
+
+    Raises:
+        DefinitionError: there is no such type, or a definition is not valid.
+    """
+    name = _search.resolve_name(type_name)
+    found = getattr(module_of(str(name)), name.name, None)
+    if found is None:
+        _search.load(str(name))  # says what is wrong with the name
+    return found
+
+
+def define(type_name: str, full_text: str) -> Any:
+    """The class of a type whose whole text is at hand, as a server hands it to its clients.
+
+    Gives the same class as `load` where the definitions are the same.
+
+    Args:
+        type_name: such as `example_interfaces/srv/AddTwoInts`.
+        full_text: the `_DEFINITION` of a service's class: its text and those of nested types.
+
+    Raises:
+        DefinitionError: a text is not a valid definition, or one is missing.
+    """
+    own_text, needed = split_full_text(full_text)
+    name = split_type_name(type_name)
+    known = {
+        one: _parse(split_type_name(one), text, f"{type_name}, nested {one}")
+        for one, text in needed.items()
+    }
+    definition = known[type_name] = _parse(name, own_text, type_name)
+    with _lock:
+        module = _Builder(_from(known), full_text).build(definition)
+    return getattr(module, name.name)
+
+
+def type_hash(type_name: str) -> str:
+    """The RIHS01 hash of a type, by which ROS 2 tells whether two sides speak of the same.
+
+    Raises:
+        DefinitionError: there is no such type, or a definition is not valid.
+    """
+    name = str(_search.resolve_name(type_name))
+    _search.closure(name)  # says where a nested type is missing or contains itself
+    return hash_of(_search.load(name), _search.load)
+
+
+def search() -> Search:
+    """The search that `load`, `type_hash` and the import hook share."""
+    return _search
+
+
+def search_first(paths: Sequence[Path]) -> None:
+    """Let `load`, `type_hash` and the import hook look into these folders before all others."""
+    with _lock:
+        others = [path for path in _search.paths if path not in paths]
+        _search.paths = [*paths, *others]
+
+
+def module_of(full_name: str) -> ModuleType:
+    """The module, in no `sys.modules`, with the classes of the file that defines a type.
+
+    Raises:
+        DefinitionError: there is no such type, or a definition is not valid.
+    """
+    with _lock:
+        name = split_type_name(full_name)
+        path = _search.find(full_name)
+        owner = str(name._replace(name=path.stem))
+        known = _loaded.get(owner)
+        if known is None or not known.is_current(path):
+            known = _loaded[owner] = _load(owner)
+        return known.module
+
+
+def _load(owner: str) -> _Loaded:
+    needed = {one.full_name: one for one in _search.closure(owner)}
+    paths = {name: _search.find(name) for name in needed}
+    stamps = tuple(map(_stamp, paths.values()))
+    text = ""
+    if not isinstance(needed[owner], MessageDef):
+        texts = {name: read_text(path) for name, path in paths.items()}
+        text = join_full_text(texts.pop(owner), texts)
+    return _Loaded(_Builder(_from(needed), text).build(needed[owner]), stamps)
+
+
+def _stamp(path: Path) -> _Stamp:
+    try:
+        status = path.stat()
+    except OSError:
+        return path, 0, 0
+    return path, status.st_mtime_ns, status.st_size
+
+
+def _parse(name: TypeName, text: str, path: str) -> Definition:
+    return parse_definition(text, name.package, name.kind, name.name, path=path)
+
+
+def _from(known: Mapping[str, Definition]) -> Resolve:
+    def resolve(full_name: str) -> Definition:
+        if full_name not in known:
+            raise DefinitionError(f"expected the definition of {full_name} too, got none")
+        return known[full_name]
+
+    return resolve
+
+
+class _Builder:
+    """Makes the modules of one definition and of what it needs."""
+
+    def __init__(self, resolve: Resolve, text: str) -> None:
+        self.resolve = resolve
+        self.text = text
+        self._open: list[str] = []
+
+    def build(self, definition: Definition) -> ModuleType:
+        if definition.full_name in self._open:
+            chain = " → ".join([*self._open, definition.full_name])
+            raise DefinitionError(f"expected a type that ends, got {chain}")
+        self._open.append(definition.full_name)
+        nested = {one.alias: self._class(one) for one in imports_of(definition)}
+        self._open.pop()
+        text = "" if isinstance(definition, MessageDef) else self.text
+        # Equal definitions over the same nested classes are one module, however they came here:
+        # so a type that a server handed over is the very class that a program loaded itself.
+        key = (definition, text, tuple(nested.values()))
+        if key not in _built:
+            _built[key] = _execute(render(definition, self.resolve, text), nested)
+        return _built[key]
+
+    def _class(self, wanted: Import) -> type:
+        module = self.build(self.resolve(wanted.full_name))
+        found: type = getattr(module, wanted.message)
+        return found
+
+
+def _execute(source: Source, nested: Mapping[str, type]) -> ModuleType:
+    module = ModuleType(source.module)
+    names = {
+        "_builtins": builtins,
+        "_math": math,
+        "_msgspec": msgspec,
+        "_typing": typing,
+        "_runtime": _runtime,
+    }
+    module.__dict__.update(names, **nested)
+    # The header's imports are done here, by hand, since the modules are in no sys.modules; blank
+    # lines stand for it, so that the lines of a traceback are those of the whole source.
+    filename = f"<srvgen {source.module}>"
+    text = source.text
+    padding = "\n" * text[: -len(source.body)].count("\n")
+    code = compile(padding + source.body, filename, "exec", dont_inherit=True)
+    exec(code, module.__dict__)
+    linecache.cache[filename] = (len(text), None, text.splitlines(keepends=True), filename)
+    for made in vars(module).values():
+        if isinstance(made, type) and made.__module__ == source.module:
+            made.__reduce__ = _reduce  # type: ignore[method-assign, assignment]
+    return module
+
+
+def _reduce(message: _runtime.Message) -> tuple[object, ...]:
+    # Another process has no module to find the class in, but it can load it as this one did.
+    fields = message.__struct_fields__
+    return _restore, (message._TYPE, {name: getattr(message, name) for name in fields})
+
+
+def _restore(type_name: str, values: dict[str, Any]) -> Any:
+    return load(type_name)(**values)
