@@ -104,6 +104,10 @@ class Search:
                     folders.append(folder)
         return dict(sorted(found.items()))
 
+    def has_package(self, package: str) -> bool:
+        """Whether a package of this name is within reach; far cheaper than `packages`."""
+        return next(self._folders_of(package), None) is not None
+
     def interfaces(self, package: str) -> list[str]:
         """The full names of all that a package defines, messages first.
 
