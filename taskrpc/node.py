@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from types import TracebackType
 from typing import Any, Self, TypeVar, cast
 
@@ -129,19 +130,8 @@ class Node:
 
         A second signal ends the program at once.
         """
-        loop = asyncio.get_running_loop()
-        stopped = loop.create_future()
-        signals = 0
-
-        def stop(number: int) -> None:
-            nonlocal signals
-            signals += 1
-            if signals > 1:
-                os._exit(128 + number)
-            stopped.set_result(None)
-
         await self.start()
-        with platform.stop_signals(lambda number: loop.call_soon_threadsafe(stop, number)):
+        async with stop_requested() as stopped:
             await stopped
             await self.drain()
 
@@ -223,6 +213,24 @@ class Node:
                 " write `async with taskrpc.Node(...) as node:`"
             )
         return self._transport
+
+
+@contextlib.asynccontextmanager
+async def stop_requested() -> AsyncIterator[asyncio.Future[None]]:
+    """A future that is done once the program is told to end: Ctrl-C, SIGTERM, Ctrl-Break.
+
+    The signals are caught as long as the block runs; a second one ends the program at once.
+    """
+    loop = asyncio.get_running_loop()
+    stopped: asyncio.Future[None] = loop.create_future()
+
+    def stop(number: int) -> None:
+        if stopped.done():
+            os._exit(128 + number)
+        stopped.set_result(None)
+
+    with platform.stop_signals(lambda number: loop.call_soon_threadsafe(stop, number)):
+        yield stopped
 
 
 def run(main: Coroutine[Any, Any, _Result]) -> _Result:
