@@ -1,0 +1,1 @@
+"""The command lines: `taskrpc`, `taskrpc-call` and `taskrpc-server`."""

@@ -1,0 +1,110 @@
+"""How every command begins and ends: exit codes, one message for a mistake, Ctrl-C, broken pipes.
+
+Nothing heavy is imported here, so that Ctrl-C finds `guarded` at work as early as possible.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+from collections.abc import Callable, Sequence
+from enum import IntEnum
+
+from taskrpc.errors import (
+    ConnectionLost,
+    DeadlineExceeded,
+    ServerBusy,
+    ServiceUnavailable,
+    TaskRpcError,
+)
+
+
+class Exit(IntEnum):
+    """The exit codes of all commands."""
+
+    DONE = 0
+    ERROR = 1
+    """An error answer, an invalid definition or request, a look-up that found nothing."""
+    USAGE = 2
+    DEADLINE = 3
+    """No answer by the deadline, after the call was sent."""
+    NOT_RUN = 4
+    """The call certainly did not run."""
+    UNKNOWN = 5
+    """The connection was lost in mid-call."""
+    INTERRUPTED = 130
+
+
+class NotFound(TaskRpcError):
+    """What was asked for is not there."""
+
+
+class UsageError(TaskRpcError):
+    """The command line cannot be understood; `usage` is printed before the message."""
+
+    def __init__(self, message: str, usage: str = "") -> None:
+        self.usage = usage
+        super().__init__(message)
+
+
+def guarded(action: Callable[[], int], argv: Sequence[str]) -> int:
+    """Run a command's action and return its exit code, whatever happens.
+
+    A user's mistake becomes one message on stderr; one line of JSON where `argv` has `--json`.
+    """
+    from taskrpc import platform
+
+    platform.prepare_output()
+    try:
+        code = int(action())
+        sys.stdout.flush()
+        return code
+    except KeyboardInterrupt:
+        return Exit.INTERRUPTED
+    except BrokenPipeError:
+        # The reader of our output has gone, and Python must not trip over that at exit.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return Exit.DONE
+    except Exception as error:
+        if not is_mistake(error):
+            raise
+        with contextlib.suppress(BrokenPipeError):
+            sys.stdout.flush()
+            print(_as_json(error) if "--json" in argv else _as_text(error), file=sys.stderr)
+        return exit_code(error)
+
+
+def exit_code(error: Exception) -> Exit:
+    """The exit code that says what became of the call."""
+    if isinstance(error, UsageError):
+        return Exit.USAGE
+    if isinstance(error, DeadlineExceeded):
+        return Exit.NOT_RUN if error.not_executed else Exit.DEADLINE
+    if isinstance(error, ConnectionLost):
+        return Exit.NOT_RUN if error.not_executed else Exit.UNKNOWN
+    return Exit.NOT_RUN if isinstance(error, ServiceUnavailable | ServerBusy) else Exit.ERROR
+
+
+def is_mistake(error: Exception) -> bool:
+    """Whether an error is told in a sentence; any other is a defect and shows its traceback."""
+    if isinstance(error, TaskRpcError | OSError):
+        return True
+    from srvgen import DefinitionError, FieldError
+
+    return isinstance(error, DefinitionError | FieldError)
+
+
+def with_hint(message: str, hint: str) -> str:
+    """A message, with a hint on a line of its own where there is one."""
+    return f"{message}\n  hint: {hint}" if hint else message
+
+
+def _as_text(error: Exception) -> str:
+    return f"{error.usage}{error}" if isinstance(error, UsageError) else str(error)
+
+
+def _as_json(error: Exception) -> str:
+    import json
+
+    return json.dumps({"error": type(error).__name__, "message": str(error)})

@@ -1,0 +1,76 @@
+"""The `taskrpc` command: hands each command to the module of its name, imported only then.
+
+Such a module, `taskrpc.cli.NAME`, has a function
+
+    def configure(parser: argparse.ArgumentParser) -> None
+
+which gives the parser its arguments and ends with `parser.set_defaults(run=...)`. The function set
+there takes the parsed options and returns the exit code; `parsing.add_group` and
+`parsing.add_command` do this for a command that has commands of its own. A mistake of the user's
+is raised: `command.guarded` prints any TaskRpcError, DefinitionError or OSError as one message
+(one line of JSON where `--json` was given) and knows its exit code.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+from taskrpc.cli.command import guarded
+
+if TYPE_CHECKING:
+    from argparse import Namespace
+
+    from taskrpc.cli.parsing import Parser
+
+_PURPOSES = {
+    "service": "Various service related sub-commands",
+    "interface": "Show information about interfaces",
+    "node": "Various node related sub-commands",
+    "task": "Submit tasks to the task server and watch them",
+    "ps": "List the taskrpc processes of this user",
+    "stop": "End taskrpc processes of this user",
+    "doctor": "Find out why something does not work",
+    "demo": "Watch a task server, three clients and a robot at work",
+}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code."""
+    arguments = sys.argv[1:] if argv is None else list(argv)
+    return guarded(lambda: _run(arguments), arguments)
+
+
+def _run(arguments: list[str]) -> int:
+    command = next((each for each in arguments if not each.startswith("-")), "")
+    options: Namespace = _parser(command).parse_args(arguments)
+    if options.version:
+        return _print_version()
+    return int(options.run(options))
+
+
+def _parser(command: str) -> Parser:
+    """The parser, with the arguments of the one command that is used."""
+    from taskrpc.cli.parsing import Parser, add_command, add_group
+
+    parser = Parser(prog="taskrpc", description="ROS 2 services without ROS.")
+    parser.add_argument("--version", action="store_true", help="print the version and exit")
+    commands = add_group(parser)
+    for name, purpose in _PURPOSES.items():
+        own = add_command(commands, name, purpose)
+        if name == command:
+            import_module(f"taskrpc.cli.{name}").configure(own)
+    return parser
+
+
+def _print_version() -> int:
+    from importlib.metadata import version
+
+    print(f"taskrpc {version('taskrpc')}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,57 @@
+"""Command lines as argparse has them, with ros2cli's manners: groups, help, usage."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from typing import Any, NoReturn, TypeAlias
+
+from taskrpc.cli.command import Exit, UsageError
+
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that raises UsageError where argparse would exit.
+
+    Set `mixed` where options may stand between any two positional arguments.
+    """
+
+    mixed = False
+
+    def parse_known_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: Any = None
+    ) -> tuple[Any, list[str]]:
+        """Parse what this parser knows; the rest comes second."""
+        if not self.mixed:
+            return super().parse_known_args(args, namespace)
+        # argparse mixes only in a method of its own, which calls this one in turn.
+        self.mixed = False
+        try:
+            return self.parse_known_intermixed_args(args, namespace)
+        finally:
+            self.mixed = True
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse a command line, showing how it should look."""
+        if message.startswith("argument Call `"):
+            message = "unknown command " + message.partition("invalid choice: ")[2]
+        raise UsageError(f"{self.prog}: error: {message}", self.format_usage())
+
+
+def add_group(parser: argparse.ArgumentParser) -> Commands:
+    """Let a command have commands of its own; without one it prints its help, as ros2 does."""
+    parser.set_defaults(run=lambda _: print_help(parser))
+    more = f"Call `{parser.prog} <command> -h` for more detailed usage."
+    return parser.add_subparsers(title="Commands", metavar=more, parser_class=Parser)
+
+
+def add_command(commands: Commands, name: str, purpose: str) -> Parser:
+    """A parser for one command of a group; give it a `run` default."""
+    return commands.add_parser(name, help=purpose, description=purpose)
+
+
+def print_help(parser: argparse.ArgumentParser) -> Exit:
+    """Print a parser's help."""
+    parser.print_help()
+    return Exit.DONE
