@@ -168,10 +168,15 @@ def _with_type(
 def _generate(options: argparse.Namespace, report: _Report) -> None:
     from .generate import generate
 
-    search = Search([*options.include, *search_paths(options.sources)])
+    search = _search_of_sources(options)
     packages: dict[str, list[Definition]] = {}
     for definition in _complete(options, search, report):
-        packages.setdefault(definition.package, []).append(definition)
+        try:
+            search.find(definition.full_name)
+        except DefinitionError as error:
+            report.error(error)  # the file does not lie in its package's folder
+        else:
+            packages.setdefault(definition.package, []).append(definition)
     for relative, text in generate(packages, search).items():
         path = options.out / relative
         data = text.encode()
@@ -185,7 +190,7 @@ def _generate(options: argparse.Namespace, report: _Report) -> None:
 
 
 def _check(options: argparse.Namespace, report: _Report) -> None:
-    search = Search([*options.include, *search_paths(options.sources)])
+    search = _search_of_sources(options)
     count = len(list(_complete(options, search, report)))
     if not report.exit_code and not options.json:
         print(f"{count} definition{'s' if count > 1 else ''}, no problems")
@@ -212,6 +217,11 @@ def _hash(options: argparse.Namespace, report: _Report) -> None:
     search.closure(name)
     digest = hash_of(search.load(name), search.load)
     print(json.dumps({"type": name, "hash": digest}) if options.json else digest)
+
+
+def _search_of_sources(options: argparse.Namespace) -> Search:
+    # What is to be worked on goes before a package of the same name on a search path.
+    return Search([*search_paths(options.sources), *options.include])
 
 
 def _complete(options: argparse.Namespace, search: Search, report: _Report) -> Iterator[Definition]:

@@ -85,7 +85,12 @@ def split_type_name(text: str) -> TypeName:
 def near(name: str, known: Iterable[str]) -> list[str]:
     """The known names that a misspelt one most resembles, the best first, at most three."""
     by_lower = {one.lower(): one for one in known}
-    return [by_lower[hit] for hit in difflib.get_close_matches(name.lower(), by_lower, 3, 0.7)]
+    # What is as good as right should not be offered beside what only resembles it.
+    for likeness in (0.92, 0.7):
+        found = difflib.get_close_matches(name.lower(), by_lower, 3, likeness)
+        if found:
+            return [by_lower[one] for one in found]
+    return []
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:

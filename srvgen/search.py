@@ -37,7 +37,7 @@ class Search:
     """
 
     def __init__(self, paths: Sequence[Path | str] = ()) -> None:
-        self.paths = [Path(path).resolve() for path in paths]
+        self.paths = [Path(path) for path in paths]
         self._parsed: dict[Path, tuple[tuple[int, int], Definition]] = {}
 
     def find(self, full_name: str) -> Path:
@@ -143,7 +143,7 @@ class Search:
 
     def _roots(self) -> Iterator[Path]:
         for path in self.paths:
-            yield from _workspace(path)
+            yield from _workspace(path.resolve())
         yield from _workspace(Path.cwd())
         yield from _environment("TASKRPC_INTERFACE_PATH")
         for prefix in _environment("AMENT_PREFIX_PATH"):

@@ -1,0 +1,98 @@
+"""What a file's path and bytes say about a definition."""
+
+from pathlib import Path
+
+import pytest
+
+from srvgen.errors import DefinitionError
+from srvgen.files import decode, kind_of, package_of, read_definition
+from srvgen.sources import definition_files, search_paths
+
+
+def write(path: Path, data: bytes = b"---\n") -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(data)
+    return path
+
+
+def test_a_file_is_named_after_itself_and_the_folder_above_its_kind(tmp_path):
+    path = write(tmp_path / "my_msgs" / "srv" / "Fetch.srv")
+    assert read_definition(path).full_name == "my_msgs/srv/Fetch"
+    assert read_definition(path, "other_msgs").full_name == "other_msgs/srv/Fetch"
+
+
+def test_a_file_outside_a_package_takes_a_valid_name_from_its_folder(tmp_path):
+    assert package_of(write(tmp_path / "My Robot" / "Fetch.srv")) == "my_robot"
+    assert package_of(write(tmp_path / "123" / "Fetch.srv")) == "unnamed_package"
+
+
+@pytest.mark.parametrize(
+    ("data", "message", "hint"),
+    [
+        ("int32 a\n".encode("utf-16"), "got UTF-16", 'save the file as "UTF-8"'),
+        ("int32 a\n".encode("utf-16-le"), "got UTF-16", 'save the file as "UTF-8"'),
+        ("int32 a\n# größer\n".encode("latin-1"), "got the byte 0xF6", 'as "UTF-8"'),
+        (b"\xef\xbb\xbfint32 a\n", "got a byte order mark", "UTF-8 with BOM"),
+    ],
+)
+def test_what_is_not_plain_utf_8_is_refused_with_the_way_out(tmp_path, data, message, hint):
+    path = write(tmp_path / "my_msgs" / "msg" / "Text.msg", data)
+    with pytest.raises(DefinitionError) as caught:
+        read_definition(path)
+    assert caught.value.path == str(path)
+    assert message in caught.value.message
+    assert hint in caught.value.hint
+
+
+def test_a_wrong_byte_is_shown_where_it_stands():
+    with pytest.raises(DefinitionError) as caught:
+        decode("int32 a\n# größer\n".encode("latin-1"), "Text.msg")
+    assert (caught.value.line, caught.value.column) == (2, 5)
+    assert caught.value.source_line == "# gr\N{REPLACEMENT CHARACTER}"
+
+
+@pytest.mark.parametrize(
+    ("name", "hint"),
+    [
+        ("Fetch.srv.txt", "rename the file to Fetch.srv; file managers may hide the ending .txt"),
+        ("Fetch.SRV", "rename the file to Fetch.srv"),
+        ("Fetch.txt", ""),
+    ],
+)
+def test_a_wrong_ending_is_refused_with_the_right_one(name, hint):
+    with pytest.raises(DefinitionError) as caught:
+        kind_of(Path(name))
+    assert caught.value.hint == hint
+
+
+def test_a_file_that_cannot_be_read_is_an_error_of_its_path(tmp_path):
+    with pytest.raises(DefinitionError, match="expected a readable file"):
+        read_definition(tmp_path / "my_msgs" / "msg" / "Gone.msg")
+
+
+def test_a_source_is_a_file_a_package_a_folder_of_packages_or_a_workspace(tmp_path):
+    packages = tmp_path / "workspace" / "src"
+    a = write(packages / "a_msgs" / "srv" / "A.srv")
+    b = write(packages / "b_msgs" / "msg" / "B.msg")
+    slip = write(packages / "b_msgs" / "msg" / "C.msg.txt")
+    write(packages / "b_msgs" / "msg" / "notes.txt")
+    write(packages / "b_msgs" / "msg" / ".hidden.msg")
+    assert definition_files(a) == [a]
+    assert definition_files(a.parent) == [a]
+    assert definition_files(packages / "b_msgs") == [b, slip]
+    assert definition_files(packages) == definition_files(tmp_path / "workspace") == [a, b, slip]
+
+
+def test_a_source_without_definitions_is_refused(tmp_path):
+    with pytest.raises(DefinitionError, match="a folder without any"):
+        definition_files(tmp_path)
+    with pytest.raises(DefinitionError, match="nothing there"):
+        definition_files(tmp_path / "gone")
+
+
+def test_the_neighbours_of_a_source_are_within_reach(tmp_path, monkeypatch):
+    a = write(tmp_path / "a_msgs" / "srv" / "A.srv")
+    expected = [tmp_path / "a_msgs", tmp_path]
+    assert search_paths([a]) == search_paths([a.parent]) == search_paths([a.parents[1]]) == expected
+    monkeypatch.chdir(a.parent)
+    assert search_paths([Path("A.srv"), Path()]) == expected

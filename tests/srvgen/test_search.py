@@ -1,0 +1,236 @@
+"""Definitions are found where they should be; what is missing is named."""
+
+import logging
+import os
+from pathlib import Path
+
+import pytest
+
+from srvgen import search as search_module
+from srvgen.errors import DefinitionError, DefinitionErrors
+from srvgen.model import MessageDef, ServiceDef
+from srvgen.search import BUNDLED, Search
+
+
+@pytest.fixture(autouse=True)
+def workspace(tmp_path, monkeypatch):
+    folder = tmp_path / "workspace"
+    folder.mkdir()
+    monkeypatch.chdir(folder)
+    for variable in ("AMENT_PREFIX_PATH", "TASKRPC_INTERFACE_PATH"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setattr(search_module, "_noted", set())
+    return folder
+
+
+def write(folder: Path, name: str, text: str) -> Path:
+    package, kind, bare = name.split("/")
+    path = folder / package / kind / f"{bare}.{kind}"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def test_packages_lie_in_the_working_directory_or_its_src(workspace):
+    one = write(workspace, "one_msgs/msg/A", "int32 a")
+    two = write(workspace / "src", "two_msgs/srv/B", "---")
+    assert Search().find("one_msgs/msg/A") == one
+    assert Search().find("two_msgs/srv/B") == two
+
+
+def test_the_working_directory_may_be_a_package_itself(workspace, monkeypatch):
+    path = write(workspace, "one_msgs/msg/A", "int32 a")
+    monkeypatch.chdir(workspace / "one_msgs")
+    assert Search().find("one_msgs/msg/A") == path
+
+
+def test_given_paths_may_be_relative_packages_or_folders_of_packages(workspace, monkeypatch):
+    path = write(workspace / "elsewhere", "one_msgs/msg/A", "int32 a")
+    assert Search(["elsewhere"]).find("one_msgs/msg/A") == path
+    assert Search([path.parents[1]]).find("one_msgs/msg/A") == path
+    monkeypatch.chdir(path.parent)
+    assert Search([".."]).find("one_msgs/msg/A") == path
+
+
+def test_the_environment_is_read_at_every_load(workspace, tmp_path, monkeypatch):
+    search = Search()
+    with pytest.raises(DefinitionError, match="no package 'far_msgs' within reach"):
+        search.load("far_msgs/msg/A")
+    first = write(tmp_path / "first", "far_msgs/msg/A", "int32 a")
+    second = write(tmp_path / "second", "other_msgs/msg/A", "int32 a")
+    folders = os.pathsep.join([str(tmp_path / "first"), str(tmp_path / "second"), ""])
+    monkeypatch.setenv("TASKRPC_INTERFACE_PATH", folders)
+    assert search.find("far_msgs/msg/A") == first
+    assert search.find("other_msgs/msg/A") == second
+    third = write(tmp_path / "prefix" / "share", "ament_msgs/msg/A", "int32 a")
+    monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "prefix"))
+    assert search.find("ament_msgs/msg/A") == third
+
+
+def test_a_file_is_parsed_again_only_when_it_has_changed(workspace):
+    path = write(workspace, "one_msgs/msg/A", "int32 a")
+    search = Search()
+    before = search.load("one_msgs/msg/A")
+    assert search.load("one_msgs/msg/A") is before
+    path.write_text("int32 another", encoding="utf-8")
+    assert search.load("one_msgs/msg/A").fields[0].name == "another"
+
+
+@pytest.mark.parametrize(
+    "name",
+    ["AddTwoInts_Request", "AddTwoInts_Response", "AddTwoInts_Event"],
+)
+def test_the_types_that_a_service_implies_can_be_loaded(name):
+    loaded = Search().load(f"example_interfaces/srv/{name}")
+    assert isinstance(loaded, MessageDef)
+    assert loaded.full_name == f"example_interfaces/srv/{name}"
+
+
+def test_the_types_that_an_action_implies_can_be_loaded():
+    search = Search()
+    send_goal = search.load("example_interfaces/action/Fibonacci_SendGoal")
+    assert isinstance(send_goal, ServiceDef)
+    assert search.load(f"{send_goal.full_name}_Request") == send_goal.request
+    event = search.load("example_interfaces/action/Fibonacci_GetResult_Event")
+    assert [field.name for field in event.fields] == ["info", "request", "response"]
+
+
+def test_a_short_name_is_enough_where_it_means_one_type(workspace):
+    write(workspace, "one_msgs/msg/A", "int32 a")
+    write(workspace, "one_msgs/srv/B", "---")
+    search = Search()
+    assert search.load("one_msgs/B").full_name == "one_msgs/srv/B"
+    write(workspace, "one_msgs/srv/A", "---")
+    with pytest.raises(DefinitionError, match="may mean one_msgs/msg/A or one_msgs/srv/A"):
+        search.load("one_msgs/A")
+
+
+def test_packages_and_interfaces_are_listed_once(workspace):
+    local = write(workspace, "std_srvs/srv/Extra", "---")
+    search = Search()
+    packages = search.packages()
+    assert packages["std_srvs"] == [local.parents[1], BUNDLED / "std_srvs"]
+    assert list(packages) == sorted(packages)
+    assert search.interfaces("std_srvs") == [
+        "std_srvs/srv/Empty",
+        "std_srvs/srv/Extra",
+        "std_srvs/srv/SetBool",
+        "std_srvs/srv/Trigger",
+    ]
+    with pytest.raises(DefinitionError, match="no package 'nowhere_msgs'"):
+        search.interfaces("nowhere_msgs")
+
+
+def test_a_local_interface_wins_and_a_bundled_one_fills_gaps_with_one_note(workspace, caplog):
+    caplog.set_level(logging.INFO, "srvgen")
+    local = write(workspace, "std_srvs/srv/Trigger", "int32 mine\n---\n")
+    search = Search()
+    assert search.find("std_srvs/srv/Trigger") == local
+    assert not caplog.records
+    assert search.find("std_srvs/srv/SetBool").is_relative_to(BUNDLED)
+    search.load("std_srvs/srv/Empty")
+    assert [record.levelno for record in caplog.records] == [logging.WARNING]
+    assert "std_srvs/srv/SetBool is not in" in caplog.text
+    assert "differs in Trigger" in caplog.text
+
+
+def test_the_note_is_only_information_while_the_local_package_equals_the_bundled_one(
+    workspace, caplog
+):
+    caplog.set_level(logging.INFO, "srvgen")
+    text = (BUNDLED / "std_srvs/srv/Trigger.srv").read_text(encoding="utf-8")
+    write(workspace, "std_srvs/srv/Trigger", text.replace("\n", "\r\n"))
+    Search().load("std_srvs/srv/SetBool")
+    assert [record.levelno for record in caplog.records] == [logging.INFO]
+
+
+@pytest.mark.parametrize(
+    ("name", "message", "hint"),
+    [
+        ("std_msg/msg/String", "no package 'std_msg'", "did you mean std_msgs"),
+        ("std_msgs/msg/Strin", "package 'std_msgs' has no message 'Strin'", "String"),
+        ("std_msgs/srv/String", "has no service 'String'", "std_msgs/msg/String"),
+        ("std_srvs/srv/Trigger_Foo", "has no service 'Trigger_Foo'", "Trigger"),
+        ("std_srvs/srv/trigger", "has no service 'trigger'", "did you mean Trigger"),
+        ("Trigger", "expected a type name such as", ""),
+    ],
+)
+def test_what_is_missing_is_named_with_what_resembles_it(name, message, hint):
+    with pytest.raises(DefinitionError) as caught:
+        Search().load(name)
+    assert message in caught.value.message
+    assert hint in caught.value.hint
+
+
+def test_a_definition_beside_the_script_is_recognised(workspace):
+    Path("Fetch.srv").write_text("---", encoding="utf-8")
+    with pytest.raises(DefinitionError) as caught:
+        Search().load("my_msgs/srv/Fetch")
+    assert caught.value.hint == f"move Fetch.srv to {Path('my_msgs/srv/Fetch.srv')}"
+
+
+def test_dependencies_come_before_what_needs_them():
+    names = [one.full_name for one in Search().closure("geometry_msgs/msg/PoseStamped")]
+    for earlier, later in [("Point", "Pose"), ("Quaternion", "Pose"), ("Pose", "PoseStamped")]:
+        assert names.index(f"geometry_msgs/msg/{earlier}") < names.index(
+            f"geometry_msgs/msg/{later}"
+        )
+    assert len(names) == len(set(names))
+
+
+def test_a_service_needs_the_information_of_its_events():
+    names = [one.full_name for one in Search().closure("std_srvs/srv/Empty")]
+    assert names == [
+        "builtin_interfaces/msg/Time",
+        "service_msgs/msg/ServiceEventInfo",
+        "std_srvs/srv/Empty",
+    ]
+
+
+def test_every_missing_type_is_reported_at_the_field_that_refers_to_it(workspace):
+    path = write(
+        workspace, "my_msgs/srv/Fetch", "Header header\nstd_msg/String s\n---\nString text\n"
+    )
+    with pytest.raises(DefinitionErrors) as caught:
+        Search().closure("my_msgs/srv/Fetch")
+    problems = caught.value.problems
+    assert [(one.path, one.line, one.column) for one in problems] == [
+        (str(path), 1, 1),
+        (str(path), 2, 1),
+        (str(path), 4, 1),
+    ]
+    assert problems[0].hint == "ROS 2 writes std_msgs/Header"
+    assert problems[1].source_line == "std_msg/String s"
+    assert problems[2].hint == "did you mean the built-in type string?"
+
+
+def test_a_type_that_contains_itself_is_refused_with_the_way_round(workspace):
+    write(workspace, "my_msgs/msg/Egg", "Hen hen")
+    write(workspace, "my_msgs/msg/Hen", "Egg[] eggs")
+    with pytest.raises(DefinitionError) as caught:
+        Search().closure("my_msgs/msg/Egg")
+    assert "my_msgs/msg/Egg → my_msgs/msg/Hen → my_msgs/msg/Egg" in caught.value.message
+    assert Path(caught.value.path).name == "Hen.msg"
+    write(workspace, "my_msgs/msg/Self", "Self[] more")
+    with pytest.raises(DefinitionError, match="my_msgs/msg/Self → my_msgs/msg/Self"):
+        Search().closure("my_msgs/msg/Self")
+
+
+def test_times_of_ros_1_are_refused_with_those_of_ros_2(workspace):
+    write(workspace, "my_msgs/msg/Old", "time stamp")
+    for find in (Search().load, Search().closure):
+        with pytest.raises(DefinitionError) as caught:
+            find("my_msgs/msg/Old")
+        assert (caught.value.line, caught.value.hint) == (
+            1,
+            "ROS 2 writes builtin_interfaces/Time",
+        )
+
+
+def test_a_broken_dependency_is_reported_once_in_its_own_file(workspace):
+    write(workspace, "my_msgs/msg/Good", "Bad a\nBad b\n")
+    bad = write(workspace, "my_msgs/msg/Bad", "int x")
+    with pytest.raises(DefinitionError) as caught:
+        Search().closure("my_msgs/msg/Good")
+    assert not isinstance(caught.value, DefinitionErrors)
+    assert caught.value.path == str(bad)
