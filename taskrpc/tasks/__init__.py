@@ -1,1 +1,22 @@
 """The robot's tasks: a durable priority queue, its worker, and the services in front of them."""
+
+from taskrpc.tasks.manager import Answer, Resumed, TaskManager
+from taskrpc.tasks.model import EstimateChange, State, Task
+from taskrpc.tasks.server import TaskServer
+from taskrpc.tasks.sqlite_store import SqliteStore
+from taskrpc.tasks.store import MemoryStore, Stored, StoreError, TaskStore
+
+__all__ = [
+    "Answer",
+    "EstimateChange",
+    "MemoryStore",
+    "Resumed",
+    "SqliteStore",
+    "State",
+    "StoreError",
+    "Stored",
+    "Task",
+    "TaskManager",
+    "TaskServer",
+    "TaskStore",
+]

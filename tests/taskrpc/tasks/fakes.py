@@ -1,4 +1,4 @@
-"""A robot on a line, with knobs for everything that a robot may do wrong, and a store that fails."""
+"""A robot on a line, with knobs for what a robot may do wrong, and a store that fails."""
 
 import asyncio
 
@@ -38,13 +38,19 @@ class LineRobot:
         return Plan(abs(x - start.x) + abs(theta - start.theta) + 1.0, Pose(x, 0.0, theta))
 
     def pose(self):
+        return self._where()
+
+    def remaining(self):
+        return self._left()
+
+    def _where(self):
         if self._plan is None:
             return self._pose
         share = min(1.0, self._behind() / self._plan.seconds)
         x = self._pose.x + share * (self._plan.end.x - self._pose.x)
         return Pose(x, 0.0, self._plan.end.theta)
 
-    def remaining(self):
+    def _left(self):
         return 0.0 if self._plan is None else (self._plan.seconds - self._behind()) * self.slowness
 
     def pause(self):
@@ -70,11 +76,11 @@ class LineRobot:
             return {"x": self._plan.end.x}
         finally:
             self._hold()
-            self._pose, self._plan = self.pose(), None
+            self._pose, self._plan = self._where(), None
             self._paused = self._stopped = False
 
     async def _follow(self, report):
-        while self.remaining() > 1e-9:
+        while self._left() > 1e-9:
             if self._stopped:
                 raise RobotStopped("stopped")
             if self._paused:
@@ -83,7 +89,7 @@ class LineRobot:
             if self.fail_with and self._behind() > 0:
                 raise self.fail_with
             self._since = asyncio.get_running_loop().time()
-            await self._woken(min(self.remaining(), 0.5) / self.speed)
+            await self._woken(min(self._left(), 0.5) / self.speed)
             self._hold()
             report(self._done / self._plan.seconds)
 

@@ -1,5 +1,7 @@
 """What every store must do; each test runs over each of them."""
 
+import asyncio
+
 import msgspec
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -78,10 +80,9 @@ async def test_a_closed_store_still_knows_its_tasks_when_it_is_asked_again(store
 
 
 async def test_calls_take_effect_in_the_order_in_which_they_were_made(store):
-    for priority in range(1, 11):
-        last = store.apply([make(1, priority=priority)])
-        await last
-    assert (await store.load()).tasks[0].priority == 10
+    calls = [store.apply([make(1, priority=priority)]) for priority in range(1, 11)]
+    *_, stored = await asyncio.gather(*calls, store.load())
+    assert stored.tasks[0].priority == 10
 
 
 @settings(

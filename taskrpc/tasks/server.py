@@ -1,0 +1,266 @@
+"""The task server: a task manager behind the services of a node."""
+
+from __future__ import annotations
+
+import functools
+from collections.abc import Awaitable, Callable
+from types import TracebackType
+from typing import Any, Self, TypeAlias
+
+import srvgen
+from taskrpc.callinfo import current_call
+from taskrpc.errors import Code, HandlerError
+from taskrpc.node import Node
+from taskrpc.robot.protocol import Robot
+from taskrpc.tasks.listing import page
+from taskrpc.tasks.manager import Answer, Resumed, TaskManager
+from taskrpc.tasks.messages import Messages
+from taskrpc.tasks.model import Task
+from taskrpc.tasks.store import StoreError, TaskStore
+
+_SUBMIT_CONCURRENCY = 64  # so many submits may wait for the disk together
+_WATCHERS = 1000
+_WATCH_SECONDS = 10.0  # how long a watcher that does not say waits
+_WATCH_AT_MOST = 60.0
+_WATCH_SHARE = 0.9  # of the time that the caller waits; the rest is for the way back
+_WATCHED_TASKS = 100  # more changes at once are told as "list them afresh"
+
+_Handler: TypeAlias = Callable[[Any, Any], Awaitable[Any]]
+
+
+class TaskServer:
+    """Offers a robot's task queue as `/robot_task` and the services below it.
+
+    Use it as `async with TaskServer(node, robot, store):`, or call `start` and `close`.
+
+    Args:
+        node: a started node; it stays the caller's.
+        robot: the robot, an object that follows the `Robot` protocol.
+        store: where tasks survive; `close` closes it.
+        queue_limit: how many tasks may wait.
+        settle: real seconds that an idle robot waits for company before it takes the first task.
+        service_name: the name of the service that takes tasks.
+        keep_ended: how many ended tasks are remembered.
+        join: whether to start although another server has the name.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        robot: Robot,
+        store: TaskStore,
+        *,
+        queue_limit: int = 10_000,
+        settle: float = 0.1,
+        service_name: str = "robot_task",
+        keep_ended: int = 1000,
+        join: bool = False,
+    ) -> None:
+        self._join = join
+        self.manager = TaskManager(
+            robot, store, queue_limit=queue_limit, settle=settle, keep_ended=keep_ended
+        )
+        self._node = node
+        self._service_name = service_name
+        self._messages = Messages()
+
+    async def __aenter__(self) -> Self:
+        await self.start()
+        return self
+
+    async def __aexit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        await self.close()
+
+    async def start(self) -> Resumed:
+        """Take up the tasks of the server before, begin to work and offer the services.
+
+        Returns what was taken up; its `str` is a sentence for the user.
+
+        Raises:
+            StoreError: the store cannot be used.
+            NameInUse: somebody else offers the service.
+        """
+        resumed = await self.manager.start()
+        try:
+            self._offer()
+        except BaseException:
+            await self.manager.close()
+            raise
+        return resumed
+
+    def dismiss_watchers(self) -> None:
+        """Answer everybody who waits for a change, so that a node may drain without them."""
+        self.manager.board.close()
+
+    async def close(self) -> None:
+        """Halt the robot, store the running task as INTERRUPTED and close the store."""
+        await self.manager.close()
+
+    def _offer(self) -> None:
+        submit_type = srvgen.load("my_robot_interfaces/srv/RobotTask")
+        self._node.create_service(
+            submit_type,
+            self._service_name,
+            _plainly(self.submit),
+            concurrency=_SUBMIT_CONCURRENCY,
+            join=self._join,
+        )
+        # A call that looks or halts may be repeated when its answer is lost. One that sets things
+        # going may not: somebody else may have halted them meanwhile.
+        for verb, type_name, handler, may_repeat in (
+            ("list", "ListTasks", self.list_tasks, True),
+            ("show", "ShowTask", self.show, True),
+            ("watch", "WatchTasks", self.watch, True),
+            ("cancel", "CancelTask", self.cancel, True),
+            ("pause", "PauseTasks", self.pause, True),
+            ("resume", "ResumeTasks", self.resume, False),
+            ("reprioritise", "ReprioritiseTask", self.reprioritise, False),
+            ("requeue", "RequeueTask", self.requeue, False),
+            ("drop", "DropTask", self.drop, True),
+            ("stop", "StopRobot", self.stop, True),
+        ):
+            self._node.create_service(
+                srvgen.load(f"taskrpc_interfaces/srv/{type_name}"),
+                f"{self._service_name}/{verb}",
+                _plainly(handler),
+                concurrency=_WATCHERS if verb == "watch" else _SUBMIT_CONCURRENCY,
+                idempotent=may_repeat,
+            )
+
+    # The handlers: `request` and `response` are the service's own messages
+
+    async def submit(self, request: Any, response: Any) -> Any:
+        """Queue a task; see RobotTask.srv."""
+        answer = await self.manager.submit(
+            request.task_type, request.target, request.priority, client=_caller()
+        )
+        response.task_id = answer.task_id
+        return _answered(response, answer)
+
+    async def list_tasks(self, request: Any, response: Any) -> Any:
+        """List tasks in the order of run; see ListTasks.srv."""
+        response.revision = self.manager.board.revision
+        try:
+            found = page(self.manager, request.page, limit=request.limit, ended=request.all)
+        except ValueError as error:
+            raise HandlerError(Code.INVALID_ARGUMENT, str(error)) from None
+        response.tasks = [
+            self._messages.task_info(row.task, row.estimated_time) for row in found.rows
+        ]
+        response.next_page = found.next_page
+        response.queued = len(self.manager.queue)
+        response.paused = self.manager.is_paused
+        return response
+
+    async def show(self, request: Any, response: Any) -> Any:
+        """Show one task; see ShowTask.srv."""
+        task = self.manager.book.find(request.task_id)
+        response.success = task is not None
+        if task is None:
+            response.message = f"There is no task {request.task_id}"
+            return response
+        self.manager.reckon()
+        response.task = self._messages.whole_task_info(
+            task, self.manager.estimate(task.task_id), self.manager.changes(task)
+        )
+        return response
+
+    async def watch(self, request: Any, response: Any) -> Any:
+        """Wait for changes; see WatchTasks.srv."""
+        board, only = self.manager.board, request.task_id
+        response.success = not only or self.manager.book.find(only) is not None
+        if not response.success:
+            response.message = f"There is no task {only}"
+            return response
+        await board.wait_for_change(request.revision, _patience(request.timeout), task_id=only)
+        changed = board.changed_since(request.revision)
+        response.complete = changed is not None and len(changed) <= _WATCHED_TASKS
+        if only and (changed is None or only in changed):
+            response.complete, changed = True, [only]
+        elif only:
+            changed = []
+        response.revision = board.revision
+        response.paused = self.manager.is_paused
+        if response.complete and changed:
+            self._fill(response, changed)
+        return response
+
+    async def cancel(self, request: Any, response: Any) -> Any:
+        """Call a task off; see CancelTask.srv."""
+        return _answered(response, await self.manager.cancel(request.task_id, client=_caller()))
+
+    async def pause(self, request: Any, response: Any) -> Any:
+        """Halt the robot and the queue; see PauseTasks.srv."""
+        return _answered(response, await self.manager.pause())
+
+    async def resume(self, request: Any, response: Any) -> Any:
+        """Go on; see ResumeTasks.srv."""
+        return _answered(response, await self.manager.resume())
+
+    async def reprioritise(self, request: Any, response: Any) -> Any:
+        """Move a task to another priority; see ReprioritiseTask.srv."""
+        answer = await self.manager.reprioritise(request.task_id, request.priority)
+        return _answered(response, answer)
+
+    async def requeue(self, request: Any, response: Any) -> Any:
+        """Queue a task once more; see RequeueTask.srv."""
+        return _answered(response, await self.manager.requeue(request.task_id))
+
+    async def drop(self, request: Any, response: Any) -> Any:
+        """Give a task up; see DropTask.srv."""
+        return _answered(response, await self.manager.drop(request.task_id, client=_caller()))
+
+    async def stop(self, request: Any, response: Any) -> Any:
+        """Halt the robot at once; see StopRobot.srv."""
+        return _answered(response, await self.manager.stop(client=_caller()))
+
+    def _fill(self, response: Any, changed: list[int]) -> None:
+        self.manager.reckon()
+        found = (self.manager.book.find(task_id) for task_id in changed)
+        response.tasks = [self._info(task) for task in found if task is not None]
+
+    def _info(self, task: Task) -> Any:
+        return self._messages.task_info(task, self.manager.estimate(task.task_id))
+
+
+def _answered(response: Any, answer: Answer) -> Any:
+    response.success = answer.success
+    response.message = answer.message
+    if hasattr(response, "estimated_time"):
+        response.estimated_time = answer.estimated_time
+    return response
+
+
+def _plainly(handler: _Handler) -> _Handler:
+    """The handler, which tells its caller what is wrong with the store."""
+
+    @functools.wraps(handler)
+    async def plainly(request: Any, response: Any) -> Any:
+        try:
+            return await handler(request, response)
+        except StoreError as error:
+            raise HandlerError(Code.INTERNAL, str(error)) from error
+
+    return plainly
+
+
+def _caller() -> str:
+    try:
+        return current_call().caller
+    except LookupError:  # called without a network
+        return ""
+
+
+def _patience(asked: float) -> float:
+    """Seconds that a watcher may wait, so that its answer comes before it gives up."""
+    patience = min(asked if asked > 0 else _WATCH_SECONDS, _WATCH_AT_MOST)
+    try:
+        left = current_call().time_left()
+    except LookupError:
+        left = None
+    return patience if left is None else min(patience, left * _WATCH_SHARE)

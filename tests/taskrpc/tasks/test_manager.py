@@ -1,0 +1,240 @@
+"""What the task server answers, and what a new server makes of the old one's tasks."""
+
+import asyncio
+
+import pytest
+
+from taskrpc.tasks.listing import page
+from taskrpc.tasks.manager import Resumed, TaskManager
+from taskrpc.tasks.model import State
+from taskrpc.tasks.sqlite_store import SqliteStore
+from taskrpc.tasks.store import MemoryStore
+from tests.taskrpc.tasks.fakes import LineRobot
+
+
+@pytest.fixture
+async def manager():
+    manager = TaskManager(LineRobot(), MemoryStore(), queue_limit=20)
+    await manager.start()
+    yield manager
+    await manager.close()
+
+
+async def submit(manager, *rows):
+    return [await manager.submit("move", target, priority) for target, priority in rows]
+
+
+async def idle(manager):
+    while manager.queue or manager.running:
+        await asyncio.sleep(1)
+
+
+async def test_an_accepted_task_is_answered_with_its_number_and_time(manager):
+    first, second = await submit(manager, ("3", 5), ("3", 5))
+    assert (first.success, first.message, first.task_id) == (True, "Task queued: move", 1)
+    # settle 0.1, turn 1, drive 3, work 1; the second only works
+    assert first.estimated_time == pytest.approx(5.1)
+    assert (second.task_id, second.estimated_time) == (2, pytest.approx(6.1))
+
+
+async def test_settling_is_counted_in_the_robots_seconds():
+    manager = TaskManager(LineRobot(speed=10.0), MemoryStore(), settle=0.5)
+    await manager.start()
+    assert (await manager.submit("move", "0", 5)).estimated_time == pytest.approx(5.0 + 1.0)
+    await manager.close()
+
+
+@pytest.mark.parametrize(
+    ("task_type", "target", "priority", "message"),
+    [
+        ("fly", "1", 5, "Invalid task: fly (expected move, scan or report)"),
+        ("", "1", 5, "Invalid task:  (expected move, scan or report)"),
+        ("move", "mars", 5, "Invalid target: mars (expected a number, got 'mars')"),
+        ("move", "1", 11, "Invalid priority: 11 (expected 1 to 10, 10 runs first)"),
+        ("move", "1", 0, "Invalid priority: 0 (expected 1 to 10, 10 runs first)"),
+        ("a\x1b[2J\nb", "1", 5, "Invalid task: a?[2J?b (expected move, scan or report)"),
+        ("x" * 99, "1", 5, f"Invalid task: {'x' * 59}… (expected move, scan or report)"),
+    ],
+)
+async def test_a_refusal_says_what_is_allowed_and_uses_no_number_up(
+    manager, task_type, target, priority, message
+):
+    refused = await manager.submit(task_type, target, priority)
+    assert (refused.success, refused.message) == (False, message)
+    assert (refused.task_id, refused.estimated_time) == (-1, 0.0)
+    assert [answer.task_id for answer in await submit(manager, ("1", 5))] == [1]
+
+
+async def test_a_full_queue_refuses_and_takes_more_when_there_is_room(manager):
+    await manager.pause()
+    answers = await submit(manager, *[("1", 5)] * 21)
+    assert [answer.success for answer in answers] == [True] * 20 + [False]
+    assert answers[-1].message == "Queue full: 20 tasks wait, and no more may"
+    await manager.cancel(7)
+    assert [answer.task_id for answer in await submit(manager, ("1", 5))] == [21]
+
+
+async def test_cancelling_answers_for_every_state(manager):
+    await submit(manager, ("1", 5))
+    await idle(manager)
+    await manager.pause()
+    await submit(manager, ("1", 5))
+    messages = [(await manager.cancel(number)).message for number in (2, 2, 1, 99)]
+    assert messages == [
+        "Task 2 was cancelled",
+        "Task 2 is cancelled already",
+        "Task 1 is SUCCEEDED: cannot be cancelled any more",
+        "There is no task 99",
+    ]
+
+
+async def test_reprioritising_moves_among_the_new_equals_by_age(manager):
+    await manager.pause()
+    await submit(manager, ("1", 5), ("2", 5), ("3", 8), ("4", 8))
+    answer = await manager.reprioritise(2, 8)
+    assert [row.task.task_id for row in page(manager, "").rows] == [2, 3, 4, 1]
+    assert answer.message == "Task 2 has priority 8"
+    assert answer.estimated_time == manager.estimate(2)
+    refused = [(await manager.reprioritise(*pair)).message for pair in [(2, 0), (99, 5)]]
+    assert refused == [
+        "Invalid priority: 0 (expected 1 to 10, 10 runs first)",
+        "There is no task 99",
+    ]
+
+
+async def test_a_running_task_keeps_its_priority(manager):
+    await submit(manager, ("50", 5))
+    await asyncio.sleep(5)
+    answer = await manager.reprioritise(1, 9)
+    assert answer.message == "Task 1 is RUNNING: only a queued task can be moved"
+
+
+async def test_a_cancelled_task_runs_again_under_its_number_behind_its_equals(manager):
+    await manager.pause()
+    await submit(manager, ("1", 5), ("2", 5), ("3", 5))
+    await manager.cancel(1)
+    answer = await manager.requeue(1)
+    assert (answer.message, answer.task_id) == ("Task queued: move", 1)
+    assert answer.estimated_time == pytest.approx(manager.estimate(1))
+    assert [row.task.task_id for row in page(manager, "").rows] == [2, 3, 1]
+    assert (await manager.requeue(1)).message == "Task 1 is queued already"
+    await manager.resume()
+    await idle(manager)
+    assert (await manager.requeue(1)).message == (
+        "Task 1 is SUCCEEDED: "
+        "only one that was interrupted, failed or cancelled can be queued again"
+    )
+
+
+async def test_only_what_waits_or_was_interrupted_is_dropped(manager):
+    await submit(manager, ("50", 5), ("1", 5))
+    await asyncio.sleep(5)
+    assert (await manager.drop(2)).message == "Task 2 was cancelled"
+    refused = await manager.drop(1)
+    assert refused.message == "Task 1 is RUNNING: only a queued or interrupted task can be dropped"
+
+
+@pytest.fixture(params=["memory", "sqlite"])
+async def store(request, tmp_path):
+    store = MemoryStore() if request.param == "memory" else SqliteStore(tmp_path / "tasks.db")
+    yield store
+    await store.close()
+
+
+async def test_a_new_server_goes_on_in_the_same_order_and_asks_about_what_ran(store):
+    old = TaskManager(LineRobot(), store)
+    await old.start()
+    await submit(old, ("50", 5), ("1", 3), ("2", 9), ("3", 3))
+    await asyncio.sleep(5)
+    assert old.running.task_id == 1
+    await old.reprioritise(4, 4)
+    await old.close()
+    robot = LineRobot()
+    new = TaskManager(robot, store)
+    resumed = await new.start()
+    assert resumed == Resumed(queued=2, interrupted=(1,))
+    assert str(resumed) == (
+        "resumed 2 queued tasks; task 1 was interrupted (taskrpc task requeue 1 runs it again)"
+    )
+    assert [row.task.task_id for row in page(new, "").rows] == [4, 2]
+    await new.drop(1)
+    await idle(new)
+    assert [target for _, target in robot.log] == ["3", "1"], "and nothing runs twice"
+    assert (await new.submit("move", "1", 5)).task_id == 5
+    await new.close()
+
+
+@pytest.mark.parametrize("begun", [State.RUNNING, State.PAUSED, State.CANCELING])
+async def test_what_had_begun_when_the_server_was_killed_is_interrupted(begun):
+    store = MemoryStore()
+    old = TaskManager(LineRobot(), store)
+    await old.start()
+    await submit(old, ("50", 5))
+    await asyncio.sleep(5)
+    if begun is State.PAUSED:
+        await old.pause()
+    elif begun is State.CANCELING:
+        old.book._tasks[1] = old.book.find(1).moved_to(begun)
+        await store.apply([old.book.find(1)])
+    assert (await store.load()).tasks[0].state is begun
+    new = TaskManager(LineRobot(), store)  # the old one is simply gone
+    assert await new.start() == Resumed(queued=0, interrupted=(1,))
+    assert (await store.load()).tasks[0].state is State.INTERRUPTED
+    assert (await new.requeue(1)).success
+    await idle(new)
+    assert new.book.find(1).state is State.SUCCEEDED
+    await new.close()
+    await old.close()
+
+
+async def test_a_promise_survives_a_restart_and_names_it():
+    wall = 1000.0
+    store = MemoryStore()
+    old = TaskManager(LineRobot(), store, wall_clock=lambda: wall)
+    await old.start()
+    await old.pause()
+    await submit(old, ("50", 5), ("1", 5))
+    promised = old.book.find(2).accepted_estimate
+    await old.close()
+    wall += 60.0
+    new = TaskManager(LineRobot(), store, wall_clock=lambda: wall)
+    await new.start()
+    task = new.book.find(2)
+    assert task.accepted_estimate == promised
+    (change,) = new.changes(task)
+    assert change.cause == "the server was restarted"
+    assert promised + change.seconds == pytest.approx(60.0 + new.estimate(2))
+    await new.close()
+
+
+@pytest.mark.parametrize(
+    ("resumed", "text"),
+    [
+        (Resumed(0, ()), "resumed no queued tasks"),
+        (Resumed(1, ()), "resumed 1 queued task"),
+        (
+            Resumed(0, (1, 2, 3, 4, 5)),
+            "resumed no queued tasks"
+            + "".join(
+                f"; task {n} was interrupted (taskrpc task requeue {n} runs it again)"
+                for n in (1, 2, 3)
+            )
+            + "; 2 more were interrupted (taskrpc task list --all)",
+        ),
+    ],
+)
+def test_what_was_resumed_is_one_sentence(resumed, text):
+    assert str(resumed) == text
+
+
+async def test_a_robot_without_a_sensible_speed_is_refused():
+    with pytest.raises(ValueError, match="expected a robot with a positive speed, got 0"):
+        TaskManager(LineRobot(speed=0), MemoryStore())
+
+
+async def test_submits_at_once_are_served_in_the_order_of_their_arrival(manager):
+    answers = await asyncio.gather(*(manager.submit("move", "1", 5) for _ in range(10)))
+    assert [answer.task_id for answer in answers] == list(range(1, 11))
+    times = [answer.estimated_time for answer in answers]
+    assert times == sorted(times)
+    assert [row.task.task_id for row in page(manager, "").rows] == list(range(1, 11))

@@ -1,0 +1,338 @@
+"""The robot does one task after another, whatever robot, disk or operator do meanwhile."""
+
+import asyncio
+
+import pytest
+
+from taskrpc.robot.protocol import RobotStopped
+from taskrpc.tasks.manager import TaskManager
+from taskrpc.tasks.model import State
+from taskrpc.tasks.store import StoreError
+from tests.taskrpc.tasks.fakes import FullStore, LineRobot
+
+
+class Scene:
+    """A manager with its robot and store, and what a watcher saw."""
+
+    def __init__(self, settle):
+        self.robot, self.store = LineRobot(), FullStore()
+        self.manager = TaskManager(self.robot, self.store, settle=settle)
+        self.seen = []
+        self._watcher = None
+
+    async def submit(self, *targets, priority=5):
+        return [(await self.manager.submit("move", t, priority)).task_id for t in targets]
+
+    def state(self, task_id):
+        return self.manager.book.find(task_id).state
+
+    def states(self, task_id):
+        """The states of one task in the order in which a watcher saw them."""
+        return [state.value for number, state in self.seen if number == task_id]
+
+    async def until(self, task_id, state):
+        async with asyncio.timeout(1000):
+            while self.state(task_id) is not state:
+                await self.manager.board.wait_for_change(self.manager.board.revision, 1)
+
+    async def watch(self):
+        original = self.manager.board.announce
+
+        def announce(task_id=None):
+            if task_id is not None:
+                state = self.manager.book.find(task_id).state
+                if (task_id, state) != (self.seen or [None])[-1]:
+                    self.seen.append((task_id, state))
+            original(task_id)
+
+        self.manager.board.announce = announce
+        await self.manager.start()
+
+
+@pytest.fixture
+async def scene():
+    scene = Scene(settle=0.0)
+    await scene.watch()
+    yield scene
+    scene.store.is_full = False
+    await scene.manager.close()
+
+
+async def test_a_task_is_queued_runs_and_succeeds(scene):
+    (task_id,) = await scene.submit("3")
+    await scene.until(task_id, State.SUCCEEDED)
+    assert scene.states(task_id) == ["QUEUED", "RUNNING", "SUCCEEDED"]
+    task = scene.manager.book.find(task_id)
+    assert (task.result, task.progress) == ('{"x":3.0}', 1.0)
+    assert task.started_at <= task.ended_at
+
+
+async def test_progress_is_announced_and_never_falls(scene):
+    (task_id,) = await scene.submit("9")
+    noted = []
+    while scene.state(task_id) is not State.SUCCEEDED:
+        noted.append(scene.manager.book.find(task_id).progress)
+        await asyncio.sleep(0.5)
+    assert len(set(noted)) > 5
+    assert noted == sorted(noted)
+
+
+async def test_an_idle_robot_waits_for_company_and_then_takes_the_first():
+    scene = Scene(settle=2.0)
+    await scene.watch()
+    await scene.submit("1", priority=3)
+    await asyncio.sleep(1.9)
+    await scene.submit("2", priority=9)
+    await asyncio.sleep(0.05)
+    assert scene.robot.log == []
+    await scene.until(1, State.SUCCEEDED)
+    assert scene.robot.log == [("move", "2"), ("move", "1")]
+    await asyncio.sleep(1)
+    began = asyncio.get_running_loop().time()
+    (third,) = await scene.submit("1")
+    await scene.until(third, State.RUNNING)
+    assert asyncio.get_running_loop().time() - began == pytest.approx(2.0), "idle once more"
+    await scene.manager.close()
+
+
+async def test_a_running_task_is_not_interrupted_by_priority(scene):
+    await scene.submit("5", priority=1)
+    await asyncio.sleep(1)
+    await scene.submit("6", priority=10)
+    await scene.until(1, State.SUCCEEDED)
+    assert scene.robot.log == [("move", "5")]
+
+
+async def test_a_paused_task_goes_on_where_it_was(scene):
+    await scene.submit("10")
+    await asyncio.sleep(4)
+    await scene.manager.pause()
+    assert scene.state(1) is State.PAUSED
+    pose = scene.robot.pose()
+    await asyncio.sleep(100)
+    assert scene.robot.pose() == pose
+    assert (await scene.manager.pause()).success, "a second pause does no harm"
+    await scene.manager.resume()
+    await scene.until(1, State.SUCCEEDED)
+    assert scene.states(1) == ["QUEUED", "RUNNING", "PAUSED", "RUNNING", "SUCCEEDED"]
+    assert scene.robot.log == [("move", "10")]
+
+
+async def test_a_paused_queue_accepts_and_begins_nothing(scene):
+    await scene.manager.pause()
+    await scene.submit("1", "2")
+    await asyncio.sleep(100)
+    assert scene.robot.log == []
+    assert [scene.state(number) for number in (1, 2)] == [State.QUEUED] * 2
+    await scene.manager.resume()
+    await scene.until(2, State.SUCCEEDED)
+    assert scene.robot.log == [("move", "1"), ("move", "2")]
+
+
+async def test_a_pause_in_the_midst_of_settling_loses_no_task_and_no_time():
+    scene = Scene(settle=2.0)
+    await scene.watch()
+    await scene.submit("1")
+    await asyncio.sleep(1.5)
+    await scene.manager.pause()
+    await asyncio.sleep(10)
+    await scene.manager.resume()
+    resumed = asyncio.get_running_loop().time()
+    await scene.until(1, State.RUNNING)
+    assert asyncio.get_running_loop().time() - resumed == pytest.approx(0.5)
+    await scene.manager.close()
+
+
+async def test_a_queued_task_is_cancelled_without_the_robot(scene):
+    await scene.submit("5", "6")
+    await scene.manager.cancel(2)
+    await scene.until(1, State.SUCCEEDED)
+    await asyncio.sleep(100)
+    assert scene.states(2) == ["QUEUED", "CANCELED"]
+    assert scene.robot.log == [("move", "5")]
+
+
+@pytest.mark.parametrize("paused", [False, True])
+async def test_a_begun_task_is_cancelled_by_halting_the_robot(scene, paused):
+    await scene.submit("100", "50")
+    await asyncio.sleep(10)
+    if paused:
+        await scene.manager.pause()
+    answer = await scene.manager.cancel(1, client="/alice")
+    assert (answer.success, answer.message) == (True, "Task 1 was cancelled")
+    assert scene.states(1)[-2:] == ["CANCELING", "CANCELED"]
+    assert scene.manager.book.find(1).message == "cancelled by /alice"
+    await scene.manager.resume()
+    await scene.until(2, State.SUCCEEDED)
+    assert scene.robot.pose().x == 50
+
+
+async def test_a_task_is_cancelled_while_its_start_is_being_stored(scene):
+    scene.store.delay = 1.0
+    submitted = asyncio.ensure_future(scene.submit("5"))
+    await asyncio.sleep(1.5)  # queued and stored; RUNNING is on its way to the disk
+    assert scene.manager.running is not None
+    await submitted
+    assert (await scene.manager.cancel(1)).success
+    await asyncio.sleep(10)
+    assert scene.state(1) is State.CANCELED
+    assert scene.robot.log == [], "the robot never moved"
+
+
+async def test_stop_halts_the_robot_cancels_its_task_and_pauses_the_queue(scene):
+    await scene.submit("100", "50")
+    await asyncio.sleep(10)
+    answer = await scene.manager.stop()
+    assert answer.message == (
+        "The robot is stopped and the queue is paused; "
+        "task 1 was cancelled (taskrpc task requeue 1 runs it again)"
+    )
+    pose = scene.robot.pose()
+    await asyncio.sleep(100)
+    assert (scene.robot.pose(), scene.manager.is_paused) == (pose, True)
+    assert scene.states(1) == ["QUEUED", "RUNNING", "CANCELED"]
+    assert (await scene.manager.stop()).success, "a second stop does no harm"
+    await scene.manager.resume()
+    await scene.until(2, State.SUCCEEDED)
+
+
+@pytest.mark.parametrize(
+    ("failure", "message"),
+    [
+        (ZeroDivisionError("division by zero"), "ZeroDivisionError: division by zero"),
+        (RuntimeError("line one\nline two"), "RuntimeError: line one line two"),
+        (KeyError(), "KeyError: no reason given"),
+        (RobotStopped("somebody pressed the red button"), "somebody pressed the red button"),
+    ],
+)
+async def test_a_robot_that_fails_fails_one_task_and_the_worker_goes_on(scene, failure, message):
+    await scene.submit("5", "6")
+    scene.robot.fail_with = failure
+    await scene.until(1, State.FAILED)
+    scene.robot.fail_with = None
+    assert scene.manager.book.find(1).message == message
+    await scene.until(2, State.SUCCEEDED)
+
+
+async def test_a_robot_that_cancels_itself_fails_its_task(scene):
+    await scene.submit("5", "6")
+    scene.robot.fail_with = asyncio.CancelledError()
+    await scene.until(1, State.FAILED)
+    scene.robot.fail_with = None
+    assert scene.manager.book.find(1).message == "the robot gave it up without a reason"
+    await scene.until(2, State.SUCCEEDED)
+
+
+async def test_a_robot_that_answers_nonsense_cannot_break_the_queue(scene):
+    def nonsense():
+        raise OSError("no battery")
+
+    scene.robot.remaining = scene.robot.pose = scene.robot.pause = nonsense
+    await scene.submit("5", "6")
+    await asyncio.sleep(1)
+    answer = await scene.manager.pause()
+    assert answer.message == "The queue is paused, but the robot failed: OSError: no battery"
+    assert scene.state(1) is State.RUNNING, "it goes on, and nobody claims otherwise"
+    del scene.robot.remaining, scene.robot.pose, scene.robot.pause
+    await scene.manager.resume()
+    await scene.until(2, State.SUCCEEDED)
+
+
+@pytest.mark.parametrize(
+    ("result", "text"),
+    [({"a": {1, 2}.__class__}, "\"<class 'set'>\""), ({"f": float("nan")}, "null")],
+)
+async def test_a_result_that_is_no_json_fails_nothing(scene, result, text):
+    async def execute(task_type, target, report):
+        return result
+
+    scene.robot.execute = execute
+    await scene.submit("5")
+    await scene.until(1, State.SUCCEEDED)
+    assert text in scene.manager.book.find(1).result
+
+
+async def test_a_robot_that_ignores_a_cancel_is_waited_for_and_then_said_to_be_busy(scene):
+    scene.robot.ignores_cancel = True
+    await scene.submit("5", "6")
+    await asyncio.sleep(1)
+    answer = await scene.manager.cancel(1)
+    assert answer.message == "Task 1 is being cancelled"
+    assert scene.state(1) is State.CANCELING
+    await scene.until(2, State.SUCCEEDED)
+    assert scene.state(1) is State.SUCCEEDED, "it was done before it could be halted"
+
+
+async def test_the_robot_does_not_move_before_its_start_is_stored(scene):
+    scene.store.delay = 1.0
+    await scene.submit("5")
+    await asyncio.sleep(0.9)
+    assert scene.robot.log == []
+    await asyncio.sleep(0.2)
+    assert scene.robot.log == [("move", "5")]
+    assert (await scene.store.load()).tasks[0].state is State.RUNNING
+
+
+async def test_a_full_disk_pauses_the_queue_and_loses_nothing(scene, caplog):
+    await scene.manager.pause()
+    await scene.submit("5", "6")
+    estimate = scene.manager.book.find(2).accepted_estimate
+    scene.store.is_full = True
+    await scene.manager.resume()
+    await asyncio.sleep(1)
+    assert scene.manager.is_paused
+    assert "the queue is paused: the disk is full" in caplog.text
+    assert scene.robot.log == []
+    with pytest.raises(StoreError):
+        await scene.submit("7")
+    assert len(scene.manager.queue) == 2
+    assert scene.manager.estimate(2) == pytest.approx(estimate)
+    scene.store.is_full = False
+    await scene.manager.resume()
+    await scene.until(2, State.SUCCEEDED)
+
+
+async def test_an_end_that_cannot_be_stored_is_still_shown(scene):
+    await scene.submit("5", "6")
+    await asyncio.sleep(1)
+    scene.store.is_full = True
+    await scene.until(1, State.SUCCEEDED)
+    await asyncio.sleep(100)
+    assert scene.manager.is_paused
+    assert scene.state(2) is State.QUEUED
+    assert (await scene.store.load()).tasks[0].state is State.RUNNING
+
+
+async def test_the_running_task_is_interrupted_when_the_server_ends(scene):
+    await scene.submit("5", "6")
+    await asyncio.sleep(1)
+    await scene.manager.close()
+    tasks = (await scene.store.load()).tasks
+    assert [task.state for task in tasks] == [State.INTERRUPTED, State.QUEUED]
+    assert tasks[0].message == "the server ended while it ran"
+    assert scene.robot.remaining() == 0.0
+
+
+async def test_a_robot_that_does_not_let_go_cannot_keep_the_server_from_ending(scene):
+    async def forever(task_type, target, report):
+        while True:
+            try:
+                await asyncio.sleep(3600)
+            except asyncio.CancelledError:
+                if asyncio.get_running_loop().time() > 50:
+                    raise
+
+    scene.robot.execute = forever
+    await scene.submit("5")
+    await asyncio.sleep(1)
+    began = asyncio.get_running_loop().time()
+    await scene.manager.close()
+    assert asyncio.get_running_loop().time() - began < 2.0
+    assert (await scene.store.load()).tasks[0].state is State.INTERRUPTED
+    await asyncio.sleep(100)
+
+
+async def test_an_idle_server_ends_at_once(scene):
+    began = asyncio.get_running_loop().time()
+    await scene.manager.close()
+    assert asyncio.get_running_loop().time() == began
