@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import json
 import logging
 import os
@@ -26,6 +27,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code: 0 done, 1 an error, 2 wrong usage."""
     options = _parser().parse_args(argv)
     _print_notes()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # Comments have characters that the code page of a Windows pipe may lack.
+        sys.stdout.reconfigure(errors="backslashreplace")
     report = _Report(as_json=getattr(options, "json", False))
     try:
         options.run(options, report)

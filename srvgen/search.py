@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from .closure import check_ros2_types, closure
@@ -144,7 +145,8 @@ class Search:
     def _roots(self) -> Iterator[Path]:
         for path in self.paths:
             yield from _workspace(path.resolve())
-        yield from _workspace(Path.cwd())
+        with suppress(OSError):  # the working directory may have been deleted
+            yield from _workspace(Path.cwd())
         yield from _environment("TASKRPC_INTERFACE_PATH")
         for prefix in _environment("AMENT_PREFIX_PATH"):
             yield prefix / "share"
@@ -180,7 +182,10 @@ class Search:
         return found
 
     def _read(self, path: Path, package: str) -> Definition:
-        status = path.stat()
+        try:
+            status = path.stat()
+        except OSError:  # gone since it was found: let the reader say so
+            return read_definition(path, package)
         stamp = (status.st_mtime_ns, status.st_size)
         known = self._parsed.get(path)
         if known and known[0] == stamp:
@@ -251,8 +256,11 @@ def _files(folder: Path, kind: Kind) -> Iterator[Path]:
 
 
 def _is_file(path: Path) -> bool:
-    # Windows and macOS find addtwoints.srv for AddTwoInts.srv; a robot on Linux would not.
-    return path.is_file() and path.name in os.listdir(path.parent)
+    try:
+        # Windows and macOS find addtwoints.srv for AddTwoInts.srv; a robot on Linux would not.
+        return path.is_file() and path.name in os.listdir(path.parent)
+    except OSError:  # a name too long for the file system, a folder that may not be read
+        return False
 
 
 def _owner(name: str) -> str:

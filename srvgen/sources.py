@@ -22,7 +22,12 @@ def definition_files(source: Path) -> list[Path]:
         return [source]
     if not source.is_dir():
         raise DefinitionError("expected a file or folder, got nothing there", path=str(source))
-    found = _in_packages(source) or _in_folder(source)
+    try:
+        found = _in_packages(source) or _in_folder(source)
+    except OSError as error:
+        raise DefinitionError(
+            f"expected a readable folder, got: {error.strerror or error}", path=str(source)
+        ) from None
     if found:
         return found
     raise DefinitionError(

@@ -162,6 +162,18 @@ def test_what_is_missing_is_named_with_what_resembles_it(name, message, hint):
     assert hint in caught.value.hint
 
 
+def test_a_name_that_no_file_system_holds_is_merely_unknown():
+    with pytest.raises(DefinitionError, match="has no message"):
+        Search().find(f"std_msgs/msg/{'A' * 5000}")
+
+
+def test_a_deleted_working_directory_leaves_the_bundled_packages(workspace):
+    if os.name == "nt":
+        pytest.skip("Windows does not let go of a working directory")
+    workspace.rmdir()
+    assert Search().load("std_srvs/srv/Empty").full_name == "std_srvs/srv/Empty"
+
+
 def test_a_definition_beside_the_script_is_recognised(workspace):
     Path("Fetch.srv").write_text("---", encoding="utf-8")
     with pytest.raises(DefinitionError) as caught:
