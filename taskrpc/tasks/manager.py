@@ -74,6 +74,8 @@ class TaskManager:
         wall_clock: Callable[[], float] = time.time,
     ) -> None:
         self._guard = RobotGuard(robot)
+        self.is_closed = False
+        """Whether `close` has begun, so that nothing more may be asked."""
         self._wall_clock = wall_clock
         self._queue_limit = queue_limit
         self.board = Board(int(wall_clock() * 1000))
@@ -111,7 +113,11 @@ class TaskManager:
         return Resumed(len(queued), tuple(sorted(task.task_id for task in ended)))
 
     async def close(self) -> None:
-        """Halt the robot, store what ran as INTERRUPTED, answer the watchers, close the store."""
+        """Halt the robot, store what ran as INTERRUPTED, answer the watchers, close the store.
+
+        Ask for nothing afterwards.
+        """
+        self.is_closed = True
         self.board.close()
         await self._worker.close()
         await self.book.close()

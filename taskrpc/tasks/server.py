@@ -106,7 +106,7 @@ class TaskServer:
         self._node.create_service(
             submit_type,
             self._service_name,
-            _plainly(self.submit),
+            self._guarded(self.submit),
             concurrency=_SUBMIT_CONCURRENCY,
             join=self._join,
         )
@@ -127,10 +127,24 @@ class TaskServer:
             self._node.create_service(
                 srvgen.load(f"taskrpc_interfaces/srv/{type_name}"),
                 f"{self._service_name}/{verb}",
-                _plainly(handler),
+                self._guarded(handler),
                 concurrency=_WATCHERS if verb == "watch" else _SUBMIT_CONCURRENCY,
                 idempotent=may_repeat,
             )
+
+    def _guarded(self, handler: _Handler) -> _Handler:
+        """The handler, which tells its caller when the server ends or what the store lacks."""
+
+        @functools.wraps(handler)
+        async def guarded(request: Any, response: Any) -> Any:
+            if self.manager.is_closed:  # the store is, too; and nothing was done
+                raise HandlerError(Code.UNAVAILABLE, "the task server is ending")
+            try:
+                return await handler(request, response)
+            except StoreError as error:
+                raise HandlerError(Code.INTERNAL, str(error)) from error
+
+        return guarded
 
     # The handlers: `request` and `response` are the service's own messages
 
@@ -234,19 +248,6 @@ def _answered(response: Any, answer: Answer) -> Any:
     if hasattr(response, "estimated_time"):
         response.estimated_time = answer.estimated_time
     return response
-
-
-def _plainly(handler: _Handler) -> _Handler:
-    """The handler, which tells its caller what is wrong with the store."""
-
-    @functools.wraps(handler)
-    async def plainly(request: Any, response: Any) -> Any:
-        try:
-            return await handler(request, response)
-        except StoreError as error:
-            raise HandlerError(Code.INTERNAL, str(error)) from error
-
-    return plainly
 
 
 def _caller() -> str:

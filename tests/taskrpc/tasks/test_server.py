@@ -195,6 +195,14 @@ async def test_a_watch_ends_with_the_server(client, server):
     assert asyncio.get_running_loop().time() - began < 0.1
 
 
+async def test_a_server_that_ends_says_that_nothing_was_done(client, server):
+    await server.close()
+    with pytest.raises(taskrpc.TaskRpcError, match="the task server is ending") as error:
+        await client.submit("move", "1", 5)
+    assert error.value.not_executed
+    assert (await server.manager.book._store.load()).tasks == ()
+
+
 async def test_tasks_are_steered_through_the_services(client, robot):
     await client.submit("move", "50", 5)
     await asyncio.sleep(5)
