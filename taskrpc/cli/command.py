@@ -10,6 +10,7 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from enum import IntEnum
+from typing import TypeVar
 
 from taskrpc.errors import (
     ConnectionLost,
@@ -18,6 +19,8 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
+
+Mistake = TypeVar("Mistake", bound=Exception)
 
 
 class Exit(IntEnum):
@@ -95,16 +98,26 @@ def is_mistake(error: Exception) -> bool:
     return isinstance(error, DefinitionError | FieldError)
 
 
-def with_hint(message: str, hint: str) -> str:
-    """A message, with a hint on a line of its own where there is one."""
-    return f"{message}\n  hint: {hint}" if hint else message
+def hinted(error: Mistake, hint: str) -> Mistake:
+    """The error, with a hint to print on a line of its own where there is one."""
+    if hint:
+        error.add_note(hint)
+    return error
 
 
 def _as_text(error: Exception) -> str:
-    return f"{error.usage}{error}" if isinstance(error, UsageError) else str(error)
+    usage = error.usage if isinstance(error, UsageError) else ""
+    return "\n  hint: ".join([f"{usage}{error}", *_hints(error)])
 
 
 def _as_json(error: Exception) -> str:
     import json
 
-    return json.dumps({"error": type(error).__name__, "message": str(error)})
+    fields = {"error": type(error).__name__, "message": str(error)}
+    if hints := _hints(error):
+        fields["hint"] = "; ".join(hints)
+    return json.dumps(fields)
+
+
+def _hints(error: Exception) -> list[str]:
+    return list(getattr(error, "__notes__", ()))

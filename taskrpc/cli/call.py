@@ -1,0 +1,149 @@
+"""`taskrpc-call` and `taskrpc service call`: call a service from a command line."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
+
+from taskrpc.cli.command import Exit, UsageError, guarded
+
+if TYPE_CHECKING:
+    import argparse
+
+_DEFAULT_TIMEOUT = 10.0
+_EPILOG = """\
+examples, which no shell needs quotes for and which mean the same:
+  %(prog)s /robot_task task_type=move target=3,4 priority=8
+  %(prog)s /robot_task "{task_type: move, target: '3,4', priority: 8}"
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run `taskrpc-call` and return its exit code."""
+    arguments = sys.argv[1:] if argv is None else list(argv)
+    return guarded(lambda: _run(arguments), arguments)
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the arguments of a call."""
+    from argparse import RawDescriptionHelpFormatter
+
+    from taskrpc.cli.parsing import Parser
+
+    assert isinstance(parser, Parser)
+    parser.mixed = True
+    parser.description = "Call a service"
+    parser.epilog = _EPILOG
+    parser.formatter_class = RawDescriptionHelpFormatter
+    _add_positional(parser)
+    _add_options(parser)
+    parser.set_defaults(run=run)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Make the calls that the options ask for."""
+    from taskrpc.cli import values
+
+    type_name, request = values.split_type(options.request)
+    if options.stdin:
+        if request:
+            raise UsageError("--stdin: expected no request on the command line, got one too")
+        request = [_standard_input()]
+    import asyncio
+
+    from taskrpc.cli.calling import Plan, perform
+    from taskrpc.cli.graph import peers_of
+
+    plan = Plan(
+        options.service_name,
+        type_name,
+        tuple(request),
+        timeout=options.timeout,
+        retries=options.retries,
+        rate=options.rate,
+        count=options.count or (0 if options.rate else 1),
+        as_json=options.json,
+        peers=peers_of(options),
+        transport=options.transport,
+    )
+    asyncio.run(perform(plan))
+    return Exit.DONE
+
+
+def _run(arguments: Sequence[str]) -> int:
+    from taskrpc.cli.parsing import Parser
+
+    parser = Parser(prog="taskrpc-call")
+    configure(parser)
+    return run(parser.parse_args(arguments))
+
+
+def _add_positional(parser: argparse.ArgumentParser) -> None:
+    what = "Name of the service to call to (e.g. '/add_two_ints')"
+    parser.add_argument("service_name", help=what)
+    what = (
+        "Type of the service (e.g. 'std_srvs/srv/Empty'; may be left out: the server tells it),"
+        ' then values to fill the request with, in YAML format (e.g. "{a: 1, b: 2}") or as'
+        " FIELD=VALUE; without any the request has its default values"
+    )
+    parser.add_argument("request", nargs="*", default=[], metavar="TYPE, VALUES", help=what)
+    parser.usage = "%(prog)s [options] service_name [TYPE] [YAML | FIELD=VALUE ...]"
+
+
+def _add_options(parser: argparse.ArgumentParser) -> None:
+    from taskrpc.cli.graph import add_connect
+
+    add = parser.add_argument
+    add("--stdin", action="store_true", help="Read values from standard input")
+    positive = _number("greater than zero", lambda value: value > 0)
+    what = "Repeat the call at a specific rate in Hz"
+    add("-r", "--rate", metavar="N", type=positive, help=what)
+    what = "Call this many times (once; with --rate until interrupted)"
+    add("--count", metavar="N", type=_whole(1), default=0, help=what)
+    what = f"Seconds for waiting and call together ({_DEFAULT_TIMEOUT:g})"
+    add("--timeout", metavar="S", type=positive, default=_DEFAULT_TIMEOUT, help=what)
+    what = "Repeat a failed call up to N times, where that is safe (0)"
+    add("--retries", metavar="N", type=_whole(0), default=0, help=what)
+    what = "Print each response as one line of JSON (NaN and infinity as null)"
+    add("--json", action="store_true", help=what)
+    add_connect(parser)
+    add("--transport", choices=["tcp"], default="tcp", help="How the call travels (tcp)")
+
+
+def _number(rule: str, allowed: Callable[[float], bool]) -> Callable[[str], float]:
+    from argparse import ArgumentTypeError
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or not allowed(value):
+            raise ArgumentTypeError(f"expected a number {rule}, got {text!r}")
+        return value
+
+    return parse
+
+
+def _whole(least: int) -> Callable[[str], int]:
+    from argparse import ArgumentTypeError
+
+    def parse(text: str) -> int:
+        if not text.isdecimal() or int(text) < least:
+            raise ArgumentTypeError(f"expected a whole number from {least} on, got {text!r}")
+        return int(text)
+
+    return parse
+
+
+def _standard_input() -> str:
+    """What is piped in: UTF-8, or the UTF-16 that some Windows tools write."""
+    data = sys.stdin.buffer.read()
+    is_utf16 = data.startswith((b"\xff\xfe", b"\xfe\xff"))
+    return data.decode("utf-16" if is_utf16 else "utf-8-sig", errors="replace")
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,176 @@
+"""What a call does once its command line is read: find the service, ask it, print the answer."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import math
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import srvgen
+from taskrpc import names
+from taskrpc.cli import shells
+from taskrpc.cli.command import hinted
+from taskrpc.cli.graph import command_node_name, others, unknown_service_hint
+from taskrpc.cli.service_types import differs_here, local_service_type, service_type_name
+from taskrpc.cli.values import build_request
+from taskrpc.client import Client
+from taskrpc.errors import (
+    DeadlineExceeded,
+    InvalidName,
+    InvalidRequest,
+    ServiceUnavailable,
+    TypeMismatch,
+)
+from taskrpc.node import Node
+from taskrpc.retry import RetryPolicy
+
+POLL = 0.05
+"""Seconds between two looks for a service that is not there yet."""
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a command line asks for."""
+
+    service: str
+    type_name: str = ""
+    """Empty where the server is to tell it."""
+    values: tuple[str, ...] = ()
+    timeout: float = 10.0
+    """Seconds of one call, waiting for the service included."""
+    retries: int = 0
+    rate: float | None = None
+    """Calls a second; None: one after the other."""
+    count: int = 1
+    """Calls; 0 for no end."""
+    as_json: bool = False
+    peers: Sequence[str] | None = None
+    transport: str = "tcp"
+
+
+async def perform(plan: Plan) -> None:
+    """Make the calls and print requests and responses.
+
+    Raises the errors of `Client.call`, InvalidName, InvalidRequest and DefinitionError.
+    """
+    try:
+        service = names.expand(plan.service)
+    except InvalidName as error:
+        raise hinted(error, shells.service_name_hint(plan.service)) from None
+    async with Node(command_node_name(), transport=plan.transport, peers=plan.peers) as node:
+        await _Caller(plan, node, service).run()
+
+
+class _Caller:
+    """The calls of one command."""
+
+    def __init__(self, plan: Plan, node: Node, service: str) -> None:
+        self._plan = plan
+        self._node = node
+        self._service = service
+        self._loop = asyncio.get_running_loop()
+        self._retry = RetryPolicy(attempts=plan.retries + 1) if plan.retries else None
+        self._client: Client | None = None
+        self._request: Any = None
+        self._said_waiting = False
+
+    async def run(self) -> None:
+        began = self._loop.time()
+        number = 0
+        while True:
+            await self._call()
+            number += 1
+            if number == self._plan.count:
+                return
+            if self._plan.rate is not None:
+                due = began + number / self._plan.rate
+                await asyncio.sleep(max(0.0, due - self._loop.time()))
+
+    async def _call(self) -> None:
+        deadline = self._loop.time() + self._plan.timeout
+        client = self._client
+        if client is None or not client.service_is_ready():
+            client = self._client = await self._reach(deadline)
+        self._print(f"requester: making request: {self._request!r}\n")
+        left = deadline - self._loop.time()
+        try:
+            response = await client.call(self._request, timeout=left, retry=self._retry)
+        except DeadlineExceeded as error:
+            raise self._too_late(error) from None
+        if self._plan.as_json:
+            print(json.dumps(_without_nan(srvgen.to_builtins(response))), flush=True)
+        self._print(f"response:\n{response!r}\n")
+
+    async def _reach(self, deadline: float) -> Client:
+        """A client, and the request that fits it; both as the server defines them."""
+        type_name, text = await self._definition(deadline)
+        given = self._plan.type_name
+        if given and service_type_name(given) != type_name:
+            local_service_type(given)
+            raise TypeMismatch(f"{self._service} is offered as {type_name}, not as {given}")
+        cls = srvgen.define(type_name, text)
+        try:
+            self._request = build_request(cls.Request, self._plan.values)
+        except InvalidRequest as error:
+            here = "the server's definition differs from the one on this machine"
+            raise hinted(error, here if differs_here(cls) else "") from None
+        if self._client is not None:
+            self._client.destroy()
+        return self._node.create_client(cls, self._service)
+
+    async def _definition(self, deadline: float) -> tuple[str, str]:
+        """What the server says of the service's type, as soon as there is one."""
+        while True:
+            try:
+                async with asyncio.timeout_at(deadline):
+                    return await self._node.definition(self._service)
+            except (ServiceUnavailable, TimeoutError):
+                pass
+            self._say_waiting()
+            left = deadline - self._loop.time()
+            if left <= 0:
+                raise await self._unknown()
+            await asyncio.sleep(min(POLL, left))
+
+    def _say_waiting(self) -> None:
+        """Say once that we wait, unless what was typed cannot succeed in any case."""
+        if self._said_waiting:
+            return
+        self._said_waiting = True
+        if self._plan.type_name:
+            build_request(local_service_type(self._plan.type_name).Request, self._plan.values)
+        if not self._plan.as_json:
+            print("waiting for service to become available...", file=sys.stderr, flush=True)
+
+    async def _unknown(self) -> ServiceUnavailable:
+        entries = others(await self._node.graph())
+        problem = f"nobody offers {self._service} (waited {self._plan.timeout:g} s)"
+        remote = bool(self._plan.peers)
+        return hinted(
+            ServiceUnavailable(problem),
+            unknown_service_hint(self._service, entries, remote=remote),
+        )
+
+    def _too_late(self, error: DeadlineExceeded) -> DeadlineExceeded:
+        fate = "the call was not sent" if error.not_executed else "the call may have run"
+        problem = f"no answer from {self._service} within {self._plan.timeout:g} s; {fate}"
+        return DeadlineExceeded(problem, not_executed=error.not_executed)
+
+    def _print(self, text: str) -> None:
+        if not self._plan.as_json:
+            print(text, flush=True)
+
+
+def _without_nan(value: Any) -> Any:
+    """The value with null where JSON has no number for it."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, list):
+        return [_without_nan(each) for each in value]
+    if isinstance(value, dict):
+        return {name: _without_nan(each) for name, each in value.items()}
+    return value

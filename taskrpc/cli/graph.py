@@ -1,0 +1,95 @@
+"""Who is there, as the commands see it: themselves left out, hidden names left out unless asked."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+from taskrpc import names, platform
+from taskrpc.node import Node
+from taskrpc.transport.registry import Entry, Registry
+from taskrpc.transport.tcp import domain_id
+
+if TYPE_CHECKING:
+    import argparse
+
+_SHOWN = 5
+
+
+def command_node_name() -> str:
+    """The node name of a command, which listings hide."""
+    return f"_taskrpc_cli_{os.getpid()}"
+
+
+def add_connect(parser: argparse.ArgumentParser) -> None:
+    """Give a command `--connect`."""
+    what = "ask the program there instead of those of this machine"
+    parser.add_argument("--connect", metavar="HOST:PORT", help=what)
+
+
+def add_discovery(parser: argparse.ArgumentParser) -> None:
+    """Give a command ros2's options about its daemon, so that a habit does no harm."""
+    what = "as in ros2; changes nothing, since there is no daemon here"
+    parser.add_argument("--no-daemon", action="store_true", help=what)
+    parser.add_argument("--spin-time", metavar="SPIN_TIME", type=float, help=what)
+
+
+def peers_of(options: argparse.Namespace) -> list[str] | None:
+    """The `peers` that a command's node is made with."""
+    return [options.connect] if options.connect else None
+
+
+def look(peers: Sequence[str] | None = None) -> list[Entry]:
+    """Every process in this domain, or the named peers; never the one that asks."""
+    return asyncio.run(_look(peers))
+
+
+async def _look(peers: Sequence[str] | None) -> list[Entry]:
+    async with Node(command_node_name(), peers=peers) as node:
+        return others(await node.graph())
+
+
+def others(entries: Iterable[Entry]) -> list[Entry]:
+    """The entries of all processes but this one."""
+    return [entry for entry in entries if entry.pid != os.getpid()]
+
+
+def services(entries: Iterable[Entry], *, hidden: bool = False) -> dict[str, list[str]]:
+    """Each service that is offered, by name, with its type; several where servers disagree."""
+    found: dict[str, set[str]] = {}
+    for entry in entries:
+        for service in entry.services:
+            if hidden or not names.is_hidden(service.name):
+                found.setdefault(service.name, set()).add(service.type_name)
+    return {name: sorted(found[name]) for name in sorted(found)}
+
+
+def domains() -> dict[int, list[Entry]]:
+    """Every taskrpc process of this user on this machine, by domain."""
+    found = {}
+    for folder in sorted(platform.runtime_dir().glob("domain_*")):
+        number = folder.name.removeprefix("domain_")
+        if number.isdecimal() and (entries := others(Registry(int(number)).entries())):
+            found[int(number)] = entries
+    return found
+
+
+def unknown_service_hint(service: str, entries: Iterable[Entry], *, remote: bool = False) -> str:
+    """What whoever asked for a service that nobody offers may do about it."""
+    from srvgen.names import near
+
+    known = services(entries, hidden=True)
+    same_end = [name for name in known if name.endswith(service.rpartition("/")[2])]
+    if similar := near(service, known) or same_end:
+        return f"did you mean {' or '.join(similar)}?"
+    for domain, elsewhere in domains().items():
+        if domain != domain_id() and service in services(elsewhere, hidden=True):
+            return f"it is offered in domain {domain}; set ROS_DOMAIN_ID={domain}"
+    shown = [name for name in known if not names.is_hidden(name)]
+    if shown:
+        more = ", …" if len(shown) > _SHOWN else ""
+        return f"there are {', '.join(shown[:_SHOWN])}{more}"
+    where = "there" if remote else f"on this machine in domain {domain_id()}"
+    return f"no taskrpc program offers a service {where}; start one, for example taskrpc-server"
