@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
 
+TYPE_CHECKING = False  # importing typing would cost more than all the rest of this file
 if TYPE_CHECKING:
+    from typing import Any
+
     from ._runtime import FieldError
     from .convert import from_builtins, to_builtins
     from .errors import DefinitionError

@@ -12,6 +12,7 @@ import struct
 import sys
 from array import array
 from collections.abc import Callable, Iterable, Mapping, Sized
+from copy import deepcopy
 from functools import cache, partial
 from types import GenericAlias
 from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar
@@ -48,7 +49,7 @@ def shown(value: object) -> str:
     """A short text for a wrong value, with its type: `'abc' (str)`."""
     try:
         text = reprlib.repr(value)
-    except Exception:  # a hostile __repr__, or an int too long to print
+    except ValueError:  # an int too long to print
         text = "a value"
     return text if value is None else f"{text} ({type(value).__name__})"
 
@@ -88,10 +89,9 @@ def _floating(name: str, code: str, top: str) -> Callable[[Any, str], float]:
     def convert(value: Any, path: str) -> float:
         try:
             number: float = layout.unpack(layout.pack(value))[0]
-        except (struct.error, TypeError):
-            _wrong(path, name, value)
-        except OverflowError:
-            _wrong(path, f"{name} in -{top}..{top}", value)
+        except (struct.error, TypeError, OverflowError):
+            is_number = hasattr(value, "__float__")
+            _wrong(path, f"{name} in -{top}..{top}" if is_number else name, value)
         return number
 
     convert.__name__ = f"to_{name}"
@@ -404,6 +404,10 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
         package = cls.__module__.rpartition(".")[0]
         return f"{package}.{cls.__name__}({', '.join(parts)})".lstrip(".")
 
+    def __deepcopy__(self, memo: dict[int, Any]) -> Self:
+        names = self.__struct_fields__
+        return type(self)(**{name: deepcopy(getattr(self, name), memo) for name in names})
+
     __hash__ = None  # type: ignore[assignment]
 
     def __eq__(self, other: object) -> bool:
@@ -420,7 +424,7 @@ def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-class _RenamingMeta(type(msgspec.Struct)):  # type: ignore[misc]
+class _RenamingMeta(msgspec.StructMeta):
     """Lets a keyword field be written both as `from_` and as `from`."""
 
     def __init__(cls, *args: Any, **options: Any) -> None:
@@ -436,7 +440,7 @@ class _RenamingMeta(type(msgspec.Struct)):  # type: ignore[misc]
 
     if not TYPE_CHECKING:
 
-        def __call__(cls, **values):
+        def __call__(cls, /, **values):
             return super().__call__(**{cls._RENAMED.get(n, n): values[n] for n in values})
 
 

@@ -41,9 +41,8 @@ def uninstall_import_hook() -> None:
     if _finder in sys.meta_path:
         sys.meta_path.remove(_finder)
     search().paths.clear()
-    for name, module in list(sys.modules.items()):
-        if isinstance(getattr(module.__spec__, "loader", None), _InterfaceLoader):
-            del sys.modules[name]
+    for name in [one for one in sys.modules if _is_ours(one)]:
+        del sys.modules[name]
 
 
 class _InterfaceFinder(MetaPathFinder):
@@ -158,7 +157,8 @@ def _locations(real: ModuleSpec | None) -> Sequence[str]:
 
 
 def _is_ours(name: str) -> bool:
-    spec = getattr(sys.modules.get(name), "__spec__", None)
+    module = sys.modules.get(name)
+    spec = module.__spec__ if isinstance(module, ModuleType) else None
     return isinstance(getattr(spec, "loader", None), _InterfaceLoader)
 
 

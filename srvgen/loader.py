@@ -197,7 +197,7 @@ def _execute(source: Source, nested: Mapping[str, type]) -> ModuleType:
     module.__dict__.update(names, **nested)
     # The header's imports are done here, by hand, since the modules are in no sys.modules; blank
     # lines stand for it, so that the lines of a traceback are those of the whole source.
-    filename = f"<srvgen {source.module}>"
+    filename = f"<srvgen {source.module} {len(_built)}>"  # another version may have been before
     text = source.text
     padding = "\n" * text[: -len(source.body)].count("\n")
     code = compile(padding + source.body, filename, "exec", dont_inherit=True)

@@ -8,6 +8,9 @@ from .model import Field, FieldType
 from .render_text import text_literal
 from .render_types import FLOATS, INTEGERS, STRINGS, Scope, array_class, attribute
 
+_LONGEST = 92
+"""So that a line of a method's body stays within 100 columns."""
+
 
 def checks(fields: Sequence[Field], scope: Scope) -> list[str]:
     """The statements that bring each field to its exact type or raise FieldError."""
@@ -15,19 +18,28 @@ def checks(fields: Sequence[Field], scope: Scope) -> list[str]:
     # Nothing but the conversion itself can tell a float32, so it is made for all of them at once.
     joint = _check_singles(singles) if len(singles) > 1 else []
     others = [field for field in fields if not joint or field not in singles]
-    return joint + [line for field in others for line in _check(field, scope)]
+    lines = [line for field in others for line in _check(field, scope)]
+    return [*joint, *(part for line in lines for part in _wrapped(line))]
+
+
+def _wrapped(line: str) -> list[str]:
+    if len(line) <= _LONGEST:
+        return [line]
+    indent = line[: len(line) - len(line.lstrip())]
+    if line.startswith("if "):
+        first, *others = line.removeprefix("if ").removesuffix(":").split(" or ")
+        return ["if (", f"    {first}", *(f"    or {other}" for other in others), "):"]
+    head, opening, arguments = line.partition("(")
+    if not opening:
+        return [line]
+    return [f"{head}(", f"{indent}    {arguments[:-1]}", f"{indent})"]
 
 
 def _check_singles(fields: Sequence[Field]) -> list[str]:
-    targets = [f"self.{attribute(field.name)}" for field in fields]
-    return [
-        "(",
-        *(f"    {target}," for target in targets),
-        ") = _runtime.to_float32s(",
-        f"    ({', '.join(text_literal(field.name) for field in fields)}),",
-        *(f"    {target}," for target in targets),
-        ")",
-    ]
+    targets = [f"    self.{attribute(field.name)}," for field in fields]
+    names = [f"    {text_literal(field.name)}," for field in fields]
+    call = [") = _runtime.to_float32s(", "    paths,", *targets, ")"]
+    return ["paths = (", *names, ")", "(", *targets, *call]
 
 
 def _check(field: Field, scope: Scope) -> list[str]:
@@ -59,9 +71,11 @@ def _check_single(field: Field, scope: Scope) -> list[str]:
     if base == "float32":
         return [f"{target} = _runtime.to_float32({target}, {path})"]
     local = _local(field)
+    # To mypy no value of the declared type bool can be anything else.
+    declared = ": object" if base == "bool" else ""
     bound = f", {field.type.string_bound}" if field.type.string_bound is not None else ""
     return [
-        f"{local} = {target}",
+        f"{local}{declared} = {target}",
         f"if {_looks_wrong(field.type, local)}:",
         f"    {target} = _runtime.{_function(base)}({local}, {path}{bound})",
     ]

@@ -35,8 +35,6 @@ def definition_literal(text: str) -> str:
 def docstring(lines: Sequence[str], indent: str) -> list[str]:
     """The lines as a docstring statement."""
     body = [_docstring_line(line) for line in lines]
-    if body[-1].endswith('"'):
-        body[-1] = body[-1][:-1] + '\\"'
     if len(body) == 1 and len(indent) + len(body[0]) + 6 <= _WIDTH:
         return [f'{indent}"""{body[0]}"""']
     rest = [(indent + line).rstrip() for line in body[1:]]
@@ -44,7 +42,8 @@ def docstring(lines: Sequence[str], indent: str) -> list[str]:
 
 
 def _docstring_line(line: str) -> str:
-    return _escaped(line.rstrip()).replace('"""', '\\"\\"\\"')
+    text = _escaped(line.rstrip())
+    return text.replace('"', '\\"') if '"""' in text or text.endswith('"') else text
 
 
 def _escaped(text: str) -> str:

@@ -1,0 +1,1 @@
+"""The interfaces of demo_interfaces; by srvgen."""

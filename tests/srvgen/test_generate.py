@@ -1,0 +1,181 @@
+"""Generated packages: the same bytes as the golden files, importable, clean for type checkers."""
+
+from __future__ import annotations
+
+import ast
+import importlib
+import os
+import pickle
+import sys
+from pathlib import Path
+
+import pytest
+
+from srvgen.errors import DefinitionError
+from srvgen.files import read_definition
+from srvgen.generate import generate
+from srvgen.search import BUNDLED, Search
+
+GOLDEN = Path(__file__).parents[1] / "golden"
+DEFINITIONS = GOLDEN / "definitions"
+EXPECTED = GOLDEN / "python"
+
+
+def generated(*folders: Path) -> dict[str, str]:
+    packages = {
+        folder.name: [read_definition(path) for path in sorted(folder.glob("*/*.*"))]
+        for folder in folders
+    }
+    return generate(packages, Search(folders))
+
+
+@pytest.fixture(scope="module")
+def demo() -> dict[str, str]:
+    return generated(DEFINITIONS / "demo_interfaces")
+
+
+@pytest.fixture
+def importable(demo, tmp_path, monkeypatch):
+    """The generated tree as the first folder on the path, forgotten afterwards."""
+    write(demo, tmp_path / "out")
+    monkeypatch.syspath_prepend(tmp_path / "out")
+    packages = {path.split("/")[0] for path in demo}
+    yield tmp_path / "out"
+    for name in [one for one in sys.modules if one.split(".")[0] in packages]:
+        del sys.modules[name]
+
+
+def write(output: dict[str, str], folder: Path) -> None:
+    for relative, text in output.items():
+        path = folder / relative
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8", newline="\n")
+
+
+def test_the_output_is_the_golden_one(demo):
+    """Run with UPDATE_GOLDEN=1 after a change that is meant, and read the difference."""
+    ours = {
+        path: text
+        for path, text in demo.items()
+        if path.startswith("demo_interfaces/") and not path.endswith("/_runtime.py")
+    }
+    if os.environ.get("UPDATE_GOLDEN"):
+        write(ours, EXPECTED)
+    golden = {
+        path.relative_to(EXPECTED).as_posix(): path.read_text(encoding="utf-8")
+        for path in EXPECTED.rglob("*")
+        if path.suffix in (".py", ".typed")
+    }
+    assert ours == golden
+
+
+def test_the_same_definitions_give_the_same_bytes_in_any_order(demo):
+    folder = DEFINITIONS / "demo_interfaces"
+    backwards = [read_definition(path) for path in sorted(folder.glob("*/*.*"), reverse=True)]
+    again = generate({"demo_interfaces": backwards}, Search([folder]))
+    assert list(again.items()) == list(demo.items())
+
+
+def test_packages_that_are_needed_come_along(demo):
+    """A service's event needs service_msgs, though no definition names it."""
+    assert "service_msgs/msg/_service_event_info.py" in demo
+    assert "geometry_msgs/msg/_point.py" in demo
+    assert "geometry_msgs/msg/_wrench.py" not in demo
+
+
+def test_every_package_is_typed_and_has_its_own_runtime(demo):
+    for package in {path.split("/")[0] for path in demo}:
+        assert demo[f"{package}/py.typed"] == ""
+        assert demo[f"{package}/_runtime.py"] == demo["demo_interfaces/_runtime.py"]
+
+
+def test_the_runtime_needs_only_msgspec(demo):
+    tree = ast.parse(demo["demo_interfaces/_runtime.py"])
+    imported = {
+        name.name.split(".")[0]
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Import)
+        for name in node.names
+    } | {
+        str(node.module).split(".")[0]
+        for node in ast.walk(tree)
+        if isinstance(node, ast.ImportFrom)
+    }
+    assert imported - sys.stdlib_module_names == {"msgspec"}
+
+
+def test_generated_code_does_not_mention_srvgen_in_an_import(demo):
+    assert not [path for path, text in demo.items() if "import srvgen" in text]
+
+
+def test_generated_packages_can_be_imported_and_pickled(importable):
+    module = importlib.import_module("demo_interfaces.msg")
+    assert module.__file__ is not None
+    assert Path(module.__file__).is_relative_to(importable)
+    message = module.Everything(name="Grace", ranges=[1, 2])
+    message._check()
+    assert pickle.loads(pickle.dumps(message)) == message
+    awkward = module.Awkward(**{"from": 3})
+    assert pickle.loads(pickle.dumps(awkward)) == awkward
+
+
+def test_errors_pass_from_one_packages_runtime_to_anothers(importable):
+    module = importlib.import_module("demo_interfaces.msg")
+    runtime = importlib.import_module("demo_interfaces._runtime")
+    message = module.Everything()
+    message.point.x = "far"
+    with pytest.raises(runtime.FieldError, match=r"^point\.x: expected float64, got 'far'"):
+        message._check()
+
+
+def test_services_and_actions_are_reached_as_in_ros(importable):
+    tune = importlib.import_module("demo_interfaces.srv").Tune
+    assert tune.Request.__module__ == "demo_interfaces.srv._tune"
+    count = importlib.import_module("demo_interfaces.action").Count
+    assert count.Impl.SendGoalService.Request().goal == count.Goal()
+    with pytest.raises(NotImplementedError, match="Service classes can not be instantiated"):
+        tune()
+    with pytest.raises(NotImplementedError, match="Action classes can not be instantiated"):
+        count()
+
+
+def test_type_checkers_accept_lists_and_know_what_is_read(demo, tmp_path):
+    api = pytest.importorskip("mypy.api")
+    write(demo, tmp_path)
+    (tmp_path / "user.py").write_text(
+        "from demo_interfaces.msg import Awkward, Everything\n"
+        "message = Everything(ranges=[1, 2.5], image=b'12', raw=3, names=['a'])\n"
+        "message.covariance = (0.0,) * 9\n"
+        "first: float = message.ranges[0]\n"
+        "level: bytes = message.raw\n"
+        "Everything(rangs=[1])\n"
+        "message.image = ['a']\n"
+        "Awkward(from_=1, self=2)\n",
+        encoding="utf-8",
+    )
+    out, err, _ = api.run(
+        ["--strict", "--no-incremental", "--cache-dir", os.devnull, "--no-error-summary"]
+        + [str(tmp_path / name) for name in ("user.py", "demo_interfaces")]
+    )
+    problems = [line.partition("user.py:")[2] for line in out.splitlines() if ": error:" in line]
+    assert not err
+    assert [line.partition(":")[0] for line in problems] == ["6", "7"], out
+
+
+def test_two_types_that_need_one_module_are_refused(tmp_path):
+    folder = tmp_path / "twins" / "msg"
+    folder.mkdir(parents=True)
+    for name in ("IMU", "Imu"):
+        (folder / f"{name}.msg").write_text("int32 a\n", encoding="utf-8")
+    if len(list(folder.iterdir())) < 2:
+        pytest.skip("this file system does not tell IMU.msg from Imu.msg")
+    with pytest.raises(DefinitionError, match=r"got two types for twins/msg/_imu\.py"):
+        generated(folder.parent)
+
+
+def test_all_bundled_packages_can_be_generated():
+    folders = [folder for folder in sorted(BUNDLED.iterdir()) if folder.is_dir()]
+    output = generated(*folders)
+    assert len([path for path in output if path.endswith("/__init__.py")]) > len(folders)
+    for path, text in output.items():
+        compile(text, path, "exec", dont_inherit=True)

@@ -1,0 +1,143 @@
+"""The import hook: definitions are importable, and Python packages stay as they are."""
+
+from __future__ import annotations
+
+import importlib
+import os
+import sys
+
+import pytest
+
+import srvgen
+from srvgen import importer, loader
+from srvgen.search import Search
+
+
+@pytest.fixture
+def workspace(tmp_path, monkeypatch):
+    """A folder with `lecture_interfaces`, on the path too, as beside a script."""
+    folder = tmp_path / "lecture_interfaces" / "srv"
+    folder.mkdir(parents=True)
+    (folder / "RobotTask.srv").write_text("string task_type\n---\nbool success\n")
+    (folder / "AddTwo.srv").write_text("int64 a\n---\nint64 b\n")
+    monkeypatch.setattr(loader, "_search", Search())
+    monkeypatch.syspath_prepend(tmp_path)
+    before = set(sys.modules)
+    yield tmp_path
+    importer.uninstall_import_hook()
+    for name in set(sys.modules) - before:
+        if name.split(".")[0] in ("lecture_interfaces", "mixed", "std_srvs", "real_msgs"):
+            del sys.modules[name]
+
+
+def test_a_service_is_imported_straight_from_its_file(workspace):
+    """Though Python itself sees a namespace package in the folder of the definitions."""
+    srvgen.install_import_hook(workspace)
+    from lecture_interfaces.srv import RobotTask  # type: ignore[import-not-found]
+
+    assert repr(RobotTask.Request(task_type="move")) == (
+        "lecture_interfaces.srv.RobotTask_Request(task_type='move')"
+    )
+
+
+def test_load_gives_the_imported_class(workspace):
+    srvgen.install_import_hook(workspace)
+    from lecture_interfaces.srv import AddTwo  # type: ignore[import-not-found]
+    from lecture_interfaces.srv._add_two import (  # type: ignore[import-not-found]
+        AddTwo as Private,
+    )
+    from lecture_interfaces.srv._add_two import AddTwo_Request
+
+    assert srvgen.load("lecture_interfaces/srv/AddTwo") is AddTwo is Private
+    assert AddTwo_Request is AddTwo.Request
+    assert srvgen.type_hash("lecture_interfaces/srv/AddTwo") == AddTwo._HASH
+
+
+def test_bundled_packages_are_importable_without_paths(workspace):
+    srvgen.install_import_hook()
+    module = importlib.import_module("std_srvs.srv")
+    assert module.Trigger is srvgen.load("std_srvs/srv/Trigger")
+    assert "SetBool" in dir(module)
+    assert "SetBool" in module.__all__
+
+
+def test_python_modules_in_the_same_folder_stay_importable(workspace):
+    (workspace / "lecture_interfaces" / "helper.py").write_text("ANSWER = 42\n")
+    srvgen.install_import_hook(workspace)
+    assert importlib.import_module("lecture_interfaces.helper").ANSWER == 42
+    assert importlib.import_module("lecture_interfaces.srv").RobotTask
+
+
+def test_a_python_package_with_definitions_in_it_keeps_its_own_code(workspace):
+    folder = workspace / "mixed" / "srv"
+    folder.mkdir(parents=True)
+    (folder / "Ask.srv").write_text("int32 a\n---\n")
+    (workspace / "mixed" / "__init__.py").write_text("OWN = True\n")
+    srvgen.install_import_hook(workspace)
+    assert importlib.import_module("mixed").OWN
+    assert importlib.import_module("mixed.srv").Ask.Request(a=1).a == 1
+
+
+def test_a_generated_package_wins(workspace):
+    for part in ("", "srv"):
+        folder = workspace / "real_msgs" / part
+        folder.mkdir(parents=True, exist_ok=True)
+        (folder / "__init__.py").write_text("REAL = True\n")
+    (workspace / "real_msgs" / "srv" / "Ask.srv").write_text("int32 a\n---\n")
+    srvgen.install_import_hook(workspace)
+    assert importlib.import_module("real_msgs.srv").REAL
+
+
+@pytest.mark.parametrize(
+    "name", ["lecture_interfaces.msg", "lecture_interfaces.srv._no_such", "no_such_package_at_all"]
+)
+def test_what_is_not_there_is_an_import_error(workspace, name):
+    srvgen.install_import_hook(workspace)
+    with pytest.raises(ModuleNotFoundError, match=name):
+        importlib.import_module(name)
+
+
+def test_a_misspelt_name_says_what_resembles_it(workspace):
+    srvgen.install_import_hook(workspace)
+    module = importlib.import_module("lecture_interfaces.srv")
+    with pytest.raises(AttributeError, match="no interface 'RobotTsk'; did you mean RobotTask"):
+        _ = module.RobotTsk
+    with pytest.raises(ImportError, match="RobotTsk"):
+        from lecture_interfaces.srv import RobotTsk  # type: ignore[import-not-found] # noqa: F401
+
+
+def test_a_broken_definition_says_where(workspace):
+    (workspace / "lecture_interfaces" / "srv" / "Broken.srv").write_text("int32\n---\n")
+    srvgen.install_import_hook(workspace)
+    with pytest.raises(srvgen.DefinitionError) as caught:
+        from lecture_interfaces.srv import Broken  # type: ignore[import-not-found] # noqa: F401
+    assert caught.value.path.endswith(f"srv{os.sep}Broken.srv")
+    assert caught.value.line == 1
+    from lecture_interfaces.srv import RobotTask
+
+    assert RobotTask, "the others are not hurt"
+
+
+def test_installing_twice_is_installing_once(workspace):
+    srvgen.install_import_hook(workspace)
+    srvgen.install_import_hook(workspace)
+    srvgen.install_import_hook()
+    assert sys.meta_path.count(importer._finder) == 1
+    assert loader.search().paths == [workspace.resolve()]
+
+
+def test_uninstalling_leaves_no_trace(workspace):
+    srvgen.install_import_hook(workspace)
+    importlib.import_module("lecture_interfaces.srv._robot_task")
+    importer.uninstall_import_hook()
+    importer.uninstall_import_hook()
+    assert importer._finder not in sys.meta_path
+    assert not [name for name in sys.modules if name.startswith("lecture_interfaces")]
+    with pytest.raises(ImportError):
+        importlib.import_module("std_srvs.srv")
+
+
+def test_other_imports_are_none_of_our_business(workspace):
+    srvgen.install_import_hook(workspace)
+    for name in ("json", "numpy", "numpy.core", "_private", "lecture_interfaces.other"):
+        assert importer._finder.find_spec(name, None) is None

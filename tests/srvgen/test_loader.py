@@ -1,0 +1,209 @@
+"""`load`, `define` and `type_hash`: one class for one definition, fresh when a file changes."""
+
+from __future__ import annotations
+
+import copy
+import os
+import pickle
+import subprocess
+import sys
+import threading
+import traceback
+from pathlib import Path
+
+import pytest
+
+import srvgen
+from srvgen import loader
+from srvgen.errors import DefinitionError
+from srvgen.fulltext import join_full_text
+from srvgen.search import BUNDLED, Search
+
+
+@pytest.fixture
+def folder(tmp_path, monkeypatch):
+    """A workspace that `load` looks into first; nothing of it is left afterwards."""
+    monkeypatch.setattr(loader, "_search", Search([tmp_path]))
+    return tmp_path
+
+
+def put(folder: Path, name: str, text: str) -> Path:
+    path = folder / f"{name}.{name.split('/')[1]}"
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def edit(path: Path, text: str) -> None:
+    before = path.stat().st_mtime_ns
+    path.write_text(text, encoding="utf-8")
+    os.utime(path, ns=(before + 10**9, before + 10**9))
+
+
+def test_a_service_has_request_response_and_event():
+    add = srvgen.load("example_interfaces/srv/AddTwoInts")
+    assert repr(add.Request(a=1, b=2)) == "example_interfaces.srv.AddTwoInts_Request(a=1, b=2)"
+    assert str(add.Request) == "<class 'example_interfaces.srv._add_two_ints.AddTwoInts_Request'>"
+    assert add.Event(request=[add.Request(a=1)]).request[0].a == 1
+    assert (add._TYPE, add.Request._WIDTH) == ("example_interfaces/srv/AddTwoInts", 2)
+    assert add._HASH == "RIHS01_e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a"
+    assert srvgen.type_hash("example_interfaces/srv/AddTwoInts") == add._HASH
+
+
+def test_implied_types_can_be_loaded_by_name():
+    add = srvgen.load("example_interfaces/srv/AddTwoInts")
+    assert srvgen.load("example_interfaces/srv/AddTwoInts_Request") is add.Request
+    goal = srvgen.load("example_interfaces/action/Fibonacci_SendGoal")
+    assert goal is srvgen.load("example_interfaces/action/Fibonacci").Impl.SendGoalService
+    assert srvgen.type_hash(goal.Request._TYPE) == goal.Request._HASH
+    with pytest.raises(DefinitionError, match="AddTwoInts_Nothing"):
+        srvgen.load("example_interfaces/srv/AddTwoInts_Nothing")
+
+
+def test_loading_leaves_no_module_behind():
+    srvgen.load("shape_msgs/msg/SolidPrimitive")
+    assert not [name for name in sys.modules if name.startswith("shape_msgs")]
+
+
+def test_nested_classes_are_the_ones_that_load_gives():
+    plan = srvgen.load("nav_msgs/srv/GetPlan")
+    assert type(plan.Request().goal) is srvgen.load("geometry_msgs/msg/PoseStamped")
+
+
+def test_the_same_class_comes_back_until_a_file_changes(folder):
+    outer = put(folder, "demo_msgs/msg/Outer", "Inner inner\n")
+    inner = put(folder, "demo_msgs/msg/Inner", "int32 a\n")
+    first = srvgen.load("demo_msgs/msg/Outer")
+    assert srvgen.load("demo_msgs/msg/Outer") is first
+    edit(inner, "int32 a\nint32 b\n")
+    second = srvgen.load("demo_msgs/msg/Outer")
+    assert second is not first
+    assert second().inner.b == 0
+    os.utime(outer, ns=(5, 5))
+    assert srvgen.load("demo_msgs/msg/Outer") is second, "touched, not changed"
+
+
+def test_a_new_file_that_goes_before_another_is_noticed(folder):
+    assert srvgen.load("std_srvs/srv/Trigger").Request._FIELDS == ()
+    put(folder, "std_srvs/srv/Trigger", "int32 mine\n---\n")
+    assert srvgen.load("std_srvs/srv/Trigger").Request._FIELDS == (("mine", "int32"),)
+
+
+@pytest.mark.parametrize("name", ["nav_msgs/srv/GetPlan", "example_interfaces/action/Fibonacci"])
+def test_a_definition_that_was_handed_over_gives_the_very_same_class(name):
+    loaded = srvgen.load(name)
+    assert srvgen.define(name, loaded._DEFINITION) is loaded
+
+
+def test_a_definition_needs_nothing_on_disk(tmp_path, monkeypatch):
+    monkeypatch.setattr(loader, "_search", Search([tmp_path]))
+    put(tmp_path, "far_msgs/msg/Inner", "int32 a 4\n")
+    path = put(tmp_path, "far_msgs/srv/Ask", "Inner inner\n---\n")
+    text = srvgen.load("far_msgs/srv/Ask")._DEFINITION
+    path.unlink()
+    ask = srvgen.define("far_msgs/srv/Ask", text)
+    message = ask.Request()
+    assert copy.deepcopy(message).inner.a == 4
+    other = srvgen.define("far_msgs/srv/Ask", text.replace("a 4", "a 5"))
+    assert other is not ask
+    assert other.Request().inner.a == 5
+
+
+def full_text(own: str, **needed: str) -> str:
+    """A service's text with that of its event, and with others of its package."""
+    names = ("service_msgs/msg/ServiceEventInfo", "builtin_interfaces/msg/Time")
+    texts = {name: Search([BUNDLED]).text(name) for name in names}
+    return join_full_text(
+        own, texts | {f"far_msgs/msg/{name}": text for name, text in needed.items()}
+    )
+
+
+@pytest.mark.parametrize(
+    ("text", "problem"),
+    [
+        ("int32 a\n", "---"),
+        ("Inner a\n---\n", "expected the definition of far_msgs/msg/Inner too"),
+        (full_text("Loop a\n---\n", Loop="Loop a\n"), "a type that ends"),
+        (full_text("time a\n---\n"), "ROS 1"),
+        (join_full_text("int32 a\n---\n", {"../../x": "int32 a\n"}), "expected a type name"),
+    ],
+)
+def test_a_bad_text_from_a_server_is_one_error(text, problem):
+    with pytest.raises(DefinitionError, match=problem):
+        srvgen.define("far_msgs/srv/Ask", text)
+
+
+def test_what_is_missing_is_said_with_a_hint():
+    with pytest.raises(DefinitionError) as caught:
+        srvgen.load("std_srvs/srv/Triger")
+    assert "Trigger" in caught.value.hint
+    with pytest.raises(DefinitionError):
+        srvgen.type_hash("nonsense")
+
+
+def test_loaded_messages_are_pickled_by_name():
+    add = srvgen.load("example_interfaces/srv/AddTwoInts")
+    message = add.Request(a=3)
+    for protocol in range(pickle.HIGHEST_PROTOCOL + 1):
+        assert pickle.loads(pickle.dumps(message, protocol)) == message
+
+
+def test_a_traceback_shows_the_line_of_the_rendered_source():
+    message = srvgen.load("nav_msgs/srv/GetPlan").Request(tolerance="far")
+    try:
+        message._check()
+    except srvgen.FieldError as error:
+        lines = traceback.format_exception(error)
+    assert any('self.tolerance = _runtime.to_float32(self.tolerance, "tolerance")' in one
+               for one in lines)  # fmt: skip
+
+
+@pytest.mark.real_time
+def test_threads_that_load_at_once_get_one_class(folder):
+    put(folder, "many_msgs/srv/Ask", "geometry_msgs/Pose pose\n---\nint32 b\n")
+    start = threading.Barrier(8)
+    found: list[object] = []
+
+    def ask() -> None:
+        start.wait()
+        found.append(srvgen.load("many_msgs/srv/Ask"))
+
+    threads = [threading.Thread(target=ask) for _ in range(8)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(found) == 8
+    assert len(set(found)) == 1
+
+
+@pytest.mark.real_time
+def test_importing_srvgen_loads_nothing_else():
+    """A program with generated classes pays neither for the parser nor for msgspec."""
+    code = (
+        "import sys; before = set(sys.modules); import srvgen; "
+        "print(*sorted(set(sys.modules) - before))"
+    )
+    root = Path(srvgen.__file__).parents[1]
+    out = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=root
+    ).stdout.split()
+    assert "srvgen" in out
+    assert not [name for name in out if name.startswith(("srvgen.", "msgspec", "typing"))]
+
+
+def test_every_public_name_is_there():
+    for name in srvgen.__all__:
+        assert getattr(srvgen, name).__doc__
+    assert set(srvgen.__all__) <= set(dir(srvgen))
+    with pytest.raises(AttributeError, match="no_such_name"):
+        _ = srvgen.no_such_name
+
+
+def test_every_bundled_interface_can_be_loaded():
+    search = Search([BUNDLED])
+    names = [name for package in search.packages() for name in search.interfaces(package)]
+    assert len(names) > 150
+    for name in names:
+        loaded = srvgen.load(name)
+        assert name == loaded._TYPE
