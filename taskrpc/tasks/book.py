@@ -31,11 +31,14 @@ class TaskBook:
         self._commits: dict[int, asyncio.Task[None]] = {}  # task_id -> its newest commit
         self._next_id = 1
         self._next_arrival = 1
+        self.was_paused = False
+        """Whether the queue stood still when the server before ended."""
 
     async def open(self) -> list[Task]:
         """Read the store and return every task in it; raises StoreError."""
         stored = await self._store.load()
         self._next_id = stored.next_id
+        self.was_paused = stored.paused
         self._next_arrival = 1 + max((task.arrival for task in stored.tasks), default=0)
         for task in sorted(stored.tasks, key=lambda task: task.ended_at or 0.0):
             self._note(task)
@@ -76,6 +79,10 @@ class TaskBook:
             self._commits[task.task_id] = commit
         commit.add_done_callback(lambda _: self._forget_commit(commit, tasks))
         await asyncio.shield(commit)
+
+    async def remember_pause(self, paused: bool) -> None:
+        """Store whether the queue stands still; raises StoreError."""
+        await self._store.remember_pause(paused)
 
     async def stored(self, task_id: int) -> bool:
         """Wait until nothing about a task is on its way to the store; whether the task is there."""

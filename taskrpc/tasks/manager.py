@@ -42,12 +42,18 @@ class Resumed(msgspec.Struct, frozen=True):
     """How many tasks wait again."""
     interrupted: tuple[int, ...]
     """The tasks that ran when a server ended and about which nobody has decided yet."""
+    paused: bool = False
+    """Whether the queue stands still, as it did when the server before ended."""
 
     def __str__(self) -> str:
+        if self == Resumed(0, ()):
+            return "no earlier tasks wait"
         count = f"{self.queued or 'no'} queued task{'' if self.queued == 1 else 's'}"
         notes = [f"task {number} was interrupted ({_again(number)})" for number in self.interrupted]
         shown, hidden = notes[:3], len(notes) - 3
         more = [f"{hidden} more were interrupted (taskrpc task list --all)"] if hidden > 0 else []
+        if self.paused:
+            more.append("the queue is still paused (taskrpc task resume lets it go on)")
         return "; ".join([f"resumed {count}", *shown, *more])
 
 
@@ -108,9 +114,10 @@ class TaskManager:
         for task in sorted(queued, key=lambda task: task.key):
             waited = max(0.0, self._wall_clock() - task.submitted_at) * self._guard.speed
             self._timetable.resume(task, now, waited=waited)
-        self._worker.start()
+        self._worker.start(paused=self.book.was_paused)
         ended = (task for task in self.book.ended() if task.state is State.INTERRUPTED)
-        return Resumed(len(queued), tuple(sorted(task.task_id for task in ended)))
+        interrupted = tuple(sorted(task.task_id for task in ended))
+        return Resumed(len(queued), interrupted, self.is_paused)
 
     async def close(self) -> None:
         """Halt the robot, store what ran as INTERRUPTED, answer the watchers, close the store.
@@ -234,12 +241,15 @@ class TaskManager:
 
     async def pause(self) -> Answer:
         """Halt the robot in mid-task and begin no other."""
-        if failure := await self._worker.pause():
+        failure = await self._worker.pause()
+        await self.book.remember_pause(True)
+        if failure:
             return Answer(False, f"The queue is paused, but {failure}")
         return Answer(True, "The queue is paused")
 
     async def resume(self) -> Answer:
         """Go on after a pause or a stop."""
+        await self.book.remember_pause(False)
         if failure := await self._worker.resume():
             return Answer(False, f"The queue goes on, but {failure}")
         return Answer(True, "The queue goes on")
@@ -247,7 +257,10 @@ class TaskManager:
     async def stop(self, *, client: str = "") -> Answer:
         """Halt the robot at once and pause the queue; the running task ends CANCELED."""
         run = self._worker.run
-        if failure := await self._worker.stop(_by("the robot was stopped", client)):
+        failure = await self._worker.stop(_by("the robot was stopped", client))
+        # Only now: halting may not wait for a disk.
+        await self.book.remember_pause(True)
+        if failure:
             return Answer(False, f"The queue is paused, but {failure}")
         note = ""
         if run and run.task.state is State.CANCELED:
@@ -264,7 +277,7 @@ class TaskManager:
         try:
             checked_plan(robot, task_type, target, self._guard.pose())
         except TargetError as error:
-            return f"Invalid target: {_shown(target)} ({sentence(error)[:400]})"
+            return f"Invalid target: {sentence(error)[:400]}"
         if refusal := _priority_refusal(priority):
             return refusal
         if len(self.queue) >= self._queue_limit:

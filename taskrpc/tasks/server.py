@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import functools
 from collections.abc import Awaitable, Callable
 from types import TracebackType
@@ -12,6 +13,7 @@ from taskrpc.callinfo import current_call
 from taskrpc.errors import Code, HandlerError
 from taskrpc.node import Node
 from taskrpc.robot.protocol import Robot
+from taskrpc.service import Service
 from taskrpc.tasks.listing import page
 from taskrpc.tasks.manager import Answer, Resumed, TaskManager
 from taskrpc.tasks.messages import Messages
@@ -63,6 +65,8 @@ class TaskServer:
         self._node = node
         self._service_name = service_name
         self._messages = Messages()
+        self._services: list[Service] = []
+        self._started = asyncio.Event()
 
     async def __aenter__(self) -> Self:
         await self.start()
@@ -85,12 +89,16 @@ class TaskServer:
             StoreError: the store cannot be used.
             NameInUse: somebody else offers the service.
         """
-        resumed = await self.manager.start()
+        # Offered first: a second server must not touch the store of the one that has the name.
+        # Whoever calls before the store is read waits for it.
         try:
             self._offer()
+            resumed = await self.manager.start()
         except BaseException:
-            await self.manager.close()
+            for service in self._services:
+                service.destroy()
             raise
+        self._started.set()
         return resumed
 
     def dismiss_watchers(self) -> None:
@@ -103,13 +111,14 @@ class TaskServer:
 
     def _offer(self) -> None:
         submit_type = srvgen.load("my_robot_interfaces/srv/RobotTask")
-        self._node.create_service(
+        submit = self._node.create_service(
             submit_type,
             self._service_name,
             self._guarded(self.submit),
             concurrency=_SUBMIT_CONCURRENCY,
             join=self._join,
         )
+        self._services.append(submit)
         # A call that looks or halts may be repeated when its answer is lost. One that sets things
         # going may not: somebody else may have halted them meanwhile.
         for verb, type_name, handler, may_repeat in (
@@ -124,19 +133,22 @@ class TaskServer:
             ("drop", "DropTask", self.drop, True),
             ("stop", "StopRobot", self.stop, True),
         ):
-            self._node.create_service(
+            service = self._node.create_service(
                 srvgen.load(f"taskrpc_interfaces/srv/{type_name}"),
                 f"{self._service_name}/{verb}",
                 self._guarded(handler),
                 concurrency=_WATCHERS if verb == "watch" else _SUBMIT_CONCURRENCY,
                 idempotent=may_repeat,
+                join=self._join,
             )
+            self._services.append(service)
 
     def _guarded(self, handler: _Handler) -> _Handler:
         """The handler, which tells its caller when the server ends or what the store lacks."""
 
         @functools.wraps(handler)
         async def guarded(request: Any, response: Any) -> Any:
+            await self._started.wait()
             if self.manager.is_closed:  # the store is, too; and nothing was done
                 raise HandlerError(Code.UNAVAILABLE, "the task server is ending")
             try:

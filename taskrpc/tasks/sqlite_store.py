@@ -25,8 +25,8 @@ _APPLICATION_ID = 0x54525043  # "TRPC"; tells our files from other programs' dat
 _LAYOUT = f"""
     BEGIN IMMEDIATE;
     CREATE TABLE task (task_id INTEGER PRIMARY KEY, record TEXT NOT NULL);
-    CREATE TABLE counter (next_id INTEGER NOT NULL);
-    INSERT INTO counter VALUES (1);
+    CREATE TABLE server (next_id INTEGER NOT NULL, paused INTEGER NOT NULL);
+    INSERT INTO server VALUES (1, 0);
     PRAGMA application_id = {_APPLICATION_ID};
     PRAGMA user_version = {FORMAT};
     COMMIT;
@@ -37,7 +37,7 @@ _SAVE = """
     SELECT json_extract(value, '$.task_id'), value FROM json_each(?)
 """
 _FORGET = "DELETE FROM task WHERE task_id IN (SELECT value FROM json_each(?))"
-_COUNT = "UPDATE counter SET next_id = max(next_id, ?)"
+_COUNT = "UPDATE server SET next_id = max(next_id, ?)"
 
 _Result = TypeVar("_Result")
 
@@ -70,8 +70,12 @@ class SqliteStore:
         numbers = msgspec.json.encode(forgotten)
         await self._do(lambda file: file.apply(records, newest, numbers))
 
+    async def remember_pause(self, paused: bool) -> None:
+        """Remember whether the queue stands still, on disk when it returns."""
+        await self._do(lambda file: file.remember_pause(paused))
+
     async def clear(self) -> None:
-        """Forget every task and begin again with number 1."""
+        """Forget everything and begin again with number 1."""
         await self._do(lambda file: file.clear())
 
     async def close(self) -> None:
@@ -112,9 +116,10 @@ class _TaskFile:
 
     def load(self) -> Stored:
         rows = self._connection.execute("SELECT record FROM task ORDER BY task_id").fetchall()
-        (next_id,) = self._connection.execute("SELECT next_id FROM counter").fetchone()
+        next_id, paused = self._connection.execute("SELECT next_id, paused FROM server").fetchone()
         records = "[" + ",".join(row[0] for row in rows) + "]"
-        return Stored(msgspec.json.decode(records, type=tuple[Task, ...]), next_id)
+        tasks = msgspec.json.decode(records, type=tuple[Task, ...])
+        return Stored(tasks, next_id, bool(paused))
 
     def apply(self, records: bytes, newest: int, forgotten: bytes) -> None:
         with self._transaction() as connection:
@@ -123,10 +128,14 @@ class _TaskFile:
             if forgotten != b"[]":
                 connection.execute(_FORGET, (forgotten.decode(),))
 
+    def remember_pause(self, paused: bool) -> None:
+        with self._transaction() as connection:
+            connection.execute("UPDATE server SET paused = ?", (paused,))
+
     def clear(self) -> None:
         with self._transaction() as connection:
             connection.execute("DELETE FROM task")
-            connection.execute("UPDATE counter SET next_id = 1")
+            connection.execute("UPDATE server SET next_id = 1, paused = 0")
 
     def close(self) -> None:
         self._undo.close()

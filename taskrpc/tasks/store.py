@@ -22,6 +22,8 @@ class Stored(msgspec.Struct, frozen=True):
     """Every task, by number."""
     next_id: int
     """The number of the next task: higher than any that was ever given, also to a forgotten one."""
+    paused: bool = False
+    """Whether somebody halted the queue and nobody let it go on."""
 
 
 class TaskStore(Protocol):
@@ -47,8 +49,15 @@ class TaskStore(Protocol):
             StoreError: nothing was changed.
         """
 
+    async def remember_pause(self, paused: bool) -> None:
+        """Remember whether the queue stands still; when it returns, this survives as tasks do.
+
+        Raises:
+            StoreError: nothing was changed.
+        """
+
     async def clear(self) -> None:
-        """Forget every task and begin again with number 1.
+        """Forget everything and begin again with number 1.
 
         Raises:
             StoreError: nothing was changed.
@@ -64,10 +73,12 @@ class MemoryStore:
     def __init__(self) -> None:
         self._tasks: dict[int, Task] = {}
         self._next_id = 1
+        self._paused = False
 
     async def load(self) -> Stored:
         """Return everything that is remembered."""
-        return Stored(tuple(self._tasks[number] for number in sorted(self._tasks)), self._next_id)
+        tasks = tuple(self._tasks[number] for number in sorted(self._tasks))
+        return Stored(tasks, self._next_id, self._paused)
 
     async def apply(self, saved: Sequence[Task], forgotten: Sequence[int] = ()) -> None:
         """Remember these tasks as they are now and forget those numbers."""
@@ -77,10 +88,15 @@ class MemoryStore:
         for number in forgotten:
             self._tasks.pop(number, None)
 
+    async def remember_pause(self, paused: bool) -> None:
+        """Remember whether the queue stands still."""
+        self._paused = paused
+
     async def clear(self) -> None:
-        """Forget every task and begin again with number 1."""
+        """Forget everything and begin again with number 1."""
         self._tasks.clear()
         self._next_id = 1
+        self._paused = False
 
     async def close(self) -> None:
         """Keep everything: the same object can be opened again."""

@@ -57,8 +57,11 @@ class Worker:
         """Whether the queue stands still until `resume`."""
         return not self._may_go.is_set()
 
-    def start(self) -> None:
-        """Begin to take tasks."""
+    def start(self, *, paused: bool = False) -> None:
+        """Begin to take tasks, or to wait for `resume`."""
+        if paused:
+            self._may_go.clear()
+            self._halted.set()
         self._worker = asyncio.create_task(self._work(), name="taskrpc worker")
 
     async def close(self) -> None:

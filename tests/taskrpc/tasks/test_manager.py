@@ -25,8 +25,9 @@ async def submit(manager, *rows):
 
 
 async def idle(manager):
-    while manager.queue or manager.running:
-        await asyncio.sleep(1)
+    async with asyncio.timeout(10_000):
+        while manager.queue or manager.running:
+            await asyncio.sleep(1)
 
 
 async def test_an_accepted_task_is_answered_with_its_number_and_time(manager):
@@ -49,7 +50,7 @@ async def test_settling_is_counted_in_the_robots_seconds():
     [
         ("fly", "1", 5, "Invalid task: fly (expected move, scan or report)"),
         ("", "1", 5, "Invalid task:  (expected move, scan or report)"),
-        ("move", "mars", 5, "Invalid target: mars (expected a number, got 'mars')"),
+        ("move", "mars", 5, "Invalid target: expected a number, got 'mars'"),
         ("move", "1", 11, "Invalid priority: 11 (expected 1 to 10, 10 runs first)"),
         ("move", "1", 0, "Invalid priority: 0 (expected 1 to 10, 10 runs first)"),
         ("a\x1b[2J\nb", "1", 5, "Invalid task: a?[2J?b (expected move, scan or report)"),
@@ -164,6 +165,27 @@ async def test_a_new_server_goes_on_in_the_same_order_and_asks_about_what_ran(st
     await new.close()
 
 
+@pytest.mark.parametrize("order", ["pause", "stop"])
+async def test_a_queue_that_was_halted_stands_still_after_a_restart(store, order):
+    old = TaskManager(LineRobot(), store)
+    await old.start()
+    await getattr(old, order)()
+    await submit(old, ("1", 5))
+    await old.close()
+    robot = LineRobot()
+    new = TaskManager(robot, store)
+    assert await new.start() == Resumed(1, (), paused=True)
+    await asyncio.sleep(60)
+    assert robot.log == []
+    await new.resume()
+    await idle(new)
+    assert [target for _, target in robot.log] == ["1"]
+    await new.close()
+    again = TaskManager(LineRobot(), store)
+    assert not (await again.start()).paused
+    await again.close()
+
+
 @pytest.mark.parametrize("begun", [State.RUNNING, State.PAUSED, State.CANCELING])
 async def test_what_had_begun_when_the_server_was_killed_is_interrupted(begun):
     store = MemoryStore()
@@ -178,9 +200,10 @@ async def test_what_had_begun_when_the_server_was_killed_is_interrupted(begun):
         await store.apply([old.book.find(1)])
     assert (await store.load()).tasks[0].state is begun
     new = TaskManager(LineRobot(), store)  # the old one is simply gone
-    assert await new.start() == Resumed(queued=0, interrupted=(1,))
+    assert await new.start() == Resumed(0, (1,), paused=begun is State.PAUSED)
     assert (await store.load()).tasks[0].state is State.INTERRUPTED
     assert (await new.requeue(1)).success
+    await new.resume()
     await idle(new)
     assert new.book.find(1).state is State.SUCCEEDED
     await new.close()
@@ -210,7 +233,11 @@ async def test_a_promise_survives_a_restart_and_names_it():
 @pytest.mark.parametrize(
     ("resumed", "text"),
     [
-        (Resumed(0, ()), "resumed no queued tasks"),
+        (Resumed(0, ()), "no earlier tasks wait"),
+        (
+            Resumed(2, (), paused=True),
+            "resumed 2 queued tasks; the queue is still paused (taskrpc task resume lets it go on)",
+        ),
         (Resumed(1, ()), "resumed 1 queued task"),
         (
             Resumed(0, (1, 2, 3, 4, 5)),

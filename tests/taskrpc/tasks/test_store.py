@@ -72,6 +72,21 @@ async def test_a_cleared_store_begins_with_number_one(store):
     assert (stored.tasks, stored.next_id) == ((), 1)
 
 
+async def test_a_pause_is_remembered_until_it_is_undone(store):
+    assert not (await store.load()).paused
+    await store.remember_pause(True)
+    await store.close()
+    assert (await store.load()).paused
+    await store.remember_pause(False)
+    assert not (await store.load()).paused
+
+
+async def test_a_cleared_store_is_not_paused(store):
+    await store.remember_pause(True)
+    await store.clear()
+    assert not (await store.load()).paused
+
+
 async def test_a_closed_store_still_knows_its_tasks_when_it_is_asked_again(store):
     await store.apply([make(1)])
     await store.close()
