@@ -310,10 +310,11 @@ def byte(value: bytes) -> Any:
     return value
 
 
-def encode_hook(value: object) -> memoryview:
-    """What msgspec's encoders must be given as `enc_hook`."""
-    if isinstance(value, NumericArray):
-        return value.little_endian()
+def encode_hook(value: Any) -> memoryview:
+    """What msgspec's encoders must be given as `enc_hook`; any package's copy serves them all."""
+    if hasattr(value, "little_endian"):
+        view: memoryview = value.little_endian()
+        return view
     raise NotImplementedError(f"a message cannot carry {shown(value)}")
 
 

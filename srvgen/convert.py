@@ -19,7 +19,7 @@ def to_builtins(message: Message) -> dict[str, Any]:
     Raises:
         FieldError: a field holds what its type does not allow.
     """
-    message._check()
+    _check(message)
     return _plain_message(message)
 
 
@@ -30,8 +30,15 @@ def from_builtins(cls: type[M], obj: Any) -> M:
         FieldError: an unknown field, or a value that the field's type does not allow.
     """
     message = _build(cls, obj, "")
-    message._check()
+    _check(message)
     return message
+
+
+def _check(message: Message) -> None:
+    try:
+        message._check()
+    except ValueError as error:  # a generated package has a FieldError of its own
+        raise under(error, "") from None
 
 
 def _plain_message(message: Message) -> dict[str, Any]:

@@ -9,8 +9,10 @@ import pickle
 import sys
 from pathlib import Path
 
+import msgspec
 import pytest
 
+import srvgen
 from srvgen.errors import DefinitionError
 from srvgen.files import read_definition
 from srvgen.generate import generate
@@ -126,6 +128,21 @@ def test_errors_pass_from_one_packages_runtime_to_anothers(importable):
     message.point.x = "far"
     with pytest.raises(runtime.FieldError, match=r"^point\.x: expected float64, got 'far'"):
         message._check()
+
+
+def test_srvgen_encodes_and_converts_messages_of_generated_packages(importable):
+    cls = importlib.import_module("demo_interfaces.msg").Everything
+    message = cls(ranges=[1, 2], inner={"not": "a message"})
+    with pytest.raises(srvgen.FieldError, match=r"^inner: expected"):
+        srvgen.to_builtins(message)
+    message = srvgen.from_builtins(cls, {"ranges": [1, 2], "inner": {"value": 4}})
+    assert srvgen.to_builtins(message)["inner"] == {"value": 4}
+    encoder = msgspec.msgpack.Encoder(enc_hook=srvgen._runtime.encode_hook)
+    arrived = msgspec.msgpack.Decoder(cls).decode(encoder.encode(message))
+    arrived._check()
+    assert arrived == message
+    with pytest.raises(srvgen.FieldError, match=r"^inner\.value: expected int32, got 'x'"):
+        srvgen.from_builtins(cls, {"inner": {"value": "x"}})
 
 
 def test_services_and_actions_are_reached_as_in_ros(importable):
