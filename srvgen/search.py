@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -29,9 +30,10 @@ class Search:
     """Finds and loads definitions by name.
 
     A name is looked for in this order: the given paths; the working directory (a package folder,
-    a folder of packages, or a workspace with packages in `src`); every folder of
-    `TASKRPC_INTERFACE_PATH` and `AMENT_PREFIX_PATH`; the bundled packages. Environment and disk
-    are looked at anew every time; a file is parsed again only when it has changed.
+    a folder of packages, or a workspace with packages in `src`); the folder of the program that
+    runs, likewise; every folder of `TASKRPC_INTERFACE_PATH` and `AMENT_PREFIX_PATH`; the bundled
+    packages. Environment and disk are looked at anew every time; a file is parsed again only when
+    it has changed.
 
     Args:
         paths: package folders, folders of packages or workspaces that go before all others.
@@ -147,6 +149,8 @@ class Search:
             yield from _workspace(path.resolve())
         with suppress(OSError):  # the working directory may have been deleted
             yield from _workspace(Path.cwd())
+        if script := getattr(sys.modules.get("__main__"), "__file__", None):
+            yield from _workspace(Path(script).resolve().parent)
         yield from _environment("TASKRPC_INTERFACE_PATH")
         for prefix in _environment("AMENT_PREFIX_PATH"):
             yield prefix / "share"

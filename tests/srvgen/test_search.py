@@ -2,6 +2,7 @@
 
 import logging
 import os
+import sys
 from pathlib import Path
 
 import pytest
@@ -41,6 +42,15 @@ def test_packages_lie_in_the_working_directory_or_its_src(workspace):
 def test_the_working_directory_may_be_a_package_itself(workspace, monkeypatch):
     path = write(workspace, "one_msgs/msg/A", "int32 a")
     monkeypatch.chdir(workspace / "one_msgs")
+    assert Search().find("one_msgs/msg/A") == path
+
+
+def test_packages_beside_the_program_that_runs_are_found_from_everywhere(tmp_path, monkeypatch):
+    path = write(tmp_path / "project", "one_msgs/msg/A", "int32 a")
+    with pytest.raises(DefinitionError):
+        Search().find("one_msgs/msg/A")
+    script = str(tmp_path / "project" / "program.py")
+    monkeypatch.setattr(sys.modules["__main__"], "__file__", script, raising=False)
     assert Search().find("one_msgs/msg/A") == path
 
 
