@@ -7,7 +7,7 @@ import sys
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING
 
-from taskrpc.cli.command import Exit, UsageError, guarded
+from taskrpc.cli.command import Exit, UsageError, run_main
 
 if TYPE_CHECKING:
     import argparse
@@ -22,8 +22,7 @@ examples, which no shell needs quotes for and which mean the same:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `taskrpc-call` and return its exit code."""
-    arguments = sys.argv[1:] if argv is None else list(argv)
-    return guarded(lambda: _run(arguments), arguments)
+    return run_main(_run, argv)
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -72,7 +71,7 @@ def run(options: argparse.Namespace) -> int:
     return Exit.DONE
 
 
-def _run(arguments: Sequence[str]) -> int:
+def _run(arguments: list[str]) -> int:
     from taskrpc.cli.parsing import Parser
 
     parser = Parser(prog="taskrpc-call")

@@ -6,6 +6,7 @@ Nothing heavy is imported here, so that Ctrl-C finds `guarded` at work as early 
 from __future__ import annotations
 
 import contextlib
+import gc
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -51,7 +52,18 @@ class UsageError(TaskRpcError):
         super().__init__(message)
 
 
-def guarded(action: Callable[[], int], argv: Sequence[str]) -> int:
+def run_main(action: Callable[[list[str]], int], argv: Sequence[str] | None) -> int:
+    """Run a command with the given arguments, or with those of this process."""
+    if argv is not None:
+        return guarded(action, list(argv))
+    try:
+        return guarded(action, sys.argv[1:])
+    finally:
+        # The process ends now: looking for garbage once more would cost a tenth of a short call.
+        gc.freeze()
+
+
+def guarded(action: Callable[[list[str]], int], argv: list[str]) -> int:
     """Run a command's action and return its exit code, whatever happens.
 
     A user's mistake becomes one message on stderr; one line of JSON where `argv` has `--json`.
@@ -60,7 +72,7 @@ def guarded(action: Callable[[], int], argv: Sequence[str]) -> int:
 
     platform.prepare_output()
     try:
-        code = int(action())
+        code = int(action(argv))
         sys.stdout.flush()
         return code
     except KeyboardInterrupt:

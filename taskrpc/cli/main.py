@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from importlib import import_module
 from typing import TYPE_CHECKING
 
-from taskrpc.cli.command import guarded
+from taskrpc.cli.command import run_main
 
 if TYPE_CHECKING:
     from argparse import Namespace
@@ -39,8 +39,7 @@ _PURPOSES = {
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code."""
-    arguments = sys.argv[1:] if argv is None else list(argv)
-    return guarded(lambda: _run(arguments), arguments)
+    return run_main(_run, argv)
 
 
 def _run(arguments: list[str]) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import json
 from collections.abc import Sequence
 from typing import Any, NoReturn, TypeAlias
 
@@ -54,4 +55,16 @@ def add_command(commands: Commands, name: str, purpose: str) -> Parser:
 def print_help(parser: argparse.ArgumentParser) -> Exit:
     """Print a parser's help."""
     parser.print_help()
+    return Exit.DONE
+
+
+def print_names(names: Sequence[str], *, count: bool = False, as_json: bool = False) -> Exit:
+    """Print names one a line, or their number, or a JSON array."""
+    if count:
+        print(len(names))
+    elif as_json:
+        print(json.dumps(names))
+    else:
+        for name in names:
+            print(name)
     return Exit.DONE

@@ -1,0 +1,137 @@
+"""What `taskrpc doctor` looks at on this machine."""
+
+from __future__ import annotations
+
+import os
+import platform as machine
+import sys
+import tempfile
+from collections.abc import AsyncIterator, Iterator, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import srvgen
+from taskrpc import platform
+from taskrpc.cli import graph, probe
+from taskrpc.cli.findings import Finding, note, ok, problem
+from taskrpc.errors import TaskRpcError
+from taskrpc.transport.registry import Entry
+from taskrpc.transport.tcp import domain_id, environment_peers
+from taskrpc.wire.messages import Endpoint
+
+
+def software() -> Iterator[Finding]:
+    """Python and the packages."""
+    yield ok(f"Python {machine.python_version()} on {machine.system()}: {sys.executable}")
+    for package in ("taskrpc", "msgspec", "PyYAML", "rich"):
+        try:
+            yield ok(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            if package == "taskrpc":
+                yield note("taskrpc runs from its source folder, without being installed")
+            else:
+                yield problem(f"{package} is not installed", f"{sys.executable} -m pip install .")
+
+
+def places() -> Iterator[Finding]:
+    """The folders that processes meet in, and whether files in them can be locked."""
+    try:
+        folder = platform.runtime_dir()
+        locks = _locks_work(folder)
+    except (TaskRpcError, OSError) as error:
+        advice = "set XDG_RUNTIME_DIR to a folder of yours that nobody else can enter"
+        yield problem(f"the folder where programs find each other: {error}", advice)
+        return
+    if locks:
+        yield ok(f"programs of this user find each other in {folder}")
+    else:
+        advice = "set XDG_RUNTIME_DIR to a folder on a disk of this machine"
+        yield problem(f"files in {folder} cannot be locked", advice)
+
+
+def environment() -> Iterator[Finding]:
+    """The variables that change what a program sees."""
+    try:
+        where = "ROS_DOMAIN_ID" if os.environ.get("ROS_DOMAIN_ID") else "ROS_DOMAIN_ID is not set"
+        yield ok(f"domain {domain_id()} ({where})")
+    except TaskRpcError as error:
+        yield problem(str(error), "set it to such a number, or not at all")
+    if peers := environment_peers():
+        listed = ", ".join(peers)
+        yield note(f"TASKRPC_PEERS is set: programs call {listed}, nobody else on this machine")
+    if os.environ.get("TASKRPC_TOKEN"):
+        yield note("TASKRPC_TOKEN is set: servers that are started now want it from other machines")
+    for part in os.environ.get("TASKRPC_INTERFACE_PATH", "").split(os.pathsep):
+        if part and not Path(part).is_dir():
+            yield problem(
+                f"TASKRPC_INTERFACE_PATH: expected folders of packages, got {part}",
+                f"separate folders by {os.pathsep!r}; each holds folders such as my_pkg/srv",
+            )
+
+
+async def programs() -> AsyncIterator[Finding]:
+    """The programs of this machine: whether they answer, and whether they agree on types."""
+    here = graph.domains().get(domain_id(), [])
+    serving = [entry for entry in here if entry.services]
+    if not serving:
+        advice = "start one, for example taskrpc-server"
+        yield note(f"no program offers a service in domain {domain_id()}", advice)
+    for entry in serving:
+        yield await _reach(entry)
+    for finding in _disagreements(serving):
+        yield finding
+    for domain, entries in graph.domains().items():
+        if domain != domain_id() and (elsewhere := graph.services(entries)):
+            advice = f"set ROS_DOMAIN_ID={domain} to call them"
+            yield note(f"in domain {domain} there are {', '.join(elsewhere)}", advice)
+
+
+async def _reach(entry: Entry) -> Finding:
+    who = f"{entry.script} (pid {entry.pid}, in {entry.folder})"
+    try:
+        await probe.ask(entry.address)
+    except TaskRpcError as error:
+        advice = f"it may hang: end it with `taskrpc stop --force {entry.pid}` and start it again"
+        return problem(f"{who} does not answer: {error}", advice)
+    listed = ", ".join(graph.services([entry])) or "hidden services"
+    return ok(f"{who} at {entry.address} offers {listed}")
+
+
+def _disagreements(serving: Sequence[Entry]) -> Iterator[Finding]:
+    """Services whose definition is not the same everywhere."""
+    first: dict[str, tuple[Endpoint, Entry]] = {}
+    for entry in serving:
+        for service in entry.services:
+            known, owner = first.setdefault(service.name, (service, entry))
+            if known.type_hash != service.type_hash:
+                yield problem(
+                    f"{service.name} is offered by {owner.script} as {known.type_name} and by"
+                    f" {entry.script} as {service.type_name}, whose definitions differ",
+                    f"end one of them: taskrpc stop {entry.pid}",
+                )
+            yield from _differs_here(service, entry)
+
+
+def _differs_here(service: Endpoint, entry: Entry) -> Iterator[Finding]:
+    try:
+        local = srvgen.type_hash(service.type_name)
+    except srvgen.DefinitionError:
+        yield note(f"{service.type_name} of {service.name} is not defined on this machine")
+        return
+    if local != service.type_hash:
+        yield problem(
+            f"{service.name}: {entry.script} has another definition of {service.type_name} than"
+            " the one found from this folder",
+            f"compare the .srv files, then start {entry.script} again",
+        )
+
+
+def _locks_work(folder: Path) -> bool:
+    with tempfile.TemporaryDirectory(dir=folder) as inner:
+        path = Path(inner, "lock")
+        holder, other = platform.open_private(path), platform.open_private(path)
+        try:
+            return platform.try_lock(holder) and platform.is_locked(other)
+        finally:
+            os.close(other)
+            os.close(holder)

@@ -1,0 +1,72 @@
+"""`taskrpc doctor`: find out why something does not work, here or on the way to HOST:PORT."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from dataclasses import asdict
+
+from taskrpc.cli import checks, probe
+from taskrpc.cli.command import Exit
+from taskrpc.cli.findings import Finding, problem
+from taskrpc.errors import TaskRpcError
+from taskrpc.transport.tcp import split_place
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the arguments of `doctor`."""
+    what = "a server on another machine that cannot be reached"
+    parser.add_argument("place", nargs="?", metavar="HOST:PORT", type=_place, help=what)
+    parser.add_argument("--json", action="store_true", help="Print a JSON array of findings")
+    parser.set_defaults(run=_run)
+
+
+def _place(text: str) -> str:
+    try:
+        split_place(text)
+    except TaskRpcError as error:
+        raise argparse.ArgumentTypeError(str(error)) from None
+    return text
+
+
+def _run(options: argparse.Namespace) -> int:
+    found = asyncio.run(_report(options.place, as_text=not options.json))
+    problems = sum(finding.state == "problem" for finding in found)
+    if options.json:
+        print(json.dumps([asdict(finding) for finding in found]))
+    else:
+        print("no problems" if not problems else f"{problems} problem{'s'[: problems > 1]}")
+    return Exit.ERROR if problems else Exit.DONE
+
+
+async def _report(place: str | None, *, as_text: bool) -> list[Finding]:
+    """All findings, printed as they come since some take seconds."""
+    found = []
+    async for finding in _findings(place):
+        found.append(finding)
+        if as_text:
+            _print(finding)
+    return found
+
+
+async def _findings(place: str | None) -> AsyncIterator[Finding]:
+    for check in (checks.software, checks.places, checks.environment):
+        for finding in check():
+            yield finding
+    try:
+        async for finding in checks.programs():
+            yield finding
+        if place:
+            async for finding in probe.examine(place):
+                yield finding
+    except TaskRpcError as error:
+        # The folder or the domain is wrong, which an earlier line has said what to do about.
+        yield problem(f"the programs of this machine cannot be seen: {error}", "see above")
+
+
+def _print(finding: Finding) -> None:
+    print(f"{finding.state:8} {finding.text}", flush=True)
+    if finding.advice:
+        print(f"{'':8} -> {finding.advice}", flush=True)

@@ -1,0 +1,84 @@
+"""`taskrpc node`: list and info, as `ros2 node` has them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterable, Iterator
+
+from taskrpc import names
+from taskrpc.cli import graph
+from taskrpc.cli.command import Exit, NotFound, hinted
+from taskrpc.cli.parsing import add_command, add_group, print_names
+from taskrpc.wire.messages import Endpoint
+
+_SECTIONS = (
+    "Subscribers",
+    "Publishers",
+    "Service Servers",
+    "Service Clients",
+    "Action Servers",
+    "Action Clients",
+)
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the commands about nodes."""
+    commands = add_group(parser)
+    info = add_command(commands, "info", "Output information about a node")
+    info.add_argument("node_name", help="Fully qualified node name (e.g. '/task_server')")
+    what = "Display hidden services as well"
+    info.add_argument("--include-hidden", action="store_true", help=what)
+    info.set_defaults(run=_info)
+    listing = add_command(commands, "list", "Output a list of available nodes")
+    what = "Display all nodes even hidden ones"
+    listing.add_argument("-a", "--all", action="store_true", help=what)
+    what = "Only display the number of nodes discovered"
+    listing.add_argument("-c", "--count-nodes", action="store_true", help=what)
+    listing.set_defaults(run=_list)
+    for command in (info, listing):
+        graph.add_connect(command)
+        graph.add_discovery(command)
+        command.add_argument("--json", action="store_true", help="Print JSON")
+
+
+def _list(options: argparse.Namespace) -> int:
+    entries = graph.look(graph.peers_of(options))
+    found = sorted(name for entry in entries for name in entry.nodes)
+    shown = [name for name in found if options.all or not names.is_hidden(name)]
+    return print_names(shown, count=options.count_nodes, as_json=options.json)
+
+
+def _info(options: argparse.Namespace) -> int:
+    entries = graph.look(graph.peers_of(options))
+    name = names.expand(options.node_name, kind="node name")
+    known = {node for entry in entries for node in entry.nodes}
+    if name not in known:
+        from srvgen.names import did_you_mean
+
+        raise hinted(NotFound(f"Unable to find node '{name}'"), did_you_mean(name, known))
+    hidden = options.include_hidden
+    sections: dict[str, dict[str, str]] = {section: {} for section in _SECTIONS}
+    sections["Service Servers"] = _of_node(name, (e.services for e in entries), hidden)
+    sections["Service Clients"] = _of_node(name, (e.clients for e in entries), hidden)
+    if options.json:
+        print(json.dumps({"name": name, **sections}))
+    else:
+        print("\n".join(_text(name, sections)))
+    return Exit.DONE
+
+
+def _of_node(node: str, groups: Iterable[Iterable[Endpoint]], hidden: bool) -> dict[str, str]:
+    """Names and types of what a node has, sorted."""
+    found = {each.name: each.type_name for group in groups for each in group if each.node == node}
+    return {name: found[name] for name in sorted(found) if hidden or not names.is_hidden(name)}
+
+
+def _text(name: str, sections: dict[str, dict[str, str]]) -> Iterator[str]:
+    yield name
+    for section, found in sections.items():
+        yield f"  {section}:"
+        yield from (f"    {service}: {type_}" for service, type_ in found.items())
+        # ros2 prints an empty section as one blank line.
+        if not found:
+            yield ""

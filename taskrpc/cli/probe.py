@@ -1,0 +1,126 @@
+"""Is anyone there, and is it taskrpc: what `taskrpc doctor` finds out about one HOST:PORT."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import queue
+import socket
+import threading
+from collections.abc import AsyncIterator, Sequence
+
+from taskrpc.cli.findings import Finding, ok, problem
+from taskrpc.errors import AuthenticationFailed, ConnectionLost, ProtocolError, TaskRpcError
+from taskrpc.transport.endpoint import Endpoint
+from taskrpc.transport.tcp import TcpNetwork, domain_id, split_place
+from taskrpc.wire.messages import Listing, Resolve
+
+PATIENCE = 4.0
+"""Seconds for each step."""
+
+_NOT_TASKRPC = "something else than taskrpc listens there, or it wants TLS"
+
+
+async def examine(place: str) -> AsyncIterator[Finding]:
+    """What happens at each step on the way to the services at HOST:PORT; ends where it fails."""
+    host, port = split_place(place)
+    try:
+        addresses = resolve(host, port, PATIENCE)
+    except OSError as error:
+        yield problem(
+            f"the name {host} is not known: {_reason(error)}",
+            "check its spelling, or give the number that the other machine shows as its address",
+        )
+        return
+    if addresses != [host]:
+        yield ok(f"{host} is {', '.join(addresses)}")
+    reached, finding = await _connect(addresses, port)
+    yield finding
+    if reached:
+        yield await _ask(f"[{reached}]:{port}" if ":" in reached else f"{reached}:{port}")
+
+
+def resolve(host: str, port: int, timeout: float) -> list[str]:
+    """The addresses of a host. Raises OSError, also when there is no answer in time."""
+    answers: queue.SimpleQueue[list[str] | OSError] = queue.SimpleQueue()
+
+    def look_up() -> None:
+        try:
+            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+            answers.put(list(dict.fromkeys(str(each[4][0]) for each in found)))
+        except OSError as error:
+            answers.put(error)
+
+    # The system's resolver knows no deadline; a daemon thread may be left behind at exit.
+    threading.Thread(target=look_up, daemon=True).start()
+    try:
+        answer = answers.get(timeout=timeout)
+    except queue.Empty:
+        raise TimeoutError(f"no answer within {timeout:g} s") from None
+    if isinstance(answer, OSError):
+        raise answer
+    return answer
+
+
+async def ask(place: str) -> Listing:
+    """What the program at HOST:PORT has.
+
+    Raises AuthenticationFailed, ProtocolError, ConnectionLost or what else the program said.
+    """
+    token = os.environ.get("TASKRPC_TOKEN", "").encode() or None
+    endpoint = Endpoint(TcpNetwork(domain=domain_id(), peers=[place], token=token))
+    try:
+        address = endpoint.network.peers()[0]
+        deadline = endpoint.loop.time() + PATIENCE
+        connection = await endpoint.connection(address, deadline)
+        listing: Listing = await connection.resolve(Resolve(""), deadline)
+        return listing
+    finally:
+        await endpoint.release()
+
+
+async def _connect(addresses: Sequence[str], port: int) -> tuple[str, Finding]:
+    """The first address that takes a connection ("" if none does), and what was found."""
+    failed = ""
+    for address in addresses:
+        try:
+            async with asyncio.timeout(PATIENCE):
+                _, writer = await asyncio.open_connection(address, port)
+        except TimeoutError:
+            failed = f"{address} did not answer at port {port} within {PATIENCE:g} s"
+            advice = (
+                "is the other machine on, and in the same network? A firewall there may swallow"
+                f" what comes: allow Python, or TCP port {port}"
+            )
+        except ConnectionRefusedError:
+            failed = f"nobody listens at {address} port {port}"
+            advice = f"start the server there with --listen HOST:{port}, HOST being its address"
+        except OSError as error:
+            failed = f"{address} cannot be reached: {_reason(error)}"
+            advice = "check the network of both machines"
+        else:
+            writer.close()
+            return address, ok(f"somebody listens at {address} port {port}")
+    return "", problem(failed, advice)
+
+
+async def _ask(place: str) -> Finding:
+    try:
+        listing = await ask(place)
+    except AuthenticationFailed as error:
+        return problem(
+            f"{place} is taskrpc, but: {error}",
+            "set TASKRPC_TOKEN to the secret that stands in the server's --token-file",
+        )
+    except (ConnectionLost, ProtocolError) as error:
+        domain = "domain" in str(error)
+        advice = "set ROS_DOMAIN_ID to the server's" if domain else _NOT_TASKRPC
+        return problem(f"{place}: {error}", advice)
+    except TaskRpcError as error:
+        return problem(f"{place}: {error}", "see the server's log")
+    names = ", ".join(service.name for service in listing.services) or "no service"
+    return ok(f"{place} offers {names}")
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or str(error)

@@ -1,0 +1,56 @@
+"""`taskrpc ps`: which taskrpc programs of this user run, and what they offer."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Sequence
+
+from taskrpc.cli.command import Exit
+from taskrpc.cli.processes import Process, clock_time, processes
+
+_HEADINGS = ("PID", "SINCE", "DOMAIN", "SCRIPT", "FOLDER", "SERVICES")
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the arguments of `ps`."""
+    parser.add_argument("--json", action="store_true", help="Print a JSON array")
+    parser.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    found = processes()
+    if options.json:
+        print(json.dumps([_facts(process) for process in found]))
+    else:
+        _print_table([_HEADINGS, *(_row(process) for process in found)])
+    return Exit.DONE
+
+
+def _facts(process: Process) -> dict[str, object]:
+    return {
+        "pid": process.pid,
+        "script": process.script,
+        "folder": process.folder,
+        "services": process.services,
+        "since": process.since,
+        "domain": process.domain,
+    }
+
+
+def _row(process: Process) -> Sequence[str]:
+    return (
+        str(process.pid),
+        clock_time(process.since),
+        str(process.domain),
+        process.script,
+        process.folder,
+        " ".join(process.services) or "-",
+    )
+
+
+def _print_table(rows: Sequence[Sequence[str]]) -> None:
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    for row in rows:
+        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
+        print("  ".join(cells).rstrip())

@@ -1,0 +1,185 @@
+"""`taskrpc service`: list, type, info, find and call, as `ros2 service` has them."""
+
+from __future__ import annotations
+
+import argparse
+import json
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING
+
+from taskrpc import names
+from taskrpc.cli import call, shells
+from taskrpc.cli.command import Exit, NotFound, hinted
+from taskrpc.cli.parsing import Commands, add_command, add_group, print_names
+from taskrpc.errors import InvalidName
+
+if TYPE_CHECKING:
+    from taskrpc.transport.registry import Entry
+    from taskrpc.wire.messages import Endpoint
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the commands about services."""
+    what = "Consider hidden services as well"
+    parser.add_argument("--include-hidden-services", action="store_true", help=what)
+    commands = add_group(parser)
+    call.configure(add_command(commands, "call", "Call a service"))
+    _add_find(commands)
+    _add_info(commands)
+    _add_list(commands)
+    _add_type(commands)
+
+
+def _add_find(commands: Commands) -> None:
+    parser = add_command(commands, "find", "Output a list of available services of a given type")
+    what = "Name of the service type to filter for (e.g. 'example_interfaces/srv/AddTwoInts')"
+    parser.add_argument("service_type", help=what)
+    _add_list_options(parser)
+    parser.set_defaults(run=_find)
+
+
+def _add_info(commands: Commands) -> None:
+    parser = _add_with_name(commands, "info", "Print information about a service")
+    what = "Print each server and client too"
+    parser.add_argument("-v", "--verbose", action="store_true", help=what)
+    parser.set_defaults(run=_info)
+
+
+def _add_list(commands: Commands) -> None:
+    parser = add_command(commands, "list", "Output a list of available services")
+    what = "Additionally show the service type"
+    parser.add_argument("-t", "--show-types", action="store_true", help=what)
+    _add_list_options(parser)
+    parser.set_defaults(run=_list)
+
+
+def _add_type(commands: Commands) -> None:
+    _add_with_name(commands, "type", "Output a service's type").set_defaults(run=_type)
+
+
+def _add_with_name(commands: Commands, name: str, purpose: str) -> argparse.ArgumentParser:
+    parser = add_command(commands, name, purpose)
+    parser.add_argument("service_name", help="Name of the service (e.g. '/add_two_ints')")
+    _add_common(parser)
+    return parser
+
+
+def _add_list_options(parser: argparse.ArgumentParser) -> None:
+    what = "Only display the number of services discovered"
+    parser.add_argument("-c", "--count-services", action="store_true", help=what)
+    # Without a default of its own, so that it does not undo the group's option of this name.
+    parser.add_argument(
+        "--include-hidden-services",
+        action="store_true",
+        default=argparse.SUPPRESS,
+        help="Consider hidden services as well",
+    )
+    _add_common(parser)
+
+
+def _add_common(parser: argparse.ArgumentParser) -> None:
+    from taskrpc.cli.graph import add_connect, add_discovery
+
+    add_connect(parser)
+    add_discovery(parser)
+    parser.add_argument("--json", action="store_true", help="Print JSON")
+
+
+def _list(options: argparse.Namespace) -> int:
+    from taskrpc.cli import graph
+
+    found = graph.services(_look(options), hidden=options.include_hidden_services)
+    if options.count_services:
+        print(len(found))
+    elif options.json:
+        print(json.dumps([{"name": name, "types": types} for name, types in found.items()]))
+    else:
+        for name, types in found.items():
+            print(f"{name} [{', '.join(types)}]" if options.show_types else name)
+    return Exit.DONE
+
+
+def _find(options: argparse.Namespace) -> int:
+    from taskrpc.cli import graph
+    from taskrpc.cli.service_types import service_type_name
+
+    wanted = service_type_name(options.service_type)
+    found = graph.services(_look(options), hidden=options.include_hidden_services)
+    matching = [name for name, types in found.items() if wanted in types]
+    return print_names(matching, count=options.count_services, as_json=options.json)
+
+
+def _type(options: argparse.Namespace) -> int:
+    from taskrpc.cli import graph
+
+    name, entries = _expanded(options.service_name), _look(options)
+    types = graph.services(entries, hidden=True).get(name)
+    if types is None:
+        raise _unknown(options, name, entries)
+    print(json.dumps(types) if options.json else "\n".join(types))
+    return Exit.DONE
+
+
+def _info(options: argparse.Namespace) -> int:
+    name, entries = _expanded(options.service_name), _look(options)
+    servers = [_facts("SERVER", one, entry) for entry in entries for one in entry.services]
+    clients = [_facts("CLIENT", one, entry) for entry in entries for one in entry.clients]
+    found = [facts for facts in servers + clients if facts.pop("Service name") == name]
+    if not found:
+        raise _unknown(options, name, entries)
+    types = sorted({facts["Service type"] for facts in found})
+    count = sum(facts["Endpoint type"] == "SERVER" for facts in found)
+    summary = {
+        "Type": ", ".join(types),
+        "Clients count": len(found) - count,
+        "Services count": count,
+    }
+    if options.json:
+        print(json.dumps({**summary, "Endpoints": found}))
+        return Exit.DONE
+    _print_facts(summary)
+    for facts in found if options.verbose else ():
+        print()
+        _print_facts(facts)
+    return Exit.DONE
+
+
+def _facts(kind: str, endpoint: Endpoint, entry: Entry) -> dict[str, str]:
+    """What is known of one end of a service, under the names that are printed."""
+    namespace, _, node = endpoint.node.rpartition("/")
+    return {
+        "Service name": endpoint.name,
+        "Node name": node,
+        "Node namespace": namespace or "/",
+        "Service type": endpoint.type_name,
+        "Service type hash": endpoint.type_hash,
+        "Endpoint type": kind,
+        "Process": f"{entry.script} (pid {entry.pid}, in {entry.folder})" if entry.pid else "",
+        "Address": entry.address,
+    }
+
+
+def _print_facts(facts: Mapping[str, object]) -> None:
+    for label, value in facts.items():
+        if value != "":
+            print(f"{label}: {value}")
+
+
+def _expanded(name: str) -> str:
+    try:
+        return names.expand(name)
+    except InvalidName as error:
+        raise hinted(error, shells.service_name_hint(name)) from None
+
+
+def _look(options: argparse.Namespace) -> list[Entry]:
+    from taskrpc.cli import graph
+
+    return graph.look(graph.peers_of(options))
+
+
+def _unknown(options: argparse.Namespace, name: str, entries: Iterable[Entry]) -> NotFound:
+    from taskrpc.cli import graph
+
+    hint = graph.unknown_service_hint(name, entries, remote=bool(options.connect))
+    return hinted(NotFound(f"Unknown service '{name}'"), hint)

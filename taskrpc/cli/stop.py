@@ -1,0 +1,75 @@
+"""`taskrpc stop`: end taskrpc programs of this user, and only those."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import time
+from collections.abc import Sequence
+
+from taskrpc import platform
+from taskrpc.cli.command import Exit, NotFound, UsageError, hinted
+from taskrpc.cli.processes import Process, listing, processes
+
+PATIENCE = 5.0
+"""Seconds that a process gets to end."""
+
+_POLL = 0.05
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the arguments of `stop`."""
+    what = "A pid, a script (server.py), a node or a service; may be left out if only one runs"
+    parser.add_argument("name", nargs="?", metavar="NAME", help=what)
+    parser.add_argument("--all", action="store_true", help="End all of them")
+    what = "End them at once, calls in flight and all"
+    parser.add_argument("--force", action="store_true", help=what)
+    parser.set_defaults(run=_run)
+
+
+def _run(options: argparse.Namespace) -> int:
+    if options.all and options.name:
+        raise UsageError("taskrpc stop: error: expected NAME or --all, got both")
+    chosen = processes() if options.all else _chosen(options.name)
+    if not chosen:
+        print("no taskrpc program runs")
+    for process in chosen:
+        # Between our look and this call it may have ended by itself.
+        with contextlib.suppress(ProcessLookupError):
+            platform.end_process(process.pid, at_once=options.force)
+    remaining = _wait_for_end(chosen)
+    for process in chosen:
+        if process.pid not in remaining:
+            print(f"stopped {process}")
+    if remaining:
+        raise _still_running([each for each in chosen if each.pid in remaining])
+    return Exit.DONE
+
+
+def _chosen(name: str | None) -> Sequence[Process]:
+    """The one process that a name means, or the only one that runs."""
+    running = processes()
+    found = [each for each in running if name is None or each.is_meant_by(name)]
+    if len(found) == 1 or (name is None and not found):
+        return found
+    if not found:
+        hint = f"there are {listing(running)}" if running else "no taskrpc program runs"
+        raise hinted(NotFound(f"no taskrpc program is meant by {name!r}"), hint)
+    problem = f"expected the name of one program, {len(found)} are meant: {listing(found)}"
+    raise hinted(NotFound(problem), "give a pid, or --all")
+
+
+def _wait_for_end(chosen: Sequence[Process]) -> set[int]:
+    """The pids of those that still run after a while."""
+    wanted = {process.pid for process in chosen}
+    deadline = time.monotonic() + PATIENCE
+    while (left := wanted & {process.pid for process in processes()}) and (
+        time.monotonic() < deadline
+    ):
+        time.sleep(_POLL)
+    return left
+
+
+def _still_running(left: Sequence[Process]) -> NotFound:
+    problem = f"after {PATIENCE:g} s there still runs {listing(left)}"
+    return hinted(NotFound(problem), "they finish their calls first; --force does not let them")
