@@ -103,16 +103,16 @@ async def _serve(options: argparse.Namespace) -> None:
         token=_token(options),
     )
     async with stop_requested() as stopped, node:
-        store = await _store(options)
         server = TaskServer(
             node,
             robot,
-            store,
+            _store(options),
             queue_limit=options.queue_limit,
             settle=options.settle,
             join=options.join,
         )
-        print(f"taskrpc-server: {await server.start()}", file=sys.stderr)
+        resumed = await server.start(fresh=options.fresh)
+        print(f"taskrpc-server: {resumed}", file=sys.stderr)
         _say_ready(node)
         await stopped
         await _shut_down(node, server)
@@ -133,15 +133,12 @@ async def _shut_down(node: Node, server: TaskServer) -> None:
     await server.close()
 
 
-async def _store(options: argparse.Namespace) -> TaskStore:
+def _store(options: argparse.Namespace) -> TaskStore:
     from taskrpc.tasks import MemoryStore, SqliteStore
 
     if options.db == ":memory:":
         return MemoryStore()
-    store = SqliteStore(options.db or _default_file())
-    if options.fresh:
-        await store.clear()
-    return store
+    return SqliteStore(options.db or _default_file())
 
 
 def _default_file() -> Path:

@@ -59,6 +59,7 @@ class TaskServer:
         join: bool = False,
     ) -> None:
         self._join = join
+        self._store = store
         self.manager = TaskManager(
             robot, store, queue_limit=queue_limit, settle=settle, keep_ended=keep_ended
         )
@@ -80,10 +81,10 @@ class TaskServer:
     ) -> None:
         await self.close()
 
-    async def start(self) -> Resumed:
+    async def start(self, *, fresh: bool = False) -> Resumed:
         """Take up the tasks of the server before, begin to work and offer the services.
 
-        Returns what was taken up; its `str` is a sentence for the user.
+        With `fresh` the tasks of the server before are forgotten instead. Returns what was taken up; its `str` is a sentence for the user.
 
         Raises:
             StoreError: the store cannot be used.
@@ -93,6 +94,8 @@ class TaskServer:
         # Whoever calls before the store is read waits for it.
         try:
             self._offer()
+            if fresh:
+                await self._store.clear()
             resumed = await self.manager.start()
         except BaseException:
             for service in self._services:

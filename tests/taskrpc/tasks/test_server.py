@@ -7,7 +7,7 @@ import pytest
 import srvgen
 import taskrpc
 from taskrpc.robot import KinematicRobot, default_world
-from taskrpc.tasks import MemoryStore, SqliteStore, TaskServer
+from taskrpc.tasks import MemoryStore, Resumed, SqliteStore, TaskServer
 from tests.taskrpc.tasks.fakes import FullStore, LineRobot
 
 RobotTask = srvgen.load("my_robot_interfaces/srv/RobotTask")
@@ -241,6 +241,19 @@ async def test_a_second_task_server_of_one_name_is_refused_and_closes_its_store(
     store = SqliteStore(path)
     assert (await store.load()).tasks == (), "the file is free again"
     await store.close()
+
+
+async def test_a_fresh_start_forgets_the_tasks_of_the_server_before():
+    store = MemoryStore()
+    async with taskrpc.Node("one", transport="memory") as node:
+        server = TaskServer(node, LineRobot(), store)
+        await server.start()
+        await server.manager.submit("move", "1", 5)
+        await server.close()
+        again = TaskServer(node, LineRobot(), store, service_name="again")
+        assert await again.start(fresh=True) == Resumed(0, ())
+        assert (await again.manager.submit("move", "1", 5)).task_id == 1
+        await again.close()
 
 
 async def test_a_server_can_go_by_another_name():
