@@ -84,7 +84,8 @@ class TaskServer:
     async def start(self, *, fresh: bool = False) -> Resumed:
         """Take up the tasks of the server before, begin to work and offer the services.
 
-        With `fresh` the tasks of the server before are forgotten instead. Returns what was taken up; its `str` is a sentence for the user.
+        With `fresh` the tasks of the server before are forgotten instead. Returns what was taken
+        up; its `str` is a sentence for the user.
 
         Raises:
             StoreError: the store cannot be used.
