@@ -59,8 +59,8 @@ class Client:
         self._channel = transport.channel(name, srv_type, node)
 
     def service_is_ready(self) -> bool:
-        """Whether the service can be called without looking for it first."""
-        return self._channel.ready
+        """Whether somebody is known to offer the service."""
+        return self._channel.offered
 
     async def wait_for_service(self, timeout: float | None = None) -> bool:
         """Wait until the service is there; False when it is not within `timeout` seconds."""
@@ -103,7 +103,7 @@ class Client:
         return self._loop.create_task(self._persist(request, deadline, policy))
 
     def destroy(self) -> None:
-        """Forget the service."""
+        """Forget the service; calls in flight still get their answers."""
         self._channel.close()
 
     def start(
@@ -224,11 +224,12 @@ class Call(Coroutine[Any, Any, Any]):
     def throw(
         self,
         typ: Any,
-        val: BaseException | object = None,
+        val: Any = None,
         tb: TracebackType | None = None,
     ) -> Any:
         """Raise an error inside the call, as the event loop does to cancel."""
-        return self._steps().throw(typ)
+        self._awaited = True
+        return self._steps().throw(typ if val is None else val)
 
     def close(self) -> None:
         """Drop the call."""

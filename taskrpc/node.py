@@ -112,11 +112,15 @@ class Node:
             self._transport.add_node(self.get_fully_qualified_name())
 
     async def destroy(self) -> None:
-        """Withdraw services and clients and leave the network; `async with` does it."""
+        """Withdraw services and clients and leave the network; `async with` does it.
+
+        It does not wait: callers of what still runs learn that the outcome is unknown. Use `drain`
+        before to let them have their answers.
+        """
         if self._transport is None:
             return
         for service in self._services:
-            service.destroy()
+            service.abandon()
         for client in self._clients:
             client.destroy()
         self._services.clear()
@@ -132,12 +136,20 @@ class Node:
         """
         await self.start()
         async with stop_requested() as stopped:
-            await stopped
-            await self.drain()
+            try:
+                await stopped
+            finally:
+                await self.drain()
 
     async def drain(self, grace: float = DRAIN_GRACE) -> None:
-        """Take no new calls; wait until those in flight are answered, at most `grace` seconds."""
-        await self._started().drain(grace)
+        """Withdraw the services; wait until calls in flight are answered, at most `grace` seconds.
+
+        Later calls go to another server of the name, where there is one.
+        """
+        for service in self._services:
+            service.destroy()
+        if self._services:
+            await asyncio.wait([each.finished for each in self._services], timeout=grace)
 
     # What it has
 

@@ -9,6 +9,7 @@ import socket
 import stat
 import sys
 import tempfile
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -147,17 +148,30 @@ def stop_signals(stop: Callable[[int], object]) -> Iterator[None]:
     """Call `stop(signal number)` at Ctrl-C, SIGTERM and Windows' Ctrl-Break.
 
     It is called on the main thread, between any two of its steps; threads other than that one
-    cannot change signals, there nothing happens.
+    cannot change signals, there nothing happens. Blocks may overlap: each one's `stop` is called.
     """
-    before: dict[int, Any] = {}
-    with contextlib.suppress(ValueError):  # not the main thread
-        for number in _stop_signals():
-            before[number] = signal.signal(number, lambda number, _: stop(number))
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    if not _stops:
+        _before.update({number: signal.signal(number, _stop_all) for number in _stop_signals()})
+    _stops.append(stop)
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        _stops.remove(stop)
+        if not _stops:
+            for number, handler in _before.items():
+                signal.signal(number, handler)
+
+
+_stops: list[Callable[[int], object]] = []
+_before: dict[int, Any] = {}
+
+
+def _stop_all(number: int, _: object) -> None:
+    for stop in tuple(_stops):
+        stop(number)
 
 
 def _stop_signals() -> list[int]:

@@ -7,12 +7,21 @@ import contextvars
 import inspect
 import logging
 from collections import deque
-from collections.abc import Awaitable, Callable, Coroutine
+from collections.abc import Awaitable, Callable, Coroutine, Generator
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from types import TracebackType
 from typing import Any, TypeAlias
 
 from taskrpc.callinfo import answering
-from taskrpc.errors import HandlerError, InvalidRequest, ServerBusy, TaskRpcError
+from taskrpc.errors import (
+    DeadlineExceeded,
+    HandlerError,
+    HandlerFailed,
+    OutcomeUnknown,
+    ServerBusy,
+    ServiceUnavailable,
+)
 from taskrpc.transport.base import IncomingCall, Mode, Offer, Transport
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.serving import answer_unexpected
@@ -54,8 +63,11 @@ class Service:
         self._concurrency = concurrency
         self._running = 0
         self._waiting: deque[IncomingCall] = deque()
-        self._tasks: set[asyncio.Future[Any]] = set()
+        self._jobs: dict[asyncio.Future[Any], IncomingCall] = {}
         self._loop = asyncio.get_running_loop()
+        self._destroyed = False
+        self.finished: asyncio.Future[None] = self._loop.create_future()
+        """Done once the service is destroyed and has answered its last call."""
         self._threads = _threads(name, concurrency) if threaded else None
         self._warned = False
         self._transport = transport
@@ -63,17 +75,33 @@ class Service:
         transport.offer(self._offer)
 
     def destroy(self) -> None:
-        """Stop offering the service; calls that run are still answered."""
+        """Stop offering the service; calls that have arrived are still answered."""
         self._transport.withdraw(self._offer)
-        if self._threads is not None:
-            self._threads.shutdown(wait=False)
+        self._destroyed = True
+        self._finish_if_idle()
+
+    def abandon(self) -> None:
+        """Stop at once: calls that wait may go elsewhere, what became of running ones is unknown."""
+        self.destroy()
+        while self._waiting:
+            self._waiting.popleft().fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))
+        for job, call in list(self._jobs.items()):
+            call.cancel()
+            call.fail(OutcomeUnknown("the server was shut down while it ran this call"))
+            # A thread runs on; but nobody may wait for it, least of all a loop that has ended.
+            job.cancel()
+        self._finish_if_idle()
 
     # A call's way: arrived, (waits), started, run here, in a task or in a thread, answered.
 
     def _arrived(self, call: IncomingCall) -> None:
-        if self._running < self._concurrency and not self._waiting:
-            self._start(call)
+        if self._destroyed:
+            call.fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))
+        elif self._running < self._concurrency and not self._waiting:
+            if not _is_over(call):
+                self._start(call)
         elif len(self._waiting) < QUEUE_LIMIT:
+            call.on_cancel = partial(self._leave_queue, call)
             self._waiting.append(call)
         else:
             message = f"{self.service_name} has {QUEUE_LIMIT} calls waiting"
@@ -81,33 +109,33 @@ class Service:
 
     def _start(self, call: IncomingCall) -> None:
         call.started = True
+        call.on_cancel = None
         self._running += 1
-        response = self.srv_type.Response()
         if self._threads is not None:
-            self._run_in_thread(self._threads, call, response)
+            self._run_in_thread(self._threads, call, self.srv_type.Response())
             return
         token = answering.set(call)
         began = self._loop.time()
         try:
-            result = self._callback(call.request, response)
-            if inspect.iscoroutine(result):
+            result = self._callback(call.request, self.srv_type.Response())
+            if hasattr(result, "__await__"):
                 self._run_in_task(call, result)
                 return
-        except Exception as error:
+        except (Exception, asyncio.CancelledError) as error:
             self._raised(call, error)
         else:
             self._returned(call, result)
         finally:
             answering.reset(token)
-            if self._loop.time() - began > HOLDS_LOOP_AFTER:
-                self._warn_slow(self._loop.time() - began)
+            self._held_loop(self._loop.time() - began)
         self._finished()
 
-    def _run_in_task(self, call: IncomingCall, coroutine: Coroutine[Any, Any, Any]) -> None:
-        task = self._loop.create_task(coroutine)
-        self._tasks.add(task)
+    def _run_in_task(self, call: IncomingCall, result: Awaitable[Any]) -> None:
+        if inspect.iscoroutine(result):
+            result = _Timed(result, self._loop, self._held_loop)
+        task = asyncio.ensure_future(result, loop=self._loop)
         call.on_cancel = task.cancel
-        task.add_done_callback(lambda done: self._task_done(call, done))
+        self._await(task, call)
 
     def _run_in_thread(
         self, threads: ThreadPoolExecutor, call: IncomingCall, response: Any
@@ -118,13 +146,17 @@ class Service:
         job = self._loop.run_in_executor(
             threads, lambda: context.run(_run_to_end, self._callback, call.request, response)
         )
-        self._tasks.add(job)
-        job.add_done_callback(lambda done: self._task_done(call, done))
+        self._await(job, call)
 
-    def _task_done(self, call: IncomingCall, done: asyncio.Future[Any]) -> None:
-        self._tasks.discard(done)
+    def _await(self, job: asyncio.Future[Any], call: IncomingCall) -> None:
+        self._jobs[job] = call
+        job.add_done_callback(self._job_done)
+
+    def _job_done(self, done: asyncio.Future[Any]) -> None:
+        call = self._jobs.pop(done)
         if done.cancelled():
-            call.fail(TaskRpcError("the handler was cancelled"))
+            if not call.cancelled:
+                self._raised(call, asyncio.CancelledError())
         elif (error := done.exception()) is not None:
             self._raised(call, error)
         else:
@@ -139,12 +171,12 @@ class Service:
             return
         try:
             call.reply(response)
-        except InvalidRequest as error:
+        except Exception as error:
             answer_unexpected(call, ValueError(f"the response cannot be sent: {error}"))
 
     def _raised(self, call: IncomingCall, error: BaseException) -> None:
         if isinstance(error, HandlerError):
-            call.fail(error)
+            call.fail(HandlerFailed(error.code, str(error.message)))
         else:
             answer_unexpected(call, error)
 
@@ -153,23 +185,77 @@ class Service:
         if self._waiting:
             # Not from here: a chain of short calls would grow the stack and starve the loop.
             self._loop.call_soon(self._start_waiting)
+        elif self._destroyed:
+            self._finish_if_idle()
 
     def _start_waiting(self) -> None:
         while self._waiting and self._running < self._concurrency:
             call = self._waiting.popleft()
-            if not call.cancelled:
+            if not _is_over(call):
                 self._start(call)
                 return
+        self._finish_if_idle()
 
-    def _warn_slow(self, seconds: float) -> None:
-        if not self._warned:
+    def _leave_queue(self, call: IncomingCall) -> None:
+        self._waiting.remove(call)
+        self._finish_if_idle()
+
+    def _finish_if_idle(self) -> None:
+        if self._destroyed and not self._running and not self._waiting:
+            if not self.finished.done():
+                self.finished.set_result(None)
+            if self._threads is not None:
+                self._threads.shutdown(wait=False)
+
+    def _held_loop(self, seconds: float) -> None:
+        if seconds > HOLDS_LOOP_AFTER and not self._warned:
             self._warned = True
             log.warning(
                 "the callback of %s held the event loop for %.2f s, so that nothing else ran;"
-                " create the service with threaded=True, or make the callback async",
+                " create the service with threaded=True, or let it await instead of blocking",
                 self.service_name,
                 seconds,
             )
+
+
+class _Timed(Coroutine[Any, Any, Any]):
+    """A callback's coroutine that tells how long each of its steps held the loop."""
+
+    __slots__ = ("_coroutine", "_held", "_now")
+
+    def __init__(
+        self,
+        coroutine: Coroutine[Any, Any, Any],
+        loop: asyncio.AbstractEventLoop,
+        held: Callable[[float], None],
+    ) -> None:
+        self._coroutine = coroutine
+        self._now = loop.time
+        self._held = held
+
+    def __await__(self) -> Generator[Any, Any, Any]:
+        return self._coroutine.__await__()
+
+    def send(self, value: Any) -> Any:
+        began = self._now()
+        try:
+            return self._coroutine.send(value)
+        finally:
+            self._held(self._now() - began)
+
+    def throw(self, typ: Any, val: Any = None, tb: TracebackType | None = None) -> Any:
+        return self._coroutine.throw(typ if val is None else val)
+
+    def close(self) -> None:
+        self._coroutine.close()
+
+
+def _is_over(call: IncomingCall) -> bool:
+    """Refuse a call whose deadline passed before it began; the wheel may be a tick behind."""
+    if call.time_left() != 0.0:
+        return False
+    call.fail(DeadlineExceeded("the deadline passed before the call began", not_executed=True))
+    return True
 
 
 def _threads(name: str, concurrency: int) -> ThreadPoolExecutor:
@@ -177,5 +263,9 @@ def _threads(name: str, concurrency: int) -> ThreadPoolExecutor:
 
 
 def _run_to_end(callback: Callback, request: Any, response: Any) -> Any:
-    result = callback(request, response)
-    return asyncio.run(result) if inspect.iscoroutine(result) else result
+    try:
+        result = callback(request, response)
+        return asyncio.run(result) if inspect.iscoroutine(result) else result
+    except StopIteration as error:
+        # A future cannot carry it; generators turn it into the same error.
+        raise RuntimeError("the callback raised StopIteration") from error

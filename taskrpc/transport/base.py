@@ -79,6 +79,10 @@ class Channel(Protocol):
         """Whether `send` can be used now."""
 
     @property
+    def offered(self) -> bool:
+        """Whether somebody is known to offer the service."""
+
+    @property
     def mode(self) -> Mode:
         """What the server promised; known once connected."""
 
@@ -90,17 +94,19 @@ class Channel(Protocol):
         """
 
     async def wait(self, deadline: float | None) -> bool:
-        """Wait until the service is there; False at the deadline."""
+        """Wait until the service is there; False at the deadline or once closed."""
 
     def send(self, request: Any, deadline: float | None) -> asyncio.Future[Any]:
         """Send a request over a ready channel; the future yields the response or an error.
 
-        Raises InvalidRequest for a request that cannot be sent. Cancelling the future cancels the
-        call.
+        A call that the server certainly did not begin, since it ends or withdrew the service, moves
+        to another server unseen. Cancelling the future cancels the call.
+
+        Raises InvalidRequest for a request that cannot be sent.
         """
 
     def close(self) -> None:
-        """Forget the service; calls in flight are cancelled."""
+        """Forget the service; calls in flight still get their answers."""
 
 
 class Transport(Protocol):
@@ -116,7 +122,7 @@ class Transport(Protocol):
         """Take calls for a service. Raises NameInUse when another process has the name."""
 
     def withdraw(self, offer: Offer) -> None:
-        """Stop taking calls for a service."""
+        """Stop taking calls for a service; those that came before may still be answered."""
 
     def channel(self, name: str, srv_type: ServiceType, node: str) -> Channel:
         """A way to call a service for a node."""
@@ -130,9 +136,6 @@ class Transport(Protocol):
     @property
     def address(self) -> str:
         """Where this process takes calls, "" while it does not."""
-
-    async def drain(self, grace: float) -> None:
-        """Take no new calls; wait until those in flight are answered, at most `grace` seconds."""
 
     async def release(self) -> None:
         """Give up this holder's share; the last one closes everything."""

@@ -8,6 +8,8 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
+import msgspec
+
 from taskrpc.errors import (
     ConnectionLost,
     DeadlineExceeded,
@@ -24,21 +26,27 @@ from taskrpc.wire.session import LAST_CALL_ID, refused_error
 
 
 class CallFuture(asyncio.Future[Any]):
-    """A call in flight: yields the decoded answer; cancelling it cancels the call."""
+    """A call in flight: yields the decoded answer; cancelling it cancels the call.
 
-    __slots__ = ("_connection", "_decode", "body", "call_id", "deadline", "method", "slot")
+    `move` takes a call that the server certainly did not begin, to send it elsewhere.
+    """
+
+    __slots__ = ("_decode", "_move", "body", "call_id", "connection", "deadline", "method", "slot")
 
     def __init__(
         self,
         connection: CallingConnection,
         decode: Callable[[Body], Any],
         deadline: float | None,
-        method: int,
-        body: Body,
+        *,
+        method: int = 0,
+        body: Body = b"",
+        move: Callable[[CallFuture], object] | None = None,
     ) -> None:
         super().__init__(loop=connection.owner.loop)
-        self._connection = connection
+        self.connection = connection
         self._decode = decode
+        self._move = move
         self.deadline = deadline
         self.method = method
         self.body = body
@@ -49,24 +57,31 @@ class CallFuture(asyncio.Future[Any]):
     def answered(self, body: Body) -> None:
         """The response came."""
         if not self.done():
-            self._forget_deadline()
+            self._end()
             try:
                 self.set_result(self._decode(body))
-            except InvalidRequest as error:
+            except (InvalidRequest, msgspec.MsgspecError) as error:
                 self.set_exception(_bad_answer(error))
 
     def failed(self, error: BaseException) -> None:
         """The call ended with an error."""
-        if type(error) is ServiceUnavailable:
-            self._connection.gone_methods.add(self.method)
         if not self.done():
-            self._forget_deadline()
+            self._end()
             self.set_exception(error)
+
+    def refused(self, error: TaskRpcError) -> None:
+        """The server certainly did not begin the call, and will take no such call any more."""
+        if self._move is None:
+            self.failed(error)
+        elif not self.done():
+            self.call_id = 0
+            self._move(self)
 
     def expired(self) -> None:
         """The deadline passed: tell the caller at once, and the server that nobody waits."""
         if not self.done():
-            self._connection.forget(self)
+            self.connection.forget(self)
+            self.body = b""
             sent = None if self.call_id else True
             self.set_exception(DeadlineExceeded("no answer by the deadline", not_executed=sent))
 
@@ -74,27 +89,31 @@ class CallFuture(asyncio.Future[Any]):
         """Give the call up."""
         if self.done():
             return False
-        self._forget_deadline()
-        self._connection.forget(self)
+        self._end()
+        self.connection.forget(self)
         return super().cancel(msg)
 
-    def _forget_deadline(self) -> None:
+    def _end(self) -> None:
+        self.body = b""
         if self.deadline is not None:
-            self._connection.owner.deadlines.discard(self.slot, self)
+            self.connection.owner.deadlines.discard(self.slot, self)
 
 
 class CallingConnection(Connection):
     """A connection on which we call; shared by all channels to the same process."""
 
-    def __init__(self, owner: Owner, me: Identity) -> None:
+    def __init__(
+        self, owner: Owner, me: Identity, on_advertised: Callable[[], object] = lambda: None
+    ) -> None:
         super().__init__(owner, me, is_client=True)
         self.ready: asyncio.Future[None] = owner.loop.create_future()
         """Done when calls may begin, or with the error that ended the connection before."""
-        self.gone_methods: set[int] = set()
-        """Method ids whose services the server has withdrawn."""
-        self.on_advertised: Callable[[], None] = lambda: None
+        self.epoch = 0
+        """Counts the changes of the server's services: method ids of another epoch may be gone."""
+        self._on_advertised = on_advertised
         self._waiting: deque[CallFuture] = deque()
         self._writing_paused = False
+        self._retired = False
 
     @property
     def is_usable(self) -> bool:
@@ -102,27 +121,40 @@ class CallingConnection(Connection):
         return self.is_open and self.session.last_call_id < LAST_CALL_ID
 
     def call(
-        self, method: int, body: Body, decode: Callable[[Body], Any], deadline: float | None
+        self,
+        method: int,
+        body: Body,
+        decode: Callable[[Body], Any],
+        deadline: float | None,
+        move: Callable[[CallFuture], object] | None = None,
     ) -> CallFuture:
-        """Send a request, or queue it under its deadline while the peer's limits are reached."""
-        if len(body) > self.session.body_limit:
-            limit = self.session.body_limit
-            raise InvalidRequest("", f"a message of {len(body)} bytes; the server accepts {limit}")
-        call = CallFuture(self, decode, deadline, method, body)
-        if self._waiting or self._writing_paused or not self.session.can_send(len(body)):
-            self._waiting.append(call)
-        else:
-            self._send(call)
+        """Send a request, or queue it under its deadline while the peer's limits are reached.
+
+        Raises InvalidRequest for a body above the server's limit.
+        """
+        self._check_size(body)
+        call = CallFuture(self, decode, deadline, method=method, body=body, move=move)
+        self._begin(call)
         return call
+
+    def take(self, call: CallFuture, method: int) -> None:
+        """Send a call that another connection refused; its future stays the same."""
+        if not call.done():
+            self._check_size(call.body)
+            call.connection, call.method = self, method
+            self._begin(call)
 
     def resolve(
         self, question: messages.Resolve, deadline: float | None, *, definition: bool = False
     ) -> CallFuture:
         """Ask for a service (yields `Resolved`), or with an empty name for a `Listing`."""
         decode = messages.decode_resolved if question.name else messages.decode_listing
-        call = CallFuture(self, decode, deadline, 0, b"")
-        call.call_id = self.session.resolve(call, question, definition=definition)
-        self.flush_soon()
+        call = CallFuture(self, decode, deadline)
+        if self.is_open:
+            call.call_id = self.session.resolve(call, question, definition=definition)
+            self.flush_soon()
+        else:
+            call.failed(_lost_unsent())
         return call
 
     def forget(self, call: CallFuture) -> None:
@@ -148,17 +180,31 @@ class CallingConnection(Connection):
             case Answered():
                 event.ticket.answered(event.body)
             case Failed():
-                event.ticket.failed(event.error)
+                # Only the server itself says so: what a callback raises comes as HandlerFailed.
+                gone = type(event.error) is ServiceUnavailable
+                (event.ticket.refused if gone else event.ticket.failed)(event.error)
             case Ready():
+                self.handshake_over()
                 if not self.ready.done():
                     self.ready.set_result(None)
             case Draining():
                 for call in event.refused:
-                    call.failed(refused_error())
+                    call.refused(refused_error())
+                self.retire()
             case Advertised():
-                self.on_advertised()
+                self.epoch += 1
+                self._on_advertised()
         if self._waiting:
             self._send_waiting()
+        if self._retired and not self.session.in_flight:
+            self.close()
+
+    def retire(self) -> None:
+        """Begin no more calls here; close once those in flight are answered."""
+        self._retired = True
+        self._refuse_waiting(refused_error())
+        if not self.session.in_flight:
+            self.close()
 
     def ended(self) -> None:
         """Fail what is in flight: each caller learns at once whether its call may have run."""
@@ -169,10 +215,18 @@ class CallingConnection(Connection):
             self.ready.exception()  # nobody may be left to ask
         for call, error in self.session.lost():
             call.failed(error)
-        waiting, self._waiting = self._waiting, deque()
-        for call in waiting:
-            message = str(reason) if reason else "the connection was lost before the call was sent"
-            call.failed(ConnectionLost(message, not_executed=True))
+        self._refuse_waiting(_lost_unsent())
+
+    def _check_size(self, body: Body) -> None:
+        limit = self.session.body_limit
+        if len(body) > limit:
+            raise InvalidRequest("", f"a message of {len(body)} bytes; the server accepts {limit}")
+
+    def _begin(self, call: CallFuture) -> None:
+        if self._waiting or self._writing_paused or not self.session.can_send(len(call.body)):
+            self._waiting.append(call)
+        else:
+            self._send(call)
 
     def _send(self, call: CallFuture) -> None:
         left = NO_DEADLINE
@@ -180,7 +234,6 @@ class CallingConnection(Connection):
             seconds = call.deadline - self.owner.loop.time()
             left = max(0, min(math.ceil(seconds * 1000), NO_DEADLINE - 1))
         call.call_id = self.session.request(call, call.method, call.body, left)
-        call.body = b""
         if self.session.in_flight == 1 and not self._in_turn:
             self.flush()
         else:
@@ -193,11 +246,16 @@ class CallingConnection(Connection):
                 break
             self._waiting.popleft()
             self._send(call)
-        if self._waiting and not self.is_open:
-            waiting, self._waiting = self._waiting, deque()
-            for call in waiting:
-                call.failed(refused_error())
+
+    def _refuse_waiting(self, error: TaskRpcError) -> None:
+        waiting, self._waiting = self._waiting, deque()
+        for call in waiting:
+            call.refused(error)
 
 
-def _bad_answer(error: InvalidRequest) -> TaskRpcError:
+def _bad_answer(error: Exception) -> TaskRpcError:
     return TaskRpcError(f"the server's answer is not valid: {error}", not_executed=False)
+
+
+def _lost_unsent() -> ConnectionLost:
+    return ConnectionLost("the connection was lost before the call was sent", not_executed=True)

@@ -18,6 +18,7 @@ from taskrpc.retry import reconnect_delay
 from taskrpc.transport.base import Mode
 from taskrpc.transport.calling import CallFuture, CallingConnection
 from taskrpc.transport.codec import ServiceType, codec_of
+from taskrpc.transport.network import Address
 from taskrpc.wire.messages import Endpoint as Named
 from taskrpc.wire.messages import Resolve
 
@@ -33,104 +34,143 @@ class RemoteChannel:
     """The `Channel` of an endpoint."""
 
     def __init__(self, endpoint: Endpoint, named: Named, srv_type: ServiceType) -> None:
+        self.mode = Mode.AT_MOST_ONCE
         self._endpoint = endpoint
         self._named = named
         self._request = codec_of(srv_type.Request)
         self._response = codec_of(srv_type.Response)
         self._connection: CallingConnection | None = None
         self._method = 0
+        self._epoch = 0
         self._connecting: asyncio.Task[None] | None = None
-        self._mark = endpoint.mark()
-        self.mode = Mode.AT_MOST_ONCE
+        self._moves: set[asyncio.Task[None]] = set()
+        self._mark = endpoint.news.mark()
+        self._somebody = False
+        self._closed = False
 
     @property
     def ready(self) -> bool:
         """Whether `send` can be used now."""
         connection = self._connection
-        return (
-            connection is not None
-            and connection.is_usable
-            and self._method not in connection.gone_methods
-        )
+        return connection is not None and connection.epoch == self._epoch and connection.is_usable
+
+    @property
+    def offered(self) -> bool:
+        """Whether somebody is known to offer the service."""
+        if self.ready or self._closed:
+            return not self._closed
+        return any(each.surely_offers for each in self._locate())
 
     def send(self, request: Any, deadline: float | None) -> CallFuture:
         """Send a request."""
         connection = self._connection
         assert connection is not None, "send() needs a ready channel"
         body = self._request.encode(request)
-        return connection.call(self._method, body, self._response.decode, deadline)
+        return connection.call(self._method, body, self._response.decode, deadline, self._move)
 
     async def connect(self, deadline: float | None) -> None:
         """Find the service and reach it."""
         while not self.ready:
-            if self._connecting is None or self._connecting.done():
-                self._connecting = asyncio.ensure_future(self._connect())
+            if self._closed:
+                raise TaskRpcError(f"the client of {self._named.name} is destroyed")
+            connecting = self._connecting
+            if connecting is None or connecting.done():
+                self._connecting = connecting = asyncio.ensure_future(self._connect())
+                connecting.add_done_callback(_retrieved)
             left = None if deadline is None else max(0.0, deadline - self._endpoint.loop.time())
             # Several calls may wait for one connection: none of them may take it from the others.
-            done, _ = await asyncio.wait((self._connecting,), timeout=left)
+            done, _ = await asyncio.wait((connecting,), timeout=left)
             if not done:
                 raise ServiceUnavailable(f"{self._named.name} could not be reached in time")
-            self._connecting.result()
+            if not connecting.cancelled():
+                connecting.result()
 
     async def wait(self, deadline: float | None) -> bool:
-        """Wait until the service is there; False at the deadline."""
+        """Wait until the service is there; False at the deadline or once closed."""
         failures, said = 0, ""
-        while True:
+        while not self._closed:
             try:
                 await self.connect(deadline)
                 return True
-            except TypeMismatch as error:
-                if said != str(error):
+            except ServiceUnavailable as error:
+                log.debug("%s", error)
+            except TaskRpcError as error:
+                if said != str(error) and not self._closed:
                     said = str(error)
                     log.warning("%s", error)
-            except TaskRpcError as error:
-                log.debug("%s", error)
             left = None if deadline is None else deadline - self._endpoint.loop.time()
             if left is not None and left <= 0:
                 return False
             failures = await self._something_new(failures, left)
+        return False
 
     def close(self) -> None:
         """Forget the service."""
+        if self._closed:
+            return
+        self._closed = True
+        self._connection = None
         if self._connecting is not None:
             self._connecting.cancel()
         self._endpoint.channel_closed(self._named)
+        # Whoever still waits for the service must learn it.
+        self._endpoint.news.pulse()
+
+    def _locate(self) -> list[Address]:
+        return self._endpoint.network.locate(self._named.name)
 
     async def _something_new(self, failures: int, left: float | None) -> int:
         """Wait for a sign that another attempt may succeed."""
-        # A peer in no directory gives no sign; it is asked again at growing intervals.
-        has_peers = bool(self._endpoint.network.peers())
-        delay = reconnect_delay(failures, random.random()) if has_peers else None
+        # Somebody who is known and was not reached gives no sign: asked at growing intervals.
+        delay = reconnect_delay(failures, random.random()) if self._somebody else None
         limits = [each for each in (left, delay) if each is not None]
-        change = asyncio.ensure_future(self._endpoint.wait_for_change(self._mark))
-        try:
-            done, _ = await asyncio.wait((change,), timeout=min(limits, default=None))
-        finally:
-            change.cancel()
-        return 0 if done else failures + 1
+        changed = await self._endpoint.news.wait(self._mark, min(limits, default=None))
+        return 0 if changed else failures + 1
 
     async def _connect(self) -> None:
-        self._mark = self._endpoint.mark()
-        problem: TaskRpcError = ServiceUnavailable(f"nobody offers {self._named.name}")
-        for address in self._endpoint.network.locate(self._named.name):
+        self._mark = self._endpoint.news.mark()
+        addresses = self._locate()
+        self._somebody = bool(addresses)
+        problem = ServiceUnavailable(f"nobody offers {self._named.name}")
+        refusal: TaskRpcError | None = None
+        for address in addresses:
             try:
-                connection = await self._endpoint.connection(address, None)
-                question = Resolve(self._named.name, self._named.type_hash)
-                limit = self._endpoint.loop.time() + RESOLVE_TIMEOUT
-                resolved = await connection.resolve(question, limit)
-            except (TypeMismatch, AuthenticationFailed, PermissionDenied):
-                raise
+                return await self._reach(address)
+            except (TypeMismatch, AuthenticationFailed, PermissionDenied) as error:
+                refusal = refusal or error
+            except ServiceUnavailable:
+                pass  # a peer that has other services
             except TaskRpcError as error:
-                if address.surely_offers or not isinstance(error, ServiceUnavailable):
-                    problem = _unreachable(self._named.name, error)
-                continue
-            self._connection, self._method = connection, resolved.method
-            self.mode = Mode(resolved.mode)
-            return
-        raise problem
+                problem = ServiceUnavailable(f"{self._named.name} could not be reached: {error}")
+        raise refusal or problem
+
+    async def _reach(self, address: Address) -> None:
+        endpoint = self._endpoint
+        connection = await endpoint.dialler.connection(address, None)
+        # Read before asking: what changes while the answer is on its way may make it stale.
+        epoch = connection.epoch
+        question = Resolve(self._named.name, self._named.type_hash)
+        resolved = await connection.resolve(question, endpoint.loop.time() + RESOLVE_TIMEOUT)
+        self._connection, self._method, self._epoch = connection, resolved.method, epoch
+        known = resolved.mode in tuple(Mode)
+        self.mode = Mode(resolved.mode) if known else Mode.AT_MOST_ONCE
+
+    def _move(self, call: CallFuture) -> None:
+        """Send a refused call to whoever offers the service now."""
+        task = self._endpoint.loop.create_task(self._moved(call))
+        self._moves.add(task)  # the loop itself would let it vanish
+        task.add_done_callback(self._moves.discard)
+
+    async def _moved(self, call: CallFuture) -> None:
+        try:
+            await self.connect(call.deadline)
+            assert self._connection is not None
+            self._connection.take(call, self._method)
+        except TaskRpcError as error:
+            call.failed(error)
 
 
-def _unreachable(name: str, error: TaskRpcError) -> TaskRpcError:
-    if isinstance(error, ServiceUnavailable):
-        return error
-    return ServiceUnavailable(f"{name} could not be reached: {error}")
+def _retrieved(task: asyncio.Task[None]) -> None:
+    """Whoever waited may be gone; then asyncio would report the error as never retrieved."""
+    if not task.cancelled():
+        task.exception()

@@ -37,6 +37,9 @@ class Owner(Protocol):
     deadlines: Deadlines
     read_buffer: memoryview
 
+    def connection_began(self, connection: Any) -> None:
+        """A connection has its transport."""
+
     def connection_ended(self, connection: Any) -> None:
         """A connection is gone."""
 
@@ -56,7 +59,7 @@ class Connection(asyncio.BufferedProtocol):
         self._in_turn = False
         self._flush_planned = False
         self._watch = _Watch(owner.loop.time())
-        self._handshake_timer = owner.loop.call_later(HANDSHAKE_TIMEOUT, self._handshake_late)
+        self._handshake_timer: asyncio.TimerHandle | None = None
 
     # asyncio's side
 
@@ -67,6 +70,9 @@ class Connection(asyncio.BufferedProtocol):
         self.peer_name = _shown(transport.get_extra_info("peername"))
         if (sock := transport.get_extra_info("socket")) is not None:
             platform.drop_dead_peers(sock, DEAD_AFTER)
+        loop = self.owner.loop
+        self._handshake_timer = loop.call_later(HANDSHAKE_TIMEOUT, self._handshake_late)
+        self.owner.connection_began(self)
         self.flush()
 
     def get_buffer(self, sizehint: int) -> memoryview:
@@ -90,7 +96,7 @@ class Connection(asyncio.BufferedProtocol):
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The transport is gone."""
-        self._handshake_timer.cancel()
+        self.handshake_over()
         self.transport = None
         self.ended()
         self.owner.connection_ended(self)
@@ -109,6 +115,12 @@ class Connection(asyncio.BufferedProtocol):
 
     # Our side
 
+    def handshake_over(self) -> None:
+        """The peer has proved itself, or is gone."""
+        if self._handshake_timer is not None:
+            self._handshake_timer.cancel()
+            self._handshake_timer = None
+
     @property
     def is_open(self) -> bool:
         """Whether calls may begin on this connection."""
@@ -121,6 +133,7 @@ class Connection(asyncio.BufferedProtocol):
         transport = self.transport
         if not out or transport is None:
             return
+        self._watch.written += sum(map(len, out))
         small: list[bytes | bytearray] = []
         for piece in out:
             if len(piece) < LARGE:
@@ -144,6 +157,7 @@ class Connection(asyncio.BufferedProtocol):
         self.why_closed = self.why_closed or error
         if self.transport is not None:
             self.flush()
+            self.session.state = State.CLOSED
             self.transport.close()
 
     def abort(self, error: TaskRpcError) -> None:
@@ -169,10 +183,8 @@ class Connection(asyncio.BufferedProtocol):
     def _happened(self, event: Event) -> None:
         if isinstance(event, Closed):
             self._refuse(event.error)
-            return
-        if self.session.state is not State.HANDSHAKE:
-            self._handshake_timer.cancel()
-        self.happened(event)
+        else:
+            self.happened(event)
 
     def _refuse(self, error: TaskRpcError) -> None:
         if not self.session.is_client:
@@ -189,22 +201,20 @@ class _Watch:
 
     def __init__(self, now: float) -> None:
         self.received = 0
+        self.written = 0
         self._began = now
         self._moved_before = 0
-        self._unread_before = 0
         self._frames_before = 0
         self._heard = now
 
     def stalled(self, now: float, unread: int, *, owes: bool) -> bool:
         """Whether the peer owed us movement for a whole period and hardly moved."""
-        if not owes:
-            self._restart(now, unread)
+        if owes and now - self._began < STALL_PERIOD:
             return False
-        if now - self._began < STALL_PERIOD:
-            return False
-        moved = self.received - self._moved_before + max(0, self._unread_before - unread)
-        self._restart(now, unread)
-        return moved < STALL_RATE * STALL_PERIOD
+        moved = self.received + self.written - unread
+        hardly = moved - self._moved_before < STALL_RATE * STALL_PERIOD
+        self._began, self._moved_before = now, moved
+        return owes and hardly
 
     def silent(self, now: float, frames: int) -> bool:
         """Whether the peer has said nothing for so long that a ping is due."""
@@ -214,9 +224,6 @@ class _Watch:
             return False
         self._heard = now
         return True
-
-    def _restart(self, now: float, unread: int) -> None:
-        self._began, self._moved_before, self._unread_before = now, self.received, unread
 
 
 def _shown(peer: Any) -> str:

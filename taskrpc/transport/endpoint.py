@@ -9,6 +9,7 @@ import os
 import secrets
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
 
 from taskrpc.errors import (
@@ -22,7 +23,9 @@ from taskrpc.transport.calling import CallingConnection
 from taskrpc.transport.channel import RemoteChannel
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.connection import READ_BUFFER, Connection
+from taskrpc.transport.dialling import READY_TIMEOUT, Dialler
 from taskrpc.transport.network import Address, Network
+from taskrpc.transport.news import News
 from taskrpc.transport.registry import Entry
 from taskrpc.transport.serving import ServingConnection
 from taskrpc.transport.timers import Deadlines
@@ -32,19 +35,22 @@ from taskrpc.wire.messages import Listing, Resolve
 
 log = logging.getLogger("taskrpc.transport")
 
-READY_TIMEOUT = 4.0
-"""Dialling and the handshake together."""
 TICK = 1.0
 LISTING_TIMEOUT = 2.0
 CLOSE_TIMEOUT = 1.0
 
 
 class Endpoint:
-    """The `Transport` that frames travel on; shared by the nodes of one loop and network."""
+    """The `Transport` that frames travel on; shared by the nodes of one loop and network.
 
-    def __init__(self, network: Network) -> None:
+    `forget` is called when the last holder has gone and nobody may join any more.
+    """
+
+    def __init__(self, network: Network, forget: Callable[[], object] = lambda: None) -> None:
         self.loop = asyncio.get_running_loop()
         self.network = network
+        self.news = News(network)
+        self.dialler = Dialler(network, self._caller)
         self.deadlines = Deadlines(self.loop)
         self.read_buffer = memoryview(bytearray(READ_BUFFER))
         self.address = ""
@@ -58,12 +64,9 @@ class Endpoint:
         self._clients: list[Named] = []
         self._since = time.time()
         self._served: set[ServingConnection] = set()
-        self._dialled: dict[str, CallingConnection] = {}
-        self._dialling: dict[str, asyncio.Task[CallingConnection]] = {}
         self._ticker: asyncio.TimerHandle | None = None
-        self._pulses = 0
-        self._pulsed: asyncio.Future[None] | None = None
-        self._hidden = False
+        self._forget = forget
+        self._closed = False
 
     # Transport: nodes, services, clients
 
@@ -88,7 +91,7 @@ class Endpoint:
         self._offers[method] = offer
         try:
             self._publish(claim="" if offer.join else offer.name)
-        except NameInUse:
+        except BaseException:
             del self._methods[offer.name], self._offers[method]
             raise
         self._next_method += 1
@@ -131,54 +134,28 @@ class Endpoint:
         deadline = self.loop.time() + READY_TIMEOUT
         for address in self.network.locate(name):
             with contextlib.suppress(TaskRpcError):
-                connection = await self.connection(address, deadline)
+                connection = await self.dialler.connection(address, deadline)
                 resolved = await connection.resolve(Resolve(name), deadline, definition=True)
                 return resolved.type_name, resolved.definition
         raise ServiceUnavailable(f"nobody offers {name}")
 
-    def mark(self) -> tuple[int, object]:
-        """What is known now; `wait_for_change` returns when more may be known."""
-        return self._pulses, self.network.mark()
-
-    async def wait_for_change(self, mark: tuple[int, object]) -> None:
-        """Return when a service that was not there at the mark may be there."""
-        if self._pulses != mark[0]:
-            return
-        if self._pulsed is None:
-            self._pulsed = self.loop.create_future()
-        network = asyncio.ensure_future(self.network.changed(mark[1]))
-        try:
-            await asyncio.wait((self._pulsed, network), return_when=asyncio.FIRST_COMPLETED)
-        finally:
-            network.cancel()
-
     # Transport: ends
-
-    async def drain(self, grace: float) -> None:
-        """Take no new calls; wait until those in flight are answered."""
-        self._hidden = True
-        self._publish()
-        await self.network.stop_listening()
-        ends = [connection.gone for connection in self._served]
-        for connection in list(self._served):
-            connection.drain()
-        if ends:
-            await asyncio.wait(ends, timeout=grace)
 
     async def release(self) -> None:
         """Give up one holder's share; the last one closes everything."""
         self.holders -= 1
         if self.holders:
             return
+        self._closed = True
+        self._forget()
         await self.network.stop_listening()
-        for task in self._dialling.values():
-            task.cancel()
-        connections: list[Connection] = [*self._served, *self._dialled.values()]
-        for connection in connections:
-            connection.close()
-        if connections:
-            # The transports must learn that they are closed while the loop still runs.
-            await asyncio.wait([each.gone for each in connections], timeout=CLOSE_TIMEOUT)
+        for served in list(self._served):
+            served.drain()
+        await self.dialler.close()
+        await self._ends(CLOSE_TIMEOUT)
+        for connection in self._connections():
+            connection.abort(ConnectionLost("the node was destroyed"))
+        await self._ends(CLOSE_TIMEOUT)
         self.deadlines.close()
         if self._ticker is not None:
             self._ticker.cancel()
@@ -207,83 +184,48 @@ class Endpoint:
         ]
         return Listing(list(self._nodes), services, list(self._clients))
 
+    def connection_began(self, connection: Connection) -> None:
+        """A connection has its transport."""
+        if isinstance(connection, ServingConnection):
+            self._served.add(connection)
+        elif isinstance(connection, CallingConnection):
+            self.dialler.connections.add(connection)
+        if self._ticker is None:
+            self._ticker = self.loop.call_later(TICK, self._tick)
+
     def connection_ended(self, connection: Connection) -> None:
         """A connection is gone."""
         if isinstance(connection, ServingConnection):
             self._served.discard(connection)
-        for place, each in list(self._dialled.items()):
-            if each is connection:
-                del self._dialled[place]
-
-    # What channels ask
-
-    async def connection(self, address: Address, deadline: float | None) -> CallingConnection:
-        """A usable connection to a process, made if need be.
-
-        Raises ConnectionLost when nobody answers there, or what the other side refused it for.
-        """
-        connection = self._dialled.get(address.place)
-        if connection is not None and connection.is_usable:
-            return connection
-        task = self._dialling.get(address.place)
-        if task is None:
-            task = self.loop.create_task(self._dial(address))
-            self._dialling[address.place] = task
-            task.add_done_callback(lambda _: self._dialling.pop(address.place, None))
-        left = None if deadline is None else max(0.0, deadline - self.loop.time())
-        # Whoever gives up waiting must not take the connection from the others.
-        done, _ = await asyncio.wait((task,), timeout=left)
-        if not done:
-            raise ConnectionLost(f"{address.place} did not answer in time", not_executed=True)
-        return task.result()
-
-    async def _dial(self, address: Address) -> CallingConnection:
-        protocol: asyncio.BaseProtocol | None = None
-        try:
-            async with asyncio.timeout(READY_TIMEOUT):
-                protocol = await self.network.dial(address, lambda: self._caller(address))
-                assert isinstance(protocol, CallingConnection)
-                await protocol.ready
-        except TimeoutError:
-            if isinstance(protocol, CallingConnection):
-                protocol.abort(ConnectionLost(f"{address.place} did not answer"))
-            raise ConnectionLost(f"{address.place} did not answer", not_executed=True) from None
-        except OSError as error:
-            reason = error.strerror or str(error)
-            raise ConnectionLost(f"{address.place}: {reason}", not_executed=True) from None
-        self._dialled[address.place] = protocol
-        protocol.on_advertised = self._pulse
-        self._keep_ticking()
-        return protocol
+        elif isinstance(connection, CallingConnection):
+            self.dialler.ended(connection)
 
     # Inside
 
     def _caller(self, address: Address) -> CallingConnection:
         name = self._nodes[0] if self._nodes else _script()
-        return CallingConnection(self, self._identity(address.token, name))
+        return CallingConnection(self, self._identity(address.token, name), self.news.pulse)
 
     def _accepted(self) -> ServingConnection:
-        connection = ServingConnection(self, self._identity(self.network.token, ""))
-        self._served.add(connection)
-        self._keep_ticking()
-        return connection
+        return ServingConnection(self, self._identity(self.network.token, ""))
 
     def _identity(self, token: bytes, name: str) -> Identity:
         nonce = secrets.token_bytes(16)
         return Identity(self._id, nonce, token, self.network.domain, name)
 
     def _publish(self, *, claim: str = "") -> None:
+        if self._closed:
+            return
         listing = self.listing()
-        address = "" if self._hidden else self.address
         entry = Entry(
             pid=os.getpid(),
             script=_script(),
             folder=str(Path.cwd()),
             since=self._since,
-            address=address,
-            token=self.network.token.hex() if address else "",
+            address=self.address,
+            token=self.network.token.hex() if self.address else "",
             nodes=tuple(listing.nodes),
-            services=tuple(listing.services if address else ()),
+            services=tuple(listing.services),
             clients=tuple(listing.clients),
         )
         self.network.publish(entry, claim=claim)
@@ -293,16 +235,10 @@ class Endpoint:
             connection.session.advertise()
             connection.flush_soon()
 
-    def _pulse(self) -> None:
-        self._pulses += 1
-        if self._pulsed is not None:
-            self._pulsed.set_result(None)
-            self._pulsed = None
-
     async def _list_peer(self, address: Address) -> Entry | None:
         deadline = self.loop.time() + LISTING_TIMEOUT
         try:
-            connection = await self.connection(address, deadline)
+            connection = await self.dialler.connection(address, deadline)
             listing = await connection.resolve(Resolve(""), deadline)
         except TaskRpcError as error:
             log.warning("%s: %s", address.place, error)
@@ -318,18 +254,23 @@ class Endpoint:
             clients=tuple(listing.clients),
         )
 
-    def _keep_ticking(self) -> None:
-        if self._ticker is None:
-            self._ticker = self.loop.call_later(TICK, self._tick)
+    def _connections(self) -> list[Connection]:
+        return [*self._served, *self.dialler.connections]
+
+    async def _ends(self, timeout: float) -> None:
+        """Wait for connections to close: transports must learn it while the loop still runs."""
+        ends = [connection.gone for connection in self._connections()]
+        if ends:
+            await asyncio.wait(ends, timeout=timeout)
 
     def _tick(self) -> None:
         self._ticker = None
         now = self.loop.time()
-        connections: list[Connection] = [*self._served, *self._dialled.values()]
+        connections = self._connections()
         for connection in connections:
             connection.tick(now)
         if connections:
-            self._keep_ticking()
+            self._ticker = self.loop.call_later(TICK, self._tick)
 
 
 def _script() -> str:

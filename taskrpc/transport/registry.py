@@ -43,6 +43,11 @@ class Entry(msgspec.Struct, frozen=True):
         return any(endpoint.name == service for endpoint in self.services)
 
 
+_TIME_STEP = 1000
+"""Nanoseconds that every file system can tell apart."""
+_READS = 3
+"""Attempts to read an entry that is just being written."""
+
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.Decoder(Entry).decode
 
@@ -55,6 +60,7 @@ class Registry:
         self._lock = self._folder / "lock"
         self._path = self._folder / f"{os.getpid()}-{id(self):x}-{time.time_ns():x}.json"
         self._descriptor = -1
+        self._written = 0
         self._cache: dict[Path, tuple[tuple[int, int], Entry]] = {}
         _open_registries.add(self)
 
@@ -72,7 +78,15 @@ class Registry:
 
     def entries(self) -> list[Entry]:
         """The entries of all living processes, this one included, oldest first."""
-        found = [entry for path in self._files() if (entry := self._read(path)) is not None]
+        found, dead = [], []
+        for path in self._files():
+            with contextlib.suppress(OSError), self._opened(path) as descriptor:
+                if path != self._path and not platform.is_locked(descriptor):
+                    dead.append(path)
+                elif (entry := self._parsed(path, descriptor)) is not None:
+                    found.append(entry)
+        if dead:
+            self._remove_dead(dead)
         return sorted(found, key=lambda entry: entry.since)
 
     def signature(self) -> tuple[tuple[str, int], ...]:
@@ -99,20 +113,18 @@ class Registry:
             os.close(descriptor)
 
     def _created(self) -> int:
-        while True:
-            descriptor = platform.open_private(self._path)
-            platform.lock(descriptor)
-            # A reader may have taken the newborn, still unlocked file for a dead one's.
-            with contextlib.suppress(OSError):
-                if os.path.samestat(os.fstat(descriptor), self._path.stat()):
-                    return descriptor
-            os.close(descriptor)
+        descriptor = platform.open_private(self._path)
+        platform.lock(descriptor)
+        return descriptor
 
     def _refuse_second(self, claim: str) -> None:
         for path in self._files():
-            entry = self._read(path) if path != self._path else None
-            if entry is not None and entry.offers(claim):
-                raise NameInUse(_second_server(claim, entry))
+            with contextlib.suppress(OSError), self._opened(path) as descriptor:
+                if path == self._path or not platform.is_locked(descriptor):
+                    continue
+                entry = self._parsed(path, descriptor)
+                if entry is not None and entry.offers(claim):
+                    raise NameInUse(_second_server(claim, entry))
 
     def _write(self, entry: Entry) -> None:
         data = _encode(entry)
@@ -120,47 +132,58 @@ class Registry:
         os.lseek(self._descriptor, 0, os.SEEK_SET)
         os.write(self._descriptor, line)
         os.ftruncate(self._descriptor, len(line))
-        # Two writes within one tick of the file system's clock must still look different.
-        os.utime(self._path, ns=(time.time_ns(), time.time_ns()))
+        # Two writes within one tick of the system's clock must still look different.
+        self._written = max(time.time_ns(), self._written + _TIME_STEP)
+        os.utime(self._path, ns=(self._written, self._written))
 
     def _files(self) -> Iterator[Path]:
-        with contextlib.suppress(FileNotFoundError), os.scandir(self._folder) as found:
+        with contextlib.suppress(OSError), os.scandir(self._folder) as found:
             for item in found:
                 if item.name.endswith(".json"):
                     yield Path(item.path)
 
-    def _read(self, path: Path) -> Entry | None:
+    @contextlib.contextmanager
+    def _opened(self, path: Path) -> Iterator[int]:
+        flags = os.O_RDWR | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
+        descriptor = os.open(path, flags)
         try:
-            descriptor = os.open(path, os.O_RDWR | getattr(os, "O_BINARY", 0))
-        except OSError:
-            return None
-        try:
-            if path != self._path and not platform.is_locked(descriptor):
-                self._remove_dead(path)
-                return None
-            return self._parsed(path, descriptor)
+            yield descriptor
         finally:
             os.close(descriptor)
 
     def _parsed(self, path: Path, descriptor: int) -> Entry | None:
-        status = os.fstat(descriptor)
-        sign = (status.st_mtime_ns, status.st_size)
-        if path in self._cache and self._cache[path][0] == sign:
-            return self._cache[path][1]
-        line = os.read(descriptor, status.st_size).partition(b"\n")[0]
-        checksum, _, data = line.partition(b" ")
-        if checksum != b"%08x" % zlib.crc32(data):
-            return None
-        with contextlib.suppress(msgspec.MsgspecError):
-            entry = _decode(data)
-            self._cache[path] = (sign, entry)
-            return entry
+        for _ in range(_READS):
+            status = os.fstat(descriptor)
+            sign = (status.st_mtime_ns, status.st_size)
+            if path in self._cache and self._cache[path][0] == sign:
+                return self._cache[path][1]
+            os.lseek(descriptor, 0, os.SEEK_SET)
+            entry = _entry_in(os.read(descriptor, status.st_size))
+            if entry is not None:
+                self._cache[path] = (sign, entry)
+                return entry
         return None
 
-    def _remove_dead(self, path: Path) -> None:
-        self._cache.pop(path, None)
-        with contextlib.suppress(OSError):
-            path.unlink()
+    def _remove_dead(self, paths: list[Path]) -> None:
+        # Under the lock, since a newborn file is for a moment without its own.
+        with platform.locked(self._lock):
+            for path in paths:
+                self._cache.pop(path, None)
+                with contextlib.suppress(OSError):
+                    with self._opened(path) as descriptor:
+                        alive = platform.is_locked(descriptor)
+                    if not alive:
+                        path.unlink()
+
+
+def _entry_in(data: bytes) -> Entry | None:
+    checksum, _, text = data.partition(b"\n")[0].partition(b" ")
+    if checksum != b"%08x" % zlib.crc32(text):
+        return None
+    try:
+        return _decode(text)
+    except msgspec.MsgspecError:
+        return None
 
 
 def _second_server(name: str, entry: Entry) -> str:

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import traceback
+from collections import deque
 from typing import Any, Protocol
 
 from taskrpc.errors import (
@@ -20,11 +22,16 @@ from taskrpc.transport.codec import codec_of
 from taskrpc.transport.connection import Connection, Owner
 from taskrpc.wire import messages
 from taskrpc.wire.events import CancelReceived, Event, Ready, RequestReceived, ResolveReceived
-from taskrpc.wire.frames import NO_DEADLINE
+from taskrpc.wire.frames import LARGE, NO_DEADLINE
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Listing, Resolved
+from taskrpc.wire.session import State
 
 log = logging.getLogger("taskrpc.server")
+
+LINGER = 0.5
+"""Seconds in which a caller may close a drained connection itself. Closing first, with a request
+of its still unread, would reset the connection and could destroy our last words."""
 
 
 class Host(Owner, Protocol):
@@ -46,7 +53,7 @@ class Host(Owner, Protocol):
 class ServedCall(IncomingCall):
     """A call that came over a connection."""
 
-    __slots__ = ("_call_id", "_connection", "_offer", "_slot")
+    __slots__ = ("_connection", "_slot", "call_id", "offer")
 
     def __init__(
         self, connection: ServingConnection, offer: Offer, call_id: int, deadline: float | None
@@ -55,26 +62,27 @@ class ServedCall(IncomingCall):
         caller = connection.caller
         super().__init__(offer.name, caller, host.next_call_number(), deadline, host.loop.time)
         self._connection = connection
-        self._offer = offer
-        self._call_id = call_id
+        self.offer = offer
+        self.call_id = call_id
         self.on_cancel = None
         self.started = False
         self._slot = host.deadlines.add(deadline, self) if deadline is not None else 0
 
     def reply(self, response: Any) -> None:
         """Answer with a response message."""
-        body = codec_of(self._offer.srv_type.Response).encode(response)
+        body = codec_of(self.offer.srv_type.Response).encode(response)
         limit = self._connection.session.body_limit
         if len(body) > limit:
             raise InvalidRequest("", f"a response of {len(body)} bytes; the caller accepts {limit}")
         if self._ended():
-            self._connection.session.respond(self._call_id, body)
-            self._connection.flush_soon()
+            self._connection.session.respond(self.call_id, body)
+            # Large answers are not collected: the caller that does not read them must be noticed.
+            self._connection.flush_soon() if len(body) < LARGE else self._connection.flush()
 
     def fail(self, error: TaskRpcError) -> None:
         """Answer with an error."""
         if self._ended():
-            self._connection.session.fail(self._call_id, error)
+            self._connection.session.fail(self.call_id, error)
             self._connection.flush_soon()
 
     def expired(self) -> None:
@@ -86,7 +94,7 @@ class ServedCall(IncomingCall):
     def _ended(self) -> bool:
         if self.deadline is not None:
             self._connection.host.deadlines.discard(self._slot, self)
-        return self._connection.calls.pop(self._call_id, None) is not None
+        return self._connection.calls.pop(self.call_id, None) is not None
 
 
 class ServingConnection(Connection):
@@ -98,16 +106,25 @@ class ServingConnection(Connection):
         self.caller = ""
         self.calls: dict[int, ServedCall] = {}
         self._draining = False
+        self._linger: asyncio.TimerHandle | None = None
+        self._writing_paused = False
+        self._held: deque[ServedCall] = deque()
 
     def pause_writing(self) -> None:
-        """The caller reads slower than we answer: take no more calls from it for now."""
-        if self.transport is not None:
+        """The caller reads slower than we answer: begin no more calls of it for now."""
+        self._writing_paused = True
+        if self.transport is not None and not self.transport.is_closing():
             self.transport.pause_reading()
 
     def resume_writing(self) -> None:
         """The caller has caught up."""
+        self._writing_paused = False
         if self.transport is not None and not self.transport.is_closing():
             self.transport.resume_reading()
+        while self._held and not self._writing_paused:
+            call = self._held.popleft()
+            if call.call_id in self.calls:
+                call.offer.serve(call)
 
     def happened(self, event: Event) -> None:
         """Serve a request."""
@@ -119,10 +136,13 @@ class ServingConnection(Connection):
             case CancelReceived():
                 self._cancel(event.call_id)
             case Ready():
+                self.handshake_over()
                 self.caller = event.peer.name
 
     def ended(self) -> None:
         """The caller is gone: what still runs for it is cancelled."""
+        if self._linger is not None:
+            self._linger.cancel()
         self.session.lost()
         for call in list(self.calls.values()):
             call.cancel()
@@ -135,10 +155,11 @@ class ServingConnection(Connection):
         self.flush()
 
     def flush(self) -> None:
-        """Write what the session has to say; a drained connection closes with its last answer."""
+        """Write what the session has to say; a drained connection closes after its last answer."""
         super().flush()
-        if self._draining and not self.session.serving and self.transport is not None:
-            self.transport.close()
+        if self._draining and self._linger is None and not self.session.serving:
+            in_talk = self.session.state is State.DRAINING
+            self._linger = self.owner.loop.call_later(LINGER if in_talk else 0.0, self.close)
 
     def _serve(self, event: RequestReceived) -> None:
         offer = self.host.offer_of(event.method)
@@ -157,7 +178,10 @@ class ServingConnection(Connection):
         call = ServedCall(self, offer, event.call_id, deadline)
         call.request = request
         self.calls[event.call_id] = call
-        offer.serve(call)
+        if self._writing_paused:
+            self._held.append(call)
+        else:
+            offer.serve(call)
 
     def _cancel(self, call_id: int) -> None:
         call = self.calls.get(call_id)

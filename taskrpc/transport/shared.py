@@ -36,10 +36,11 @@ def shared_transport(
     endpoints = _endpoints.setdefault(asyncio.get_running_loop(), {})
     key = (name, domain, listen, where, token, tls)
     endpoint = endpoints.get(key)
-    if endpoint is None or not endpoint.holders:
+    if endpoint is None:
         secret = token.encode() if token else None
         network = _network(name, domain, listen, where, secret, tls)
-        endpoints[key] = endpoint = Endpoint(network)
+        # An endpoint holds its loop: one that stayed here would keep the loop alive for ever.
+        endpoints[key] = endpoint = Endpoint(network, lambda: endpoints.pop(key))
     else:
         endpoint.holders += 1
     return endpoint

@@ -11,6 +11,7 @@ import socket
 from collections.abc import Sequence
 
 from taskrpc.errors import CannotListen, TaskRpcError
+from taskrpc.transport.connection import HANDSHAKE_TIMEOUT
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.registry import Entry, Registry
 from taskrpc.transport.tls import Tls
@@ -48,6 +49,8 @@ class TcpNetwork:
         self._listen_at = listen or "127.0.0.1:0"
         self._registry = Registry(domain)
         self._serving: asyncio.Task[asyncio.Server] | None = None
+        self._seen: object = None
+        self._looked = float("-inf")
 
     def listen(self, factory: Factory) -> str:
         """Take connections from now on."""
@@ -59,7 +62,13 @@ class TcpNetwork:
         sock = _bound(host, port)
         loop = asyncio.get_running_loop()
         self._serving = loop.create_task(
-            loop.create_server(factory, sock=sock, backlog=_BACKLOG, ssl=context)
+            loop.create_server(
+                factory,
+                sock=sock,
+                backlog=_BACKLOG,
+                ssl=context,
+                ssl_handshake_timeout=HANDSHAKE_TIMEOUT if context else None,
+            )
         )
         return _place(*sock.getsockname()[:2])
 
@@ -96,13 +105,17 @@ class TcpNetwork:
         return self._with_tokens(self._registry.entries()) if self._peers else []
 
     def mark(self) -> object:
-        """What the registry looks like now."""
-        return self._registry.signature()
+        """What the registry looked like at most a moment ago."""
+        # An older look is a safe mark: at worst it makes somebody look twice.
+        now = asyncio.get_running_loop().time()
+        if now - self._looked >= POLL / 2:
+            self._seen, self._looked = self._registry.signature(), now
+        return self._seen
 
     async def changed(self, mark: object) -> None:
         """Return when the registry looks different from the mark."""
         # A watcher per platform would be quicker, but this runs only while somebody waits.
-        while self._registry.signature() == mark:  # noqa: ASYNC110 - other processes set no Event
+        while self.mark() == mark:  # noqa: ASYNC110 - other processes set no Event
             await asyncio.sleep(POLL)
 
     async def stop_listening(self) -> None:

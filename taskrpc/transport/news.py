@@ -1,0 +1,57 @@
+"""Tells waiting clients that a service may be there now; one watcher for all of them."""
+
+from __future__ import annotations
+
+import asyncio
+from typing import TypeAlias
+
+from taskrpc.transport.network import Network
+
+Mark: TypeAlias = tuple[int, object]
+
+
+class News:
+    """What changed in a network since a mark."""
+
+    def __init__(self, network: Network) -> None:
+        self._network = network
+        self._pulses = 0
+        self._next: asyncio.Future[None] | None = None
+        self._watcher: asyncio.Task[None] | None = None
+        self._waiting = 0
+
+    def mark(self) -> Mark:
+        """What is known now."""
+        return self._pulses, self._network.mark()
+
+    def pulse(self) -> None:
+        """Something changed that the directory does not show."""
+        self._pulses += 1
+        if self._next is not None:
+            self._next.set_result(None)
+            self._next = None
+
+    async def wait(self, mark: Mark, timeout: float | None) -> bool:
+        """Return True when more may be known than at the mark, False after `timeout` seconds."""
+        if self.mark() != mark:
+            return True
+        loop = asyncio.get_running_loop()
+        if self._watcher is None:
+            self._watcher = loop.create_task(self._watch(mark[1]))
+        if self._next is None:
+            self._next = loop.create_future()
+        self._waiting += 1
+        try:
+            done, _ = await asyncio.wait((self._next,), timeout=timeout)
+        finally:
+            self._waiting -= 1
+            if not self._waiting:
+                self._watcher.cancel()
+                self._watcher = None
+        return bool(done)
+
+    async def _watch(self, mark: object) -> None:
+        while True:
+            await self._network.changed(mark)
+            mark = self._network.mark()
+            self.pulse()
