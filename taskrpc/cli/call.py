@@ -53,7 +53,7 @@ def run(options: argparse.Namespace) -> int:
     import asyncio
 
     from taskrpc.cli.calling import Plan, perform
-    from taskrpc.cli.graph import peers_of
+    from taskrpc.cli.remote import remote_of
 
     plan = Plan(
         options.service_name,
@@ -64,7 +64,7 @@ def run(options: argparse.Namespace) -> int:
         rate=options.rate,
         count=options.count or (0 if options.rate else 1),
         as_json=options.json,
-        peers=peers_of(options),
+        remote=remote_of(options),
         transport=options.transport,
     )
     asyncio.run(perform(plan))
@@ -92,7 +92,7 @@ def _add_positional(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_options(parser: argparse.ArgumentParser) -> None:
-    from taskrpc.cli.graph import add_connect
+    from taskrpc.cli.remote import add_connect
 
     add = parser.add_argument
     add("--stdin", action="store_true", help="Read values from standard input")

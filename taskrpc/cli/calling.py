@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import json
 import math
 import sys
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -14,14 +14,17 @@ import srvgen
 from taskrpc import names
 from taskrpc.cli import shells
 from taskrpc.cli.command import hinted
-from taskrpc.cli.graph import command_node_name, others, unknown_service_hint
+from taskrpc.cli.graph import others, unknown_service_hint
+from taskrpc.cli.remote import HERE, Remote
 from taskrpc.cli.service_types import differs_here, local_service_type, service_type_name
 from taskrpc.cli.values import build_request
 from taskrpc.client import Client
 from taskrpc.errors import (
+    ConnectionLost,
     DeadlineExceeded,
     InvalidName,
     InvalidRequest,
+    ProtocolError,
     ServiceUnavailable,
     TypeMismatch,
 )
@@ -48,7 +51,7 @@ class Plan:
     count: int = 1
     """Calls; 0 for no end."""
     as_json: bool = False
-    peers: Sequence[str] | None = None
+    remote: Remote = HERE
     transport: str = "tcp"
 
 
@@ -61,7 +64,7 @@ async def perform(plan: Plan) -> None:
         service = names.expand(plan.service)
     except InvalidName as error:
         raise hinted(error, shells.service_name_hint(plan.service)) from None
-    async with Node(command_node_name(), transport=plan.transport, peers=plan.peers) as node:
+    async with plan.remote.node(transport=plan.transport) as node:
         await _Caller(plan, node, service).run()
 
 
@@ -77,6 +80,7 @@ class _Caller:
         self._client: Client | None = None
         self._request: Any = None
         self._said_waiting = False
+        self._silent = ""
 
     async def run(self) -> None:
         began = self._loop.time()
@@ -130,30 +134,45 @@ class _Caller:
                     return await self._node.definition(self._service)
             except (ServiceUnavailable, TimeoutError):
                 pass
-            self._say_waiting()
+            await self._say_waiting(deadline)
             left = deadline - self._loop.time()
             if left <= 0:
                 raise await self._unknown()
             await asyncio.sleep(min(POLL, left))
 
-    def _say_waiting(self) -> None:
+    async def _say_waiting(self, deadline: float) -> None:
         """Say once that we wait, unless what was typed cannot succeed in any case."""
         if self._said_waiting:
             return
         self._said_waiting = True
         if self._plan.type_name:
             build_request(local_service_type(self._plan.type_name).Request, self._plan.values)
+        await self._ask_places(deadline)
         if not self._plan.as_json:
             print("waiting for service to become available...", file=sys.stderr, flush=True)
 
+    async def _ask_places(self, deadline: float) -> None:
+        """Find out why a program elsewhere does not tell of the service.
+
+        Raises AuthenticationFailed: waiting would not help.
+        """
+        for place in self._plan.remote.places:
+            self._silent = place
+            with contextlib.suppress(ConnectionLost, ProtocolError, TimeoutError):
+                async with asyncio.timeout_at(deadline):
+                    await self._plan.remote.listing(place)
+                self._silent = ""
+                return
+
     async def _unknown(self) -> ServiceUnavailable:
+        waited = f"(waited {self._plan.timeout:g} s)"
+        if self._silent:
+            problem = f"no taskrpc program answers at {self._silent} {waited}"
+            hint = f"find out why: taskrpc doctor {self._silent}"
+            return hinted(ServiceUnavailable(problem), hint)
         entries = others(await self._node.graph())
-        problem = f"nobody offers {self._service} (waited {self._plan.timeout:g} s)"
-        remote = bool(self._plan.peers)
-        return hinted(
-            ServiceUnavailable(problem),
-            unknown_service_hint(self._service, entries, remote=remote),
-        )
+        hint = unknown_service_hint(self._service, entries, self._plan.remote.place)
+        return hinted(ServiceUnavailable(f"nobody offers {self._service} {waited}"), hint)
 
     def _too_late(self, error: DeadlineExceeded) -> DeadlineExceeded:
         fate = "the call was not sent" if error.not_executed else "the call may have run"

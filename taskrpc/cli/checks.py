@@ -12,8 +12,9 @@ from pathlib import Path
 
 import srvgen
 from taskrpc import platform
-from taskrpc.cli import graph, probe
+from taskrpc.cli import graph
 from taskrpc.cli.findings import Finding, note, ok, problem
+from taskrpc.cli.remote import HERE
 from taskrpc.errors import TaskRpcError
 from taskrpc.transport.registry import Entry
 from taskrpc.transport.tcp import domain_id, environment_peers
@@ -89,7 +90,7 @@ async def programs() -> AsyncIterator[Finding]:
 async def _reach(entry: Entry) -> Finding:
     who = f"{entry.script} (pid {entry.pid}, in {entry.folder})"
     try:
-        await probe.ask(entry.address)
+        await HERE.listing(entry.address)
     except TaskRpcError as error:
         advice = f"it may hang: end it with `taskrpc stop --force {entry.pid}` and start it again"
         return problem(f"{who} does not answer: {error}", advice)

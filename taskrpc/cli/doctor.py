@@ -11,6 +11,7 @@ from dataclasses import asdict
 from taskrpc.cli import checks, probe
 from taskrpc.cli.command import Exit
 from taskrpc.cli.findings import Finding, problem
+from taskrpc.cli.remote import Remote, add_secrets, remote_of
 from taskrpc.errors import TaskRpcError
 from taskrpc.transport.tcp import split_place
 
@@ -19,6 +20,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `doctor`."""
     what = "a server on another machine that cannot be reached"
     parser.add_argument("place", nargs="?", metavar="HOST:PORT", type=_place, help=what)
+    add_secrets(parser)
     parser.add_argument("--json", action="store_true", help="Print a JSON array of findings")
     parser.set_defaults(run=_run)
 
@@ -32,7 +34,7 @@ def _place(text: str) -> str:
 
 
 def _run(options: argparse.Namespace) -> int:
-    found = asyncio.run(_report(options.place, as_text=not options.json))
+    found = asyncio.run(_report(remote_of(options, options.place or ""), as_text=not options.json))
     problems = sum(finding.state == "problem" for finding in found)
     if options.json:
         print(json.dumps([asdict(finding) for finding in found]))
@@ -41,25 +43,25 @@ def _run(options: argparse.Namespace) -> int:
     return Exit.ERROR if problems else Exit.DONE
 
 
-async def _report(place: str | None, *, as_text: bool) -> list[Finding]:
+async def _report(remote: Remote, *, as_text: bool) -> list[Finding]:
     """All findings, printed as they come since some take seconds."""
     found = []
-    async for finding in _findings(place):
+    async for finding in _findings(remote):
         found.append(finding)
         if as_text:
             _print(finding)
     return found
 
 
-async def _findings(place: str | None) -> AsyncIterator[Finding]:
+async def _findings(remote: Remote) -> AsyncIterator[Finding]:
     for check in (checks.software, checks.places, checks.environment):
         for finding in check():
             yield finding
     try:
         async for finding in checks.programs():
             yield finding
-        if place:
-            async for finding in probe.examine(place):
+        if remote.place:
+            async for finding in probe.examine(remote):
                 yield finding
     except TaskRpcError as error:
         # The folder or the domain is wrong, which an earlier line has said what to do about.

@@ -4,29 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from taskrpc import names, platform
-from taskrpc.node import Node
+from taskrpc.cli.remote import Remote
 from taskrpc.transport.registry import Entry, Registry
 from taskrpc.transport.tcp import domain_id
+from taskrpc.wire.messages import Listing
 
 if TYPE_CHECKING:
     import argparse
 
 _SHOWN = 5
-
-
-def command_node_name() -> str:
-    """The node name of a command, which listings hide."""
-    return f"_taskrpc_cli_{os.getpid()}"
-
-
-def add_connect(parser: argparse.ArgumentParser) -> None:
-    """Give a command `--connect`."""
-    what = "ask the program there instead of those of this machine"
-    parser.add_argument("--connect", metavar="HOST:PORT", help=what)
 
 
 def add_discovery(parser: argparse.ArgumentParser) -> None:
@@ -36,19 +26,29 @@ def add_discovery(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--spin-time", metavar="SPIN_TIME", type=float, help=what)
 
 
-def peers_of(options: argparse.Namespace) -> list[str] | None:
-    """The `peers` that a command's node is made with."""
-    return [options.connect] if options.connect else None
+def look(remote: Remote) -> list[Entry]:
+    """Every process in this domain, or the one elsewhere; never the one that asks."""
+    return asyncio.run(_look(remote))
 
 
-def look(peers: Sequence[str] | None = None) -> list[Entry]:
-    """Every process in this domain, or the named peers; never the one that asks."""
-    return asyncio.run(_look(peers))
-
-
-async def _look(peers: Sequence[str] | None) -> list[Entry]:
-    async with Node(command_node_name(), peers=peers) as node:
+async def _look(remote: Remote) -> list[Entry]:
+    if remote.place:
+        return [_entry(remote.place, await remote.listing(remote.place))]
+    async with remote.node() as node:
         return others(await node.graph())
+
+
+def _entry(place: str, listing: Listing) -> Entry:
+    return Entry(
+        pid=0,
+        script=place,
+        folder="",
+        since=0.0,
+        address=place,
+        nodes=tuple(listing.nodes),
+        services=tuple(listing.services),
+        clients=tuple(listing.clients),
+    )
 
 
 def others(entries: Iterable[Entry]) -> list[Entry]:
@@ -76,7 +76,7 @@ def domains() -> dict[int, list[Entry]]:
     return found
 
 
-def unknown_service_hint(service: str, entries: Iterable[Entry], *, remote: bool = False) -> str:
+def unknown_service_hint(service: str, entries: Iterable[Entry], place: str = "") -> str:
     """What whoever asked for a service that nobody offers may do about it."""
     from srvgen.names import near
 
@@ -91,5 +91,7 @@ def unknown_service_hint(service: str, entries: Iterable[Entry], *, remote: bool
     if shown:
         more = ", …" if len(shown) > _SHOWN else ""
         return f"there are {', '.join(shown[:_SHOWN])}{more}"
-    where = "there" if remote else f"on this machine in domain {domain_id()}"
+    if place:
+        return f"the program at {place} offers no service"
+    where = f"on this machine in domain {domain_id()}"
     return f"no taskrpc program offers a service {where}; start one, for example taskrpc-server"

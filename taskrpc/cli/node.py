@@ -10,6 +10,7 @@ from taskrpc import names
 from taskrpc.cli import graph
 from taskrpc.cli.command import Exit, NotFound, hinted
 from taskrpc.cli.parsing import add_command, add_group, print_names
+from taskrpc.cli.remote import add_connect, remote_of
 from taskrpc.wire.messages import Endpoint
 
 _SECTIONS = (
@@ -37,20 +38,20 @@ def configure(parser: argparse.ArgumentParser) -> None:
     listing.add_argument("-c", "--count-nodes", action="store_true", help=what)
     listing.set_defaults(run=_list)
     for command in (info, listing):
-        graph.add_connect(command)
+        add_connect(command)
         graph.add_discovery(command)
         command.add_argument("--json", action="store_true", help="Print JSON")
 
 
 def _list(options: argparse.Namespace) -> int:
-    entries = graph.look(graph.peers_of(options))
+    entries = graph.look(remote_of(options))
     found = sorted(name for entry in entries for name in entry.nodes)
     shown = [name for name in found if options.all or not names.is_hidden(name)]
     return print_names(shown, count=options.count_nodes, as_json=options.json)
 
 
 def _info(options: argparse.Namespace) -> int:
-    entries = graph.look(graph.peers_of(options))
+    entries = graph.look(remote_of(options))
     name = names.expand(options.node_name, kind="node name")
     known = {node for entry in entries for node in entry.nodes}
     if name not in known:

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import queue
 import socket
 import threading
 from collections.abc import AsyncIterator, Sequence
 
 from taskrpc.cli.findings import Finding, ok, problem
+from taskrpc.cli.remote import Remote
 from taskrpc.errors import AuthenticationFailed, ConnectionLost, ProtocolError, TaskRpcError
-from taskrpc.transport.endpoint import Endpoint
-from taskrpc.transport.tcp import TcpNetwork, domain_id, split_place
-from taskrpc.wire.messages import Listing, Resolve
+from taskrpc.transport.tcp import split_place
 
 PATIENCE = 4.0
 """Seconds for each step."""
 
-_NOT_TASKRPC = "something else than taskrpc listens there, or it wants TLS"
+_NOT_TASKRPC = "something else than taskrpc listens there, or it wants TLS (--tls-ca)"
 
 
-async def examine(place: str) -> AsyncIterator[Finding]:
+async def examine(remote: Remote) -> AsyncIterator[Finding]:
     """What happens at each step on the way to the services at HOST:PORT; ends where it fails."""
-    host, port = split_place(place)
+    host, port = split_place(remote.place)
     try:
         addresses = resolve(host, port, PATIENCE)
     except OSError as error:
@@ -37,7 +35,7 @@ async def examine(place: str) -> AsyncIterator[Finding]:
     reached, finding = await _connect(addresses, port)
     yield finding
     if reached:
-        yield await _ask(f"[{reached}]:{port}" if ":" in reached else f"{reached}:{port}")
+        yield await _ask(remote)
 
 
 def resolve(host: str, port: int, timeout: float) -> list[str]:
@@ -60,23 +58,6 @@ def resolve(host: str, port: int, timeout: float) -> list[str]:
     if isinstance(answer, OSError):
         raise answer
     return answer
-
-
-async def ask(place: str) -> Listing:
-    """What the program at HOST:PORT has.
-
-    Raises AuthenticationFailed, ProtocolError, ConnectionLost or what else the program said.
-    """
-    token = os.environ.get("TASKRPC_TOKEN", "").encode() or None
-    endpoint = Endpoint(TcpNetwork(domain=domain_id(), peers=[place], token=token))
-    try:
-        address = endpoint.network.peers()[0]
-        deadline = endpoint.loop.time() + PATIENCE
-        connection = await endpoint.connection(address, deadline)
-        listing: Listing = await connection.resolve(Resolve(""), deadline)
-        return listing
-    finally:
-        await endpoint.release()
 
 
 async def _connect(addresses: Sequence[str], port: int) -> tuple[str, Finding]:
@@ -104,13 +85,14 @@ async def _connect(addresses: Sequence[str], port: int) -> tuple[str, Finding]:
     return "", problem(failed, advice)
 
 
-async def _ask(place: str) -> Finding:
+async def _ask(remote: Remote) -> Finding:
+    place = remote.place
     try:
-        listing = await ask(place)
+        listing = await remote.listing(place)
     except AuthenticationFailed as error:
         return problem(
             f"{place} is taskrpc, but: {error}",
-            "set TASKRPC_TOKEN to the secret that stands in the server's --token-file",
+            "give the server's secret with --token-file or TASKRPC_TOKEN",
         )
     except (ConnectionLost, ProtocolError) as error:
         domain = "domain" in str(error)

@@ -78,7 +78,8 @@ def _add_list_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_common(parser: argparse.ArgumentParser) -> None:
-    from taskrpc.cli.graph import add_connect, add_discovery
+    from taskrpc.cli.graph import add_discovery
+    from taskrpc.cli.remote import add_connect
 
     add_connect(parser)
     add_discovery(parser)
@@ -174,12 +175,13 @@ def _expanded(name: str) -> str:
 
 def _look(options: argparse.Namespace) -> list[Entry]:
     from taskrpc.cli import graph
+    from taskrpc.cli.remote import remote_of
 
-    return graph.look(graph.peers_of(options))
+    return graph.look(remote_of(options))
 
 
 def _unknown(options: argparse.Namespace, name: str, entries: Iterable[Entry]) -> NotFound:
     from taskrpc.cli import graph
 
-    hint = graph.unknown_service_hint(name, entries, remote=bool(options.connect))
+    hint = graph.unknown_service_hint(name, entries, options.connect)
     return hinted(NotFound(f"Unknown service '{name}'"), hint)

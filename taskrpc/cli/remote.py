@@ -1,0 +1,111 @@
+"""Whom a command speaks to: the programs of this machine, or one elsewhere (`--connect`)."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from taskrpc.cli.command import hinted
+from taskrpc.errors import AuthenticationFailed, TaskRpcError
+from taskrpc.node import Node
+from taskrpc.transport.endpoint import Endpoint
+from taskrpc.transport.tcp import TcpNetwork, domain_id, environment_peers
+from taskrpc.transport.tls import Tls
+from taskrpc.wire.messages import Listing, Resolve
+
+if TYPE_CHECKING:
+    import argparse
+
+PATIENCE = 4.0
+"""Seconds that a program gets to say what it has."""
+
+
+@dataclass(frozen=True, slots=True)
+class Remote:
+    """Where to call, and with what; by default the programs of this machine."""
+
+    place: str = ""
+    """`host:port`, or empty."""
+    tls: Tls | None = None
+    token: str | None = None
+
+    @property
+    def places(self) -> list[str]:
+        """Every `host:port` to call; empty where the registry of this machine says whom."""
+        return [self.place] if self.place else environment_peers()
+
+    def node(self, *, transport: str = "tcp") -> Node:
+        """A node for a command, whose name listings hide."""
+        peers = [self.place] if self.place else None
+        return Node(
+            f"_taskrpc_cli_{os.getpid()}",
+            transport=transport,
+            peers=peers,
+            tls=self.tls,
+            token=self.token,
+        )
+
+    async def listing(self, place: str) -> Listing:
+        """What the program at HOST:PORT has.
+
+        Raises AuthenticationFailed, ProtocolError, ConnectionLost or what else the program said.
+        """
+        token = self.token or os.environ.get("TASKRPC_TOKEN") or ""
+        network = TcpNetwork(
+            domain=domain_id(), peers=[place], token=token.encode() or None, tls=self.tls
+        )
+        endpoint = Endpoint(network)
+        try:
+            deadline = endpoint.loop.time() + PATIENCE
+            connection = await endpoint.dialler.connection(network.peers()[0], deadline)
+            found: Listing = await connection.resolve(Resolve(""), deadline)
+            return found
+        except AuthenticationFailed as error:
+            hint = f"give the secret of {place} with --token-file or TASKRPC_TOKEN"
+            raise hinted(error, hint) from None
+        finally:
+            await endpoint.release()
+
+
+HERE = Remote()
+"""The programs of this machine."""
+
+
+def add_connect(parser: argparse.ArgumentParser) -> None:
+    """Give a command `--connect` and what goes with it."""
+    group = parser.add_argument_group("a program on another machine")
+    what = "ask the program there instead of those of this machine"
+    group.add_argument("--connect", metavar="HOST:PORT", default="", help=what)
+    add_secrets(group)
+
+
+def add_secrets(group: argparse._ActionsContainer) -> None:
+    """Give a command the options with which it gets in elsewhere."""
+    what = "the secret of that program (TASKRPC_TOKEN where not given)"
+    group.add_argument("--token-file", metavar="FILE", help=what)
+    what = "the certificate that signed that program's own (PEM)"
+    group.add_argument("--tls-ca", metavar="FILE", help=what)
+    group.add_argument("--tls-cert", metavar="FILE", help="a certificate to show there")
+    group.add_argument("--tls-key", metavar="FILE", help="its key")
+
+
+def remote_of(options: argparse.Namespace, place: str | None = None) -> Remote:
+    """Where the options say to call. Raises TaskRpcError for a secret that cannot be read."""
+    files = options.tls_cert, options.tls_key, options.tls_ca
+    tls = Tls(*files) if any(files) else None
+    place = options.connect if place is None else place
+    return Remote(place, tls, _token(options.token_file))
+
+
+def _token(file: str | None) -> str | None:
+    if not file:
+        return None
+    try:
+        token = Path(file).read_text(encoding="utf-8").strip()
+    except (OSError, UnicodeDecodeError) as error:
+        raise TaskRpcError(f"--token-file {file}: {error}") from None
+    if not token:
+        raise TaskRpcError(f"--token-file {file}: the file is empty")
+    return token
