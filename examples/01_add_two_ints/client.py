@@ -1,5 +1,6 @@
 """Asks the server for a sum: python client.py 2 3."""
 
+import argparse
 import sys
 
 import srvgen
@@ -10,9 +11,10 @@ AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
 
 
 def main() -> None:
-    if len(sys.argv) != 3:
-        sys.exit("usage: python client.py A B")
-    a, b = int(sys.argv[1]), int(sys.argv[2])
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("a", type=int)
+    parser.add_argument("b", type=int)
+    typed = parser.parse_args()
 
     with sync.Node("add_two_ints_client") as node:
         client = node.create_client(AddTwoInts, "add_two_ints")
@@ -20,11 +22,11 @@ def main() -> None:
         while not client.wait_for_service(timeout=1.0):
             print("waiting for /add_two_ints ... is server.py running?")
         try:
-            response = client.call(AddTwoInts.Request(a=a, b=b))
+            response = client.call(AddTwoInts.Request(a=typed.a, b=typed.b))
         except taskrpc.TaskRpcError as error:
             # A call goes through a network and another program: it can always fail.
             sys.exit(f"the call failed: {error}")
-        print(f"{a} + {b} = {response.sum}")
+        print(f"{typed.a} + {typed.b} = {response.sum}")
 
 
 if __name__ == "__main__":

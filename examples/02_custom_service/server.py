@@ -26,7 +26,7 @@ def check(request: Any, response: Any) -> Any:
         response.advice = response.STOP
     elif response.nearest < 1.0:
         response.advice = response.SLOW
-    print(f"{len(request.ranges)} beams, nearest {response.nearest} m: {NAMES[response.advice]}")
+    print(f"nearest of {len(request.ranges)}: {response.nearest} m, {NAMES[response.advice]}")
     return response  # advice is 0, which is GO, where we set nothing
 
 

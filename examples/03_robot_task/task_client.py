@@ -31,13 +31,13 @@ def response_callback(future: asyncio.Future[Any]) -> None:
         print(f"Task rejected: {response.message}")
 
 
-async def main(tasks: list[tuple[str, str, int]]) -> None:
+async def main() -> None:
     async with taskrpc.Node("task_client") as node:
         client = node.create_client(RobotTask, "robot_task")
         if not await client.wait_for_service(timeout=5.0):
             sys.exit("/robot_task is not available: start a task server first")
         futures = []
-        for task_type, target, priority in tasks:
+        for task_type, target, priority in TASKS:
             request = RobotTask.Request(task_type=task_type, target=target, priority=priority)
             future = client.call_async(request)  # sends and comes back at once
             future.add_done_callback(response_callback)
@@ -46,7 +46,4 @@ async def main(tasks: list[tuple[str, str, int]]) -> None:
 
 
 if __name__ == "__main__":
-    if len(sys.argv) == 4:  # one task of your own: python task_client.py move dock 10
-        taskrpc.run(main([(sys.argv[1], sys.argv[2], int(sys.argv[3]))]))
-    else:
-        taskrpc.run(main(TASKS))
+    taskrpc.run(main())

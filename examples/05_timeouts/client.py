@@ -2,7 +2,6 @@
 
 import sys
 import time
-from typing import Any
 
 import srvgen
 import taskrpc
@@ -10,19 +9,19 @@ from taskrpc import sync
 
 Trigger = srvgen.load("std_srvs/srv/Trigger")
 
-# What we grant the server: plenty, and too little.
-LONG, SHORT = (float(argument) for argument in sys.argv[1:3] or (2.0, 0.4))
+# Seconds that we grant the server: plenty, and too few.
+LONG = float(sys.argv[1]) if len(sys.argv) > 1 else 2.0
+SHORT = float(sys.argv[2]) if len(sys.argv) > 2 else 0.4
 
 
 def try_call(client: sync.Client, timeout: float) -> None:
     began = time.monotonic()
-    outcome: Any
     try:
-        outcome = client.call(Trigger.Request(), timeout=timeout).message
+        outcome = str(client.call(Trigger.Request(), timeout=timeout).message)
     except taskrpc.DeadlineExceeded as error:
-        outcome = f"DeadlineExceeded: {error}"
+        outcome = f"DeadlineExceeded (certainly not run: {error.not_executed})"
     took = time.monotonic() - began
-    print(f"{client.service_name} with a timeout of {timeout} s: {outcome} (after {took:.2f} s)")
+    print(f"{client.service_name} with a timeout of {timeout} s: {outcome} after {took:.2f} s")
 
 
 def main() -> None:

@@ -16,14 +16,14 @@ def drive_blindly(client: sync.Client) -> None:
             client.call(Trigger.Request(), timeout=0.2)
             return
         except taskrpc.DeadlineExceeded as error:
-            print(f"  attempt {attempt}: {error} (surely not executed? {error.not_executed})")
+            print(f"  attempt {attempt}: no answer (certainly not run: {error.not_executed})")
 
 
 def drive_with_policy(client: sync.Client) -> None:
     try:
         client.call(Trigger.Request(), timeout=0.2, retry=taskrpc.RetryPolicy())
-    except taskrpc.DeadlineExceeded as error:
-        print(f"  {error}; ask for the position before you go on")
+    except taskrpc.DeadlineExceeded:
+        print("  no answer, so ask where the robot is before you go on")
 
 
 def main() -> None:
@@ -31,6 +31,7 @@ def main() -> None:
         drive = node.create_client(Trigger, "drive_one_metre")
         position = node.create_client(Trigger, "get_position")
         try:
+            print(f"the robot is at {position.call(Trigger.Request()).message}")
             print("a blind loop:")
             drive_blindly(drive)
             print(f"  the robot is at {position.call(Trigger.Request()).message}")

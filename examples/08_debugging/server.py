@@ -23,7 +23,7 @@ def misspells_field(request: Any, response: Any) -> Any:
 
 
 def divides(request: Any, response: Any) -> Any:
-    response.sum = request.a // request.b
+    response.sum = int(request.a / request.b)
     return response
 
 
