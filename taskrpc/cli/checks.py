@@ -110,19 +110,22 @@ def _disagreements(serving: Sequence[Entry]) -> Iterator[Finding]:
                     f" {entry.script} as {service.type_name}, whose definitions differ",
                     f"end one of them: taskrpc stop {entry.pid}",
                 )
-            yield from _differs_here(service, entry)
+        for type_name, type_hash in {
+            each.type_name: each.type_hash for each in entry.services
+        }.items():
+            yield from _differs_here(type_name, type_hash, entry)
 
 
-def _differs_here(service: Endpoint, entry: Entry) -> Iterator[Finding]:
+def _differs_here(type_name: str, type_hash: str, entry: Entry) -> Iterator[Finding]:
     try:
-        local = srvgen.type_hash(service.type_name)
+        local = srvgen.type_hash(type_name)
     except srvgen.DefinitionError:
-        yield note(f"{service.type_name} of {service.name} is not defined on this machine")
+        yield note(f"{type_name}, which {entry.script} offers, is not defined on this machine")
         return
-    if local != service.type_hash:
+    if local != type_hash:
         yield problem(
-            f"{service.name}: {entry.script} has another definition of {service.type_name} than"
-            " the one found from this folder",
+            f"{entry.script} has another definition of {type_name} than the one found from"
+            " this folder",
             f"compare the .srv files, then start {entry.script} again",
         )
 
