@@ -19,8 +19,11 @@
     ├── PermissionDenied       the peer may not do this
     └── SessionExpired         the server no longer remembers this client
 
-Every error has `not_executed`: True when the call certainly did not run, False when it did,
-None when nobody can know.
+Every error has `not_executed`: True when the call certainly did not run, False when it did, None
+when nobody can know. True from the start: `ServiceUnavailable`, `TypeMismatch`, `InvalidRequest`,
+`ServerBusy`, `InvalidName`, `NameInUse`, `CannotListen`, `WouldDeadlock`, `AuthenticationFailed`,
+`PermissionDenied`, and the errors of a callback with the code UNAVAILABLE. False from the start:
+other `HandlerFailed`. All others are None, unless who raises one knows better.
 """
 
 from __future__ import annotations
@@ -53,8 +56,15 @@ class Code(IntEnum):
     ID_REUSED = 19
 
 
+_CODES = {code.value: code for code in Code}
+
+
 class TaskRpcError(Exception):
-    """The root of every error that this library raises on purpose."""
+    """The root of every error that this library raises on purpose.
+
+    Attributes:
+        not_executed: True when the call certainly did not run, False when it did, None if unknown.
+    """
 
     not_executed: bool | None = None
 
@@ -104,7 +114,7 @@ class InvalidRequest(TaskRpcError):
         super().__init__(f"{path}: {problem}" if path else problem)
 
     def __reduce__(self) -> tuple[object, ...]:
-        return InvalidRequest, (self.path, self.problem)
+        return type(self), (self.path, self.problem), self.__dict__
 
 
 class ServerBusy(TaskRpcError):
@@ -125,12 +135,14 @@ class _Coded(TaskRpcError):
     """An error of a callback, with its code."""
 
     def __init__(self, code: Code | str, message: str = "") -> None:
-        self.code = Code[code] if isinstance(code, str) else Code(code)
+        self.code = _code_of(code)
         self.message = message
         super().__init__(message or self.code.name)
+        if self.code is Code.UNAVAILABLE:
+            self.not_executed = True
 
     def __reduce__(self) -> tuple[object, ...]:
-        return type(self), (self.code, self.message)
+        return type(self), (self.code, self.message), self.__dict__
 
 
 class HandlerFailed(_Coded):
@@ -149,6 +161,8 @@ class HandlerError(_Coded):
 
     `code` is a `Code` or its name. `UNAVAILABLE` promises that nothing was done, so that the
     caller's retry policy may try again; with any other code the call counts as run.
+
+    Raises ValueError for a code that is none.
     """
 
 
@@ -167,7 +181,7 @@ class InvalidName(TaskRpcError, ValueError):
         super().__init__(f"Invalid {kind}: {problem}:\n  '{name}'\n   {' ' * index}^")
 
     def __reduce__(self) -> tuple[object, ...]:
-        return _rebuild_name, (self.name, self.index, self.kind, self.problem)
+        return _rebuild_name, (self.name, self.index, self.kind, self.problem), self.__dict__
 
 
 class NameInUse(TaskRpcError):
@@ -210,3 +224,11 @@ class SessionExpired(TaskRpcError):
 
 def _rebuild_name(name: str, index: int, kind: str, problem: str) -> InvalidName:
     return InvalidName(name, index, kind=kind, problem=problem)
+
+
+def _code_of(code: Code | str) -> Code:
+    found = Code.__members__.get(code) if isinstance(code, str) else _CODES.get(code)
+    if found is None:
+        names = ", ".join(Code.__members__)
+        raise ValueError(f"code: expected a Code or the name of one ({names}), got {code!r}")
+    return found

@@ -8,19 +8,18 @@ from collections import deque
 from collections.abc import Callable
 from typing import Any
 
-import msgspec
-
 from taskrpc.errors import (
     ConnectionLost,
     DeadlineExceeded,
     InvalidRequest,
+    ProtocolError,
     ServiceUnavailable,
     TaskRpcError,
 )
 from taskrpc.transport.connection import Connection, Owner
 from taskrpc.wire import messages
 from taskrpc.wire.events import Advertised, Answered, Body, Draining, Event, Failed, Ready
-from taskrpc.wire.frames import NO_DEADLINE
+from taskrpc.wire.frames import LARGE, NO_DEADLINE
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.session import LAST_CALL_ID, refused_error
 
@@ -60,7 +59,7 @@ class CallFuture(asyncio.Future[Any]):
             self._end()
             try:
                 self.set_result(self._decode(body))
-            except (InvalidRequest, msgspec.MsgspecError) as error:
+            except (InvalidRequest, ProtocolError) as error:
                 self.set_exception(_bad_answer(error))
 
     def failed(self, error: BaseException) -> None:
@@ -234,7 +233,8 @@ class CallingConnection(Connection):
             seconds = call.deadline - self.owner.loop.time()
             left = max(0, min(math.ceil(seconds * 1000), NO_DEADLINE - 1))
         call.call_id = self.session.request(call, call.method, call.body, left)
-        if self.session.in_flight == 1 and not self._in_turn:
+        # A large request goes out at once, so that a server that does not read is noticed.
+        if len(call.body) >= LARGE or (self.session.in_flight == 1 and not self._in_turn):
             self.flush()
         else:
             self.flush_soon()

@@ -10,7 +10,8 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.wire import messages
 from taskrpc.wire.handshake import Peer
 
-Body: TypeAlias = bytes | bytearray
+Body: TypeAlias = bytes
+"""What a frame carries behind its header."""
 
 
 class Ready(msgspec.Struct, gc=False):

@@ -54,7 +54,7 @@ class Flag(IntFlag):
     FROM_HANDLER = 8
 
 
-Frame: TypeAlias = tuple[int, int, int, int, int, bytes | bytearray]
+Frame: TypeAlias = tuple[int, int, int, int, int, bytes]
 """type, flags, method, call_id, arg, body: a plain tuple, since one is made for every frame."""
 
 
@@ -74,14 +74,16 @@ class Splitter:
     """Cuts a byte stream into frames, whatever the pieces in which it arrives.
 
     `limit` is the largest body that is accepted; it is checked against a frame's announced length
-    before anything of the frame is kept. It may be raised after the handshake.
+    before anything of the frame is kept. It may be raised after the handshake. Memory is taken as
+    bytes arrive, never for an announcement: at most twice what came, and `LARGE`.
     """
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
+        self.error: ProtocolError | None = None
+        """Why no frame can follow those that were returned, once a length is not valid."""
         self._tail = b""
-        self._large: bytearray | None = None
-        self._filled = 0
+        self._large: _LargeBody | None = None
 
     @property
     def mid_frame(self) -> bool:
@@ -89,31 +91,33 @@ class Splitter:
         return bool(self._tail) or self._large is not None
 
     def room(self) -> memoryview | None:
-        """Where the rest of a large body may be received directly, or None.
+        """Where the next part of a large body may be received directly, or None.
 
         After writing n bytes there, call `filled(n)` instead of `feed`.
         """
-        return None if self._large is None else memoryview(self._large)[self._filled :]
+        return None if self._large is None else self._large.room()
 
     def filled(self, count: int) -> list[Frame]:
         """Say that `count` bytes were written to `room()`; returns the frame once it is whole."""
-        assert self._large is not None
-        self._filled += count
-        if self._filled < len(self._large):
+        large = self._large
+        assert large is not None, "filled() without room()"
+        if not large.filled(count):
             return []
-        large, self._large = self._large, None
-        return [(*self._large_header, large)]
+        self._large = None
+        return [(*large.header, large.joined())]
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take the next bytes of the stream; returns the frames that they complete.
 
-        Raises ProtocolError for a length that no valid frame has.
+        Look at `error` afterwards: what came before a bad length is returned all the same, so that
+        the cuts of the stream make no difference.
         """
         if self._large is not None:
             return self._feed_large(data)
         if self._tail:
             data = self._tail + data
             self._tail = b""
+        self.error = None
         frames: list[Frame] = []
         offset, size, unpack = 0, len(data), HEADER.unpack_from
         while size - offset >= _HEADER_SIZE:
@@ -121,10 +125,12 @@ class Splitter:
             body = offset + _HEADER_SIZE
             end = body + length - _AFTER_LENGTH
             if not 0 <= end - body <= self.limit:
-                raise self._bad_length(length)
+                self.error = self._bad_length(length)
+                break
             if end > size:
                 if end - body >= LARGE:
-                    self._begin_large((type_, flags, method, call_id, arg), end - body, data[body:])
+                    header = (type_, flags, method, call_id, arg)
+                    self._large = _LargeBody(header, end - body, data[body:])
                     return frames
                 break
             frames.append((type_, flags, method, call_id, arg, data[body:end]))
@@ -132,22 +138,16 @@ class Splitter:
         self._tail = data[offset:]
         return frames
 
-    def _begin_large(self, header: tuple[int, int, int, int, int], size: int, start: bytes) -> None:
-        # The kernel gives the pages of a zeroed buffer only when they are written, so an announced
-        # length alone costs the peer's victim nothing.
-        self._large_header = header
-        self._large = bytearray(size)
-        self._large[: len(start)] = start
-        self._filled = len(start)
-
     def _feed_large(self, data: bytes) -> list[Frame]:
-        room = self.room()
-        assert room is not None
-        count = min(len(room), len(data))
-        room[:count] = data[:count]
-        room.release()
-        frames = self.filled(count)
-        return frames + self.feed(data[count:]) if count < len(data) else frames
+        frames: list[Frame] = []
+        offset = 0
+        while self._large is not None and offset < len(data):
+            room = self._large.room()
+            count = min(len(room), len(data) - offset)
+            room[:count] = data[offset : offset + count]
+            offset += count
+            frames = self.filled(count)
+        return frames + self.feed(data[offset:]) if offset < len(data) else frames
 
     def _bad_length(self, length: int) -> ProtocolError:
         if length < _AFTER_LENGTH:
@@ -155,3 +155,38 @@ class Splitter:
         return ProtocolError(
             f"a frame of {length - _AFTER_LENGTH} bytes; at most {self.limit} are accepted"
         )
+
+
+class _LargeBody:
+    """A body that arrives in parts, each as large as all before it.
+
+    One buffer of the announced size would be simpler, and would let sixteen bytes of a header take
+    megabytes: Python writes zeros into every page of a new bytearray.
+    """
+
+    def __init__(self, header: tuple[int, int, int, int, int], size: int, start: bytes) -> None:
+        self.header = header
+        self._missing = size - len(start)
+        self._received = len(start)
+        self._parts: list[bytes | bytearray] = [start]
+        self._part = bytearray()
+        self._used = 0
+
+    def room(self) -> memoryview:
+        """Where the next bytes belong."""
+        if self._used == len(self._part):
+            self._part = bytearray(min(self._missing, max(LARGE, self._received)))
+            self._parts.append(self._part)
+            self._used = 0
+        return memoryview(self._part)[self._used :]
+
+    def filled(self, count: int) -> bool:
+        """Count bytes that were written to `room()`; returns whether the body is whole."""
+        self._used += count
+        self._received += count
+        self._missing -= count
+        return not self._missing
+
+    def joined(self) -> bytes:
+        """The whole body."""
+        return b"".join(self._parts)

@@ -14,18 +14,12 @@ from __future__ import annotations
 
 import hashlib
 import hmac
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import TypeVar
-
-import msgspec
+from dataclasses import dataclass, field
 
 from taskrpc.errors import AuthenticationFailed, ProtocolError, TaskRpcError
 from taskrpc.wire import messages, status
 from taskrpc.wire.frames import MAGIC, Frame, FrameType, pack_frame
 from taskrpc.wire.messages import DEFAULT_LIMITS, VERSION, Hello, HelloAck, Limits
-
-_Body = TypeVar("_Body")
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,10 +30,11 @@ class Identity:
     """The client id, or the server's boot id."""
     nonce: bytes
     """Fresh for every connection."""
-    token: bytes
+    token: bytes = field(repr=False)
     domain: int = 0
     name: str = ""
     limits: Limits = DEFAULT_LIMITS
+    """What this side accepts as a server; a client always accepts the defaults."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,9 +70,9 @@ class ClientHandshake:
         if type_ == FrameType.ERROR:
             raise status.from_wire(arg >> 16, flags, arg & 0xFFFF, body)
         if type_ == FrameType.HELLO_ACK and self._ack is None:
-            return self._prove(_decoded(messages.decode_hello_ack, body, "HELLO_ACK"))
+            return self._prove(messages.decode_hello_ack(body))
         if type_ == FrameType.AUTH_OK and self._ack is not None:
-            return self._accept(_decoded(messages.decode_auth, body, "AUTH_OK"), self._ack)
+            return self._accept(messages.decode_auth(body), self._ack)
         raise ProtocolError(f"frame type {type_} came where the server's handshake was expected")
 
     def _prove(self, ack: HelloAck) -> bytes:
@@ -110,9 +105,9 @@ class ServerHandshake:
         """
         type_, body = frame[0], frame[5]
         if type_ == FrameType.HELLO and self._hello is None:
-            return self._greet(_decoded(messages.decode_hello, body, "HELLO"))
+            return self._greet(messages.decode_hello(body))
         if type_ == FrameType.AUTH and self._hello is not None:
-            return self._accept(_decoded(messages.decode_auth, body, "AUTH"), self._hello)
+            return self._accept(messages.decode_auth(body), self._hello)
         raise ProtocolError(f"frame type {type_} came where the client's handshake was expected")
 
     def _greet(self, hello: Hello) -> bytes:
@@ -150,10 +145,3 @@ def refusal(error: TaskRpcError) -> bytes:
 
 def _proof(token: bytes, role: bytes, client_nonce: bytes, server_nonce: bytes) -> bytes:
     return hmac.digest(token, b"taskrpc " + role + client_nonce + server_nonce, hashlib.sha256)
-
-
-def _decoded(decode: Callable[[bytes], _Body], body: bytes | bytearray, what: str) -> _Body:
-    try:
-        return decode(bytes(body))
-    except msgspec.MsgspecError as error:
-        raise ProtocolError(f"{what} is not valid: {error}") from None

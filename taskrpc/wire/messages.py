@@ -2,27 +2,33 @@
 
 from __future__ import annotations
 
-from typing import Annotated
+from collections.abc import Callable
+from typing import Annotated, TypeVar
 
 import msgspec
 from msgspec import Meta
 
+from taskrpc.errors import ProtocolError
+
 VERSION = 1
 """The protocol version that this code speaks."""
 
-Name = Annotated[str, Meta(max_length=512)]
+Name = Annotated[str, Meta(max_length=512, pattern=r"^[^\x00-\x1f\x7f-\x9f]*\Z")]
+"""Names end up in logs and on terminals, where a peer's control characters would do harm."""
 Id = Annotated[bytes, Meta(min_length=16, max_length=16)]
 Proof = Annotated[bytes, Meta(min_length=32, max_length=32)]
+_Count = Annotated[int, Meta(ge=1, le=2**31)]
+_Body = TypeVar("_Body")
 
 
 class Limits(msgspec.Struct, array_like=True, frozen=True):
     """What one side accepts from the other on one connection."""
 
-    body: int = 16 * 1024 * 1024 + 65_536
+    body: _Count = 16 * 1024 * 1024 + 65_536
     """Bytes of one body."""
-    calls: int = 256
+    calls: _Count = 256
     """Calls in flight."""
-    bytes: int = 64 * 1024 * 1024
+    bytes: _Count = 64 * 1024 * 1024
     """Bytes of requests in flight."""
 
 
@@ -106,11 +112,26 @@ class ErrorBody(msgspec.Struct, array_like=True):
     path: str = ""
 
 
+def _decoder(cls: type[_Body]) -> Callable[[bytes], _Body]:
+    decode = msgspec.msgpack.Decoder(cls).decode
+
+    def decoded(body: bytes) -> _Body:
+        try:
+            return decode(body)
+        # msgspec lets a text that is not UTF-8 and too deep a nesting out as these.
+        except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
+            raise ProtocolError(f"{cls.__name__} is not valid: {error}") from None
+
+    return decoded
+
+
 encode = msgspec.msgpack.Encoder().encode
-decode_hello = msgspec.msgpack.Decoder(Hello).decode
-decode_hello_ack = msgspec.msgpack.Decoder(HelloAck).decode
-decode_auth = msgspec.msgpack.Decoder(Auth).decode
-decode_resolve = msgspec.msgpack.Decoder(Resolve).decode
-decode_resolved = msgspec.msgpack.Decoder(Resolved).decode
-decode_listing = msgspec.msgpack.Decoder(Listing).decode
-decode_error = msgspec.msgpack.Decoder(ErrorBody).decode
+
+# Each raises ProtocolError for a body that is not one of its Struct, and nothing else.
+decode_hello = _decoder(Hello)
+decode_hello_ack = _decoder(HelloAck)
+decode_auth = _decoder(Auth)
+decode_resolve = _decoder(Resolve)
+decode_resolved = _decoder(Resolved)
+decode_listing = _decoder(Listing)
+decode_error = _decoder(ErrorBody)

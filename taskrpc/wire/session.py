@@ -1,18 +1,16 @@
-"""One connection after another's state, as four verbs: feed bytes in, take bytes out, take what
-happened, say what is wanted.
+"""One end of a connection without its socket: bytes in and what happened out, what is wanted in
+and bytes out.
 
 The session knows frames, the handshake, call ids, what is in flight and who may still call. It
-knows no socket and no clock: a deadline is the time left, silence is counted in ticks that the
-caller gives. Every call gets exactly one terminal frame (RESPONSE or ERROR); only then are its id
-and its place in the limits free.
+knows no clock: a deadline is the time left. Every call gets exactly one terminal frame (RESPONSE
+or ERROR); only then are its id and its place in the limits free. After GOAWAY the server drops
+newer calls unseen, and the client knows that they never began.
 """
 
 from __future__ import annotations
 
 from enum import Enum
 from typing import Any
-
-import msgspec
 
 from taskrpc.errors import ConnectionLost, OutcomeUnknown, ProtocolError, TaskRpcError
 from taskrpc.wire import messages, status
@@ -40,7 +38,7 @@ from taskrpc.wire.frames import (
     pack_header,
 )
 from taskrpc.wire.handshake import ClientHandshake, Identity, Peer, ServerHandshake, refusal
-from taskrpc.wire.messages import DEFAULT_LIMITS, Limits
+from taskrpc.wire.messages import DEFAULT_LIMITS
 
 HANDSHAKE_LIMIT = 4096
 """Bytes of a body before the peer has proved itself."""
@@ -64,15 +62,15 @@ class Session:
     def __init__(self, me: Identity, *, is_client: bool) -> None:
         self.state = State.HANDSHAKE
         self.is_client = is_client
-        self.peer: Peer | None = None
         self.last_call_id = 0
         """The newest call id: ours as a client, accepted as a server."""
         self.frames_received = 0
         self._handshake = ClientHandshake(me) if is_client else ServerHandshake(me)
-        self._limits = me.limits
+        self._limits = DEFAULT_LIMITS if is_client else me.limits
         self._their_limits = DEFAULT_LIMITS
         self._splitter = Splitter(HANDSHAKE_LIMIT)
         self._magic_seen = is_client
+        self._head = b""
         self._pending: dict[int, tuple[Any, int]] = {}
         self._serving: dict[int, int] = {}
         self._bytes_in_flight = 0
@@ -84,11 +82,11 @@ class Session:
 
     def room(self) -> memoryview | None:
         """Where the rest of a large body may be received directly; see `Splitter.room`."""
-        return self._splitter.room()
+        return None if self.state is State.CLOSED else self._splitter.room()
 
     def filled(self, count: int) -> list[Event]:
         """Say that `count` bytes were written to `room()`; returns what happened."""
-        return self._handled(self._splitter.filled(count))
+        return [] if self.state is State.CLOSED else self._handled(self._splitter.filled(count))
 
     def feed(self, data: bytes) -> list[Event]:
         """Take the next bytes from the peer; returns what happened.
@@ -167,7 +165,7 @@ class Session:
             self._pending[call_id] = (None, held[1])
             self._send(FrameType.CANCEL, 0, 0, call_id, 0, b"")
 
-    def lost(self) -> list[tuple[Any, ConnectionLost]]:
+    def lost(self) -> list[tuple[Any, OutcomeUnknown]]:
         """The connection is gone: every ticket without an answer, with what to tell its owner."""
         self.state = State.CLOSED
         pending, self._pending = self._pending, {}
@@ -201,13 +199,13 @@ class Session:
         if self.state is State.OPEN:
             self._send(FrameType.ADVERTISE, 0, 0, 0, 0, b"")
 
-    # Both sides
-
     def drain(self) -> None:
         """Take no new calls; those in flight are still answered."""
         if self.state is State.OPEN:
             self.state = State.DRAINING
             self._send(FrameType.GOAWAY, 0, 0, 0, self.last_call_id, b"")
+
+    # Both sides
 
     def ping(self, nonce: int) -> None:
         """Ask the peer for a sign of life."""
@@ -216,7 +214,7 @@ class Session:
     # Inside
 
     def _after_magic(self, data: bytes) -> bytes:
-        self._head = getattr(self, "_head", b"") + data
+        self._head += data
         if not MAGIC.startswith(self._head[: len(MAGIC)]):
             raise ProtocolError(
                 f"the peer does not speak taskrpc: it began with {self._head[:16]!r}"
@@ -227,25 +225,31 @@ class Session:
         return self._head[len(MAGIC) :]
 
     def _feed_handshake(self, data: bytes) -> list[Event]:
-        events: list[Event] = []
         frames = self._splitter.feed(data)
         for index, frame in enumerate(frames):
-            try:
-                answer = self._handshake.receive(frame)
-            except TaskRpcError as error:
-                if not self.is_client:
-                    self._out.append(refusal(error))
-                raise
-            if answer:
-                self._out.append(answer)
+            if frame[0] < FIRST_OPTIONAL_TYPE:
+                self._shake_hands(frame)
             if self._handshake.peer is not None:
-                events.append(self._open(self._handshake.peer))
-                return events + self._handled(frames[index + 1 :])
-        return events
+                ready = self._open(self._handshake.peer)
+                # What came behind the handshake was measured by the handshake's small limit.
+                rest = frames[index + 1 :] + self._splitter.feed(b"")
+                return [ready, *self._handled(rest)]
+        if self._splitter.error is not None:
+            raise self._splitter.error
+        return []
+
+    def _shake_hands(self, frame: Frame) -> None:
+        try:
+            answer = self._handshake.receive(frame)
+        except TaskRpcError as error:
+            if not self.is_client:
+                self._out.append(refusal(error))
+            raise
+        if answer:
+            self._out.append(answer)
 
     def _open(self, peer: Peer) -> Ready:
         self.state = State.OPEN
-        self.peer = peer
         self._their_limits = peer.limits
         self._splitter.limit = self._limits.body
         return Ready(peer)
@@ -261,14 +265,18 @@ class Session:
                 break
             if event is not None:
                 events.append(event)
+        else:
+            if self._splitter.error is not None:
+                events.append(self._closed(self._splitter.error))
         return events
 
     def _handle(
         self, type_: int, flags: int, method: int, call_id: int, arg: int, body: Body
     ) -> Event | None:
         if type_ == FrameType.REQUEST:
-            self._accept(call_id, len(body))
-            return RequestReceived(call_id, method, flags, arg, body)
+            self._check_load(len(body))
+            accepted = self._accept(call_id, len(body))
+            return RequestReceived(call_id, method, flags, arg, body) if accepted else None
         if type_ == FrameType.RESPONSE:
             ticket = self._settled(call_id)
             return None if ticket is None else Answered(ticket, body, arg)
@@ -281,12 +289,15 @@ class Session:
             case FrameType.ERROR:
                 return self._on_error(flags, call_id, arg, body)
             case FrameType.RESOLVE:
-                self._accept(call_id, len(body))
-                return ResolveReceived(call_id, _question(body), bool(arg))
+                question = messages.decode_resolve(body)
+                accepted = self._accept(call_id, len(body))
+                return ResolveReceived(call_id, question, bool(arg)) if accepted else None
             case FrameType.CANCEL:
                 return CancelReceived(call_id) if call_id in self._serving else None
             case FrameType.PING:
                 self._send(FrameType.PONG, 0, 0, 0, arg, b"")
+            case FrameType.ADVERTISE | FrameType.GOAWAY if not self.is_client:
+                raise ProtocolError(f"frame type {type_} is not a client's to send")
             case FrameType.ADVERTISE:
                 return Advertised()
             case FrameType.GOAWAY:
@@ -297,19 +308,26 @@ class Session:
                 raise ProtocolError(f"frame type {type_} is not part of this protocol")
         return None
 
-    def _accept(self, call_id: int, size: int) -> None:
-        if self.is_client:
-            raise ProtocolError("a server may not call")
-        if call_id <= self.last_call_id:
-            raise ProtocolError(f"call id {call_id} came after {self.last_call_id}")
-        limits: Limits = self._limits
+    def _check_load(self, size: int) -> None:
+        # Only requests: questions are answered at once, and clients ask without counting.
+        limits = self._limits
         if len(self._serving) >= limits.calls:
             raise ProtocolError(f"more than {limits.calls} calls in flight on one connection")
         if self._serving and self._bytes_in_flight + size > limits.bytes:
             raise ProtocolError(f"more than {limits.bytes} bytes in flight on one connection")
+
+    def _accept(self, call_id: int, size: int) -> bool:
+        if self.is_client:
+            raise ProtocolError("a server may not call")
+        if call_id <= self.last_call_id:
+            raise ProtocolError(f"call id {call_id} came after {self.last_call_id}")
+        if self.state is State.DRAINING:
+            # It crossed our GOAWAY, which tells the caller that it never began.
+            return False
         self.last_call_id = call_id
         self._serving[call_id] = size
         self._bytes_in_flight += size
+        return True
 
     def _done(self, call_id: int) -> bool:
         size = self._serving.pop(call_id, None)
@@ -334,7 +352,7 @@ class Session:
     def _on_error(self, flags: int, call_id: int, arg: int, body: Body) -> Event | None:
         error = status.from_wire(arg >> 16, flags, arg & 0xFFFF, body)
         if call_id == 0:
-            return self._closed(error)
+            raise error
         ticket = self._settled(call_id)
         return None if ticket is None else Failed(ticket, error)
 
@@ -357,7 +375,7 @@ class Session:
         self, type_: int, flags: int, method: int, call_id: int, arg: int, body: Body
     ) -> None:
         if len(body) < LARGE:
-            self._out.append(pack_frame(type_, flags, method, call_id, arg, bytes(body)))
+            self._out.append(pack_frame(type_, flags, method, call_id, arg, body))
         else:
             self._out.append(pack_header(type_, flags, method, call_id, arg, len(body)))
             self._out.append(body)
@@ -368,10 +386,3 @@ def refused_error() -> ConnectionLost:
     return ConnectionLost(
         "the server is shutting down and did not begin this call", not_executed=True
     )
-
-
-def _question(body: Body) -> messages.Resolve:
-    try:
-        return messages.decode_resolve(body)
-    except msgspec.MsgspecError as error:
-        raise ProtocolError(f"RESOLVE is not valid: {error}") from None

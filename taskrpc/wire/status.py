@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import math
+import re
 from typing import NamedTuple
-
-import msgspec
 
 from taskrpc import errors
 from taskrpc.errors import Code, TaskRpcError
@@ -15,6 +15,8 @@ MAX_MESSAGE = 1024
 """Bytes of an error's sentence on the wire."""
 
 _RETRY_UNIT = 0.01
+_RETRY_MOST = 0xFFFF
+_CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
 _CODES: tuple[tuple[type[TaskRpcError], Code], ...] = (
     (errors.DeadlineExceeded, Code.DEADLINE_EXCEEDED),
@@ -29,6 +31,7 @@ _CODES: tuple[tuple[type[TaskRpcError], Code], ...] = (
     (errors.ProtocolError, Code.DATA_LOSS),
 )
 _CLASSES = {code: cls for cls, code in _CODES}
+_KNOWN = {code.value: code for code in Code}
 
 
 class WireError(NamedTuple):
@@ -47,39 +50,49 @@ def to_wire(error: TaskRpcError) -> WireError:
     message, path, retry = str(error), "", 0
     if isinstance(error, errors.HandlerError | errors.HandlerFailed):
         code, message = error.code, error.message
-        flags = Flag.FROM_HANDLER | (Flag.NOT_EXECUTED if code is Code.UNAVAILABLE else Flag(0))
+        flags |= Flag.FROM_HANDLER
     else:
         code = next((code for cls, code in _CODES if isinstance(error, cls)), Code.UNKNOWN)
     if isinstance(error, errors.InvalidRequest):
         message, path = error.problem, error.path
     if isinstance(error, errors.ServerBusy):
-        retry = min(0xFFFF, round(error.retry_after / _RETRY_UNIT))
+        # Rounded up: nobody is asked back before there is room.
+        retry = math.ceil(min(max(0.0, error.retry_after / _RETRY_UNIT), _RETRY_MOST))
     body = messages.encode(messages.ErrorBody(_shortened(message), _shortened(path)))
     return WireError(code, flags, retry, body)
 
 
-def from_wire(code: int, flags: int, retry_after: int, body: bytes | bytearray) -> TaskRpcError:
+def from_wire(code: int, flags: int, retry_after: int, body: bytes) -> TaskRpcError:
     """The exception that an ERROR frame means; never raises, whatever the peer sent."""
     try:
         said = messages.decode_error(body)
-    except msgspec.MsgspecError:
+    except errors.ProtocolError:
         said = messages.ErrorBody("the peer sent an error without a readable message")
-    error = _rebuilt(code, flags, retry_after * _RETRY_UNIT, said)
+    message, path = _readable(said.message), _readable(said.path)
+    error = _rebuilt(code, flags, retry_after * _RETRY_UNIT, message, path)
+    # Only the flag makes a repetition safe; of handlers alone it is known that they ran.
     if flags & Flag.NOT_EXECUTED:
         error.not_executed = True
+    else:
+        error.not_executed = False if flags & Flag.FROM_HANDLER else None
     return error
 
 
-def _rebuilt(code: int, flags: int, retry_after: float, said: messages.ErrorBody) -> TaskRpcError:
-    known = Code(code) if code in Code._value2member_map_ else Code.UNKNOWN
+def _rebuilt(code: int, flags: int, retry_after: float, message: str, path: str) -> TaskRpcError:
+    known = _KNOWN.get(code, Code.UNKNOWN)
     if flags & Flag.FROM_HANDLER:
-        return errors.HandlerFailed(known, said.message)
+        return errors.HandlerFailed(known, message)
     cls = _CLASSES.get(known, TaskRpcError)
     if cls is errors.InvalidRequest:
-        return errors.InvalidRequest(said.path, said.message)
+        return errors.InvalidRequest(path, message)
     if cls is errors.ServerBusy:
-        return errors.ServerBusy(said.message, retry_after=retry_after)
-    return cls(said.message)
+        return errors.ServerBusy(message, retry_after=retry_after)
+    return cls(message)
+
+
+def _readable(text: str) -> str:
+    # Whoever prints an error must not let a peer drive the terminal.
+    return _shortened(_CONTROLS.sub(lambda found: f"\\x{ord(found[0]):02x}", text))
 
 
 def _shortened(text: str) -> str:
