@@ -19,7 +19,7 @@ lint:
 
 types:
 	$(BIN)/mypy
-	$(BIN)/mypy examples
+	for folder in examples/0*/; do $(BIN)/mypy "$$folder" || exit 1; done
 
 layers:
 	$(BIN)/lint-imports
