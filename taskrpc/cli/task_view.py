@@ -1,0 +1,151 @@
+"""Tasks as text and as JSON values; the words that `taskrpc task` prints."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Sequence
+from datetime import datetime
+from typing import Any
+
+_NOTEWORTHY = 0.05  # seconds of a change; less would be shown as 0.0
+_LONG = 8  # values of a list beyond which only their range is shown
+
+
+def table(tasks: Iterable[Any]) -> list[str]:
+    """Tasks as aligned lines under a heading; no lines at all for no tasks."""
+    rows = [
+        (str(t.task_id), what(t), str(t.priority), t.state, _outlook(t), printable(t.client))
+        for t in tasks
+    ]
+    if not rows:
+        return []
+    return aligned(
+        [("task", "what", "priority", "state", "done in", "client"), *rows], right={0, 2}
+    )
+
+
+def aligned(rows: Sequence[Sequence[str]], *, right: Iterable[int] = ()) -> list[str]:
+    """Rows as lines whose columns stand below each other; those of `right` end at one place."""
+    widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
+    cells = (
+        (cell.rjust(width) if i in right else cell.ljust(width))
+        for row in rows
+        for i, (cell, width) in enumerate(zip(row, widths, strict=True))
+    )
+    return ["  ".join(next(cells) for _ in widths).rstrip() for _ in rows]
+
+
+def what(task: Any) -> str:
+    """What a task is to do, such as `move warehouse`."""
+    return printable(f"{task.task_type} {task.target}")
+
+
+def news(task: Any) -> str:
+    """A task's present state in one line."""
+    words = [f"task {task.task_id}", what(task), f"priority {task.priority}", task.state]
+    if outlook := _outlook(task):
+        words.append(f"done in {outlook}")
+    if task.message:
+        words.append(printable(task.message))
+    return "  ".join(words)
+
+
+def details(task: Any) -> list[str]:
+    """Everything about a task; each change of its estimate is a line."""
+    lines = [f"task {task.task_id}: {what(task)}, priority {task.priority}"]
+    facts = [
+        ("state", f"{task.state}, {_percent(task)} done" if _is_begun(task) else task.state),
+        ("message", printable(task.message)),
+        ("client", printable(task.client)),
+        ("submitted", _clock(task.submitted)),
+        ("started", _clock(task.started)),
+        ("ended", _clock(task.ended)),
+        ("done in", "" if task.ended.sec else f"{task.estimated_time:.1f} s"),
+        ("promised", f"{task.accepted_estimate:.1f} s"),
+    ]
+    lines += [f"  {name + ':':<10} {fact}" for name, fact in facts if fact]
+    changes = (each for each in task.estimate_changes if abs(each.seconds) >= _NOTEWORTHY)
+    lines += [f"    {change(each)}" for each in changes]
+    for name, value in (result(task) or {}).items():
+        lines.append(f"  {printable(name) + ':':<10} {_brief(value)}")
+    return lines
+
+
+def change(estimate_change: Any) -> str:
+    """Why a task is done later or earlier: `+12.4 s: task 17, priority 10, went ahead`."""
+    return f"{estimate_change.seconds:+.1f} s: {printable(estimate_change.cause)}"
+
+
+def result(task: Any) -> Any:
+    """What the robot found, as JSON values; None where there is nothing, or not yet."""
+    return json.loads(task.result) if task.result else None
+
+
+def as_object(task: Any) -> dict[str, Any]:
+    """A task as a list shows it, in JSON values; instants are seconds since 1970, null if none."""
+    return {
+        "task_id": task.task_id,
+        "task_type": task.task_type,
+        "target": task.target,
+        "priority": task.priority,
+        "state": task.state,
+        "estimated_time": task.estimated_time,
+        "accepted_estimate": task.accepted_estimate,
+        "progress": task.progress,
+        "message": task.message,
+        "client": task.client,
+        "submitted": instant(task.submitted),
+        "started": instant(task.started),
+        "ended": instant(task.ended),
+    }
+
+
+def whole_object(task: Any) -> dict[str, Any]:
+    """Everything about a task in JSON values."""
+    changes = [{"seconds": each.seconds, "cause": each.cause} for each in task.estimate_changes]
+    return {**as_object(task), "result": result(task), "estimate_changes": changes}
+
+
+def instant(stamp: Any) -> float | None:
+    """A Time message as seconds since 1970, None where it is not set."""
+    return stamp.sec + stamp.nanosec / 1e9 if stamp.sec or stamp.nanosec else None
+
+
+def printable(text: str) -> str:
+    """A text of somebody else's, fit for one line of a terminal."""
+    return "".join(letter if letter.isprintable() else "?" for letter in text)
+
+
+def _is_begun(task: Any) -> bool:
+    return bool(task.started.sec and not task.ended.sec)
+
+
+def _outlook(task: Any) -> str:
+    if task.ended.sec:
+        return ""
+    percent = f" ({_percent(task)})" if _is_begun(task) else ""
+    return f"{task.estimated_time:.1f} s{percent}"
+
+
+def _percent(task: Any) -> str:
+    return f"{task.progress:.0%}"
+
+
+def _clock(stamp: Any) -> str:
+    seconds = instant(stamp)
+    if seconds is None:
+        return ""
+    return datetime.fromtimestamp(seconds).astimezone().isoformat(" ", "milliseconds")
+
+
+def _brief(value: Any) -> str:
+    """A value of a result in one line; a long list by its range."""
+    if isinstance(value, list) and len(value) > _LONG and all(map(_is_number, value)):
+        return f"{len(value)} values from {min(value):g} to {max(value):g}"
+    if isinstance(value, dict) and all(map(_is_number, value.values())):
+        return ", ".join(f"{name} {number:g}" for name, number in value.items())
+    return f"{value:g}" if _is_number(value) else printable(json.dumps(value, ensure_ascii=False))
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
