@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import functools
+import time
 from collections.abc import Awaitable, Callable
 from types import TracebackType
 from typing import Any, Self, TypeAlias
@@ -44,6 +45,7 @@ class TaskServer:
         service_name: the name of the service that takes tasks.
         keep_ended: how many ended tasks are remembered.
         join: whether to start although another server has the name.
+        wall_clock: the time of day, in seconds since 1970.
     """
 
     def __init__(
@@ -57,11 +59,17 @@ class TaskServer:
         service_name: str = "robot_task",
         keep_ended: int = 1000,
         join: bool = False,
+        wall_clock: Callable[[], float] = time.time,
     ) -> None:
         self._join = join
         self._store = store
         self.manager = TaskManager(
-            robot, store, queue_limit=queue_limit, settle=settle, keep_ended=keep_ended
+            robot,
+            store,
+            queue_limit=queue_limit,
+            settle=settle,
+            keep_ended=keep_ended,
+            wall_clock=wall_clock,
         )
         self._node = node
         self._service_name = service_name
