@@ -23,6 +23,9 @@ from taskrpc.errors import (
 
 Mistake = TypeVar("Mistake", bound=Exception)
 
+_GARBAGE = 100_000
+"""Objects to make before Python looks for garbage."""
+
 
 class Exit(IntEnum):
     """The exit codes of all commands."""
@@ -56,10 +59,11 @@ def run_main(action: Callable[[list[str]], int], argv: Sequence[str] | None) -> 
     """Run a command with the given arguments, or with those of this process."""
     if argv is not None:
         return guarded(action, list(argv))
+    # A command is short: looking for garbage, at the end once more, would cost it a tenth.
+    gc.set_threshold(_GARBAGE)
     try:
         return guarded(action, sys.argv[1:])
     finally:
-        # The process ends now: looking for garbage once more would cost a tenth of a short call.
         gc.freeze()
 
 
