@@ -11,7 +11,6 @@ from dataclasses import dataclass
 from typing import Any
 
 import srvgen
-from taskrpc import names
 from taskrpc.cli import shells
 from taskrpc.cli.command import hinted
 from taskrpc.cli.graph import others, unknown_service_hint
@@ -22,7 +21,6 @@ from taskrpc.client import Client
 from taskrpc.errors import (
     ConnectionLost,
     DeadlineExceeded,
-    InvalidName,
     InvalidRequest,
     ProtocolError,
     ServiceUnavailable,
@@ -60,10 +58,7 @@ async def perform(plan: Plan) -> None:
 
     Raises the errors of `Client.call`, InvalidName, InvalidRequest and DefinitionError.
     """
-    try:
-        service = names.expand(plan.service)
-    except InvalidName as error:
-        raise hinted(error, shells.service_name_hint(plan.service)) from None
+    service = shells.expanded(plan.service)
     async with plan.remote.node(transport=plan.transport) as node:
         await _Caller(plan, node, service).run()
 

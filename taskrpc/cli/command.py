@@ -72,10 +72,11 @@ def guarded(action: Callable[[list[str]], int], argv: list[str]) -> int:
 
     A user's mistake becomes one message on stderr; one line of JSON where `argv` has `--json`.
     """
-    from taskrpc import platform
-
-    platform.prepare_output()
     try:
+        # Not at the top: Ctrl-C while this is imported must find us at work.
+        from taskrpc import platform
+
+        platform.prepare_output()
         code = int(action(argv))
         sys.stdout.flush()
         return code

@@ -11,30 +11,21 @@ from dataclasses import asdict
 from taskrpc.cli import checks, probe
 from taskrpc.cli.command import Exit
 from taskrpc.cli.findings import Finding, problem
-from taskrpc.cli.remote import Remote, add_secrets, remote_of
+from taskrpc.cli.remote import Remote, add_secrets, place, remote_of
 from taskrpc.errors import TaskRpcError
-from taskrpc.transport.tcp import split_place
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `doctor`."""
     what = "a server on another machine that cannot be reached"
-    parser.add_argument("place", nargs="?", metavar="HOST:PORT", type=_place, help=what)
+    parser.add_argument("connect", nargs="?", metavar="HOST:PORT", type=place, help=what)
     add_secrets(parser)
     parser.add_argument("--json", action="store_true", help="Print a JSON array of findings")
     parser.set_defaults(run=_run)
 
 
-def _place(text: str) -> str:
-    try:
-        split_place(text)
-    except TaskRpcError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-    return text
-
-
 def _run(options: argparse.Namespace) -> int:
-    found = asyncio.run(_report(remote_of(options, options.place or ""), as_text=not options.json))
+    found = asyncio.run(_report(remote_of(options), as_text=not options.json))
     problems = sum(finding.state == "problem" for finding in found)
     if options.json:
         print(json.dumps([asdict(finding) for finding in found]))

@@ -7,7 +7,7 @@ import json
 from collections.abc import Iterable, Iterator
 
 from taskrpc import names
-from taskrpc.cli import graph
+from taskrpc.cli import graph, shells
 from taskrpc.cli.command import Exit, NotFound, hinted
 from taskrpc.cli.parsing import add_command, add_group, print_names
 from taskrpc.cli.remote import add_connect, remote_of
@@ -52,7 +52,7 @@ def _list(options: argparse.Namespace) -> int:
 
 def _info(options: argparse.Namespace) -> int:
     entries = graph.look(remote_of(options))
-    name = names.expand(options.node_name, kind="node name")
+    name = shells.expanded(options.node_name, kind="node name")
     known = {node for entry in entries for node in entry.nodes}
     if name not in known:
         from srvgen.names import did_you_mean

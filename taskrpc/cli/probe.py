@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import asyncio
-import queue
+import contextlib
 import socket
 import threading
-from collections.abc import AsyncIterator, Sequence
+from collections.abc import AsyncIterator, Callable, Sequence
+from functools import partial
 
 from taskrpc.cli.findings import Finding, ok, problem
 from taskrpc.cli.remote import Remote
@@ -23,7 +24,7 @@ async def examine(remote: Remote) -> AsyncIterator[Finding]:
     """What happens at each step on the way to the services at HOST:PORT; ends where it fails."""
     host, port = split_place(remote.place)
     try:
-        addresses = resolve(host, port, PATIENCE)
+        addresses = await resolve(host, port, PATIENCE)
     except OSError as error:
         yield problem(
             f"the name {host} is not known: {_reason(error)}",
@@ -38,26 +39,29 @@ async def examine(remote: Remote) -> AsyncIterator[Finding]:
         yield await _ask(remote)
 
 
-def resolve(host: str, port: int, timeout: float) -> list[str]:
+async def resolve(host: str, port: int, timeout: float) -> list[str]:
     """The addresses of a host. Raises OSError, also when there is no answer in time."""
-    answers: queue.SimpleQueue[list[str] | OSError] = queue.SimpleQueue()
+    loop = asyncio.get_running_loop()
+    answer: asyncio.Future[list[str]] = loop.create_future()
 
     def look_up() -> None:
+        settle: Callable[[], object]
         try:
             found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
-            answers.put(list(dict.fromkeys(str(each[4][0]) for each in found)))
+            addresses = list(dict.fromkeys(str(each[4][0]) for each in found))
+            settle = partial(answer.set_result, addresses)
         except OSError as error:
-            answers.put(error)
+            settle = partial(answer.set_exception, error)
+        with contextlib.suppress(RuntimeError):  # nobody waits any more: the loop is closed
+            loop.call_soon_threadsafe(lambda: None if answer.done() else settle())
 
-    # The system's resolver knows no deadline; a daemon thread may be left behind at exit.
+    # The system's resolver knows no deadline, and a loop's own threads are waited for at its end.
     threading.Thread(target=look_up, daemon=True).start()
     try:
-        answer = answers.get(timeout=timeout)
-    except queue.Empty:
+        async with asyncio.timeout(timeout):
+            return await answer
+    except TimeoutError:
         raise TimeoutError(f"no answer within {timeout:g} s") from None
-    if isinstance(answer, OSError):
-        raise answer
-    return answer
 
 
 async def _connect(addresses: Sequence[str], port: int) -> tuple[str, Finding]:

@@ -11,7 +11,7 @@ from taskrpc.cli.command import hinted
 from taskrpc.errors import AuthenticationFailed, TaskRpcError
 from taskrpc.node import Node
 from taskrpc.transport.endpoint import Endpoint
-from taskrpc.transport.tcp import TcpNetwork, domain_id, environment_peers
+from taskrpc.transport.tcp import TcpNetwork, domain_id, environment_peers, split_place
 from taskrpc.transport.tls import Tls
 from taskrpc.wire.messages import Listing, Resolve
 
@@ -77,8 +77,19 @@ def add_connect(parser: argparse.ArgumentParser) -> None:
     """Give a command `--connect` and what goes with it."""
     group = parser.add_argument_group("a program on another machine")
     what = "ask the program there instead of those of this machine"
-    group.add_argument("--connect", metavar="HOST:PORT", default="", help=what)
+    group.add_argument("--connect", metavar="HOST:PORT", type=place, help=what)
     add_secrets(group)
+
+
+def place(text: str) -> str:
+    """A `HOST:PORT` argument. Raises argparse's ArgumentTypeError."""
+    from argparse import ArgumentTypeError
+
+    try:
+        split_place(text)
+    except TaskRpcError as error:
+        raise ArgumentTypeError(str(error)) from None
+    return text
 
 
 def add_secrets(group: argparse._ActionsContainer) -> None:
@@ -91,12 +102,11 @@ def add_secrets(group: argparse._ActionsContainer) -> None:
     group.add_argument("--tls-key", metavar="FILE", help="its key")
 
 
-def remote_of(options: argparse.Namespace, place: str | None = None) -> Remote:
+def remote_of(options: argparse.Namespace) -> Remote:
     """Where the options say to call. Raises TaskRpcError for a secret that cannot be read."""
     files = options.tls_cert, options.tls_key, options.tls_ca
     tls = Tls(*files) if any(files) else None
-    place = options.connect if place is None else place
-    return Remote(place, tls, _token(options.token_file))
+    return Remote(options.connect or "", tls, _token(options.token_file))
 
 
 def _token(file: str | None) -> str | None:

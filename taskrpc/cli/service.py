@@ -7,11 +7,9 @@ import json
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING
 
-from taskrpc import names
 from taskrpc.cli import call, shells
 from taskrpc.cli.command import Exit, NotFound, hinted
 from taskrpc.cli.parsing import Commands, add_command, add_group, print_names
-from taskrpc.errors import InvalidName
 
 if TYPE_CHECKING:
     from taskrpc.transport.registry import Entry
@@ -113,7 +111,7 @@ def _find(options: argparse.Namespace) -> int:
 def _type(options: argparse.Namespace) -> int:
     from taskrpc.cli import graph
 
-    name, entries = _expanded(options.service_name), _look(options)
+    name, entries = shells.expanded(options.service_name), _look(options)
     types = graph.services(entries, hidden=True).get(name)
     if types is None:
         raise _unknown(options, name, entries)
@@ -122,7 +120,7 @@ def _type(options: argparse.Namespace) -> int:
 
 
 def _info(options: argparse.Namespace) -> int:
-    name, entries = _expanded(options.service_name), _look(options)
+    name, entries = shells.expanded(options.service_name), _look(options)
     servers = [_facts("SERVER", one, entry) for entry in entries for one in entry.services]
     clients = [_facts("CLIENT", one, entry) for entry in entries for one in entry.clients]
     found = [facts for facts in servers + clients if facts.pop("Service name") == name]
@@ -166,13 +164,6 @@ def _print_facts(facts: Mapping[str, object]) -> None:
             print(f"{label}: {value}")
 
 
-def _expanded(name: str) -> str:
-    try:
-        return names.expand(name)
-    except InvalidName as error:
-        raise hinted(error, shells.service_name_hint(name)) from None
-
-
 def _look(options: argparse.Namespace) -> list[Entry]:
     from taskrpc.cli import graph
     from taskrpc.cli.remote import remote_of
@@ -183,5 +174,5 @@ def _look(options: argparse.Namespace) -> list[Entry]:
 def _unknown(options: argparse.Namespace, name: str, entries: Iterable[Entry]) -> NotFound:
     from taskrpc.cli import graph
 
-    hint = graph.unknown_service_hint(name, entries, options.connect)
+    hint = graph.unknown_service_hint(name, entries, options.connect or "")
     return hinted(NotFound(f"Unknown service '{name}'"), hint)

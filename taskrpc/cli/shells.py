@@ -10,6 +10,10 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
+from taskrpc import names
+from taskrpc.cli.command import hinted
+from taskrpc.errors import InvalidName
+
 _CURLY = "\u201c\u201d\u201e\u2018\u2019\u201a"
 _WINDOWS_PATH = re.compile(r"[A-Za-z]:[/\\].*?(?P<rest>[^/\\]*)")
 _NO_SPACE = re.compile(r"\{?\s*[\"']?(?P<name>[A-Za-z_]\w*)[\"']?:(?P<value>[^\s:].*?)\}?", re.S)
@@ -17,8 +21,8 @@ _NO_SPACE = re.compile(r"\{?\s*[\"']?(?P<name>[A-Za-z_]\w*)[\"']?:(?P<value>[^\s
 ONE_ARGUMENT = 'put the request in double quotes, "{a: 2, b: 3}", or write fields as a=2 b=3'
 
 
-def service_name_hint(name: str) -> str:
-    """What became of a service name that holds a Windows path, or ""."""
+def name_hint(name: str) -> str:
+    """What became of a name that is a Windows path now, or ""."""
     found = _WINDOWS_PATH.fullmatch(name)
     if found is None:
         return ""
@@ -26,6 +30,14 @@ def service_name_hint(name: str) -> str:
         "Git Bash makes a Windows path of what begins with a slash;"
         f" write {found['rest']} without it, or set MSYS_NO_PATHCONV=1"
     )
+
+
+def expanded(name: str, *, kind: str = "service name") -> str:
+    """The absolute name that is meant. Raises InvalidName, with what a shell did to it."""
+    try:
+        return names.expand(name, kind=kind)
+    except InvalidName as error:
+        raise hinted(error, name_hint(name)) from None
 
 
 def request_hint(values: Sequence[str]) -> str:

@@ -8,6 +8,7 @@ import time
 from collections.abc import Sequence
 
 from taskrpc import platform
+from taskrpc.cli import shells
 from taskrpc.cli.command import Exit, NotFound, UsageError, hinted
 from taskrpc.cli.processes import Process, listing, processes
 
@@ -53,7 +54,8 @@ def _chosen(name: str | None) -> Sequence[Process]:
     if len(found) == 1 or (name is None and not found):
         return found
     if not found:
-        hint = f"there are {listing(running)}" if running else "no taskrpc program runs"
+        there = f"there are {listing(running)}" if running else "no taskrpc program runs"
+        hint = shells.name_hint(name or "") or there
         raise hinted(NotFound(f"no taskrpc program is meant by {name!r}"), hint)
     problem = f"expected the name of one program, {len(found)} are meant: {listing(found)}"
     raise hinted(NotFound(problem), "give a pid, or --all")

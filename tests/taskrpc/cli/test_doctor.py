@@ -113,11 +113,11 @@ def test_a_name_that_nobody_knows(examine, monkeypatch):
     assert "spelling" in advice
 
 
-def test_a_resolver_that_never_answers_is_not_waited_for(monkeypatch):
+async def test_a_resolver_that_never_answers_is_not_waited_for(monkeypatch):
     answer = threading.Event()
     monkeypatch.setattr("socket.getaddrinfo", lambda *args, **options: [answer.wait(10)][:0])
     with pytest.raises(TimeoutError, match=r"no answer within 0\.05 s"):
-        probe.resolve("robot", 1, 0.05)
+        await probe.resolve("robot", 1, 0.05)
     answer.set()
 
 

@@ -174,7 +174,7 @@ def test_with_json_an_error_is_one_line_of_json(server, run):
         (("/add_two_ints", "--count", "0"), 2, "expected a whole number from 1 on, got '0'"),
         (("/add_two_ints", "--timeout", "inf"), 2, "--timeout"),
         (("/add_two_ints", "--stdin", "a=1"), 2, "--stdin"),
-        (("/add_two_ints", "--connect", "nowhere"), 1, "expected HOST:PORT"),
+        (("/add_two_ints", "--connect", "nowhere"), 2, "expected HOST:PORT"),
         (("/add_two_ints", "--token-file", "/none"), 1, "--token-file /none"),
     ],
 )

@@ -154,11 +154,11 @@ def test_a_value_split_at_its_space_is_shown_in_double_quotes():
 
 @pytest.mark.parametrize("typed", ["/robot_task", "/robot_1/robot_task"])
 def test_git_bash_paths_are_recognised(typed):
-    hint = shells.service_name_hint(git_bash(typed)[0])
+    hint = shells.name_hint(git_bash(typed)[0])
     assert "Git Bash" in hint
     assert "write robot_task without it" in hint
 
 
 @pytest.mark.parametrize("name", ["/robot_task", "robot_task", "~/x", "a:b", "1/2"])
 def test_other_names_are_not_blamed_on_git_bash(name):
-    assert shells.service_name_hint(name) == ""
+    assert shells.name_hint(name) == ""
