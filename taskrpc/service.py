@@ -81,7 +81,7 @@ class Service:
         self._finish_if_idle()
 
     def abandon(self) -> None:
-        """Stop at once: calls that wait may go elsewhere, what became of running ones is unknown."""
+        """Stop at once: calls that wait go elsewhere, what became of running ones is unknown."""
         self.destroy()
         while self._waiting:
             self._waiting.popleft().fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))

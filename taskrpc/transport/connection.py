@@ -176,8 +176,8 @@ class Connection(asyncio.BufferedProtocol):
         if self._watch.stalled(now, unread, owes=owes):
             log.warning("%s moved too few bytes for %s s; cut off", self.peer_name, STALL_PERIOD)
             self.abort(ProtocolError("the peer moved too few bytes with a frame half-way"))
-        elif self._watch.silent(now, self.session.frames_received):
-            self.session.ping(self.session.frames_received & 0xFFFFFFFF)
+        elif self._watch.silent(now):
+            self.session.ping(self._watch.received & 0xFFFFFFFF)
             self.flush()
 
     def _happened(self, event: Event) -> None:
@@ -204,7 +204,7 @@ class _Watch:
         self.written = 0
         self._began = now
         self._moved_before = 0
-        self._frames_before = 0
+        self._received_before = 0
         self._heard = now
 
     def stalled(self, now: float, unread: int, *, owes: bool) -> bool:
@@ -216,10 +216,10 @@ class _Watch:
         self._began, self._moved_before = now, moved
         return owes and hardly
 
-    def silent(self, now: float, frames: int) -> bool:
+    def silent(self, now: float) -> bool:
         """Whether the peer has said nothing for so long that a ping is due."""
-        if frames != self._frames_before:
-            self._frames_before, self._heard = frames, now
+        if self.received != self._received_before:
+            self._received_before, self._heard = self.received, now
         if now - self._heard < SILENCE_BEFORE_PING:
             return False
         self._heard = now

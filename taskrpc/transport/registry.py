@@ -45,8 +45,6 @@ class Entry(msgspec.Struct, frozen=True):
 
 _TIME_STEP = 1000
 """Nanoseconds that every file system can tell apart."""
-_READS = 3
-"""Attempts to read an entry that is just being written."""
 
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.Decoder(Entry).decode
@@ -78,15 +76,17 @@ class Registry:
 
     def entries(self) -> list[Entry]:
         """The entries of all living processes, this one included, oldest first."""
-        found, dead = [], []
+        found, unclear = [], []
         for path in self._files():
             with contextlib.suppress(OSError), self._opened(path) as descriptor:
-                if path != self._path and not platform.is_locked(descriptor):
-                    dead.append(path)
-                elif (entry := self._parsed(path, descriptor)) is not None:
+                alive = self._is_alive(path, descriptor)
+                entry = self._parsed(path, descriptor) if alive else None
+                if entry is None:
+                    unclear.append(path)
+                else:
                     found.append(entry)
-        if dead:
-            self._remove_dead(dead)
+        if unclear:
+            found += self._second_look(unclear)
         return sorted(found, key=lambda entry: entry.since)
 
     def signature(self) -> tuple[tuple[str, int], ...]:
@@ -120,7 +120,7 @@ class Registry:
     def _refuse_second(self, claim: str) -> None:
         for path in self._files():
             with contextlib.suppress(OSError), self._opened(path) as descriptor:
-                if path == self._path or not platform.is_locked(descriptor):
+                if path == self._path or not self._is_alive(path, descriptor):
                     continue
                 entry = self._parsed(path, descriptor)
                 if entry is not None and entry.offers(claim):
@@ -152,28 +152,33 @@ class Registry:
             os.close(descriptor)
 
     def _parsed(self, path: Path, descriptor: int) -> Entry | None:
-        for _ in range(_READS):
-            status = os.fstat(descriptor)
-            sign = (status.st_mtime_ns, status.st_size)
-            if path in self._cache and self._cache[path][0] == sign:
-                return self._cache[path][1]
-            os.lseek(descriptor, 0, os.SEEK_SET)
-            entry = _entry_in(os.read(descriptor, status.st_size))
-            if entry is not None:
-                self._cache[path] = (sign, entry)
-                return entry
-        return None
+        status = os.fstat(descriptor)
+        sign = (status.st_mtime_ns, status.st_size)
+        if path in self._cache and self._cache[path][0] == sign:
+            return self._cache[path][1]
+        entry = _entry_in(os.read(descriptor, status.st_size))
+        if entry is not None:
+            self._cache[path] = (sign, entry)
+        return entry
 
-    def _remove_dead(self, paths: list[Path]) -> None:
-        # Under the lock, since a newborn file is for a moment without its own.
+    def _is_alive(self, path: Path, descriptor: int) -> bool:
+        return path == self._path or platform.is_locked(descriptor)
+
+    def _second_look(self, paths: list[Path]) -> list[Entry]:
+        """The entries that were only just being made or written; the dead ones' are removed."""
+        found = []
         with platform.locked(self._lock):
             for path in paths:
-                self._cache.pop(path, None)
                 with contextlib.suppress(OSError):
                     with self._opened(path) as descriptor:
-                        alive = platform.is_locked(descriptor)
+                        alive = self._is_alive(path, descriptor)
+                        entry = self._parsed(path, descriptor)
                     if not alive:
+                        self._cache.pop(path, None)
                         path.unlink()
+                    elif entry is not None:
+                        found.append(entry)
+        return found
 
 
 def _entry_in(data: bytes) -> Entry | None:

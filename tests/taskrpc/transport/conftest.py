@@ -1,0 +1,56 @@
+"""The contract suite runs in memory on virtual time, and over TCP on the machine's clock."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import itertools
+
+import pytest
+
+import taskrpc
+from taskrpc.node import fast_loop
+from taskrpc.testing import VirtualTimeLoop
+
+CONTRACT = "test_contract"
+
+
+def pytest_asyncio_loop_factories(config, item):
+    """One transport a loop; uvloop too where it is installed."""
+    if not item.path.name.startswith(CONTRACT):
+        return None
+    loops = {"memory": VirtualTimeLoop, "tcp": asyncio.SelectorEventLoop}
+    if (uvloop := fast_loop()) is not None:
+        loops["tcp on uvloop"] = uvloop
+    return loops
+
+
+def pytest_collection_modifyitems(items):
+    for item in items:
+        if item.path.name.startswith(CONTRACT) and "tcp" in item.name:
+            item.add_marker(pytest.mark.real_time)
+
+
+class Network:
+    """Makes nodes that are destroyed with the test; each has sockets of its own unless told."""
+
+    def __init__(self, stack):
+        self.is_virtual = isinstance(asyncio.get_running_loop(), VirtualTimeLoop)
+        self.transport = "memory" if self.is_virtual else "tcp"
+        self._stack = stack
+        self._count = itertools.count()
+
+    async def node(self, name="server", *, shared=False, **options):
+        # Nodes with different settings do not share an endpoint.
+        options.setdefault("token", "shared" if shared else f"{name} {next(self._count)}")
+        node = taskrpc.Node(name, transport=self.transport, **options)
+        return await self._stack.enter_async_context(node)
+
+    async def client(self, srv_type, name, *, node="client", **options):
+        return (await self.node(node)).create_client(srv_type, name, **options)
+
+
+@pytest.fixture
+async def net():
+    async with contextlib.AsyncExitStack() as stack:
+        yield Network(stack)

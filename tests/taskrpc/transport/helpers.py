@@ -1,0 +1,68 @@
+"""Callbacks and waiting that several transport tests need."""
+
+from __future__ import annotations
+
+import asyncio
+
+import srvgen
+import taskrpc
+
+Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+Text = srvgen.load("my_robot_interfaces/srv/RobotTask")
+
+
+def add(request, response):
+    response.sum = request.a + request.b
+    return response
+
+
+def ask(a=0, b=0):
+    return Add.Request(a=a, b=b)
+
+
+class Gate:
+    """An async callback that waits until it is opened, and says what became of it."""
+
+    def __init__(self):
+        self.opened = asyncio.Event()
+        self.started = []
+        self.cancelled = []
+        self.answered = []
+
+    async def __call__(self, request, response):
+        self.started.append(request.a)
+        try:
+            await self.opened.wait()
+        except asyncio.CancelledError:
+            self.cancelled.append(request.a)
+            raise
+        self.answered.append(request.a)
+        response.sum = request.a
+        return response
+
+
+async def until(condition, seconds=10):
+    """Return when `condition()` holds; fails when it never does."""
+    async with asyncio.timeout(seconds):
+        while not condition():
+            await asyncio.sleep(0.002)
+
+
+async def outcome(awaitable):
+    """The response, or the error instead of raising it."""
+    try:
+        return await awaitable
+    except taskrpc.TaskRpcError as error:
+        return error
+
+
+FAST = taskrpc.RetryPolicy(wait_initial=0.001, wait_jitter=0)
+
+
+async def served(net, callback=add, name="add", srv_type=Add, **options):
+    """A server and a client of it, in endpoints of their own."""
+    server = await net.node("server")
+    server.create_service(srv_type, name, callback, **options)
+    client = await net.client(srv_type, name)
+    assert await client.wait_for_service(5)
+    return server, client

@@ -1,0 +1,286 @@
+"""A connection pings the silent, cuts off the stalled, and lets everybody else go on."""
+
+import asyncio
+import logging
+import struct
+
+import pytest
+
+import taskrpc
+from taskrpc.transport.connection import SILENCE_BEFORE_PING, STALL_PERIOD, UNREAD_LIMIT
+from taskrpc.transport.endpoint import Endpoint
+from taskrpc.wire.frames import MAGIC, FrameType, pack_frame, pack_header
+from taskrpc.wire.messages import Resolve
+from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask, outcome, until
+
+
+@pytest.fixture
+async def server():
+    async with taskrpc.Node("server", transport="memory", token="s") as node:
+        node.create_service(Add, "add", add)
+        yield node
+
+
+@pytest.fixture
+async def node():
+    async with taskrpc.Node("client", transport="memory", token="c") as node:
+        yield node
+
+
+async def connected(node, name="add"):
+    """A client and the two ends of its connection."""
+    client = node.create_client(Add, name)
+    assert await client.wait_for_service(1)
+    return client, client._channel._connection
+
+
+def frames_written(connection):
+    types = []
+    write = connection.transport.write
+
+    def recorded(data):
+        types.append(data[4])
+        write(data)
+
+    connection.transport.write = recorded
+    return types
+
+
+async def test_a_silent_peer_is_pinged_and_answers(server, node):
+    client, connection = await connected(node)
+    serving = next(iter(server._transport._served))
+    asked, answered = frames_written(connection), frames_written(serving)
+    await asyncio.sleep(SILENCE_BEFORE_PING + 2.5)
+    assert FrameType.PING in asked
+    assert FrameType.PONG in answered
+    assert len(asked) + len(answered) <= 8
+    await asyncio.sleep(3600)
+    assert connection.is_open
+    assert (await client.call(ask(1))).sum == 1
+
+
+async def test_no_ping_is_sent_while_there_is_talk(server, node):
+    client, connection = await connected(node)
+    asked = frames_written(connection)
+    for _ in range(60):
+        await asyncio.sleep(0.5)
+        await client.call(ask())
+    assert FrameType.PING not in asked
+
+
+async def test_a_peer_that_stalls_inside_a_frame_is_cut_off_and_others_go_on(server, node, caplog):
+    client, _ = await connected(node)
+    async with taskrpc.Node("lazy", transport="memory", token="z") as lazy:
+        _, stalled = await connected(lazy)
+        call = lazy.create_client(Add, "add").call_async(ask(), timeout=None)
+        await call
+        stalled.transport.write(pack_header(FrameType.REQUEST, 0, 1, 100, 0xFFFFFFFF, 5000)[:10])
+        await asyncio.sleep(STALL_PERIOD - 2)
+        assert stalled.is_open
+        assert (await client.call(ask(1))).sum == 1
+        await asyncio.sleep(4)
+        assert not stalled.is_open
+        assert (await client.call(ask(2))).sum == 2
+    assert caplog.text.count("moved too few bytes") == 1
+
+
+async def test_a_peer_that_dribbles_below_the_rate_is_cut_off(server, node):
+    _, stalled = await connected(node)
+    stalled.transport.write(pack_header(FrameType.REQUEST, 0, 1, 100, 0xFFFFFFFF, 100_000))
+    began = asyncio.get_running_loop().time()
+    while stalled.is_open:
+        stalled.transport.write(b"x" * 100)
+        await asyncio.sleep(0.5)
+    assert asyncio.get_running_loop().time() - began < 12.5
+
+
+async def test_a_slow_peer_above_the_rate_is_served(server, node):
+    client, slow = await connected(node)
+    slow.session.ping = lambda nonce: None  # it would stand inside the frame that we write
+    body = b"\x92\x01\x02"
+    slow.session.last_call_id += 1
+    slow.session._pending[slow.session.last_call_id] = (None, 0)
+    frame = pack_header(FrameType.REQUEST, 0, 1, slow.session.last_call_id, 0xFFFFFFFF, 100_000)
+    frame += body + bytes(100_000 - len(body))
+    for start in range(0, len(frame), 2000):
+        slow.transport.write(frame[start : start + 2000])
+        await asyncio.sleep(1)
+    assert slow.is_open
+    assert (await client.call(ask(1))).sum == 1
+
+
+async def test_a_peer_that_reads_steadily_is_not_cut_off_however_much_waits_for_it(server, node):
+    def big(request, response):
+        response.message = "x" * 400_000
+        return response
+
+    server.create_service(Text, "big", big)
+    client = node.create_client(Text, "big", timeout=None)
+    assert await client.wait_for_service(1)
+    pipe = client._channel._connection.transport
+    serving = next(iter(server._transport._served))
+    pipe.pause_reading()
+    calls = [client.call_async(Text.Request()) for _ in range(100)]
+    await asyncio.sleep(0.1)
+    for _ in range(60):
+        # The reader takes 20 kB a second while ever more is written for it.
+        taken = pipe._inbox.popleft()
+        pipe._inbox_size -= len(taken)
+        for start in range(0, len(taken), 20_000):
+            pipe._inbox.appendleft(taken[start:])
+            await asyncio.sleep(1)
+            pipe._inbox.popleft()
+        serving.transport.write(bytes(len(taken) + 1))
+        if serving.transport is None:
+            break
+    else:
+        assert serving.is_open
+    for call in calls:
+        call.cancel()
+
+
+async def test_a_caller_that_never_reads_is_cut_off(server, node, caplog):
+    def big(request, response):
+        response.message = "x" * (UNREAD_LIMIT + 1)
+        return response
+
+    server.create_service(Text, "big", big)
+    client = node.create_client(Text, "big", timeout=None)
+    assert await client.wait_for_service(1)
+    client._channel._connection.transport.pause_reading()
+    call = client.call_async(Text.Request())
+    await asyncio.sleep(STALL_PERIOD + 2.5)
+    assert "moved too few bytes" in caplog.text
+    assert not server._transport._served
+    assert isinstance(await outcome(call), taskrpc.OutcomeUnknown)
+
+
+async def test_a_server_that_stops_answering_but_lives_is_never_closed(server, node):
+    server.create_service(Add, "gate", gate := Gate())
+    client, connection = await connected(node, "gate")
+    call = client.call_async(ask(), timeout=None)
+    await asyncio.sleep(3600)
+    assert connection.is_open
+    gate.opened.set()
+    await call
+
+
+async def test_a_request_after_the_farewell_is_not_run(server, node):
+    """It crossed GOAWAY on the way: its caller has sent it elsewhere."""
+    gate = Gate()
+    server.create_service(Add, "gate", gate, concurrency=5)
+    client, connection = await connected(node, "gate")
+    call = client.call_async(ask(1))
+    await until(lambda: gate.started)
+    serving = next(iter(server._transport._served))
+    serving.drain()
+    late = client.call_async(ask(2))
+    gate.opened.set()
+    assert (await call).sum == 1
+    await outcome(late)
+    assert gate.started.count(2) == 1
+    assert not connection.is_open
+
+
+async def test_a_drained_connection_closes_after_its_last_answer(server, node):
+    gate = Gate()
+    server.create_service(Add, "gate", gate)
+    client, connection = await connected(node, "gate")
+    call = client.call_async(ask(1))
+    await until(lambda: gate.started)
+    serving = next(iter(server._transport._served))
+    serving.drain()
+    await asyncio.sleep(5)
+    assert connection.transport is not None
+    gate.opened.set()
+    assert (await call).sum == 1
+    await asyncio.sleep(0)
+    await asyncio.wait_for(asyncio.gather(connection.gone, serving.gone), 1)
+
+
+async def test_a_connection_that_has_made_all_its_calls_retires(server, node, monkeypatch):
+    monkeypatch.setattr("taskrpc.transport.calling.LAST_CALL_ID", 20)
+    gate = Gate()
+    server.create_service(Add, "gate", gate)
+    client, first = await connected(node, "gate")
+    held = client.call_async(ask(7), timeout=None)
+    other = node.create_client(Add, "add")
+    for n in range(100):
+        assert (await other.call(ask(n))).sum == n
+    assert client._channel._connection is first
+    assert other._channel._connection is not first
+    gate.opened.set()
+    assert (await held).sum == 7
+    await until(lambda: len(server._transport._served) == 1)
+    assert first.transport is None
+
+
+async def test_an_answer_that_is_no_message_is_one_clear_error(server, node):
+    server.create_service(Add, "gate", gate := Gate())
+    client, _ = await connected(node, "gate")
+    serving = next(iter(server._transport._served))
+    for body in (b"", b"\x91\xa1x", b"\xc1", b"\x92\x01\x02"):
+        call = client.call_async(ask())
+        await until(lambda: serving.calls)
+        (served,) = serving.calls.values()
+        serving.calls.clear()
+        serving.session.respond(served.call_id, body)
+        serving.flush()
+        error = await outcome(call)
+        assert type(error) is taskrpc.TaskRpcError
+        assert "the server's answer is not valid" in str(error)
+        assert error.not_executed is False
+        served.on_cancel()
+        await until(lambda: not server._services[-1]._jobs)
+    assert len(gate.started) == 4
+
+
+async def test_a_listing_that_is_no_listing_is_one_clear_error(server, node, monkeypatch):
+    _, connection = await connected(node)
+    with monkeypatch.context() as patch:
+        patch.setattr(server._transport, "listing", lambda: 42)
+        error = await outcome(connection.resolve(Resolve(""), None))
+    assert "the server's answer is not valid" in str(error)
+
+
+async def test_bytes_after_the_magic_that_are_no_frame_end_the_connection_with_one_line(
+    server, caplog
+):
+    class Stranger(asyncio.BufferedProtocol):
+        def connection_made(self, transport):
+            transport.write(MAGIC + struct.pack("<I", 0xFFFFFFFF) + bytes(30))
+
+        def get_buffer(self, sizehint):
+            return bytearray(1000)
+
+        def buffer_updated(self, nbytes):
+            pass
+
+        def connection_lost(self, exc):
+            lost.append(exc)
+
+    lost = []
+    network = server._transport.network
+    address = network.locate("/add")[0]
+    await network.dial(address, Stranger)
+    await asyncio.sleep(0.1)
+    assert lost == [None]
+    assert [each.levelno for each in caplog.records] == [logging.WARNING]
+    assert isinstance(server._transport, Endpoint)
+
+
+async def test_frames_that_must_not_come_end_only_their_own_connection(server, node, caplog):
+    client, _ = await connected(node)
+    for frame in (
+        pack_frame(0x55, 0, 0, 0, 0),
+        pack_frame(FrameType.RESPONSE, 0, 0, 99, 0, b"\x91\x01"),
+        pack_frame(FrameType.REQUEST, 0, 1, 0, 0, b""),
+        pack_frame(FrameType.RESOLVE, 0, 0, 50, 0, b"\xc1"),
+    ):
+        async with taskrpc.Node("bad", transport="memory", token="bad") as bad:
+            _, connection = await connected(bad)
+            connection.transport.write(frame)
+            await asyncio.sleep(0.01)
+            assert not connection.is_open
+            assert (await client.call(ask(1))).sum == 1
+    assert caplog.text.count("closed the connection from") == 4

@@ -1,0 +1,266 @@
+"""The registry never shows a dead process, never half an entry, and never to another user."""
+
+import os
+import signal
+import stat
+import subprocess
+import sys
+import threading
+import time
+import zlib
+from pathlib import Path
+
+import pytest
+
+import taskrpc
+from taskrpc import platform
+from taskrpc.transport.registry import Entry, Registry, _encode
+from taskrpc.wire.messages import Endpoint
+
+ADD = Endpoint("/add", "example_interfaces/srv/AddTwoInts", "RIHS01_1", "/adder")
+
+
+def entry(**fields):
+    defaults = {"pid": os.getpid(), "script": "adder.py", "folder": "/home/me", "since": 1.0}
+    return Entry(**{**defaults, **fields})
+
+
+@pytest.fixture
+def registry():
+    registry = Registry(0)
+    yield registry
+    registry.close()
+
+
+@pytest.fixture
+def other():
+    other = Registry(0)
+    yield other
+    other.close()
+
+
+def files(registry):
+    return sorted(path.name for path in registry._files())
+
+
+def test_what_one_process_publishes_the_others_see(registry, other):
+    mine = entry(services=(ADD,), address="127.0.0.1:7", token="ab")
+    registry.publish(mine)
+    assert other.entries() == [mine]
+    changed = entry(nodes=("/a",))
+    registry.publish(changed)
+    assert other.entries() == registry.entries() == [changed]
+
+
+def test_the_oldest_process_comes_first(registry, other):
+    registry.publish(entry(since=2.0))
+    other.publish(entry(since=1.0))
+    assert [each.since for each in registry.entries()] == [1.0, 2.0]
+
+
+def test_a_closed_registry_leaves_no_file(registry, other):
+    registry.publish(entry())
+    registry.close()
+    assert other.entries() == []
+    assert files(other) == []
+
+
+DIES = """
+import os, sys, time
+from taskrpc.transport.registry import Entry, Registry
+registry = Registry(0)
+registry.publish(Entry(pid=os.getpid(), script="dead.py", folder="/", since=0.0))
+print("there", flush=True)
+time.sleep(60)
+"""
+
+
+@pytest.mark.real_time
+def test_a_killed_process_is_never_believed_and_its_file_is_removed(registry):
+    with subprocess.Popen([sys.executable, "-c", DIES], stdout=subprocess.PIPE, text=True) as dying:
+        assert dying.stdout.readline() == "there\n"
+        assert [each.script for each in registry.entries()] == ["dead.py"]
+        dying.kill()
+        dying.wait(10)
+    assert registry.entries() == []
+    assert files(registry) == []
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork on Windows")
+@pytest.mark.real_time
+def test_a_forked_child_does_not_keep_its_dead_parents_entry_alive(registry):
+    program = DIES.replace("time.sleep(60)", "os.fork(); time.sleep(60)")
+    with subprocess.Popen(
+        [sys.executable, "-c", program], stdout=subprocess.PIPE, text=True, start_new_session=True
+    ) as parent:
+        parent.stdout.readline()
+        time.sleep(0.1)
+        parent.kill()
+        parent.wait(10)
+        assert registry.entries() == []
+        os.killpg(parent.pid, signal.SIGKILL)
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork on Windows")
+@pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
+def test_a_forked_child_that_closes_leaves_its_parents_entry(registry, other):
+    registry.publish(entry())
+    child = os.fork()
+    if not child:
+        registry.close()
+        os._exit(0)
+    os.waitpid(child, 0)
+    assert other.entries() == [entry()]
+
+
+def test_two_who_look_at_once_agree_about_the_living_and_the_dead(registry, other):
+    registry.publish(entry(services=(ADD,)))
+    left_over = registry._folder / "1-dead.json"
+    problems = []
+
+    def look():
+        looking = Registry(0)
+        for _ in range(60):
+            left_over.write_bytes(b"00000000 {}\n")
+            if [each.script for each in looking.entries()] != ["adder.py"]:
+                problems.append(looking.entries())
+
+    threads = [threading.Thread(target=look) for _ in range(3)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert problems == []
+    other.entries()
+    assert not left_over.exists()
+
+
+def test_a_reader_never_sees_half_an_entry(registry):
+    """Neither torn contents nor a living process missing, while its entry grows and shrinks."""
+    stop = threading.Event()
+    short, long = entry(), entry(nodes=tuple(f"/node{n}" for n in range(3000)))
+    registry.publish(short)
+
+    def write():
+        while not stop.is_set():
+            registry.publish(long)
+            registry.publish(short)
+
+    writer = threading.Thread(target=write)
+    writer.start()
+    reader = Registry(0)
+    try:
+        seen = [reader.entries() for _ in range(300)]
+    finally:
+        stop.set()
+        writer.join()
+    assert all(each in ([short], [long]) for each in seen)
+
+
+@pytest.mark.parametrize(
+    "contents",
+    [
+        b"",
+        b"\n",
+        b"garbage",
+        b"00000000 {}\n",
+        b"%08x {}\n" % zlib.crc32(b"{}"),
+        b"%08x nonsense\n" % zlib.crc32(b"nonsense"),
+        b"\xff" * 100,
+        b"%08x %s" % (zlib.crc32(_encode(entry())) ^ 1, _encode(entry())),
+    ],
+)
+def test_an_unreadable_entry_of_a_living_process_is_passed_over(registry, contents):
+    path = registry._folder / "2-odd.json"
+    descriptor = platform.open_private(path)
+    platform.lock(descriptor)
+    os.write(descriptor, contents)
+    registry.publish(entry())
+    assert registry.entries() == [entry()]
+    assert path.exists()
+    os.close(descriptor)
+
+
+def test_two_hundred_processes_are_read_quickly():
+    registries = [Registry(0) for _ in range(200)]
+    for n, each in enumerate(registries):
+        each.publish(entry(since=float(n), services=(ADD,)))
+    began = time.perf_counter()
+    assert len(registries[0].entries()) == 200
+    registries[0].signature()
+    assert time.perf_counter() - began < 1
+    for each in registries:
+        each.close()
+    assert Registry(0).entries() == []
+
+
+def test_every_change_changes_the_signature(registry, other):
+    seen = {other.signature()}
+    for n in range(20):
+        registry.publish(entry(nodes=(f"/n{n % 10}",)))
+        seen.add(other.signature())
+    registry.close()
+    seen.add(other.signature())
+    assert len(seen) == 21  # an empty registry looks the same before and after
+
+
+def test_domains_do_not_see_each_other(registry):
+    registry.publish(entry())
+    assert Registry(1).entries() == []
+
+
+def test_a_second_offer_of_a_name_is_refused_with_all_that_helps(registry, other):
+    registry.publish(entry(pid=4711, services=(ADD,), since=0.0))
+    with pytest.raises(taskrpc.NameInUse) as caught:
+        other.publish(entry(), claim="/add")
+    began = time.strftime("%H:%M:%S", time.localtime(0))
+    assert str(caught.value) == (
+        f"/add is already offered by adder.py (pid 4711, in /home/me, since {began}); end it with"
+        " `taskrpc stop 4711`, or join it with --join (join=True)"
+    )
+    other.publish(entry(), claim="/subtract")
+    registry.publish(entry(services=(ADD,)), claim="/add")  # one's own entry is no second
+
+
+def test_a_dead_process_does_not_hold_a_name(registry):
+    data = _encode(entry(services=(ADD,)))
+    (registry._folder / "1-dead.json").write_bytes(b"%08x %s\n" % (zlib.crc32(data), data))
+    registry.publish(entry(services=(ADD,)), claim="/add")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes are POSIX's")
+def test_folder_and_entry_are_the_users_alone(registry):
+    registry.publish(entry())
+    for path in (registry._folder, registry._folder.parent):
+        assert stat.S_IMODE(path.stat().st_mode) == 0o700
+    assert stat.S_IMODE(registry._path.stat().st_mode) == 0o600
+
+
+@pytest.mark.skipif(os.name != "posix", reason="modes are POSIX's")
+def test_a_folder_open_to_others_is_closed_to_them(registry):
+    registry._folder.chmod(0o755)
+    Registry(0)
+    assert stat.S_IMODE(registry._folder.stat().st_mode) == 0o700
+
+
+@pytest.mark.skipif(os.name != "posix", reason="links and owners are POSIX's")
+def test_a_folder_that_is_a_link_or_another_users_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    (tmp_path / "elsewhere").mkdir()
+    (tmp_path / "taskrpc").symlink_to(tmp_path / "elsewhere")
+    with pytest.raises(taskrpc.TaskRpcError, match="found a link or a file"):
+        Registry(0)
+    (tmp_path / "taskrpc").unlink()
+    (tmp_path / "taskrpc").mkdir()
+    monkeypatch.setattr(os, "getuid", lambda: 4242)
+    with pytest.raises(taskrpc.TaskRpcError, match="belongs to another user"):
+        Registry(0)
+
+
+def test_a_link_in_the_folder_is_not_followed(registry, tmp_path):
+    data = _encode(entry(script="forged"))
+    (tmp_path / "forged").write_bytes(b"%08x %s\n" % (zlib.crc32(data), data))
+    link = registry._folder / "9-link.json"
+    link.symlink_to(tmp_path / "forged")
+    assert registry.entries() == []
+    assert Path(tmp_path / "forged").exists()
