@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 _DEFAULT_TIMEOUT = 10.0
 _EPILOG = """\
-examples, which no shell needs quotes for and which mean the same:
+two that mean the same, the first without quotes in any shell:
   %(prog)s /robot_task task_type=move target=3,4 priority=8
   %(prog)s /robot_task "{task_type: move, target: '3,4', priority: 8}"
 """
