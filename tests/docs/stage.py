@@ -22,6 +22,7 @@ from .matching import normalised, pattern_of
 
 _ROOT = Path(__file__).parents[2]
 _PATIENCE = 30.0
+_SETTLE = 0.1
 _ASK_STATUS = "echo $?"
 _SCRIPTS = {
     **tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"],
@@ -106,7 +107,7 @@ class Stage:
         if command := block.notes.get("started"):
             before = self._offers()
             self._start(command, command)
-            _wait_until(lambda: self._offers() != before)
+            _wait_until(lambda: self._offers() != before and self._is_settled())
         if "not run" in block.notes:
             return
         if block.file:
@@ -126,6 +127,12 @@ class Stage:
         entries = (self.folder.parent / "xdg_runtime_dir").rglob("*.json")
         found = sorted(path.read_text(encoding="utf-8") for path in entries)
         return [entry for entry in found if '"services":[]' not in entry]
+
+    def _is_settled(self) -> bool:
+        """Whether nothing is being announced: a program offers its services one by one."""
+        offers = self._offers()
+        time.sleep(_SETTLE)
+        return offers == self._offers()
 
     # Commands
 
