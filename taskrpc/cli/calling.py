@@ -166,6 +166,11 @@ class _Caller:
             hint = f"find out why: taskrpc doctor {self._silent}"
             return hinted(ServiceUnavailable(problem), hint)
         entries = others(await self._node.graph())
+        for entry in entries:
+            if entry.offers(self._service):
+                problem = f"{entry.script} (pid {entry.pid}) offers {self._service} but is silent"
+                hint = f"find out why: taskrpc doctor {entry.address}"
+                return hinted(ServiceUnavailable(f"{problem} {waited}"), hint)
         hint = unknown_service_hint(self._service, entries, self._plan.remote.place)
         return hinted(ServiceUnavailable(f"nobody offers {self._service} {waited}"), hint)
 

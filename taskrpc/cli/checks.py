@@ -92,7 +92,10 @@ async def _reach(entry: Entry) -> Finding:
     try:
         await HERE.listing(entry.address)
     except TaskRpcError as error:
-        advice = f"it may hang: end it with `taskrpc stop --force {entry.pid}` and start it again"
+        advice = (
+            f"if it wants TLS, `taskrpc doctor {entry.address} --tls-ca FILE` looks further; if it"
+            f" hangs, end it with `taskrpc stop --force {entry.pid}`"
+        )
         return problem(f"{who} does not answer: {error}", advice)
     listed = ", ".join(graph.services([entry])) or "hidden services"
     return ok(f"{who} at {entry.address} offers {listed}")

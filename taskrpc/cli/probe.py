@@ -103,7 +103,10 @@ async def _ask(remote: Remote) -> Finding:
         advice = "set ROS_DOMAIN_ID to the server's" if domain else _NOT_TASKRPC
         return problem(f"{place}: {error}", advice)
     except TaskRpcError as error:
-        return problem(f"{place}: {error}", "see the server's log")
+        return problem(
+            f"{place}: {error}",
+            "check the files given here; if they are right, see the server's log",
+        )
     names = ", ".join(service.name for service in listing.services) or "no service"
     return ok(f"{place} offers {names}")
 

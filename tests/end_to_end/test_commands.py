@@ -238,5 +238,6 @@ def test_stop_lets_the_server_end_as_by_ctrl_c(home):
     code, out, err = home.run("taskrpc", "stop", "adder.py")
     assert (code, err) == (0, "")
     assert out == f"stopped adder.py (pid {home.server.pid})\n"
-    assert home.server.wait(PATIENCE) == 0
+    # Windows cannot ask a process to end, it can only end it.
+    assert home.server.wait(PATIENCE) == (15 if sys.platform == "win32" else 0)
     assert home.run("taskrpc", "ps", "--json") == (0, "[]\n", "")
