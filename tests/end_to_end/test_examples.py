@@ -6,6 +6,7 @@ the table run, or, under "Without the server", when they do not. `...` stands fo
 """
 
 import ast
+import atexit
 import os
 import re
 import shlex
@@ -19,6 +20,7 @@ import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -166,11 +168,20 @@ class Running:
         return self.process.wait(PATIENCE)
 
 
-def run(command, env, *, quick=False, cwd=ROOT):
+@cache
+def stage():
+    """A folder with a copy of the examples, so that nothing is written into the checkout."""
+    folder = tempfile.TemporaryDirectory(prefix="taskrpc-examples-")
+    atexit.register(folder.cleanup)
+    shutil.copytree(EXAMPLES, Path(folder.name, "examples"))
+    return Path(folder.name)
+
+
+def run(command, env, *, quick=False, cwd=None):
     """Run a command to its end; returns what it printed."""
     done = subprocess.run(
         argv_of(command, quick=quick),
-        cwd=cwd,
+        cwd=cwd or stage(),
         env=env,
         stdout=subprocess.PIPE,
         stderr=subprocess.STDOUT,
@@ -184,8 +195,8 @@ def start(command, env):
     """Start what a README runs in terminal 1; a script from its own folder, as the other way."""
     argv = argv_of(command, quick=True)
     if argv[1] == "-c":
-        return Running(argv, cwd=ROOT, env=env)
-    script = ROOT / argv[1]
+        return Running(argv, cwd=stage(), env=env)
+    script = stage() / argv[1]
     return Running([argv[0], script.name, *argv[2:]], cwd=script.parent, env=env)
 
 
@@ -325,7 +336,7 @@ def test_the_index_leads_to_every_example():
 def test_01_a_client_that_is_started_first_waits_for_the_server():
     with private_network() as env:
         client = argv_of("python examples/01_add_two_ints/client.py 2 3", quick=False)
-        with Running(client, cwd=ROOT, env=env) as client:
+        with Running(client, cwd=stage(), env=env) as client:
             client.wait_until(lambda text: "waiting" in text)
             with start("python examples/01_add_two_ints/server.py", env):
                 assert client.process.wait(PATIENCE) == 0
@@ -404,11 +415,11 @@ def test_07_concurrency_and_threads_run_eight_requests_in_the_time_of_few(outcom
 def test_07_a_callback_that_holds_the_loop_is_named_as_the_readme_shows():
     folder = "examples/07_concurrent_requests"
     with private_network() as env:
-        server = Running([sys.executable, "server.py", "0.3"], cwd=ROOT / folder, env=env)
+        server = Running([sys.executable, "server.py", "0.3"], cwd=stage() / folder, env=env)
         with server:
             server.wait_until(lambda text: "ready" in text)
             client = argv_of(f"python {folder}/client.py holding", quick=False)
-            with Running(client, cwd=ROOT, env=env):
+            with Running(client, cwd=stage(), env=env):
                 said = server.wait_until(lambda text: "held" in text)
     warning = plain(said.splitlines()[-1])
     assert "/holding held the event loop" in warning
