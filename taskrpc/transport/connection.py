@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from typing import Any, Protocol
+from typing import Any, Protocol, cast
 
 from taskrpc import platform
 from taskrpc.errors import ProtocolError, TaskRpcError
@@ -65,8 +65,8 @@ class Connection(asyncio.BufferedProtocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The transport is there."""
-        assert isinstance(transport, asyncio.Transport)
-        self.transport = transport
+        # Cast, not checked: uvloop's transports are no subclasses of asyncio's.
+        self.transport = cast("asyncio.Transport", transport)
         self.peer_name = _shown(transport.get_extra_info("peername"))
         if (sock := transport.get_extra_info("socket")) is not None:
             platform.drop_dead_peers(sock, DEAD_AFTER)
