@@ -72,7 +72,7 @@ def test_a_block_is_of_a_kind_that_is_checked_and_says_so_when_it_is_not_run(pag
     assert sum("not run" in block.notes for block in blocks) == NOT_RUN.get(_name(page), 0)
 
 
-@every_page
+@pytest.mark.parametrize("page", [*PAGES, *sorted((ROOT / "examples").rglob("*.md"))], ids=_name)
 def test_every_link_leads_to_a_page_and_a_heading(page):
     for link in page_at(page).links():
         if link.startswith(("http://", "https://", "mailto:")):
@@ -145,14 +145,16 @@ def _command_lines(page: Page) -> Iterator[str]:
 
 
 @every_page
-def test_every_option_that_a_page_names_exists(page):
+def test_every_command_and_option_that_a_page_names_exists(page):
     for line in _command_lines(page_at(page)):
         for part in re.split(r"\s(?:&&|\|)\s", line):
             words = [word for word in _words(part) if "=" not in word.split("-")[0]]
             if command := _command_of([word.rpartition("/")[2] for word in words]):
-                options = {
-                    word.partition("=")[0] for word in words if re.match(r"--?[a-zA-Z]", word)
-                }
+                following = " ".join(words[len(command.split()) :][:1])
+                is_group = any(each.startswith(f"{command} ") for each in commands())
+                assert not (is_group and following.isidentifier()), f"`{part}`"
+                given = [word for word in words if re.match(r"--?[a-zA-Z]", word)]
+                options = {word.partition("=")[0] for word in given}
                 assert options <= set(commands()[command]), f"`{part}`"
 
 

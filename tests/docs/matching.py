@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import re
 
 _FIGURES = (
@@ -19,6 +20,7 @@ _FIGURES = (
 
 def normalised(text: str) -> str:
     """The text with every figure of a run replaced by its kind."""
+    text = text.replace(os.sep, "/")
     for pattern, kind in _FIGURES:
         text = re.sub(pattern, kind, text)
     return "\n".join(line.rstrip() for line in text.strip("\n").splitlines())
