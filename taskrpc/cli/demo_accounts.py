@@ -10,7 +10,7 @@ from taskrpc.cli.task_view import aligned, change, instant, what
 
 _SHARE = 0.01
 _LEAST = 0.01  # robot seconds
-_NAMED = 0.05  # robot seconds of a change that is worth a line
+_NAMED = 0.3  # robot seconds of a change that is worth a line
 
 
 @dataclass(frozen=True, slots=True)
@@ -92,7 +92,7 @@ def _reasons(rows: Iterable[Account]) -> list[str]:
         for each in row.task.estimate_changes if row.turn else ():
             if abs(each.seconds) >= _NAMED:
                 moved.setdefault(change(each), []).append(str(row.task.task_id))
-    return ["Why estimates changed:"] + [
+    return [f"Why estimates changed (by {_NAMED} s or more):"] + [
         f"  {reason} (moved {', '.join(numbers)})" for reason, numbers in moved.items()
     ]
 
@@ -107,9 +107,11 @@ def _verdict(rows: Sequence[Account]) -> list[str]:
     if wrong:
         numbers = ", ".join(f"{row.task.task_id} by {row.difference:+.2f} s" for row in wrong)
         return [*lines, f"These estimates were wrong by more than 1 %: task {numbers}."]
+    if not ran:
+        return [*lines, "No task ran."]
     worst = max(ran, key=lambda row: abs(row.share))
-    lines.append(
-        f"All {len(ran)} estimates were right: promise and named changes add up to the actual"
-        f" time; worst: task {worst.task.task_id}, {_percent(worst.share)}."
-    )
-    return lines
+    return [
+        *lines,
+        f"All {len(ran)} estimates were right: what was promised and the named changes add up to",
+        f"the actual time. Task {worst.task.task_id} is off most, by {_percent(worst.share)}.",
+    ]

@@ -85,7 +85,7 @@ def _add(commands: Commands, verb: str, purpose: str, action: Action) -> Parser:
     add("--timeout", metavar="S", type=_seconds, default=10.0, help=what)
     add("--json", action="store_true", help="print JSON")
     add_connect(command)
-    command.set_defaults(run=lambda options: _run(action, options))
+    command.set_defaults(run=_run, action=action)
     return command
 
 
@@ -101,24 +101,31 @@ def _seconds(text: str) -> float:
     return value
 
 
-def _run(action: Action, options: Namespace) -> Exit:
+def _run(options: Namespace) -> Exit:
     import asyncio
 
-    return asyncio.run(_connected(action, options))
+    return asyncio.run(perform(options))
 
 
-async def _connected(action: Action, options: Namespace) -> Exit:
+async def perform(options: Namespace) -> Exit:
+    """Connect to the task server and do what the options say.
+
+    Raises TaskRefused, NotFound, TypeMismatch, ServiceUnavailable and what else calls raise.
+    """
     from taskrpc.cli.remote import remote_of
     from taskrpc.cli.task_services import TaskServices
 
-    async with remote_of(options).node() as node:
+    remote = remote_of(options)
+    async with remote.node() as node:
         services = TaskServices(
             node,
             options.service,
             timeout=options.timeout,
+            place=remote.place,
             note=(lambda _: None) if options.json else _note,
         )
         await services.reach()
+        action: Action = options.action
         return await action(options, services)
 
 
