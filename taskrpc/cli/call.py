@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from taskrpc.cli.command import Exit, UsageError, run_main
@@ -92,49 +91,24 @@ def _add_positional(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_options(parser: argparse.ArgumentParser) -> None:
+    from taskrpc.cli.parsing import number, whole
     from taskrpc.cli.remote import add_connect
 
     add = parser.add_argument
     add("--stdin", action="store_true", help="Read values from standard input")
-    positive = _number("greater than zero", lambda value: value > 0)
+    positive = number("greater than zero", lambda value: value > 0)
     what = "Repeat the call at a specific rate in Hz"
     add("-r", "--rate", metavar="N", type=positive, help=what)
     what = "Call this many times (once; with --rate until interrupted)"
-    add("--count", metavar="N", type=_whole(1), default=0, help=what)
+    add("--count", metavar="N", type=whole(1), default=0, help=what)
     what = f"Seconds for waiting and call together ({_DEFAULT_TIMEOUT:g})"
     add("--timeout", metavar="S", type=positive, default=_DEFAULT_TIMEOUT, help=what)
     what = "Repeat a failed call up to N times, where that is safe (0)"
-    add("--retries", metavar="N", type=_whole(0), default=0, help=what)
+    add("--retries", metavar="N", type=whole(0), default=0, help=what)
     what = "Print each response as one line of JSON (NaN and infinity as null)"
     add("--json", action="store_true", help=what)
     add_connect(parser)
     add("--transport", choices=["tcp"], default="tcp", help="How the call travels (tcp)")
-
-
-def _number(rule: str, allowed: Callable[[float], bool]) -> Callable[[str], float]:
-    from argparse import ArgumentTypeError
-
-    def parse(text: str) -> float:
-        try:
-            value = float(text)
-        except ValueError:
-            value = math.nan
-        if not math.isfinite(value) or not allowed(value):
-            raise ArgumentTypeError(f"expected a number {rule}, got {text!r}")
-        return value
-
-    return parse
-
-
-def _whole(least: int) -> Callable[[str], int]:
-    from argparse import ArgumentTypeError
-
-    def parse(text: str) -> int:
-        if not text.isdecimal() or int(text) < least:
-            raise ArgumentTypeError(f"expected a whole number from {least} on, got {text!r}")
-        return int(text)
-
-    return parse
 
 
 def _standard_input() -> str:

@@ -6,6 +6,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from taskrpc.cli.command import Exit
+from taskrpc.cli.parsing import number
 
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace
@@ -25,8 +26,9 @@ Next, in two terminals:
 def configure(parser: ArgumentParser) -> None:
     """Give the parser of `taskrpc demo` its options."""
     least, most = _SPEEDS
+    speed = number(f"from {least:g} to {most:g}", lambda value: least <= value <= most)
     what = f"simulated seconds a second, {least:g} to {most:g} (4.5)"
-    parser.add_argument("--speed", metavar="X", type=_speed, default=4.5, help=what)
+    parser.add_argument("--speed", metavar="X", type=speed, default=4.5, help=what)
     what = "print lines, as where stdout is no terminal, and draw no picture"
     parser.add_argument("--plain", action="store_true", help=what)
     parser.set_defaults(run=run)
@@ -74,16 +76,3 @@ def _terminal() -> Console | None:
 
 def _print(line: Line) -> None:
     print(f"{line.at:5.1f} s  {line.who:<9}  {line.text}", flush=True)
-
-
-def _speed(text: str) -> float:
-    from argparse import ArgumentTypeError
-
-    least, most = _SPEEDS
-    try:
-        speed = float(text)
-    except ValueError:
-        speed = 0.0
-    if not least <= speed <= most:
-        raise ArgumentTypeError(f"expected a number from {least:g} to {most:g}, got {text!r}")
-    return speed

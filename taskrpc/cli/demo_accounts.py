@@ -31,7 +31,7 @@ class Account:
     @property
     def difference(self) -> float:
         """By how much later it was done than promised, the named changes added."""
-        return self.actual - self.task.accepted_estimate - self.changes
+        return float(self.actual - self.task.accepted_estimate - self.changes)
 
     @property
     def share(self) -> float:

@@ -200,10 +200,10 @@ class _Spectator:
         """Tell whose estimates have moved, and why."""
         moved: dict[tuple[str, str], list[int]] = {}
         for task in await self.services.tasks():
-            for cause, seconds in await self._new_delays(task.task_id):
-                moved.setdefault((cause, f"{seconds:+.1f} s"), []).append(task.task_id)
+            for cause, delay in await self._new_delays(task.task_id):
+                moved.setdefault((cause, f"{delay:+.1f} s"), []).append(task.task_id)
         for (cause, seconds), task_ids in moved.items():
-            numbers = " ".join(f"{task_id}" for task_id in task_ids)
+            numbers = " ".join(str(task_id) for task_id in task_ids)
             plural = "s" if len(task_ids) > 1 else ""
             self._stage.tell("server", f"task{plural} {numbers} {seconds}: {cause}")
 

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
-from collections.abc import Sequence
+import math
+from collections.abc import Callable, Sequence
 from typing import Any, NoReturn, TypeAlias
 
 from taskrpc.cli.command import Exit, UsageError
@@ -50,6 +51,33 @@ def add_group(parser: argparse.ArgumentParser) -> Commands:
 def add_command(commands: Commands, name: str, purpose: str) -> Parser:
     """A parser for one command of a group; give it a `run` default."""
     return commands.add_parser(name, help=purpose, description=purpose)
+
+
+def number(rule: str, allowed: Callable[[float], bool]) -> Callable[[str], float]:
+    """The `type` of an option that takes a number; `rule` goes on after "expected a number"."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or not allowed(value):
+            raise argparse.ArgumentTypeError(f"expected a number {rule}, got {text!r}")
+        return value
+
+    return parse
+
+
+def whole(least: int) -> Callable[[str], int]:
+    """The `type` of an option that takes a whole number."""
+
+    def parse(text: str) -> int:
+        if not text.isdecimal() or int(text) < least:
+            problem = f"expected a whole number from {least} on, got {text!r}"
+            raise argparse.ArgumentTypeError(problem)
+        return int(text)
+
+    return parse
 
 
 def print_help(parser: argparse.ArgumentParser) -> Exit:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import sys
 from typing import TYPE_CHECKING, Any
 
 from taskrpc.cli.command import Exit
-from taskrpc.cli.parsing import Parser, add_command, add_group
+from taskrpc.cli.parsing import Parser, add_command, add_group, number
 
 if TYPE_CHECKING:
     from argparse import ArgumentParser, Namespace
@@ -19,6 +18,7 @@ if TYPE_CHECKING:
 
     Action: TypeAlias = Callable[[Namespace, TaskServices], Awaitable[Exit]]
 
+_SECONDS = number("greater than zero", lambda value: value > 0)
 _ORDERS = (
     ("cancel", "Call tasks off; one that runs is halted"),
     ("requeue", "Queue tasks once more that were interrupted, failed or cancelled"),
@@ -82,23 +82,11 @@ def _add(commands: Commands, verb: str, purpose: str, action: Action) -> Parser:
     what = "the service that takes the tasks (/robot_task)"
     add("--service", metavar="NAME", default="/robot_task", help=what)
     what = "seconds for one call, waiting for the server included (10)"
-    add("--timeout", metavar="S", type=_seconds, default=10.0, help=what)
+    add("--timeout", metavar="S", type=_SECONDS, default=10.0, help=what)
     add("--json", action="store_true", help="print JSON")
     add_connect(command)
     command.set_defaults(run=_run, action=action)
     return command
-
-
-def _seconds(text: str) -> float:
-    from argparse import ArgumentTypeError
-
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
-    if not 0 < value < math.inf:
-        raise ArgumentTypeError(f"expected a number greater than zero, got {text!r}")
-    return value
 
 
 def _run(options: Namespace) -> Exit:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncGenerator, Callable
 from typing import Any, NamedTuple
 
 import srvgen
@@ -126,7 +126,7 @@ class TaskServices:
 
     async def follow(
         self, task_id: int = 0, *, seconds: float = _WATCH_SECONDS, persist: bool = True
-    ) -> AsyncIterator[Update]:
+    ) -> AsyncGenerator[Update, None]:
         """Yield what changes, the present state first; at least one update every `seconds`.
 
         Where a task is named, every update has that task and no other. A server that goes is

@@ -1,0 +1,472 @@
+"""The task server as users run it: a process, the commands around it, restarts and mistakes."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+
+from taskrpc.cli.call import main as call_main
+from taskrpc.cli.main import main
+
+pytestmark = pytest.mark.real_time
+
+POSIX = pytest.mark.skipif(os.name == "nt", reason="sends POSIX signals")
+PATIENCE = 20
+READY = "taskrpc-server ready: /robot_task [my_robot_interfaces/srv/RobotTask] at "
+
+HOOVER = """
+import asyncio
+from taskrpc.robot import Plan, Pose
+
+class Hoover:
+    speed = 1.0
+    task_types = ("clean",)
+
+    def plan(self, task_type, target, start):
+        return Plan(0.2, start)
+
+    def pose(self):
+        return Pose(0.0, 0.0, 0.0)
+
+    async def execute(self, task_type, target, report):
+        await asyncio.sleep(0.2)
+        return {"dust": len(target)}
+
+    def remaining(self):
+        return 0.1
+
+    def pause(self):
+        pass
+
+    resume = stop = pause
+"""
+
+
+class TaskServer:
+    """A `taskrpc-server` process, started and ready."""
+
+    def __init__(self, folder, *argv):
+        self.folder = folder
+        self.log = folder / f"server-{time.monotonic_ns()}.log"
+        with self.log.open("wb") as log:
+            self.process = subprocess.Popen(
+                [sys.executable, "-m", "taskrpc.cli.server", *map(str, argv)],
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=log,
+            )
+        ends = time.monotonic() + PATIENCE
+        while READY not in self.text:
+            assert self.process.poll() is None, self.text
+            assert time.monotonic() < ends, self.text
+            time.sleep(0.02)
+        self.address = self.text.partition(READY)[2].splitlines()[0]
+
+    @property
+    def text(self):
+        return self.log.read_text(encoding="utf-8")
+
+    def end(self, number=signal.SIGTERM):
+        """Send a signal; returns the exit code and how many seconds it took."""
+        began = time.monotonic()
+        self.process.send_signal(number)
+        code = self.process.wait(PATIENCE)
+        return code, time.monotonic() - began
+
+
+@pytest.fixture
+def start(tmp_path):
+    with contextlib.ExitStack() as stack:
+
+        def start(*argv):
+            server = TaskServer(tmp_path, "--db", tmp_path / "tasks.db", *argv)
+            stack.callback(server.process.wait)
+            stack.callback(server.process.kill)
+            return server
+
+        yield start
+
+
+@pytest.fixture
+def task(capsys):
+    """`taskrpc task` with these arguments: exit code, stdout, stderr."""
+
+    def task(*argv):
+        capsys.readouterr()
+        code = main(["task", *map(str, argv)])
+        return code, *capsys.readouterr()
+
+    return task
+
+
+@pytest.fixture
+def listed(task):
+    """What `taskrpc task list --json` has."""
+
+    def listed(*argv):
+        code, out, err = task("list", "--json", *argv)
+        assert code == 0, err
+        return json.loads(out)
+
+    return listed
+
+
+def ids(tasks):
+    return [each["task_id"] for each in tasks]
+
+
+def failing_server(folder, *argv):
+    """A server that cannot start: exit code and stderr."""
+    ended = subprocess.run(
+        [sys.executable, "-m", "taskrpc.cli.server", *map(str, argv)],
+        cwd=folder, capture_output=True, text=True, timeout=PATIENCE, check=False,
+    )  # fmt: skip
+    assert "Traceback" not in ended.stderr
+    return ended.returncode, ended.stderr
+
+
+# The lecture
+
+
+def test_the_lectures_four_tasks_run_in_the_order_two_one_three_four(start, task, listed):
+    start("--speed", 50, "--settle", 1)
+    code, out, err = task("submit", "move", "warehouse", 8)
+    assert (code, err) == (0, "")
+    assert out.startswith("Task queued: move (task 1, done in ")
+    for argv in (("scan", "area_a", 9), ("move", "station_1", 5)):
+        task("submit", *argv)
+    assert ids(listed()) == [2, 1, 3]
+    code, out, _ = task("submit", "report", "central", 3, "--wait")
+    assert (code, out) == (0, "task 4  report central  priority 3  SUCCEEDED\n")
+    ended = listed("--all")
+    assert [each["state"] for each in ended] == ["SUCCEEDED"] * 4
+    assert ids(sorted(ended, key=lambda each: each["started"])) == [2, 1, 3, 4]
+
+
+def test_four_clients_at_once_are_all_served(start, task, listed, tmp_path):
+    start()
+    task("pause")
+    rows = [("move", "warehouse"), ("scan", "area_a"), ("move", "station_1"), ("report", "central")]
+    clients = [
+        subprocess.Popen(
+            [sys.executable, "-m", "taskrpc.cli.call", "/robot_task", f"task_type={kind}",
+             f"target={target}", "priority=5", "--json"],
+            cwd=tmp_path, stdout=subprocess.PIPE,
+        )
+        for kind, target in rows
+    ]  # fmt: skip
+    answers = [json.loads(client.communicate(timeout=PATIENCE)[0]) for client in clients]
+    assert sorted(answer["task_id"] for answer in answers) == [1, 2, 3, 4]
+    assert all(answer["success"] and answer["estimated_time"] > 0 for answer in answers)
+    found = {each["task_id"]: (each["task_type"], each["target"]) for each in listed()}
+    assert [found[answer["task_id"]] for answer in answers] == rows
+
+
+def test_a_plain_service_call_queues_a_task(start, capsys):
+    start("--speed", 20)
+    yaml = "{task_type: move, target: '3,3', priority: 7}"
+    for number, request in enumerate(
+        (
+            ["my_robot_interfaces/srv/RobotTask", yaml],
+            ["{task_type: move, target: 3 3, priority: 7}"],
+            ["task_type=move", "target=3,3", "priority=7"],
+        ),
+        1,
+    ):
+        assert call_main(["/robot_task", *request]) == 0
+        answer = f"RobotTask_Response(success=True, message='Task queued: move', task_id={number}, "
+        assert answer in capsys.readouterr().out
+
+
+def test_a_refused_task_is_told_why_and_uses_up_no_number(start, capsys):
+    start("--speed", 20)
+    for kind, target, priority, message in (
+        ("fly", "dock", 5, "Invalid task: fly (expected move, scan or report)"),
+        ("move", "moon", 5, "Invalid target: unknown target 'moon'"),
+        ("move", "99,1", 5, "Invalid target: target '99,1' is outside the map"),
+        ("move", "dock", 0, "Invalid priority: 0 (expected 1 to 10"),
+        ("move", "dock", 11, "Invalid priority: 11 (expected 1 to 10"),
+    ):
+        values = f"task_type={kind}", f"target={target}", f"priority={priority}"
+        assert call_main(["/robot_task", *values, "--json"]) == 0
+        refused = json.loads(capsys.readouterr().out)
+        assert refused["message"].startswith(message)
+        del refused["message"]
+        assert refused == {"success": False, "task_id": -1, "estimated_time": 0.0}
+    call_main(["/robot_task", "task_type=report", "target=dock", "priority=5", "--json"])
+    assert json.loads(capsys.readouterr().out)["task_id"] == 1
+
+
+def test_a_full_queue_refuses_until_there_is_room(start, task):
+    start("--queue-limit", 1, "--speed", 20)
+    task("pause")
+    assert task("submit", "move", "dock")[0] == 0
+    code, out, err = task("submit", "move", "dock")
+    assert (code, out, err) == (1, "", "Queue full: 1 tasks wait, and no more may\n")
+    task("drop", 1)
+    assert task("submit", "move", "dock")[1].startswith("Task queued: move (task 2, ")
+
+
+# The commands
+
+
+def test_tasks_are_cancelled_moved_dropped_and_queued_again(start, task, listed):
+    start("--speed", 20)
+    assert task("pause")[:2] == (0, "The queue is paused\n")
+    for target, priority in (("warehouse", 3), ("station_1", 5), ("dock", 7)):
+        task("submit", "move", target, priority)
+    assert ids(listed()) == [3, 2, 1]
+    assert task("reprioritise", 1, 10)[1].startswith("Task 1 has priority 10")
+    assert ids(listed()) == [1, 3, 2]
+    assert task("cancel", 3)[:2] == (0, "Task 3 was cancelled\n")
+    assert task("drop", 2)[:2] == (0, "Task 2 was cancelled\n")
+    assert task("requeue", 3)[0] == 0
+    assert ids(listed()) == [1, 3]
+    assert task("resume")[:2] == (0, "The queue goes on\n")
+    code, out, _ = task("submit", "report", "dock", 1, "--wait", "--json")
+    assert code == 0
+    assert json.loads(out)["result"].keys() == {"pose", "battery", "odometer"}
+    assert task("cancel", 1)[0] == 1
+    assert "only one that was interrupted, failed or cancelled" in task("requeue", 1)[2]
+    assert task("requeue", 99) == (1, "", "There is no task 99\n")
+
+
+def test_stop_halts_the_robot_and_the_waiting_submit_ends_with_an_error(start, task, tmp_path):
+    start("--speed", 1)
+    waiting = subprocess.Popen(
+        [sys.executable, "-m", "taskrpc", "task", "submit", "move", "warehouse", "--wait"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert waiting.stderr is not None
+    while "RUNNING" not in waiting.stderr.readline():
+        pass
+    code, out, _ = task("stop")
+    assert code == 0
+    assert out.startswith("The robot is stopped and the queue is paused; task 1 was cancelled")
+    out, _ = waiting.communicate(timeout=PATIENCE)
+    assert waiting.returncode == 1
+    assert out.startswith("task 1  move warehouse  priority 5  CANCELED")
+
+
+@POSIX
+def test_ctrl_c_leaves_the_task_alone_and_says_so(start, task, tmp_path):
+    start("--speed", 1)
+    waiting = subprocess.Popen(
+        [sys.executable, "-m", "taskrpc", "task", "submit", "move", "warehouse", "--wait"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert waiting.stderr is not None
+    while "RUNNING" not in waiting.stderr.readline():
+        pass
+    waiting.send_signal(signal.SIGINT)
+    out, err = waiting.communicate(timeout=PATIENCE)
+    assert (waiting.returncode, out) == (130, "")
+    assert err == "task 1 goes on; to cancel it: taskrpc task cancel 1\n"
+    assert "RUNNING" in task("list")[1]
+
+
+def test_without_a_server_the_exit_code_is_four_and_there_is_a_hint(task):
+    code, out, err = task("list", "--timeout", 0.2)
+    assert (code, out) == (4, "")
+    assert "nobody offers /robot_task (waited 0.2 s)" in err
+    assert "start one, for example taskrpc-server" in err
+    code, _, err = task("list", "--timeout", 0.2, "--json")
+    assert (code, json.loads(err)["error"]) == (4, "ServiceUnavailable")
+
+
+def test_a_server_is_reached_by_its_address(start, task):
+    server = start("--speed", 20)
+    assert task("submit", "report", "dock", "--connect", server.address)[0] == 0
+
+
+# Its life
+
+
+@POSIX
+def test_a_restart_keeps_what_waits_and_tells_what_was_interrupted(start, task, listed):
+    first = start("--speed", 1)
+    for target, priority in (("warehouse", 9), ("station_1", 2), ("dock", 5)):
+        task("submit", "move", target, priority)
+    while listed()[0]["state"] != "RUNNING":
+        pass
+    code, seconds = first.end()
+    assert code == 0
+    assert seconds < 2
+    second = start("--speed", 1)
+    assert "taskrpc-server: resumed 2 queued tasks; task 1 was interrupted" in second.text
+    assert "taskrpc task requeue 1" in second.text
+    assert second.text.index("resumed") < second.text.index(READY)
+    assert ids(listed()) == [3, 2]
+    (interrupted,) = [each for each in listed("--all") if each["task_id"] == 1]
+    assert interrupted["state"] == "INTERRUPTED"
+    assert task("requeue", 1)[0] == 0
+    assert 1 in ids(listed())
+    assert task("submit", "move", "dock")[1].startswith("Task queued: move (task 4, ")
+
+
+@POSIX
+def test_a_killed_server_loses_no_task(start, task, listed):
+    first = start("--speed", 1)
+    task("submit", "move", "warehouse", 9)
+    task("submit", "move", "station_1", 2)
+    while listed()[0]["state"] != "RUNNING":
+        pass
+    first.end(signal.SIGKILL)
+    second = start("--speed", 1)
+    assert "resumed 1 queued task; task 1 was interrupted" in second.text
+    assert ids(listed()) == [2]
+
+
+@POSIX
+def test_watchers_do_not_delay_the_end_of_the_server(start, tmp_path):
+    server = start()
+    watching = subprocess.Popen(
+        [sys.executable, "-m", "taskrpc", "task", "watch"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
+    )  # fmt: skip
+    assert watching.stderr is not None
+    main(["task", "pause"])
+    assert watching.stdout is not None
+    assert watching.stdout.readline().endswith("the queue is paused\n")
+    code, seconds = server.end()
+    assert code == 0
+    assert seconds < 2
+    assert "waiting for it to come back" in watching.stderr.readline()
+    start()
+    assert watching.stderr.readline() == "the task server is back\n"
+    watching.send_signal(signal.SIGINT)
+    watching.communicate(timeout=PATIENCE)
+    assert watching.returncode == 130
+
+
+def test_fresh_forgets_what_was_there(start, task, listed):
+    server = start("--speed", 1)
+    task("submit", "move", "warehouse")
+    server.end()
+    start("--fresh")
+    assert listed("--all") == []
+    assert task("submit", "move", "dock")[1].startswith("Task queued: move (task 1, ")
+
+
+# Mistakes
+
+
+def test_a_second_server_of_the_name_is_refused_and_told_who_has_it(start, tmp_path):
+    first = start()
+    code, err = failing_server(tmp_path, "--db", ":memory:")
+    assert code == 1
+    assert "/robot_task" in err
+    assert str(first.process.pid) in err
+
+
+def test_a_port_that_is_taken_is_named(tmp_path):
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        port = taken.getsockname()[1]
+        code, err = failing_server(tmp_path, "--db", ":memory:", "--listen", f"127.0.0.1:{port}")
+    assert code == 1
+    assert f"127.0.0.1:{port}" in err
+
+
+def test_a_map_that_cannot_be_read_or_is_wrong_is_shown_at_its_line(tmp_path):
+    code, err = failing_server(tmp_path, "--db", ":memory:", "--map", "nowhere.yaml")
+    assert code == 1
+    assert err.startswith("nowhere.yaml: error: cannot read the map: ")
+    (tmp_path / "small.yaml").write_text("size: [4, 4]\ndock: [9, 1]\n", encoding="utf-8")
+    code, err = failing_server(tmp_path, "--db", ":memory:", "--map", "small.yaml")
+    assert code == 1
+    assert err.startswith("small.yaml:2:7: error: dock reaches to 9, 1, outside the map")
+    assert "    dock: [9, 1]\n" in err
+
+
+def test_a_users_own_robot_takes_the_simulated_ones_place(start, task, tmp_path):
+    (tmp_path / "my_robot.py").write_text(HOOVER, encoding="utf-8")
+    start("--robot", "my_robot:Hoover")
+    code, out, _ = task("submit", "clean", "kitchen", 5, "--wait", "--json")
+    assert (code, json.loads(out)["result"]) == (0, {"dust": 7})
+    assert task("submit", "move", "dock")[2].startswith("Invalid task: move (expected clean)")
+
+
+def test_a_robot_class_that_is_not_there_is_named(tmp_path):
+    (tmp_path / "my_robot.py").write_text(HOOVER, encoding="utf-8")
+    for spec, problem in (
+        ("my_robot", "expected MODULE:CLASS"),
+        ("nowhere:Robot", "No module named 'nowhere'"),
+        ("my_robot:Robot", "my_robot has no Robot"),
+        ("my_robot:asyncio", "--robot my_robot:asyncio: "),
+    ):
+        code, err = failing_server(tmp_path, "--db", ":memory:", "--robot", spec)
+        assert code == 1
+        assert problem in err
+
+
+# The demo
+
+
+def demo(folder, *argv, **variables):
+    return subprocess.run(
+        [sys.executable, "-m", "taskrpc", "demo", *argv],
+        cwd=folder, capture_output=True, timeout=60, check=False, env={**os.environ, **variables},
+    )  # fmt: skip
+
+
+def test_the_demo_ends_by_itself_with_right_estimates_beside_a_running_server(
+    start, listed, tmp_path
+):
+    start()
+    ended = demo(tmp_path, "--speed", "20", PYTHONIOENCODING="cp1252")
+    out = ended.stdout.decode("cp1252")
+    assert (ended.returncode, ended.stderr) == (0, b""), out
+    assert re.search(r"All 6 estimates were right", out)
+    assert "\x1b" not in out
+    assert listed("--all") == []
+
+
+@POSIX
+def test_ctrl_c_ends_the_demo_without_a_traceback(tmp_path):
+    running = subprocess.Popen(
+        [sys.executable, "-m", "taskrpc", "demo"],
+        cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE,
+    )  # fmt: skip
+    assert running.stdout is not None
+    running.stdout.readline()
+    running.send_signal(signal.SIGINT)
+    _, err = running.communicate(timeout=PATIENCE)
+    assert (running.returncode, err) == (130, b"")
+
+
+@POSIX
+def test_on_a_terminal_the_demo_is_a_picture_and_the_terminal_is_restored(tmp_path):
+    import fcntl
+    import pty
+    import struct
+    import termios
+
+    leader, follower = pty.openpty()
+    fcntl.ioctl(follower, termios.TIOCSWINSZ, struct.pack("HHHH", 24, 80, 0, 0))
+    running = subprocess.Popen(
+        [sys.executable, "-m", "taskrpc", "demo", "--speed", "20"],
+        cwd=tmp_path, stdin=follower, stdout=follower, stderr=follower,
+        env={**os.environ, "TERM": "xterm-256color", "PYTHONIOENCODING": "utf-8"},
+    )  # fmt: skip
+    os.close(follower)
+    drawn = b""
+    with contextlib.suppress(OSError):  # on Linux the leader's end of file is an error
+        while chunk := os.read(leader, 65536):
+            drawn += chunk
+    os.close(leader)
+    assert running.wait(PATIENCE) == 0, drawn[-2000:]
+    text = drawn.decode()
+    before, _, after = text.rpartition("\x1b[?1049l")
+    assert "task server: priority queue" in before
+    assert "All 6 estimates were right" in after
+    assert "taskrpc-server" in after
