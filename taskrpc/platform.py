@@ -108,13 +108,23 @@ if sys.platform == "win32":
     import msvcrt
 
     def _lock(descriptor: int, *, wait: bool) -> None:
-        os.lseek(descriptor, _LOCK_OFFSET, os.SEEK_SET)
         # LK_LOCK itself gives up after ten seconds, which is what a stuck holder deserves.
-        msvcrt.locking(descriptor, msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK, 1)
+        _locking(descriptor, msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK)
+
+    def _locking(descriptor: int, mode: int) -> None:
+        # Windows locks from the current position on, from which the caller means to read.
+        os.lseek(descriptor, _LOCK_OFFSET, os.SEEK_SET)
+        try:
+            msvcrt.locking(descriptor, mode, 1)
+        finally:
+            os.lseek(descriptor, 0, os.SEEK_SET)
 
     def is_locked(descriptor: int) -> bool:
         """Whether a process holds the file's lock."""
-        return not try_lock(descriptor)
+        if not try_lock(descriptor):
+            return True
+        _locking(descriptor, msvcrt.LK_UNLCK)
+        return False
 
 else:
     import fcntl
@@ -129,6 +139,7 @@ else:
             fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except OSError:
             return True
+        fcntl.flock(descriptor, fcntl.LOCK_UN)
         return False
 
 
