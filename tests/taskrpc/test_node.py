@@ -1,0 +1,172 @@
+"""A node has a name, serves while it spins, and ends when, and only as far as, it is told."""
+
+import asyncio
+import signal
+
+import pytest
+
+import taskrpc
+from taskrpc.node import fast_loop
+from tests.taskrpc.transport.helpers import Add, Gate, add, ask, outcome, until
+
+
+def memory(name="node", **options):
+    return taskrpc.Node(name, transport="memory", **options)
+
+
+def test_names_follow_ros():
+    node = memory("arm", namespace="robot1")
+    assert node.get_name() == "arm"
+    assert node.get_namespace() == "/robot1"
+    assert node.get_fully_qualified_name() == "/robot1/arm"
+    assert node.resolve_service_name("add") == "/robot1/add"
+    assert node.resolve_service_name("~/add") == "/robot1/arm/add"
+    assert node.resolve_service_name("/add") == "/add"
+    with pytest.raises(taskrpc.InvalidName) as caught:
+        memory("my node")
+    assert caught.value.index == 2
+
+
+async def test_services_and_clients_of_a_namespace_find_each_other():
+    async with memory("server", namespace="/robot1") as server, memory() as node:
+        server.create_service(Add, "add", add)
+        server.create_service(Add, "~/own", add)
+        for name in ("/robot1/add", "/robot1/server/own"):
+            assert (await node.create_client(Add, name).call(ask(1, 2))).sum == 3
+
+
+@pytest.mark.parametrize("use", ["create_client", "create_service", "graph"])
+@pytest.mark.parametrize("state", ["new", "destroyed"])
+async def test_a_node_that_has_not_started_or_has_ended_says_so(use, state):
+    node = memory()
+    if state == "destroyed":
+        await node.start()
+        await node.destroy()
+    with pytest.raises(taskrpc.TaskRpcError, match="the node node has not started; write `async"):
+        if use == "create_client":
+            node.create_client(Add, "add")
+        elif use == "create_service":
+            node.create_service(Add, "add", add)
+        else:
+            await node.graph()
+
+
+async def test_a_destroyed_node_may_be_destroyed_again_and_its_parts_may_be_used():
+    async with memory("other") as other:
+        node = memory()
+        await node.start()
+        service = node.create_service(Add, "add", add)
+        client = node.create_client(Add, "add")
+        await node.destroy()
+        await node.destroy()
+        await node.drain()
+        service.destroy()
+        client.destroy()
+        assert not client.service_is_ready()
+        assert not await client.wait_for_service(1)
+        with pytest.raises(taskrpc.TaskRpcError, match="the client of /add is destroyed"):
+            await client.call(ask())
+        assert [entry.services for entry in await other.graph()] == [()]
+
+
+async def test_a_node_may_start_again():
+    node = memory()
+    for _ in range(3):
+        async with node:
+            node.create_service(Add, "add", add)
+            assert (await node.create_client(Add, "add").call(ask(1))).sum == 1
+
+
+async def test_an_unknown_transport_is_named():
+    with pytest.raises(taskrpc.TaskRpcError, match="expected 'tcp' or 'memory', got 'pigeon'"):
+        await taskrpc.Node("node", transport="pigeon").start()
+
+
+async def test_what_is_no_service_type_is_named():
+    async with memory() as node:
+        for wrong, shown in ((Add.Request, "the class AddTwoInts_Request"), (42, "got 42")):
+            with pytest.raises(TypeError, match=shown):
+                node.create_client(wrong, "add")
+            with pytest.raises(TypeError, match=shown):
+                node.create_service(wrong, "add", add)
+
+
+async def test_a_service_needs_room_for_one_call():
+    async with memory() as node:
+        with pytest.raises(ValueError, match="concurrency: expected at least 1, got 0"):
+            node.create_service(Add, "add", add, concurrency=0)
+        node.create_service(Add, "add", add)
+
+
+async def test_the_error_that_ends_the_block_is_the_one_that_is_seen():
+    with pytest.raises(ZeroDivisionError):
+        async with memory() as node:
+            node.create_service(Add, "add", add)
+            1 / 0  # noqa: B018
+
+
+async def test_spin_that_is_cancelled_answers_what_is_in_flight():
+    gate = Gate()
+    async with memory("client", token="c") as node:
+
+        async def serve():
+            async with memory("server", token="s") as server:
+                server.create_service(Add, "gate", gate)
+                await server.spin()
+
+        serving = asyncio.create_task(serve())
+        client = node.create_client(Add, "gate")
+        assert await client.wait_for_service(5)
+        call = client.call_async(ask(1))
+        await until(lambda: gate.started)
+        serving.cancel()
+        await asyncio.sleep(3)
+        assert not serving.done()
+        assert isinstance(await outcome(client.call(ask(2))), taskrpc.ServiceUnavailable)
+        gate.opened.set()
+        assert (await call).sum == 1
+        with pytest.raises(asyncio.CancelledError):
+            await serving
+
+
+@pytest.mark.real_time
+@pytest.mark.skipif(not hasattr(signal, "SIGUSR1"), reason="Windows cannot raise SIGTERM softly")
+@pytest.mark.parametrize("number", ["SIGTERM", "SIGINT"])
+async def test_one_signal_ends_every_node_that_spins(number):
+    async with memory("one") as one, memory("other") as other:
+        spinning = asyncio.gather(one.spin(), other.spin())
+        await asyncio.sleep(0.01)
+        signal.raise_signal(getattr(signal, number))
+        await asyncio.wait_for(spinning, 5)
+
+
+async def test_nodes_of_equal_settings_share_an_endpoint_until_the_last_has_gone():
+    one, other = memory("one"), memory("other")
+    await one.start()
+    await other.start()
+    assert one._transport is other._transport
+    endpoint = one._transport
+    other.create_service(Add, "add", add)
+    await one.destroy()
+    async with memory("third") as third:
+        assert third._transport is endpoint
+        assert (await third.create_client(Add, "add").call(ask(1))).sum == 1
+    await other.destroy()
+    async with memory("fourth") as fourth:
+        assert fourth._transport is not endpoint
+
+
+def test_run_returns_what_its_coroutine_returns_and_leaves_no_loop():
+    async def main():
+        async with memory() as node:
+            node.create_service(Add, "add", add)
+            return (await node.create_client(Add, "add").call(ask(2, 3))).sum
+
+    assert taskrpc.run(main()) == 5
+    with pytest.raises(RuntimeError):
+        asyncio.get_running_loop()
+
+
+def test_the_fast_loop_is_uvloops_or_asyncios_own():
+    factory = fast_loop()
+    assert factory is None or factory.__module__.startswith("uvloop")

@@ -1,0 +1,158 @@
+"""Folders are the user's alone, locks end with their holder, signals reach everybody who asked."""
+
+import os
+import signal
+import stat
+import subprocess
+import sys
+import threading
+
+import pytest
+
+import taskrpc
+from taskrpc import platform
+
+posix = pytest.mark.skipif(os.name != "posix", reason="modes and owners are POSIX's")
+
+
+def test_places_follow_the_environment(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "r"))
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "s"))
+    assert platform.runtime_dir() == tmp_path / "r" / "taskrpc"
+    assert platform.state_dir() == tmp_path / "s" / "taskrpc"
+
+
+@posix
+def test_without_xdg_the_runtime_folder_is_the_users_in_the_temporary_folder(tmp_path, monkeypatch):
+    monkeypatch.delenv("XDG_RUNTIME_DIR")
+    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
+    folder = platform.runtime_dir()
+    assert folder == tmp_path / f"taskrpc-{os.getuid()}"
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
+
+
+@posix
+def test_a_private_folder_is_closed_to_others_whatever_the_umask(tmp_path):
+    before = os.umask(0)
+    try:
+        assert stat.S_IMODE(platform.private_dir(tmp_path / "a").stat().st_mode) == 0o700
+        (tmp_path / "b").mkdir(mode=0o777)
+        assert stat.S_IMODE(platform.private_dir(tmp_path / "b").stat().st_mode) == 0o700
+        descriptor = platform.open_private(tmp_path / "f")
+        assert stat.S_IMODE(os.fstat(descriptor).st_mode) == 0o600
+        os.close(descriptor)
+    finally:
+        os.umask(before)
+
+
+@posix
+def test_what_is_not_a_folder_of_ours_is_refused(tmp_path):
+    (tmp_path / "file").write_text("")
+    (tmp_path / "target").mkdir()
+    (tmp_path / "link").symlink_to(tmp_path / "target")
+    for name in ("file", "link", "file/below"):
+        with pytest.raises(taskrpc.TaskRpcError, match="folder"):
+            platform.private_dir(tmp_path / name)
+    (tmp_path / "to").symlink_to(tmp_path / "file")
+    with pytest.raises(OSError, match="[Ss]ymbolic|[Ll]ink|ELOOP"):
+        platform.open_private(tmp_path / "to")
+
+
+def test_a_lock_is_seen_by_others_and_ends_with_its_descriptor(tmp_path):
+    one, other = (platform.open_private(tmp_path / "f") for _ in range(2))
+    assert not platform.is_locked(other)
+    platform.lock(one)
+    assert platform.is_locked(other)
+    assert not platform.try_lock(other)
+    os.close(one)
+    assert not platform.is_locked(other)
+    assert platform.try_lock(other)
+    os.close(other)
+
+
+def test_looking_at_a_lock_does_not_take_it(tmp_path):
+    one, other, third = (platform.open_private(tmp_path / "f") for _ in range(3))
+    if os.name == "posix":
+        assert not platform.is_locked(other)
+        assert not platform.is_locked(third)
+        os.close(other)
+    os.close(third)
+    assert platform.try_lock(one)
+    os.close(one)
+
+
+def test_a_lock_file_is_held_by_one_at_a_time(tmp_path):
+    inside, most = [], []
+
+    def enter():
+        for _ in range(20):
+            with platform.locked(tmp_path / "lock"):
+                inside.append(1)
+                most.append(len(inside))
+                inside.pop()
+
+    threads = [threading.Thread(target=enter) for _ in range(4)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert max(most) == 1
+
+
+@posix
+def test_a_stop_signal_reaches_every_block_and_the_handlers_come_back():
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    one, other = [], []
+    with platform.stop_signals(one.append):
+        with platform.stop_signals(other.append):
+            signal.raise_signal(signal.SIGTERM)
+        signal.raise_signal(signal.SIGINT)
+    assert one == [signal.SIGTERM, signal.SIGINT]
+    assert other == [signal.SIGTERM]
+    assert before == [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+
+
+@posix
+def test_blocks_may_end_in_any_order():
+    one, other = [], []
+    before = signal.getsignal(signal.SIGTERM)
+    first, second = platform.stop_signals(one.append), platform.stop_signals(other.append)
+    first.__enter__()
+    second.__enter__()
+    first.__exit__(None, None, None)
+    signal.raise_signal(signal.SIGTERM)
+    second.__exit__(None, None, None)
+    assert (one, other) == ([], [signal.SIGTERM])
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+def test_outside_the_main_thread_signals_stay_as_they_are():
+    before = signal.getsignal(signal.SIGTERM)
+    seen = []
+
+    def run():
+        with platform.stop_signals(seen.append):
+            seen.append(signal.getsignal(signal.SIGTERM))
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    thread.join()
+    assert seen == [before]
+
+
+@pytest.mark.real_time
+def test_a_process_can_be_asked_to_end():
+    with subprocess.Popen([sys.executable, "-c", "import time; time.sleep(60)"]) as sleeping:
+        platform.end_process(sleeping.pid)
+        assert sleeping.wait(10) != 0
+    with pytest.raises(ProcessLookupError):
+        platform.end_process(sleeping.pid)
+
+
+def test_output_takes_any_character(capfd):
+    program = "from taskrpc import platform; platform.prepare_output(); print('é → \\U0001f916')"
+    environment = {**os.environ, "PYTHONIOENCODING": "ascii"}
+    done = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, check=True
+    )
+    assert done.stdout.strip() == b"\\xe9 \\u2192 \\U0001f916"

@@ -1,0 +1,201 @@
+"""A service answers each call exactly once, whatever its callback does and whenever it ends."""
+
+import asyncio
+import random
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import taskrpc
+from taskrpc.service import Service
+from taskrpc.testing import VirtualTimeLoop
+from taskrpc.transport.base import IncomingCall
+from tests.taskrpc.transport.helpers import Add
+
+
+class FakeTransport:
+    def offer(self, offer):
+        self.serve = offer.serve
+
+    def withdraw(self, offer):
+        pass
+
+
+class FakeCall(IncomingCall):
+    def __init__(self, number, deadline=None):
+        super().__init__("/x", "/me", number, deadline, asyncio.get_running_loop().time)
+        self.request = Add.Request(a=number)
+        self.on_cancel = None
+        self.started = False
+        self.ends = []
+
+    def reply(self, response):
+        self.ends.append(response)
+
+    def fail(self, error):
+        # A terminal frame goes out once; later ones find the call answered, as on a connection.
+        if not self.ends:
+            self.ends.append(error)
+
+
+def service(callback, **options):
+    transport = FakeTransport()
+    return transport, Service(transport, Add, "/x", "/server", callback, **options)
+
+
+async def test_a_destroyed_service_finishes_when_its_last_call_is_answered():
+    gate = asyncio.Event()
+
+    async def wait(request, response):
+        await gate.wait()
+        return response
+
+    transport, made = service(wait)
+    calls = [FakeCall(n) for n in range(3)]
+    for call in calls:
+        transport.serve(call)
+    made.destroy()
+    await asyncio.sleep(1)
+    assert not made.finished.done()
+    gate.set()
+    await made.finished
+    assert all(len(call.ends) == 1 for call in calls)
+
+
+async def test_an_idle_service_finishes_at_once():
+    _, made = service(lambda request, response: response, threaded=True)
+    made.destroy()
+    made.destroy()
+    assert made.finished.done()
+
+
+async def test_a_call_that_comes_after_the_end_is_told_to_go_elsewhere():
+    transport, made = service(lambda request, response: response)
+    made.destroy()
+    call = FakeCall(1)
+    transport.serve(call)
+    assert isinstance(call.ends[0], taskrpc.ServiceUnavailable)
+    assert not call.started
+
+
+async def test_a_call_whose_deadline_has_passed_is_not_begun():
+    transport, _ = service(lambda request, response: response)
+    call = FakeCall(1, deadline=asyncio.get_running_loop().time())
+    transport.serve(call)
+    assert isinstance(call.ends[0], taskrpc.DeadlineExceeded)
+    assert call.ends[0].not_executed
+    assert not call.started
+
+
+async def test_the_queue_checks_deadlines_itself():
+    """The timer wheel may be a tick late; the callback must not start all the same."""
+    loop = asyncio.get_running_loop()
+    started = []
+
+    async def note(request, response):
+        started.append(request.a)
+        await asyncio.sleep(0.010)
+        return response
+
+    transport, _ = service(note)
+    calls = [FakeCall(0), FakeCall(1, deadline=loop.time() + 0.009), FakeCall(2)]
+    for call in calls:
+        transport.serve(call)
+    await asyncio.sleep(1)
+    assert started == [0, 2]
+    assert isinstance(calls[1].ends[0], taskrpc.DeadlineExceeded)
+
+
+async def test_abandoned_calls_are_told_apart_by_whether_they_had_begun():
+    async def forever(request, response):
+        await asyncio.sleep(1e6)
+
+    transport, made = service(forever, concurrency=2)
+    calls = [FakeCall(n) for n in range(5)]
+    for call in calls:
+        transport.serve(call)
+    made.abandon()
+    kinds = [type(call.ends[0]) for call in calls]
+    assert kinds == [taskrpc.OutcomeUnknown] * 2 + [taskrpc.ServiceUnavailable] * 3
+    await made.finished
+
+
+actions = st.lists(
+    st.sampled_from(["call", "call", "call", "cancel", "wait", "destroy", "abandon"]), max_size=25
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(actions=actions, seed=st.integers(0, 1000), concurrency=st.integers(1, 3))
+def test_every_call_ends_exactly_once_and_no_more_run_than_allowed(actions, seed, concurrency):
+    chance = random.Random(seed)
+    running, most = set(), [0]
+
+    async def work(request, response):
+        running.add(request.a)
+        most.append(len(running))
+        try:
+            await asyncio.sleep(chance.choice([0, 0.1, 1]))
+            if chance.random() < 0.2:
+                raise ValueError("planned")
+        finally:
+            running.discard(request.a)
+        return response
+
+    async def play():
+        transport, made = service(work, concurrency=concurrency)
+        calls = []
+        for action in actions:
+            if action == "call":
+                calls.append(FakeCall(len(calls)))
+                transport.serve(calls[-1])
+            elif action == "cancel" and calls:
+                call = chance.choice(calls)
+                if not call.ends:
+                    call.cancel()
+                    call.fail(taskrpc.TaskRpcError("cancelled"))
+            elif action == "wait":
+                await asyncio.sleep(chance.choice([0, 0.05, 2]))
+            elif action == "destroy":
+                made.destroy()
+            elif action == "abandon":
+                made.abandon()
+        made.destroy()
+        await made.finished
+        await asyncio.sleep(0)
+        assert [call.number for call in calls if not call.ends] == []
+        assert max(most) <= concurrency
+        assert not running
+        assert not made._jobs
+
+    with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
+        runner.run(play())
+
+
+async def test_order_is_kept_when_calls_come_while_one_ends():
+    order = []
+    transport, _ = service(lambda request, response: order.append(request.a) or response)
+
+    for n in range(5):
+        transport.serve(FakeCall(n))
+        if n % 2:
+            await asyncio.sleep(0)
+    await asyncio.sleep(1)
+    assert order == sorted(order) == list(range(5))
+
+
+@pytest.mark.parametrize("count", [1, 3])
+async def test_an_async_callback_in_a_thread_runs_to_its_end(count):
+    async def nested(request, response):
+        await asyncio.sleep(0)
+        response.sum = taskrpc.current_call().number
+        return response
+
+    transport, made = service(nested, threaded=True, concurrency=count)
+    calls = [FakeCall(n) for n in range(4)]
+    for call in calls:
+        transport.serve(call)
+    made.destroy()
+    await made.finished
+    assert [call.ends[0].sum for call in calls] == [0, 1, 2, 3]

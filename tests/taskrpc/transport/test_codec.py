@@ -1,0 +1,103 @@
+"""A body is what its class says, to the last field, or an InvalidRequest that says where not."""
+
+import msgspec
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+import srvgen
+import taskrpc
+from taskrpc.transport.codec import Codec, codec_of
+from tests.taskrpc.transport.helpers import Add, Text
+
+encode = msgspec.msgpack.encode
+int64 = st.integers(-(2**63), 2**63 - 1)
+
+
+@given(a=int64, b=int64)
+def test_what_is_encoded_is_decoded(a, b):
+    codec = codec_of(Add.Request)
+    assert codec.decode(codec.encode(Add.Request(a=a, b=b))) == Add.Request(a=a, b=b)
+
+
+@given(st.binary(max_size=40))
+def test_any_bytes_are_a_message_or_an_invalid_request(body):
+    for cls in (Add.Request, Text.Request, Text.Response):
+        try:
+            message = codec_of(cls).decode(body)
+        except taskrpc.InvalidRequest:
+            continue
+        assert type(message) is cls
+        assert codec_of(cls).decode(codec_of(cls).encode(message)) == message
+
+
+@given(st.lists(st.one_of(int64, st.text(), st.none(), st.booleans(), st.floats()), max_size=4))
+def test_only_the_right_fields_in_the_right_number_are_taken(values):
+    is_right = len(values) == 2 and all(type(each) is int for each in values)
+    try:
+        codec_of(Add.Request).decode(encode(values))
+        taken = True
+    except taskrpc.InvalidRequest:
+        taken = False
+    assert taken is is_right
+
+
+@pytest.mark.parametrize(
+    ("body", "said"),
+    [
+        (b"", "the body is not a example_interfaces/srv/AddTwoInts_Request of 2 fields"),
+        (encode([1]), "the body is not a example_interfaces/srv/AddTwoInts_Request of 2 fields"),
+        (encode([1, 2, 3]), "the body is not a"),
+        (encode({"a": 1, "b": 2}), "the body is not a"),
+        (encode([1, "x"]), "b: Expected `int`, got `str`"),
+        (encode([2**63, 1]), "a: expected int64 in"),
+        (encode([1, 2]) + b"\x00", "trailing"),
+    ],
+)
+def test_a_wrong_body_is_named(body, said):
+    with pytest.raises(taskrpc.InvalidRequest) as caught:
+        codec_of(Add.Request).decode(body)
+    assert said in str(caught.value)
+
+
+def test_a_value_deep_inside_is_named_by_its_path():
+    Plan = srvgen.load("nav_msgs/srv/GetPlan")
+    codec = codec_of(Plan.Request)
+    request = Plan.Request()
+    request.goal.pose.position.x = "far"
+    with pytest.raises(taskrpc.InvalidRequest) as caught:
+        codec.encode(request)
+    assert caught.value.path == "goal.pose.position.x"
+
+
+def test_another_type_and_another_object_are_refused():
+    codec = codec_of(Add.Request)
+    for wrong in (Add.Response(), None, 42, {"a": 1}, Add.Request):
+        with pytest.raises(taskrpc.InvalidRequest, match=r"expected a .*AddTwoInts_Request, got"):
+            codec.encode(wrong)
+
+
+def test_messages_of_many_fields_have_their_own_header():
+    names = [f"f{n}" for n in range(20)]
+    cls = msgspec.defstruct(
+        "Wide",
+        [(name, int, 0) for name in names],
+        array_like=True,
+        forbid_unknown_fields=True,
+        namespace={
+            "__annotations__": {},
+            "_TYPE": "t/msg/Wide",
+            "_FIELDS": tuple((name, "int64") for name in names),
+            "_WIDTH": 20,
+            "_check": lambda self: None,
+        },
+    )
+    codec = Codec(cls)
+    assert codec.decode(codec.encode(cls(f3=7))).f3 == 7
+    for count in (15, 16, 19, 21):
+        with pytest.raises(taskrpc.InvalidRequest):
+            codec.decode(encode([0] * count))
+
+
+def test_a_codec_is_made_once():
+    assert codec_of(Add.Request) is codec_of(Add.Request)
