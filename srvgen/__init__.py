@@ -9,6 +9,7 @@ if TYPE_CHECKING:
     from typing import Any
 
     from ._runtime import FieldError
+    from .cdr import CdrError, from_cdr, to_cdr
     from .convert import from_builtins, to_builtins
     from .errors import DefinitionError
     from .importer import install_import_hook
@@ -16,32 +17,38 @@ if TYPE_CHECKING:
     from .parser import parse_action, parse_msg, parse_srv
 
 __all__ = [
+    "CdrError",
     "DefinitionError",
     "FieldError",
     "define",
     "from_builtins",
+    "from_cdr",
     "install_import_hook",
     "load",
     "parse_action",
     "parse_msg",
     "parse_srv",
     "to_builtins",
+    "to_cdr",
     "type_hash",
 ]
 
 # Each name is imported when it is first asked for: a program that has generated its classes
 # beforehand pays for no parser.
 _HOMES = {
+    "CdrError": "cdr",
     "DefinitionError": "errors",
     "FieldError": "_runtime",
     "define": "loader",
     "from_builtins": "convert",
+    "from_cdr": "cdr",
     "install_import_hook": "importer",
     "load": "loader",
     "parse_action": "parser",
     "parse_msg": "parser",
     "parse_srv": "parser",
     "to_builtins": "convert",
+    "to_cdr": "cdr",
     "type_hash": "loader",
 }
 
