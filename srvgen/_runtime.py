@@ -425,7 +425,28 @@ def _plain(value: Any) -> Any:
     return list(value) if isinstance(value, tuple) else value
 
 
-class _RenamingMeta(msgspec.StructMeta):
+class _ConstantsMeta(msgspec.StructMeta):
+    """Keeps constants and defaults as the definition has them, as rosidl's classes do."""
+
+    def __setattr__(cls, name: str, value: object) -> None:
+        cls._refuse_constant(name)
+        super().__setattr__(name, value)
+
+    def __delattr__(cls, name: str) -> None:
+        cls._refuse_constant(name)
+        super().__delattr__(name)
+
+    def _refuse_constant(cls, name: str) -> None:
+        # Nothing else in a message class begins with a capital.
+        if name[:1].isupper() and name in cls.__dict__:
+            raise AttributeError(f"{cls.__name__}.{name} is a constant and cannot be changed")
+
+
+class MessageWithConstants(Message, kw_only=True, metaclass=_ConstantsMeta):
+    """The base of messages that have constants or defaults, which nobody can set."""
+
+
+class _RenamingMeta(_ConstantsMeta):
     """Lets a keyword field be written both as `from_` and as `from`."""
 
     def __init__(cls, *args: Any, **options: Any) -> None:
@@ -450,7 +471,7 @@ def _alias(attribute: str) -> property:
     return property(getter, lambda message, value: setattr(message, attribute, value))
 
 
-class RenamedMessage(Message, kw_only=True, metaclass=_RenamingMeta):
+class RenamedMessage(MessageWithConstants, kw_only=True, metaclass=_RenamingMeta):
     """The base of messages with a field whose name Python keeps for itself."""
 
 

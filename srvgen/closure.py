@@ -2,16 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import keyword
+from collections.abc import Callable, Iterator
+from functools import cached_property, partial
 from pathlib import Path
-from typing import Protocol
+from typing import Protocol, TypeVar
 
+from . import limits
 from .errors import DefinitionError, DefinitionErrors
 from .fieldtypes import ROS1_TIME_TYPES
 from .files import read_text
-from .implied import references
-from .model import Definition, Field, sections
+from .implied import implied_types, references
+from .model import Definition, Field, MessageDef, sections
 from .slips import ros1_hint
+
+T = TypeVar("T")
 
 
 class Source(Protocol):
@@ -23,9 +28,12 @@ class Source(Protocol):
     def load(self, full_name: str) -> Definition:
         """The definition of a type."""
 
+    def text(self, full_name: str) -> str:
+        """The text of the file that defines a type."""
+
 
 def closure(
-    definition: Definition, source: Source, *, path: Path | None = None
+    definition: Definition, source: Source, *, path: Path | None = None, text: str | None = None
 ) -> list[Definition]:
     """A definition and all that it needs; each comes after what it needs, itself last.
 
@@ -33,12 +41,19 @@ def closure(
         definition: where to begin.
         source: where the others are found.
         path: the file of the first, where the source does not know it.
+        text: the text of the first, where it is not what the file has.
 
     Raises:
-        DefinitionError: a type is missing, invalid or contains itself.
+        DefinitionError: a type is missing, invalid, contains itself or is too large.
     """
     walk = _Walk(source)
-    walk.visit(definition, path or source.find(definition.full_name))
+    if path is None:
+        place = _Place(source.find(definition.full_name), source.text, definition.full_name)
+    elif text is None:
+        place = _Place(path, read_text, path)
+    else:
+        place = _Place(path, str, text)
+    walk.visit(definition, place)
     raise_all(walk.problems)
     return walk.ordered
 
@@ -49,7 +64,7 @@ def check_ros2_types(definition: Definition, path: Path) -> None:
     Raises:
         DefinitionError: the definition has such a field.
     """
-    raise_all(list(_ros1_types(definition, path)))
+    raise_all(list(_ros1_types(definition, _Place(path, read_text, path))))
 
 
 def raise_all(problems: list[DefinitionError]) -> None:
@@ -58,6 +73,31 @@ def raise_all(problems: list[DefinitionError]) -> None:
         raise DefinitionErrors(sorted(problems, key=lambda one: (one.path, one.line, one.column)))
     if problems:
         raise problems[0]
+
+
+class _Place:
+    """Where a definition stands, for errors that point into it; read only where there are any."""
+
+    def __init__(self, path: Path, read: Callable[[T], str], what: T) -> None:
+        self.path = path
+        self._read = partial(read, what)
+
+    def error(self, field: Field, message: str, hint: str = "") -> DefinitionError:
+        """A problem of one field's type."""
+        # A type begins its line; a field without a line belongs to an implied type.
+        line = self._lines[field.line - 1] if field.line else ""
+        return DefinitionError(
+            message,
+            path=str(self.path),
+            line=field.line,
+            column=1 if field.line else 0,
+            source_line=line,
+            hint=hint,
+        )
+
+    @cached_property
+    def _lines(self) -> list[str]:
+        return self._read().removeprefix("\ufeff").splitlines()
 
 
 class _Walk:
@@ -69,22 +109,32 @@ class _Walk:
         self.problems: list[DefinitionError] = []
         self._open: list[str] = []
         self._seen: set[str] = set()
+        self._memory: dict[str, int] = {}
 
-    def visit(self, definition: Definition, path: Path) -> None:
+    def visit(self, definition: Definition, place: _Place) -> None:
         self._seen.add(definition.full_name)
         self._open.append(definition.full_name)
-        self.problems.extend(_ros1_types(definition, path))
+        self.problems.extend(_ros1_types(definition, place))
+        if keyword.iskeyword(definition.full_name.rpartition("/")[2]):
+            name = definition.full_name
+            problem = f"expected a type name that Python does not keep for itself, got {name!r}"
+            self.problems.append(DefinitionError(problem, path=str(place.path)))
         for field in references(definition):
-            self._follow(field, path)
+            self._follow(field, place)
+        self._weigh(definition, place)
         self._open.pop()
         self.ordered.append(definition)
 
-    def _follow(self, field: Field, path: Path) -> None:
+    def _follow(self, field: Field, place: _Place) -> None:
         name = field.type.full_name
         if name in self._open:
             chain = " → ".join([*self._open[self._open.index(name) :], name])
-            self.problems.append(_at(path, field, f"expected a type that ends, got {chain}"))
+            self.problems.append(place.error(field, f"expected a type that ends, got {chain}"))
         if name in self._seen:
+            return
+        if len(self._open) >= limits.DEPTH:
+            most = f"expected at most {limits.DEPTH} types one inside the other, got more"
+            self.problems.append(place.error(field, most))
             return
         try:
             needed = self.source.load(name)
@@ -92,10 +142,24 @@ class _Walk:
             self._seen.add(name)
             # An error with a place is one inside the other file and needs none here.
             self.problems.extend(
-                problems_of(error) if error.path else [_at(path, field, error.message, error.hint)]
+                problems_of(error)
+                if error.path
+                else [place.error(field, error.message, error.hint)]
             )
         else:
-            self.visit(needed, self.source.find(name))
+            self.visit(needed, _Place(self.source.find(name), self.source.text, name))
+
+    def _weigh(self, definition: Definition, place: _Place) -> None:
+        """Refuse what would fill the memory as soon as a message is made."""
+        for part in (*implied_types(definition), definition):
+            if isinstance(part, MessageDef):
+                memory = limits.default_memory(part, self._memory)
+                if memory > limits.MEMORY:
+                    most = f"expected at most {limits.MEMORY:,} bytes for a message of defaults"
+                    heaviest = max(part.fields, key=partial(limits.field_memory, self._memory))
+                    self.problems.append(place.error(heaviest, f"{most}, got {memory:,}"))
+                    memory = 0  # what holds this one is not to blame as well
+                self._memory[part.full_name] = memory
 
 
 def problems_of(error: DefinitionError) -> list[DefinitionError]:
@@ -103,26 +167,12 @@ def problems_of(error: DefinitionError) -> list[DefinitionError]:
     return error.problems if isinstance(error, DefinitionErrors) else [error]
 
 
-def _ros1_types(definition: Definition, path: Path) -> Iterator[DefinitionError]:
+def _ros1_types(definition: Definition, place: _Place) -> Iterator[DefinitionError]:
     for message in sections(definition):
         for field in message.fields:
             if field.type.package is None and field.type.base in ROS1_TIME_TYPES:
-                yield _at(
-                    path,
+                yield place.error(
                     field,
                     f"expected a type of ROS 2, got {field.type.base!r} of ROS 1",
                     ros1_hint(field.type.base),
                 )
-
-
-def _at(path: Path, field: Field, message: str, hint: str = "") -> DefinitionError:
-    # A type begins its line; a field without a line belongs to an implied type.
-    line = read_text(path).removeprefix("\ufeff").splitlines()[field.line - 1] if field.line else ""
-    return DefinitionError(
-        message,
-        path=str(path),
-        line=field.line,
-        column=1 if field.line else 0,
-        source_line=line,
-        hint=hint,
-    )

@@ -6,12 +6,16 @@ from collections.abc import Iterator
 
 from .fieldtypes import ROS1_TIME_TYPES, parse_type
 from .literals import parse_default, parse_scalar
-from .mistake import Mistake
+from .mistake import Mistake, Repair
 from .model import PRIMITIVES, FieldType
-from .names import CONSTANT_RULE, LOWER_RULE, is_constant_name, is_field_name
+from .names import CONSTANT_RULE, LOWER_RULE, bad_at, is_constant_name, is_field_name
 from .slips import (
+    bracket_repair,
+    comment_repair,
     constant_name_hint,
+    constant_name_repair,
     field_name_hint,
+    field_name_repair,
     line_hint,
     looks_like_separator,
     strange_character,
@@ -32,6 +36,7 @@ def _mistakes(code: str, package: str) -> Iterator[Mistake]:
         yield Mistake(
             "expected the type at the start of the line, got white space",
             hint="only comments may be indented",
+            repair=Repair(0, len(code) - len(code.lstrip()), ""),
         )
     elif not name or line_hint(type_text):
         yield from _lone_word(code)
@@ -50,7 +55,11 @@ def _lone_word(code: str) -> Iterator[Mistake]:
         )
         return
     alone = "" if " " in code else " alone"
-    yield Mistake(f"expected a type and a name, got {code!r}{alone}", hint=line_hint(code))
+    yield Mistake(
+        f"expected a type and a name, got {code!r}{alone}",
+        hint=line_hint(code),
+        repair=comment_repair(code),
+    )
 
 
 def _constant_mistakes(code: str, type_text: str, name_at: int) -> Iterator[Mistake]:
@@ -65,14 +74,15 @@ def _constant_mistakes(code: str, type_text: str, name_at: int) -> Iterator[Mist
     if not is_constant_name(name):
         yield Mistake(
             f"expected the name of a constant ({CONSTANT_RULE}), got {name!r}",
-            name_at,
+            name_at + bad_at(name, "constant"),
             constant_name_hint(name, type_text, value),
+            constant_name_repair(name, name_at),
         )
     if type_text in PRIMITIVES:
         try:
             parse_scalar(value, type_text)
         except Mistake as mistake:
-            yield _moved(mistake, len(code) - len(value))
+            yield mistake.moved(len(code) - len(value))
 
 
 def _field_mistakes(code: str, type_text: str, name_at: int, package: str) -> Iterator[Mistake]:
@@ -84,6 +94,10 @@ def _field_mistakes(code: str, type_text: str, name_at: int, package: str) -> It
     except Mistake as mistake:
         if name in PRIMITIVES and is_field_name(type_text):
             mistake.hint = f"the type comes first: {name} {type_text}"
+            swapped = Repair(0, name_at + len(name), f"{name} {type_text}")
+            mistake.repair = None if default else swapped
+        elif "[" in type_text and "]" not in type_text:
+            mistake.repair = bracket_repair(code)
         yield mistake
         if ("[" in type_text and "]" not in type_text) or name in PRIMITIVES:
             return  # type and name do not stand where they should: say it once
@@ -91,21 +105,35 @@ def _field_mistakes(code: str, type_text: str, name_at: int, package: str) -> It
         hint = field_name_hint(name, type_text)
         if is_constant_name(name) and default:
             hint = f"a constant is written with '=': {type_text} {name}={default}"
-        yield Mistake(f"expected the name of a field ({LOWER_RULE}), got {name!r}", name_at, hint)
+        yield _no_field_name(name, name_at, hint, _name_repair(code, type_text, name, name_at))
     elif field_type and default:
         try:
             parse_default(default, field_type)
         except Mistake as mistake:
-            yield _with_default_hint(_moved(mistake, len(code) - len(default)), default)
+            yield _with_default_hint(mistake, default).moved(len(code) - len(default))
+
+
+def _name_repair(code: str, type_text: str, name: str, name_at: int) -> Repair | None:
+    if is_constant_name(name) and len(code) > name_at + len(name):
+        return None  # a constant that lacks its '=', or a field in capitals with a default
+    if name.startswith("["):
+        return bracket_repair(code)
+    return field_name_repair(name, type_text, name_at)
+
+
+def _no_field_name(name: str, name_at: int, hint: str, repair: Repair | None) -> Mistake:
+    return Mistake(
+        f"expected the name of a field ({LOWER_RULE}), got {name!r}",
+        name_at + bad_at(name, "field"),
+        hint,
+        repair,
+    )
 
 
 def _with_default_hint(mistake: Mistake, default: str) -> Mistake:
     if default.startswith("//"):
         mistake.hint = "a comment begins with '#'"
+        mistake.repair = comment_repair(default)
     if looks_like_separator(default) or default == "---":
         mistake.hint = "the separator --- stands on a line of its own"
     return mistake
-
-
-def _moved(mistake: Mistake, offset: int) -> Mistake:
-    return Mistake(mistake.message, mistake.offset + offset, mistake.hint)

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import ClassVar
+
+from .mistake import Repair
+
 
 class DefinitionError(ValueError):
     """A .srv, .msg or .action text is not a valid definition, or a type cannot be found.
@@ -15,7 +19,11 @@ class DefinitionError(ValueError):
         line, column: where, counted from 1; 0 when the whole file is meant.
         source_line: the offending line as it stands in the file, or "".
         hint: what the writer most likely meant, or "".
+        repair: what `srvgen fix` writes instead (offsets in the line, and the text), or None.
     """
+
+    level: ClassVar[str] = "error"
+    repair: Repair | None = None
 
     def __init__(
         self,
@@ -37,7 +45,7 @@ class DefinitionError(ValueError):
 
     def __str__(self) -> str:
         where = ":".join(str(part) for part in (self.path, self.line, self.column) if part)
-        lines = [f"{where}: error: {self.message}" if where else self.message]
+        lines = [f"{where}: {self.level}: {self.message}" if where else self.message]
         if self.source_line:
             lines.append(f"    {self.source_line}")
             if self.column:
@@ -48,6 +56,12 @@ class DefinitionError(ValueError):
 
     def __reduce__(self) -> tuple[object, ...]:
         return _rebuild, (self.message, self.__dict__.copy())
+
+
+class DefinitionWarning(DefinitionError):
+    """A line is valid, but hardly means what its writer meant. It is reported, never raised."""
+
+    level = "warning"
 
 
 class DefinitionErrors(DefinitionError):

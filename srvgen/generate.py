@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import keyword
+import sys
 from collections.abc import Mapping, Sequence
 from importlib.resources import files
 from typing import Protocol
@@ -34,31 +36,40 @@ def generate(packages: Mapping[str, Sequence[Definition]], search: Texts) -> dic
         DefinitionError: a nested type is not within reach, or two types need one module.
     """
     known: dict[str, Definition] = {}
-    sources: dict[str, str] = {}
     for definition in (one for package in packages.values() for one in package):
-        needed = {one.full_name: one for one in closure(definition, search)}
-        sources[definition.full_name] = _source(definition, needed, search)
-        known |= needed
-    for name in known.keys() - sources.keys():
-        sources[name] = _source(known[name], known, search)
+        known |= {one.full_name: one for one in closure(definition, search)}
     output: dict[str, str] = {}
     for name, definition in sorted(known.items()):
+        _refuse_package(definition.package)
         path = "/".join((*name.split("/")[:2], f"{module_name(definition.name)}.py"))
         if path in output:
             raise DefinitionError(
                 f"expected names that differ in more than capitals, got two types for {path}",
                 hint=f"rename {name}",
             )
-        output[path] = sources[name]
+        output[path] = _source(definition, search)
     return dict(sorted((output | _frames(list(known.values()))).items()))
 
 
-def _source(definition: Definition, known: Mapping[str, Definition], search: Texts) -> str:
+def _refuse_package(name: str) -> None:
+    if keyword.iskeyword(name):
+        raise DefinitionError(
+            f"expected a package that Python can import, got {name!r}, a word of its own",
+            hint="srvgen.load loads such a type all the same",
+        )
+    if name in sys.stdlib_module_names or name == "msgspec":
+        raise DefinitionError(
+            f"expected a package name of its own, got {name!r}, which would hide Python's module"
+        )
+
+
+def _source(definition: Definition, search: Texts) -> str:
     text = ""
+    needed = {one.full_name: one for one in closure(definition, search)}
     if not isinstance(definition, MessageDef):
-        texts = {name: search.text(name) for name in known}
+        texts = {name: search.text(name) for name in needed}
         text = join_full_text(texts.pop(definition.full_name), texts)
-    return render(definition, known.__getitem__, text).text
+    return render(definition, needed.__getitem__, text).text
 
 
 def _frames(definitions: Sequence[Definition]) -> dict[str, str]:

@@ -6,6 +6,11 @@ from .model import ActionDef, Definition, Field, FieldType, MessageDef, ServiceD
 
 _UUID = FieldType("UUID", "unique_identifier_msgs")
 _TIME = FieldType("Time", "builtin_interfaces")
+_SHARED_BY_ACTIONS = (
+    Field("cancel_goal_service", FieldType("CancelGoal", "action_msgs", kind="srv")),
+    Field("goal_status_message", FieldType("GoalStatusArray", "action_msgs")),
+)
+"""What every action's `Impl` names beside its own services, written as fields."""
 _EVENT_INFO = FieldType("ServiceEventInfo", "service_msgs")
 
 
@@ -97,9 +102,11 @@ def whole(definition: Definition) -> MessageDef:
 def references(definition: Definition) -> list[Field]:
     """The fields by which a definition, its implied types included, refers to other files.
 
-    Fields that the text spells out come first, with their lines.
+    Fields that the text spells out come first, with their lines; what every action shares with
+    the others comes last.
     """
-    return [
+    shared = _SHARED_BY_ACTIONS if isinstance(definition, ActionDef) else ()
+    own = [
         field
         for message in (definition, *implied_types(definition))
         if isinstance(message, MessageDef)
@@ -107,6 +114,7 @@ def references(definition: Definition) -> list[Field]:
         # Only implied types point into their own .srv or .action file.
         if field.type.package and field.type.kind == "msg"
     ]
+    return [*own, *shared]
 
 
 def _service(

@@ -9,7 +9,9 @@ from typing import NamedTuple
 
 SEPARATOR = "---"
 
-_UNIT = re.compile(r"\s*\[([^,\]]+)\]")
+# What opens a bracket is read up to where it ends, also where that makes no unit: a text of a
+# million brackets is then read once, not a million times.
+_BRACKET = re.compile(r"\[([^,\]]*)(?:\]|,|\Z)")
 
 
 class Comment(NamedTuple):
@@ -43,11 +45,9 @@ def read_comment(raw_lines: Sequence[str]) -> Comment:
     if not raw_lines:
         return _NO_COMMENT
     text = "\n".join(raw_lines)
-    units = list(_UNIT.finditer(text)) if "[" in text else []
     unit = None
-    if len(units) == 1:
-        unit = units[0][1]
-        text = text.replace(units[0][0], "")
+    if "[" in text:
+        text, unit = _take_unit(text)
     kept: list[str] = []
     for line in text.splitlines():
         if line or (kept and kept[-1]):
@@ -59,3 +59,13 @@ def read_comment(raw_lines: Sequence[str]) -> Comment:
     elif kept:
         kept = textwrap.dedent("\n".join(kept)).split("\n")
     return Comment(tuple(kept), unit)
+
+
+def _take_unit(text: str) -> tuple[str, str | None]:
+    """The text without its only `[unit]`, and that unit; the text as it is where there is none."""
+    units = [one for one in _BRACKET.finditer(text) if one[1] and one[0].endswith("]")]
+    if len(units) != 1:
+        return text, None
+    (only,) = units
+    start = len(text[: only.start()].rstrip())
+    return text.replace(text[start : only.end()], ""), only[1]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from .mistake import Mistake
+from .mistake import Mistake, Repair
 from .model import FieldType, Scalar, Value
 
 INTEGER_RANGES = {
@@ -16,6 +16,7 @@ INTEGER_RANGES = {
 """Smallest and greatest value of every integer type."""
 
 _BOOLS = {"true": True, "1": True, "false": False, "0": False}
+_SPACES = re.compile(" +")
 _ESCAPE = re.compile(
     r"""\\(?:u[0-9a-fA-F]{4}|U[0-9a-fA-F]{8}|x[0-9a-fA-F]{2}|[0-7]{1,3}|[abfnrtv\\'"])"""
 )
@@ -85,25 +86,33 @@ def _integer(text: str, base: str) -> int:
         try:
             value = int(text, 0)
         except ValueError:
-            hint = ""
-            if re.fullmatch("'.'", text):
-                hint = f"a {base} is a number here: {ord(text[1])}"
-            raise Mistake(
-                f"expected a whole number from {low} to {high} for {base}, got {text!r}", hint=hint
-            ) from None
+            raise _no_integer(text, base) from None
     if not low <= value <= high:
         raise Mistake(f"expected a whole number from {low} to {high} for {base}, got {text!r}")
     return value
+
+
+def _no_integer(text: str, base: str) -> Mistake:
+    low, high = INTEGER_RANGES[base]
+    mistake = Mistake(f"expected a whole number from {low} to {high} for {base}, got {text!r}")
+    if re.fullmatch("'.'", text):
+        code = ord(text[1])
+        mistake.hint = f"a {base} is a number here: {code}"
+        if base in ("char", "byte") and code < 128:
+            mistake.repair = Repair(0, len(text), str(code))
+    return mistake
 
 
 def _float(text: str, base: str) -> float:
     try:
         return float(text)
     except ValueError:
-        hint = ""
+        mistake = Mistake(f"expected a number for {base}, got {text!r}")
         if re.fullmatch(r"[-+]?\d+,\d+", text):
-            hint = f"the decimal separator is a point: {text.replace(',', '.')}"
-        raise Mistake(f"expected a number for {base}, got {text!r}", hint=hint) from None
+            meant = text.replace(",", ".")
+            mistake.hint = f"the decimal separator is a point: {meant}"
+            mistake.repair = Repair(0, len(text), meant)
+        raise mistake from None
 
 
 def _string(text: str, base: str, bound: int | None) -> str:
@@ -129,8 +138,7 @@ def _element(text: str, start: int, field_type: FieldType) -> Scalar:
     try:
         return parse_scalar(stripped, field_type.base, field_type.string_bound)
     except Mistake as mistake:
-        mistake.offset += start + len(text) - len(text.lstrip())
-        raise
+        raise mistake.moved(start + len(text) - len(text.lstrip())) from None
 
 
 def _check_count(count: int, field_type: FieldType) -> None:
@@ -159,14 +167,19 @@ def _string_elements(inner: str) -> list[tuple[int, str]]:
     elements = []
     at = 0
     while at < len(inner):
-        at += len(inner[at:]) - len(inner[at:].lstrip(" "))
+        at = _after_spaces(inner, at)
         if at == len(inner) or inner[at] == ",":
             raise Mistake("expected an element of the array here", at + 1)
         end, element = _string_element(inner, at)
         elements.append((at + 1, element))
-        at = end + len(inner[end:]) - len(inner[end:].lstrip(" "))
+        at = _after_spaces(inner, end)
         at += inner.startswith(",", at)
     return elements
+
+
+def _after_spaces(text: str, at: int) -> int:
+    found = _SPACES.match(text, at)
+    return found.end() if found else at
 
 
 def _string_element(inner: str, at: int) -> tuple[int, str]:

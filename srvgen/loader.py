@@ -15,12 +15,14 @@ from typing import Any
 
 import msgspec
 
-from . import _runtime
+from . import _runtime, limits
+from .closure import closure
 from .errors import DefinitionError
 from .files import parse_definition, read_text
 from .fulltext import join_full_text, split_full_text
+from .mistake import Mistake
 from .model import Definition, MessageDef
-from .names import TypeName, split_type_name
+from .names import split_type_name
 from .render import Import, Source, imports_of, render
 from .search import Search
 from .typehash import Resolve, hash_of
@@ -73,16 +75,11 @@ def define(type_name: str, full_text: str) -> Any:
     Raises:
         DefinitionError: a text is not a valid definition, or one is missing.
     """
-    own_text, needed = split_full_text(full_text)
-    name = split_type_name(type_name)
-    known = {
-        one: _parse(split_type_name(one), text, f"{type_name}, nested {one}")
-        for one, text in needed.items()
-    }
-    definition = known[type_name] = _parse(name, own_text, type_name)
+    given = _Given(type_name, full_text)
+    known = {one.full_name: one for one in closure(given.load(type_name), given)}
     with _lock:
-        module = _Builder(_from(known), full_text).build(definition)
-    return getattr(module, name.name)
+        module = _Builder(known.__getitem__, full_text).build(known[type_name])
+    return getattr(module, split_type_name(type_name).name)
 
 
 def type_hash(type_name: str) -> str:
@@ -132,7 +129,7 @@ def _load(owner: str) -> _Loaded:
     if not isinstance(needed[owner], MessageDef):
         texts = {name: read_text(path) for name, path in paths.items()}
         text = join_full_text(texts.pop(owner), texts)
-    return _Loaded(_Builder(_from(needed), text).build(needed[owner]), stamps)
+    return _Loaded(_Builder(needed.__getitem__, text).build(needed[owner]), stamps)
 
 
 def _stamp(path: Path) -> _Stamp:
@@ -143,17 +140,33 @@ def _stamp(path: Path) -> _Stamp:
     return path, status.st_mtime_ns, status.st_size
 
 
-def _parse(name: TypeName, text: str, path: str) -> Definition:
-    return parse_definition(text, name.package, name.kind, name.name, path=path)
+class _Given:
+    """The definitions of a full text, as a source of what one of them needs."""
 
+    def __init__(self, type_name: str, full_text: str) -> None:
+        try:
+            limits.check_length(full_text)
+        except Mistake as mistake:
+            raise DefinitionError(mistake.message, path=type_name) from None
+        own_text, needed = split_full_text(full_text)
+        if len(needed) > limits.NESTED:
+            most = f"expected at most {limits.NESTED} nested definitions, got {len(needed)}"
+            raise DefinitionError(most, path=type_name)
+        for one in needed:
+            split_type_name(one)
+        self._texts = {**needed, type_name: own_text}
 
-def _from(known: Mapping[str, Definition]) -> Resolve:
-    def resolve(full_name: str) -> Definition:
-        if full_name not in known:
+    def find(self, full_name: str) -> Path:
+        return Path(full_name)
+
+    def text(self, full_name: str) -> str:
+        if full_name not in self._texts:
             raise DefinitionError(f"expected the definition of {full_name} too, got none")
-        return known[full_name]
+        return self._texts[full_name]
 
-    return resolve
+    def load(self, full_name: str) -> Definition:
+        package, kind, name = split_type_name(full_name)
+        return parse_definition(self.text(full_name), package, kind, name, path=full_name)
 
 
 class _Builder:
@@ -162,15 +175,9 @@ class _Builder:
     def __init__(self, resolve: Resolve, text: str) -> None:
         self.resolve = resolve
         self.text = text
-        self._open: list[str] = []
 
     def build(self, definition: Definition) -> ModuleType:
-        if definition.full_name in self._open:
-            chain = " → ".join([*self._open, definition.full_name])
-            raise DefinitionError(f"expected a type that ends, got {chain}")
-        self._open.append(definition.full_name)
         nested = {one.alias: self._class(one) for one in imports_of(definition)}
-        self._open.pop()
         text = "" if isinstance(definition, MessageDef) else self.text
         # Equal definitions over the same nested classes are one module, however they came here:
         # so a type that a server handed over is the very class that a program loaded itself.
@@ -181,7 +188,7 @@ class _Builder:
 
     def _class(self, wanted: Import) -> type:
         module = self.build(self.resolve(wanted.full_name))
-        found: type = getattr(module, wanted.message)
+        found: type = getattr(module, wanted.name)
         return found
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Iterable
-from typing import NamedTuple, cast, get_args
+from typing import Literal, NamedTuple, cast, get_args
 
 from .errors import DefinitionError
 from .model import Kind
@@ -53,6 +53,16 @@ def is_message_name(name: str) -> bool:
 def is_constant_name(name: str) -> bool:
     """Whether ROS 2 accepts this as the name of a constant."""
     return _CONSTANT.fullmatch(name) is not None
+
+
+def bad_at(name: str, kind: Literal["field", "constant", "message"]) -> int:
+    """Where a refused name of this kind stops being one; a package's is as a field's."""
+    rule = {"field": _LOWER, "constant": _CONSTANT, "message": _MESSAGE}[kind]
+    found = rule.match(name)
+    end = found.end() if found else 0
+    # An underscore is fine where a letter follows, so what follows is what is wrong.
+    only_last = end + 1 >= len(name) or not found
+    return end if only_last or kind == "message" or name[end] != "_" else end + 1
 
 
 def snake_case(name: str) -> str:

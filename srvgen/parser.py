@@ -7,14 +7,16 @@ valid file pays nothing for good messages and a bad one gets all of them in one 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cached_property
 from typing import Any, NamedTuple
 
+from . import limits
 from .diagnosis import mistakes_in_line
 from .errors import DefinitionError, DefinitionErrors
 from .fieldtypes import parse_type
 from .lines import SEPARATOR, leading_comments, read_comment, split_lines
 from .literals import parse_default, parse_scalar
-from .mistake import Mistake
+from .mistake import Mistake, Repair
 from .model import PRIMITIVES, ActionDef, Constant, Field, Kind, MessageDef, ServiceDef
 from .names import (
     LOWER_RULE,
@@ -26,7 +28,7 @@ from .names import (
     is_package_name,
     snake_case,
 )
-from .slips import looks_like_separator
+from .slips import looks_like_separator, separator_repair
 
 _BOM = "\N{ZERO WIDTH NO-BREAK SPACE}"
 
@@ -108,6 +110,8 @@ class _File:
         self.path = path
         self.package = package
         self.problems: list[DefinitionError] = []
+        self.left = limits.ENTRIES
+        _check_length(text, path)
         self.text = text.removeprefix(_BOM)
         self.lines = split_lines(self.text)
         if text != self.text:
@@ -118,14 +122,27 @@ class _File:
                 hint='save the file as "UTF-8", not as "UTF-8 with BOM"',
             )
 
-    def problem(self, message: str, line: int = 0, column: int = 0, hint: str = "") -> None:
+    def problem(
+        self,
+        message: str,
+        line: int = 0,
+        column: int = 0,
+        hint: str = "",
+        repair: Repair | None = None,
+    ) -> None:
         """Note a problem; line and column count from 1, 0 means the whole file."""
-        source = self.text.splitlines()[line - 1] if 0 < line <= len(self.lines) else ""
-        self.problems.append(
-            DefinitionError(
-                message, path=self.path, line=line, column=column, source_line=source, hint=hint
-            )
+        if len(self.problems) >= limits.PROBLEMS:
+            return
+        source = self._source[line - 1] if 0 < line <= len(self.lines) else ""
+        problem = DefinitionError(
+            message, path=self.path, line=line, column=column, source_line=source, hint=hint
         )
+        problem.repair = repair
+        self.problems.append(problem)
+
+    @cached_property
+    def _source(self) -> list[str]:
+        return self.text.splitlines()
 
     def raise_problems(self) -> None:
         """End in an error if anything was noted."""
@@ -157,7 +174,10 @@ class _File:
         found = [at for at, line in enumerate(self.lines) if line == SEPARATOR]
         if len(found) < wanted:
             alike = [at for at, line in enumerate(self.lines) if looks_like_separator(line)]
-            self._report_missing(len(found), alike[: wanted - len(found)], noun, names)
+            is_clear = len(alike) == wanted - len(found)
+            self._report_missing(
+                len(found), alike[: wanted - len(found)], noun, names, is_clear=is_clear
+            )
             found = sorted(found + alike[: wanted - len(found)])
         elif len(found) > wanted:
             hint = "a file with three sections is an action: name it .action"
@@ -175,7 +195,13 @@ class _File:
         return (spans + [_Span(0, 0)] * wanted)[: len(names)]
 
     def _report_missing(
-        self, found: int, alike: Sequence[int], noun: str, names: Sequence[str]
+        self,
+        found: int,
+        alike: Sequence[int],
+        noun: str,
+        names: Sequence[str],
+        *,
+        is_clear: bool,
     ) -> None:
         parts = f"{', '.join(names[:-1])} and {names[-1]}"
         count = "one line" if len(names) == 2 else "two lines"
@@ -185,6 +211,7 @@ class _File:
                 at + 1,
                 1,
                 "write exactly three hyphens, alone on the line",
+                separator_repair(self.lines[at]) if is_clear else None,
             )
         if not alike:
             self.problem(
@@ -232,6 +259,11 @@ class _File:
             pending = []
             if entry and self._is_new(entry, known):
                 entries.append(entry)
+                self.left -= _weight(entry)
+                if self.left < 0:
+                    most = f"{limits.ENTRIES:,} fields, constants and elements of defaults"
+                    self.problem(f"expected at most {most} in a file, got more", number, 1)
+                    break
         return entries
 
     def _entry(self, code: str, number: int, comments: list[str]) -> _Entry | None:
@@ -239,7 +271,9 @@ class _File:
             return _read(code, self.package, number, comments)
         except Mistake:
             for mistake in mistakes_in_line(code, self.package):
-                self.problem(mistake.message, number, mistake.offset + 1, mistake.hint)
+                self.problem(
+                    mistake.message, number, mistake.offset + 1, mistake.hint, mistake.repair
+                )
             return None
 
     def _is_new(self, entry: _Entry, known: dict[str, int]) -> bool:
@@ -276,6 +310,18 @@ def _read(code: str, package: str, number: int, comments: list[str]) -> _Entry:
     default_text = default_text.lstrip()
     default = parse_default(default_text, field_type) if default_text else None
     return _Entry(Field, (name, field_type, default), comments, number, column)
+
+
+def _weight(entry: _Entry) -> int:
+    value = entry.arguments[2]
+    return 1 + len(value) if isinstance(value, tuple) else 1
+
+
+def _check_length(text: str, path: str) -> None:
+    try:
+        limits.check_length(text)
+    except Mistake as mistake:
+        raise DefinitionError(mistake.message, path=path) from None
 
 
 def _build(entry: _Entry) -> Field | Constant:

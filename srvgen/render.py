@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 from .errors import DefinitionError
 from .fieldtypes import ROS1_TIME_TYPES
-from .implied import implied_types
-from .model import Constant, Definition, Field, FieldType, MessageDef, ServiceDef
+from .implied import implied_types, references
+from .model import Constant, Definition, Field, FieldType, Kind, MessageDef, ServiceDef
 from .render_check import checks
 from .render_text import definition_literal, docstring, text_literal
 from .render_types import (
@@ -35,22 +35,23 @@ class Import:
     """One nested message class that a module needs from another."""
 
     package: str
-    message: str
+    kind: Kind
+    name: str
     alias: str
 
     @property
     def full_name(self) -> str:
         """`geometry_msgs/msg/Point`."""
-        return f"{self.package}/msg/{self.message}"
+        return f"{self.package}/{self.kind}/{self.name}"
 
     @property
     def module(self) -> str:
         """The module that has the class: `geometry_msgs.msg._point`."""
-        return f"{self.package}.msg.{module_name(self.message)}"
+        return f"{self.package}.{self.kind}.{module_name(self.name)}"
 
     def __str__(self) -> str:
-        renamed = "" if self.alias == self.message else f" as {self.alias}"
-        return f"from {self.module} import {self.message}{renamed}"
+        renamed = "" if self.alias == self.name else f" as {self.alias}"
+        return f"from {self.module} import {self.name}{renamed}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,7 +90,9 @@ def render(definition: Definition, resolve: Resolve, text: str) -> Source:
     blocks = [_message(message, hashes[message.full_name], scope) for message in messages]
     if len(messages) < len(parts):
         blocks.append([f"_DEFINITION = {definition_literal(text)}"])
-    blocks += [_namespace(part, hashes) for part in parts if not isinstance(part, MessageDef)]
+    blocks += [
+        _namespace(part, hashes, names) for part in parts if not isinstance(part, MessageDef)
+    ]
     body = "\n\n".join("\n".join(block) + "\n" for block in blocks)
     kind = definition.full_name.split("/")[1]
     module = f"{definition.package}.{kind}.{module_name(definition.name)}"
@@ -100,18 +103,20 @@ def imports_of(definition: Definition) -> tuple[Import, ...]:
     """The nested classes that a definition's module takes from other modules."""
     parts = [*implied_types(definition), definition]
     messages = [part for part in parts if isinstance(part, MessageDef)]
-    types = {field.type.element for message in messages for field in message.fields}
-    # Only implied types point into their own .srv or .action file.
-    wanted = sorted((one.package, one.base) for one in types if one.package and one.kind == "msg")
-    names = [name for _, name in wanted]
+    types = {field.type.element for field in references(definition)}
+    wanted = sorted((one.package or "", one.kind, one.base) for one in types)
+    names = [name for _, _, name in wanted]
     # A class body sees its constants before the module's names.
     taken = {constant.name for message in messages for constant in message.constants}
     taken |= {part.name for part in parts}
     return tuple(
         Import(
-            package, name, f"_{package}_{name}" if name in taken or names.count(name) > 1 else name
+            package,
+            kind,
+            name,
+            f"_{package}_{name}" if name in taken or names.count(name) > 1 else name,
         )
-        for package, name in wanted
+        for package, kind, name in wanted
     )
 
 
@@ -154,11 +159,9 @@ def _uses(body: str, module: str) -> bool:
 
 def _message(message: MessageDef, type_hash: str, scope: Scope) -> list[str]:
     scope = scope.inside(message)
-    base, options = "Message", ", gc=False" if all(map(_is_flat, message.fields)) else ""
-    if any(attribute(field.name) != field.name for field in message.fields):
-        base = "RenamedMessage"
+    options = ", gc=False" if all(map(_is_flat, message.fields)) else ""
     return [
-        f"class {message.name}(_runtime.{base}, kw_only=True{options}):",
+        f"class {message.name}(_runtime.{_base(message)}, kw_only=True{options}):",
         *docstring(_documentation(message.comment, message.full_name), _INDENT),
         "",
         *_facts(message, type_hash, scope),
@@ -166,6 +169,14 @@ def _message(message: MessageDef, type_hash: str, scope: Scope) -> list[str]:
         *_fields(message, scope),
         *_check(message, scope),
     ]
+
+
+def _base(message: MessageDef) -> str:
+    if any(attribute(field.name) != field.name for field in message.fields):
+        return "RenamedMessage"
+    # The others do without its metaclass, which slows the making of messages on Python 3.11.
+    has_constants = message.constants or any(one.default is not None for one in message.fields)
+    return "MessageWithConstants" if has_constants else "Message"
 
 
 def _is_flat(field: Field) -> bool:
@@ -261,7 +272,7 @@ def _check(message: MessageDef, scope: Scope) -> list[str]:
     return ["", "    def _check(self) -> None:", *(f"        {line}" for line in statements)]
 
 
-def _namespace(part: Definition, hashes: Mapping[str, str]) -> list[str]:
+def _namespace(part: Definition, hashes: Mapping[str, str], names: Mapping[str, str]) -> list[str]:
     is_service = isinstance(part, ServiceDef)
     return [
         f"class {part.name}(_runtime.{'Service' if is_service else 'Action'}):",
@@ -271,7 +282,7 @@ def _namespace(part: Definition, hashes: Mapping[str, str]) -> list[str]:
         f"    _HASH = {text_literal(hashes[part.full_name])}",
         "    _DEFINITION = _DEFINITION",
         "",
-        *(_service_members(part.name) if is_service else _action_members(part.name)),
+        *(_service_members(part.name) if is_service else _action_members(part.name, names)),
     ]
 
 
@@ -279,7 +290,7 @@ def _service_members(name: str) -> list[str]:
     return [f"    {part} = {name}_{part}" for part in ("Request", "Response", "Event")]
 
 
-def _action_members(name: str) -> list[str]:
+def _action_members(name: str, names: Mapping[str, str]) -> list[str]:
     return [
         *(f"    {part} = {name}_{part}" for part in ("Goal", "Result", "Feedback")),
         "",
@@ -289,4 +300,6 @@ def _action_members(name: str) -> list[str]:
         f"        SendGoalService = {name}_SendGoal",
         f"        GetResultService = {name}_GetResult",
         f"        FeedbackMessage = {name}_FeedbackMessage",
+        f"        CancelGoalService = {names['action_msgs/srv/CancelGoal']}",
+        f"        GoalStatusMessage = {names['action_msgs/msg/GoalStatusArray']}",
     ]

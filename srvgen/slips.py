@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
-from .mistake import Mistake
+from .mistake import Mistake, Repair
 from .model import PRIMITIVES
 from .names import camel_case, is_constant_name, is_field_name, is_message_name, snake_case
 
@@ -27,10 +27,35 @@ _MEANT = {
     "duration": "builtin_interfaces/Duration",
     **{name: name for name in PRIMITIVES},
 }
+# Other languages do not agree on what these are, so only a hint is right.
+_SEVERAL_MEANINGS = frozenset({"long", "bytes"})
 _DASHES = "-\N{EM DASH}\N{EN DASH}\N{HYPHEN}\N{MINUS SIGN}\N{HORIZONTAL BAR}\N{FIGURE DASH}"
 _SEPARATOR_LOOKALIKE = re.compile(rf"\s*(?:[{_DASHES}]\s*)+(?:#.*)?|\s*(?:=+|_+|\*+)\s*")
 _BULLET = re.compile("\\s*[-*+\N{BULLET}\N{WHITE BULLET}\N{MIDDLE DOT}]\\s+|\\s*\N{BULLET}")
-_CURLY = "\u201c\u201d\u201e\u2018\u2019"
+_SPACED_BRACKETS = re.compile(r"([A-Za-z]\w*(?:/\w+|<=\d+)?) *\[ *(<=)? *(\d*) *\] +(?=\S)")
+CURLY = "\u201c\u201d\u201e\u2018\u2019"
+
+
+def type_repair(text: str) -> Repair | None:
+    """The only type that the unknown `text` can stand for, or None."""
+    meant = _MEANT.get(text.lower(), text)
+    if meant != text and text.lower() not in _SEVERAL_MEANINGS:
+        return Repair(0, len(text), meant)
+    parts = re.split(r"/|::|\.", text)
+    if len(parts) == 3 and parts[1] == "msg":
+        del parts[1]
+    if len(parts) != 2 or not (is_field_name(parts[0]) and is_message_name(parts[1])):
+        return None
+    return Repair(0, len(text), "/".join(parts))
+
+
+def bracket_repair(code: str) -> Repair | None:
+    """The type that a line begins with, its brackets closed up to it, or None."""
+    found = _SPACED_BRACKETS.match(code)
+    if not found:
+        return None
+    base, bound, size = found.groups("")
+    return Repair(0, found.end(), f"{base}[{bound}{size}] ")
 
 
 def type_hint(text: str) -> str:
@@ -88,6 +113,40 @@ def field_name_hint(name: str, type_text: str) -> str:
     return f"did you mean {meant}?" if meant != name and is_field_name(meant) else ""
 
 
+def field_name_repair(name: str, type_text: str, name_at: int) -> Repair | None:
+    """The only way to write the refused name of a field that stands at `name_at`, or None."""
+    bare, bracket, rest = name.partition("[")
+    if bracket:
+        if not is_field_name(bare) or not re.fullmatch(r"(?:<=)?\d*\]", rest):
+            return None
+        return Repair(0, name_at + len(name), f"{type_text}[{rest} {bare}")
+    meant = name.rstrip(";,:")
+    meant = snake_case(meant) if meant.isascii() else meant
+    if meant == name or not is_field_name(meant):
+        return None
+    return Repair(name_at, name_at + len(name), meant)
+
+
+def constant_name_repair(name: str, name_at: int) -> Repair | None:
+    """The only way to write the refused name of a constant, or None.
+
+    A name that is not in capitals has two: it may be a field whose default got a `=`.
+    """
+    meant = snake_case(name).upper()
+    if name != name.upper() or meant == name or not is_constant_name(meant) or " " in name:
+        return None
+    return Repair(name_at, name_at + len(name), meant)
+
+
+def comment_repair(code: str) -> Repair | None:
+    """Another language's comment as one of ours, or None."""
+    if code.startswith("//"):
+        return Repair(0, 2, "#")
+    if code.startswith("/*") and code.endswith("*/") and len(code) >= len("/**/"):
+        return Repair(0, len(code), f"# {code[2:-2].strip()}")
+    return None
+
+
 def constant_name_hint(name: str, type_text: str, value: str) -> str:
     """What the refused name of a constant was meant to be, or ""."""
     if " " in name:
@@ -106,6 +165,12 @@ def constant_name_hint(name: str, type_text: str, value: str) -> str:
 def looks_like_separator(line: str) -> bool:
     """Whether a line that is not `---` was meant to be."""
     return _SEPARATOR_LOOKALIKE.fullmatch(line) is not None and line != "---"
+
+
+def separator_repair(line: str) -> Repair:
+    """A line that was meant as the separator as one, its comment on a line of its own."""
+    _, mark, comment = line.partition("#")
+    return Repair(0, len(line), f"---\n#{comment}" if mark else "---")
 
 
 def line_hint(code: str) -> str:
@@ -130,19 +195,23 @@ def strange_character(code: str) -> Mistake | None:
             f"expected a type at the start of the line, got a list's {code[at]!r}",
             at,
             "leave it out: one definition a line needs no list",
+            Repair(0, bullet.end(), ""),
         )
     for offset, char in enumerate(code):
-        if char in _CURLY:
+        if char in CURLY:
             return Mistake(
                 f"expected plain text, got the curly quotation mark {char}",
                 offset,
                 "replace it by a straight one",
+                Repair(offset, offset + 1, "'" if char in CURLY[-2:] else '"'),
             )
         if char != " " and unicodedata.category(char) in ("Cf", "Cc", "Zs"):
             name = unicodedata.name(char, "control character").lower()
+            plain = " " if unicodedata.category(char) == "Zs" else ""
             return Mistake(
                 f"expected plain text, got a {name} (U+{ord(char):04X})",
                 offset,
                 "replace it by a plain space or by nothing",
+                Repair(offset, offset + 1, plain),
             )
     return None

@@ -3,6 +3,8 @@
 
 import msgspec as _msgspec
 
+from action_msgs.msg._goal_status_array import GoalStatusArray
+from action_msgs.srv._cancel_goal import CancelGoal
 from builtin_interfaces.msg._time import Time
 from service_msgs.msg._service_event_info import ServiceEventInfo
 from unique_identifier_msgs.msg._uuid import UUID
@@ -301,6 +303,53 @@ _DEFINITION = (
     "builtin_interfaces/Time stamp  # when the step happened, by the clock of the node that reports it\n"
     "char[16] client_gid            # tells one client from every other\n"
     "int64 sequence_number          # counts the calls of one client; with client_gid it names the call\n"
+    "\n"
+    "================================================================================\n"
+    "MSG: action_msgs/msg/GoalInfo\n"
+    "# Names one goal of an action. In a cancel request, zeros mean \"any\" (see srv/CancelGoal).\n"
+    "\n"
+    "unique_identifier_msgs/UUID goal_id  # chosen by the client that sends the goal\n"
+    "builtin_interfaces/Time stamp        # when the server accepted the goal\n"
+    "\n"
+    "================================================================================\n"
+    "MSG: action_msgs/srv/CancelGoal\n"
+    "# Asks an action server to stop one goal or several.\n"
+    "# An id and a zero stamp name one goal. A zero id and a stamp mean every goal accepted up to\n"
+    "# then; an id and a stamp mean those and the named one; all zeros mean every goal.\n"
+    "\n"
+    "GoalInfo goal_info\n"
+    "---\n"
+    "# Values of return_code.\n"
+    "int8 ERROR_NONE = 0             # at least one goal is being canceled\n"
+    "int8 ERROR_REJECTED = 1         # the server does not want to stop any of them\n"
+    "int8 ERROR_UNKNOWN_GOAL_ID = 2  # there is no goal of this id\n"
+    "int8 ERROR_GOAL_TERMINATED = 3  # the goal had already ended\n"
+    "\n"
+    "int8 return_code            # one of the constants above\n"
+    "GoalInfo[] goals_canceling  # the goals that will now be stopped\n"
+    "\n"
+    "================================================================================\n"
+    "MSG: action_msgs/msg/GoalStatus\n"
+    "# How far one action goal has come.\n"
+    "\n"
+    "# Values of status. Once SUCCEEDED, CANCELED or ABORTED, a goal changes no more.\n"
+    "int8 STATUS_UNKNOWN = 0    # nothing has been set\n"
+    "int8 STATUS_ACCEPTED = 1   # taken on, not yet begun\n"
+    "int8 STATUS_EXECUTING = 2  # being worked on\n"
+    "int8 STATUS_CANCELING = 3  # asked to stop, and stopping\n"
+    "int8 STATUS_SUCCEEDED = 4  # done\n"
+    "int8 STATUS_CANCELED = 5   # stopped at a client's wish\n"
+    "int8 STATUS_ABORTED = 6    # given up by the server\n"
+    "\n"
+    "GoalInfo goal_info\n"
+    "int8 status  # one of the constants above\n"
+    "\n"
+    "================================================================================\n"
+    "MSG: action_msgs/msg/GoalStatusArray\n"
+    "# The state of the goals that an action server knows, as it publishes them on the action's\n"
+    "# status topic.\n"
+    "\n"
+    "GoalStatus[] status_list  # one entry for each goal\n"
 )
 
 
@@ -345,3 +394,5 @@ class Count(_runtime.Action):
         SendGoalService = Count_SendGoal
         GetResultService = Count_GetResult
         FeedbackMessage = Count_FeedbackMessage
+        CancelGoalService = CancelGoal
+        GoalStatusMessage = GoalStatusArray

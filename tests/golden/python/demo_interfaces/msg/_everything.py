@@ -11,7 +11,7 @@ from geometry_msgs.msg._point import Point
 from .. import _runtime
 
 
-class Everything(_runtime.Message, kw_only=True):
+class Everything(_runtime.MessageWithConstants, kw_only=True):
     """One field of every kind, with a comment that tries \"\"\" and \\ and a final \"
     over two lines\"
     """

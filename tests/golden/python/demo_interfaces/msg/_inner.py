@@ -6,7 +6,7 @@ import typing as _typing
 from .. import _runtime
 
 
-class Inner(_runtime.Message, kw_only=True, gc=False):
+class Inner(_runtime.MessageWithConstants, kw_only=True, gc=False):
     """demo_interfaces/msg/Inner"""
 
     _TYPE = "demo_interfaces/msg/Inner"
