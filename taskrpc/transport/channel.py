@@ -149,7 +149,8 @@ class RemoteChannel:
         connection = await endpoint.dialler.connection(address, None)
         # Read before asking: what changes while the answer is on its way may make it stale.
         epoch = connection.epoch
-        question = Resolve(self._named.name, self._named.type_hash)
+        named = self._named
+        question = Resolve(named.name, named.type_hash, named.node)
         resolved = await connection.resolve(question, endpoint.loop.time() + RESOLVE_TIMEOUT)
         self._connection, self._method, self._epoch = connection, resolved.method, epoch
         known = resolved.mode in tuple(Mode)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 from collections.abc import Callable
 
 from taskrpc.errors import ConnectionLost
@@ -86,7 +87,7 @@ class Dialler:
         except TimeoutError:
             raise ConnectionLost(f"{address.place} did not answer", not_executed=True) from None
         except OSError as error:
-            reason = error.strerror or str(error)
+            reason = os.strerror(error.errno) if error.errno else str(error)
             raise ConnectionLost(f"{address.place}: {reason}", not_executed=True) from None
         else:
             self._newest[address.place] = connection

@@ -129,15 +129,20 @@ class Endpoint:
     async def definition(self, name: str) -> tuple[str, str]:
         """A service's type and the full text of its definition.
 
-        Raises ServiceUnavailable when nobody offers it.
+        Raises ServiceUnavailable when nobody offers it, or what stood in the way of asking.
         """
         deadline = self.loop.time() + READY_TIMEOUT
+        problem: TaskRpcError = ServiceUnavailable(f"nobody offers {name}")
         for address in self.network.locate(name):
-            with contextlib.suppress(TaskRpcError):
+            try:
                 connection = await self.dialler.connection(address, deadline)
                 resolved = await connection.resolve(Resolve(name), deadline, definition=True)
+            except TaskRpcError as error:
+                if not isinstance(error, ServiceUnavailable):
+                    problem = error
+            else:
                 return resolved.type_name, resolved.definition
-        raise ServiceUnavailable(f"nobody offers {name}")
+        raise problem
 
     # Transport: ends
 
@@ -224,6 +229,7 @@ class Endpoint:
             since=self._since,
             address=self.address,
             token=self.network.token.hex() if self.address else "",
+            certificate=self.network.certificate if self.address else "",
             nodes=tuple(listing.nodes),
             services=tuple(listing.services),
             clients=tuple(listing.clients),
@@ -274,4 +280,10 @@ class Endpoint:
 
 
 def _script() -> str:
-    return Path(sys.argv[0]).name if sys.argv and sys.argv[0] else "python"
+    """The program as its user knows it: an installed command's name, a script's path."""
+    program = Path(sys.argv[0]) if sys.argv and sys.argv[0] else Path("python")
+    if program.suffix != ".py":
+        return program.name
+    with contextlib.suppress(ValueError, OSError):
+        return str(program.resolve().relative_to(Path.cwd()))
+    return str(program)

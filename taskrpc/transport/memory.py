@@ -52,6 +52,8 @@ _hubs: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[int, Hub]] = (
 class MemoryNetwork:
     """One endpoint's share in its loop's hub."""
 
+    certificate = ""
+
     def __init__(self, *, domain: int) -> None:
         self.domain = domain
         hubs = _hubs.setdefault(asyncio.get_running_loop(), {})

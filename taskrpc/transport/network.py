@@ -19,6 +19,8 @@ class Address:
     token: bytes
     surely_offers: bool = False
     """Whether a directory says that the wanted service is there (a bare peer must be asked)."""
+    certificate: str | None = None
+    """The one that a directory says is shown there (PEM), "" for none; None where nobody says."""
 
 
 Factory = Callable[[], asyncio.BufferedProtocol]
@@ -30,6 +32,8 @@ class Network(Protocol):
     token: bytes
     """What callers of this process must prove to know."""
     domain: int
+    certificate: str
+    """What callers of this process must be shown (PEM), "" where it takes plain connections."""
 
     def listen(self, factory: Factory) -> str:
         """Take connections from now on; returns the place. Raises CannotListen."""

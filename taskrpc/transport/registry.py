@@ -34,6 +34,8 @@ class Entry(msgspec.Struct, frozen=True):
     """`host:port`, empty for a process that only calls."""
     token: str = ""
     """Hexadecimal; what a caller of `address` must prove to know."""
+    certificate: str = ""
+    """PEM; what a caller of `address` must be shown, "" where it is a plain connection."""
     nodes: tuple[str, ...] = ()
     services: tuple[Endpoint, ...] = ()
     clients: tuple[Endpoint, ...] = ()

@@ -13,6 +13,7 @@ from taskrpc.errors import (
     DeadlineExceeded,
     HandlerFailed,
     InvalidRequest,
+    ServerBusy,
     ServiceUnavailable,
     TaskRpcError,
     TypeMismatch,
@@ -29,6 +30,8 @@ from taskrpc.wire.session import State
 
 log = logging.getLogger("taskrpc.server")
 
+MAX_HANDLES = 0xFFFF
+"""Services, counted for each calling node, that one connection can use."""
 LINGER = 0.5
 """Seconds in which a caller may close a drained connection itself. Closing first, with a request
 of its still unread, would reset the connection and could destroy our last words."""
@@ -56,10 +59,14 @@ class ServedCall(IncomingCall):
     __slots__ = ("_connection", "_slot", "call_id", "offer")
 
     def __init__(
-        self, connection: ServingConnection, offer: Offer, call_id: int, deadline: float | None
+        self,
+        connection: ServingConnection,
+        offer: Offer,
+        call_id: int,
+        deadline: float | None,
+        caller: str,
     ) -> None:
         host = connection.host
-        caller = connection.caller
         super().__init__(offer.name, caller, host.next_call_number(), deadline, host.loop.time)
         self._connection = connection
         self.offer = offer
@@ -89,7 +96,7 @@ class ServedCall(IncomingCall):
         """The caller's deadline passed."""
         self.cancel()
         unstarted = None if self.started else True
-        self.fail(DeadlineExceeded("the deadline passed in the server", not_executed=unstarted))
+        self.fail(DeadlineExceeded("no answer by the deadline", not_executed=unstarted))
 
     def _ended(self) -> bool:
         if self.deadline is not None:
@@ -109,6 +116,9 @@ class ServingConnection(Connection):
         self._linger: asyncio.TimerHandle | None = None
         self._writing_paused = False
         self._held: deque[ServedCall] = deque()
+        # Several nodes of a program share a connection: a method id means a service and a caller.
+        self._handles: dict[tuple[int, str], int] = {}
+        self._meanings: dict[int, tuple[int, str]] = {}
 
     def pause_writing(self) -> None:
         """The caller reads slower than we answer: begin no more calls of it for now."""
@@ -162,7 +172,8 @@ class ServingConnection(Connection):
             self._linger = self.owner.loop.call_later(LINGER if in_talk else 0.0, self.close)
 
     def _serve(self, event: RequestReceived) -> None:
-        offer = self.host.offer_of(event.method)
+        method, caller = self._meanings.get(event.method, (0, ""))
+        offer = self.host.offer_of(method)
         if offer is None:
             gone = ServiceUnavailable("the service is no longer offered here")
             self.session.fail(event.call_id, gone)
@@ -175,7 +186,7 @@ class ServingConnection(Connection):
         except InvalidRequest as error:
             self.session.fail(event.call_id, error)
             return
-        call = ServedCall(self, offer, event.call_id, deadline)
+        call = ServedCall(self, offer, event.call_id, deadline, caller)
         call.request = request
         self.calls[event.call_id] = call
         if self._writing_paused:
@@ -201,9 +212,20 @@ class ServingConnection(Connection):
             self.session.fail(event.call_id, error)
         elif question.type_hash not in ("", offer.srv_type._HASH):
             self.session.fail(event.call_id, mismatch(question, offer))
+        elif len(self._handles) >= MAX_HANDLES:
+            error = ServerBusy(f"{MAX_HANDLES} services are in use on this connection")
+            self.session.fail(event.call_id, error)
         else:
-            body = _resolved(method, offer, with_definition=event.with_definition)
+            handle = self._handle(method, question.caller or self.caller)
+            body = _resolved(handle, offer, with_definition=event.with_definition)
             self.session.respond(event.call_id, messages.encode(body))
+
+    def _handle(self, method: int, caller: str) -> int:
+        """The number by which this peer calls a service for one of its nodes."""
+        meaning = method, caller
+        handle = self._handles.setdefault(meaning, len(self._handles) + 1)
+        self._meanings[handle] = meaning
+        return handle
 
 
 def mismatch(question: messages.Resolve, offer: Offer) -> TypeMismatch:
@@ -223,7 +245,7 @@ def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
     call.fail(HandlerFailed(Code.INTERNAL, message))
 
 
-def _resolved(method: int, offer: Offer, *, with_definition: bool) -> Resolved:
+def _resolved(handle: int, offer: Offer, *, with_definition: bool) -> Resolved:
     srv_type = offer.srv_type
     text = srv_type._DEFINITION if with_definition else ""
-    return Resolved(method, int(offer.mode), srv_type._TYPE, srv_type._HASH, text)
+    return Resolved(handle, int(offer.mode), srv_type._TYPE, srv_type._HASH, text)

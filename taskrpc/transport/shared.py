@@ -32,7 +32,7 @@ def shared_transport(
     `release()` it when done. Raises TaskRpcError for an unknown name or wrong setting.
     """
     domain = domain_id()
-    where = tuple(environment_peers() if peers is None else peers)
+    where = tuple(environment_peers() if peers is None else _listed(peers))
     endpoints = _endpoints.setdefault(asyncio.get_running_loop(), {})
     key = (name, domain, listen, where, token, tls)
     endpoint = endpoints.get(key)
@@ -59,3 +59,8 @@ def _network(
     if name == "memory":
         return MemoryNetwork(domain=domain)
     raise TaskRpcError(f"transport: expected 'tcp' or 'memory', got {name!r}")
+
+
+def _listed(peers: Sequence[str]) -> Sequence[str]:
+    """A single peer is easily written without its list, and is a sequence of letters then."""
+    return [peers] if isinstance(peers, str) else peers

@@ -8,13 +8,14 @@ import logging
 import os
 import secrets
 import socket
+import ssl
 from collections.abc import Sequence
 
 from taskrpc.errors import CannotListen, TaskRpcError
 from taskrpc.transport.connection import HANDSHAKE_TIMEOUT
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.registry import Entry, Registry
-from taskrpc.transport.tls import Tls
+from taskrpc.transport.tls import Tls, pinned_context
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -42,6 +43,7 @@ class TcpNetwork:
         tls: Tls | None = None,
     ) -> None:
         self._tls = tls
+        self.certificate = tls.certificate() if tls is not None else ""
         self.domain = domain
         self.token = token or secrets.token_bytes(32)
         self._peers = [_checked_place(peer) for peer in peers]
@@ -56,7 +58,8 @@ class TcpNetwork:
         """Take connections from now on."""
         host, port = split_place(self._listen_at)
         self._refuse_unprotected(host)
-        context = self._tls.server_context() if self._tls is not None else None
+        # A node that has no certificate of its own uses TLS for calling only.
+        context = self._tls.server_context() if self._tls and self.certificate else None
         # Bound here and now, so that the address can be announced before the loop's next turn;
         # callers who are quicker than the loop wait in the backlog.
         sock = _bound(host, port)
@@ -75,8 +78,8 @@ class TcpNetwork:
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect."""
         host, port = split_place(address.place)
-        context = self._tls.client_context() if self._tls is not None else None
         loop = asyncio.get_running_loop()
+        context = self._context(address)
         _, protocol = await loop.create_connection(factory, host, port, ssl=context)
         return protocol
 
@@ -90,7 +93,7 @@ class TcpNetwork:
         if self._peers:
             return self._with_tokens(entries)
         return [
-            Address(entry.address, bytes.fromhex(entry.token), surely_offers=True)
+            _address(entry, surely_offers=True)
             for entry in entries
             if entry.address and entry.offers(service)
         ]
@@ -129,17 +132,34 @@ class TcpNetwork:
         self._registry.close()
 
     def _refuse_unprotected(self, host: str) -> None:
-        if not _is_loopback(host) and (self._tls is None or self._peer_token is None):
+        if not _is_loopback(host) and not (self.certificate and self._peer_token):
             raise CannotListen(
                 f"cannot listen at {host}: beyond this machine's own addresses (127.0.0.1,"
                 " localhost, ::1) a certificate (tls) and a token are needed"
             )
 
     def _with_tokens(self, entries: Sequence[Entry]) -> list[Address]:
-        # A peer on this machine, of this user, has its token in the registry.
-        known = {entry.address: bytes.fromhex(entry.token) for entry in entries if entry.address}
+        # A peer on this machine, of this user, is in the registry with all that it wants.
+        known = {each.place: each for each in map(_address, entries) if each.place}
         given = self._peer_token or b""
-        return [Address(place, known.get(place, given)) for place in self._peers]
+        return [known.get(place) or Address(place, given) for place in self._peers]
+
+    def _context(self, address: Address) -> ssl.SSLContext | None:
+        """TLS as the registry says; for peers elsewhere, as this node was told."""
+        if address.certificate:
+            return pinned_context(address.certificate, self._tls)
+        if address.certificate is None and self._tls is not None:
+            return self._tls.client_context()
+        return None
+
+
+def _address(entry: Entry, *, surely_offers: bool = False) -> Address:
+    """Where another process of this machine reaches an entry's."""
+    place = entry.address
+    for everywhere, here in (("0.0.0.0:", "127.0.0.1:"), ("[::]:", "[::1]:")):
+        place = place.replace(everywhere, here) if place.startswith(everywhere) else place
+    token = bytes.fromhex(entry.token)
+    return Address(place, token, surely_offers=surely_offers, certificate=entry.certificate)
 
 
 def domain_id() -> int:

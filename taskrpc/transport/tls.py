@@ -6,8 +6,11 @@ import ssl
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
 from taskrpc.errors import CannotListen, TaskRpcError
+
+_Loaded = TypeVar("_Loaded")
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,14 +45,42 @@ class Tls:
         context.minimum_version = ssl.TLSVersion.TLSv1_3
         if self.ca is not None:
             _reading(self.ca, lambda: context.load_verify_locations(str(self.ca)))
-        if self.cert is not None and self.key is not None:
-            _reading(self.cert, lambda: context.load_cert_chain(str(self.cert), str(self.key)))
+        self.show_certificate(context)
         return context
 
+    def show_certificate(self, context: ssl.SSLContext) -> None:
+        """Let a connection show the certificate, where there is one with its key."""
+        if self.cert is not None and self.key is not None:
+            _reading(self.cert, lambda: context.load_cert_chain(str(self.cert), str(self.key)))
 
-def _reading(path: str | Path, load: Callable[[], object]) -> None:
+    def certificate(self) -> str:
+        """The certificate that a server shows (PEM), "" for a node that only calls."""
+        if self.cert is None:
+            return ""
+        path = Path(self.cert)
+        return str(_reading(path, lambda: path.read_text(encoding="ascii")))
+
+
+def pinned_context(certificate: str, own: Tls | None) -> ssl.SSLContext:
+    """How to connect to a server whose very certificate is known: that one, and no other.
+
+    `own` is shown to the server where it has a certificate.
+    """
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
+    context.minimum_version = ssl.TLSVersion.TLSv1_3
+    # The registry vouches for the certificate itself: whom it names, and who signed it, is nothing
+    # to a program on the same machine.
+    context.check_hostname = False
+    context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
+    context.load_verify_locations(cadata=certificate)
+    if own is not None:
+        own.show_certificate(context)
+    return context
+
+
+def _reading(path: str | Path, load: Callable[[], _Loaded]) -> _Loaded:
     try:
-        load()
+        return load()
     except (ssl.SSLError, ValueError):
         raise TaskRpcError(f"{path}: expected a certificate (and its key) in PEM format") from None
     except OSError as error:

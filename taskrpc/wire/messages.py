@@ -75,6 +75,8 @@ class Resolve(msgspec.Struct, array_like=True):
 
     name: Name
     type_hash: Name = ""
+    caller: Name = ""
+    """The calling node; the method id that is answered stands for it too."""
 
 
 class Resolved(msgspec.Struct, array_like=True):

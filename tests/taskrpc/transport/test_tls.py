@@ -1,0 +1,133 @@
+"""Connections beyond this machine are encrypted, proved from both sides, and refused otherwise."""
+
+import ssl
+
+import pytest
+import trustme
+
+import taskrpc
+from taskrpc.transport.tls import Tls
+from tests.taskrpc.transport.helpers import Add, add, ask, outcome
+
+pytestmark = pytest.mark.real_time
+
+TOKEN = "a secret of this lab"
+
+
+@pytest.fixture(scope="module")
+def authority():
+    return trustme.CA()
+
+
+@pytest.fixture
+def certificates(authority, tmp_path):
+    """The files of a server on 127.0.0.1 and of the authority that signed it."""
+    issued = authority.issue_cert("127.0.0.1")
+    cert, key, ca = tmp_path / "cert.pem", tmp_path / "key.pem", tmp_path / "ca.pem"
+    cert.write_bytes(b"".join(blob.bytes() for blob in issued.cert_chain_pems))
+    issued.private_key_pem.write_to_path(key)
+    authority.cert_pem.write_to_path(ca)
+    return Tls(cert=cert, key=key), Tls(ca=ca)
+
+
+def elsewhere(tls, token=TOKEN, **options):
+    """A node that finds nobody in the registry, like one on another machine."""
+    return taskrpc.Node("elsewhere", tls=tls, token=token, **options)
+
+
+async def call(node):
+    client = node.create_client(Add, "/add", timeout=5)
+    return await outcome(client.call(ask(2, 3)))
+
+
+async def far_call(server, monkeypatch, tmp_path, tls, token=TOKEN):
+    """What a program on another machine gets from a server."""
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    async with elsewhere(tls, token, peers=[server.address]) as node:
+        return await call(node)
+
+
+async def test_another_machine_calls_with_the_authority_and_the_token(
+    certificates, monkeypatch, tmp_path
+):
+    async with taskrpc.Node("server", tls=certificates[0], token=TOKEN) as server:
+        server.create_service(Add, "add", add)
+        answer = await far_call(server, monkeypatch, tmp_path, certificates[1])
+    assert answer.sum == 5
+
+
+async def test_a_program_of_this_machine_calls_a_tls_server_with_nothing_configured(certificates):
+    async with (
+        taskrpc.Node("server", tls=certificates[0], token=TOKEN, listen="0.0.0.0:0") as server,
+        taskrpc.Node("here") as here,
+    ):
+        server.create_service(Add, "add", add)
+        assert server.address.startswith("0.0.0.0:")
+        assert (await call(here)).sum == 5
+
+
+async def test_a_node_with_tls_for_far_servers_still_calls_plain_ones_of_this_machine(certificates):
+    async with taskrpc.Node("server") as server, elsewhere(certificates[1]) as node:
+        server.create_service(Add, "add", add)
+        assert (await call(node)).sum == 5
+
+
+async def test_a_node_without_a_certificate_of_its_own_offers_in_plain_on_this_machine(
+    certificates,
+):
+    async with elsewhere(certificates[1]) as node, taskrpc.Node("here") as here:
+        node.create_service(Add, "add", add)
+        assert (await call(here)).sum == 5
+
+
+@pytest.mark.parametrize("wrong", ["authority", "plain", "token"])
+async def test_whoever_lacks_one_of_them_is_refused(certificates, wrong, monkeypatch, tmp_path):
+    tls, token = certificates[1], TOKEN
+    if wrong == "authority":
+        other = tmp_path / "other.pem"
+        trustme.CA().cert_pem.write_to_path(other)
+        tls = Tls(ca=other)
+    elif wrong == "plain":
+        tls = None
+    else:
+        token = "another secret"
+    async with taskrpc.Node("server", tls=certificates[0], token=TOKEN) as server:
+        server.create_service(Add, "add", add)
+        error = await far_call(server, monkeypatch, tmp_path, tls, token)
+    assert isinstance(error, taskrpc.AuthenticationFailed | taskrpc.ServiceUnavailable)
+    assert error.not_executed
+    assert TOKEN not in str(error)
+
+
+async def test_a_server_may_want_to_see_its_callers_certificates(
+    certificates, authority, monkeypatch, tmp_path
+):
+    server_tls = Tls(cert=certificates[0].cert, key=certificates[0].key, ca=certificates[1].ca)
+    caller = authority.issue_cert("student@lab.example")
+    cert = tmp_path / "caller.pem"
+    caller.private_key_and_cert_chain_pem.write_to_path(cert)
+    async with taskrpc.Node("server", tls=server_tls, token=TOKEN) as server:
+        server.create_service(Add, "add", add)
+        known = Tls(ca=certificates[1].ca, cert=cert, key=cert)
+        assert (await far_call(server, monkeypatch, tmp_path, known)).sum == 5
+        stranger = await far_call(server, monkeypatch, tmp_path, certificates[1])
+        assert isinstance(stranger, taskrpc.ServiceUnavailable)
+
+
+def test_only_tls_1_3_is_spoken(certificates):
+    server, client = certificates
+    for context in (server.server_context(), client.client_context()):
+        assert context.minimum_version is ssl.TLSVersion.TLSv1_3
+
+
+@pytest.mark.parametrize("content", [None, b"no certificate"])
+def test_a_file_that_is_no_certificate_is_named(tmp_path, content):
+    path = tmp_path / "cert.pem"
+    if content:
+        path.write_bytes(content)
+    with pytest.raises(taskrpc.TaskRpcError, match=r"cert\.pem: "):
+        Tls(cert=path, key=path).server_context()
+    with pytest.raises(taskrpc.TaskRpcError, match=r"cert\.pem: "):
+        Tls(ca=path).client_context()
+    with pytest.raises(taskrpc.CannotListen, match="a certificate and its key"):
+        Tls().server_context()
