@@ -35,9 +35,18 @@ if TYPE_CHECKING:
     )
     from taskrpc.node import Node, run
     from taskrpc.retry import RetryPolicy
-    from taskrpc.robot import KinematicRobot, Robot
+    from taskrpc.robot import (
+        KinematicRobot,
+        Plan,
+        Pose,
+        Robot,
+        TargetError,
+        World,
+        default_world,
+        read_map,
+    )
     from taskrpc.service import Service
-    from taskrpc.tasks import TaskServer
+    from taskrpc.tasks import MemoryStore, SqliteStore, TaskServer
     from taskrpc.transport.tls import Tls
 
 _HOMES = {
@@ -51,12 +60,14 @@ _HOMES = {
     ),
     "node": "Node run",
     "retry": "RetryPolicy",
-    "robot": "KinematicRobot Robot",
+    "robot": "KinematicRobot Plan Pose Robot TargetError World default_world read_map",
     "service": "Service",
-    "tasks": "TaskServer",
+    "tasks": "MemoryStore SqliteStore TaskServer",
     "transport.tls": "Tls",
 }
 _HOME_OF = {name: home for home, exported in _HOMES.items() for name in exported.split()}
+
+_MODULES = ("errors", "sync", "testing")
 
 __all__ = [
     "AuthenticationFailed",
@@ -71,10 +82,13 @@ __all__ = [
     "InvalidName",
     "InvalidRequest",
     "KinematicRobot",
+    "MemoryStore",
     "NameInUse",
     "Node",
     "OutcomeUnknown",
     "PermissionDenied",
+    "Plan",
+    "Pose",
     "ProtocolError",
     "RetryPolicy",
     "Robot",
@@ -82,20 +96,31 @@ __all__ = [
     "Service",
     "ServiceUnavailable",
     "SessionExpired",
+    "SqliteStore",
+    "TargetError",
     "TaskRpcError",
     "TaskServer",
     "Tls",
     "TypeMismatch",
+    "World",
     "WouldDeadlock",
     "current_call",
+    "default_world",
+    "read_map",
     "run",
 ]
 
 
 def __getattr__(name: str) -> Any:
     home = _HOME_OF.get(name)
+    if name in _MODULES:
+        return importlib.import_module(f"taskrpc.{name}")
     if home is None:
         raise AttributeError(f"module 'taskrpc' has no attribute {name!r}")
     value = getattr(importlib.import_module(f"taskrpc.{home}"), name)
     globals()[name] = value
     return value
+
+
+def __dir__() -> list[str]:
+    return sorted({*globals(), *__all__, *_MODULES})

@@ -30,6 +30,9 @@ DEFAULT_TIMEOUT = 10.0
 class Unset:
     """Says that an argument was not given, where None means something."""
 
+    def __repr__(self) -> str:
+        return "<the client's>"
+
 
 UNSET = Unset()
 
@@ -216,6 +219,9 @@ class Call(Coroutine[Any, Any, Any]):
             raise RuntimeError("a call can be awaited only once; make a new one")
         self._awaited = True
         return self._client.start(self._request, *self._options)
+
+    def __getattr__(self, name: str) -> Any:
+        raise AttributeError(f"a call has no {name!r}; `await` it first, its response may have one")
 
     def send(self, value: Any) -> Any:
         """Step the call, as the event loop does with coroutines."""
