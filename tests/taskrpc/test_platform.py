@@ -54,7 +54,7 @@ def test_what_is_not_a_folder_of_ours_is_refused(tmp_path):
         with pytest.raises(taskrpc.TaskRpcError, match="folder"):
             platform.private_dir(tmp_path / name)
     (tmp_path / "to").symlink_to(tmp_path / "file")
-    with pytest.raises(OSError, match="[Ss]ymbolic|[Ll]ink|ELOOP"):
+    with pytest.raises(OSError, match=r"[Ss]ymbolic|[Ll]ink|ELOOP"):
         platform.open_private(tmp_path / "to")
 
 
