@@ -31,7 +31,7 @@ class Unset:
     """Says that an argument was not given, where None means something."""
 
     def __repr__(self) -> str:
-        return "<the client's>"
+        return "UNSET"
 
 
 UNSET = Unset()

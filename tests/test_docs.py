@@ -200,7 +200,7 @@ def _signature(function: Any, name: str) -> str:
         parameters = parameters[1:]
     plain = [each.replace(annotation=inspect.Parameter.empty) for each in parameters]
     text = f"{name}{inspect.Signature(plain)}"
-    text = re.sub(r"<[\w.]*Unset object at 0x\w+>", "UNSET", text).replace("'", '"')
+    text = text.replace("'", '"')
     text = re.sub(r"<built-in function (\w+)>", r"\1", text)
     return f"await {text}" if inspect.iscoroutinefunction(function) else text
 
