@@ -15,7 +15,7 @@ from taskrpc.errors import CannotListen, TaskRpcError
 from taskrpc.transport.connection import HANDSHAKE_TIMEOUT
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.registry import Entry, Registry
-from taskrpc.transport.tls import Tls, pinned_context
+from taskrpc.transport.tls import Tls, pinned_context, shown_certificate
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -43,7 +43,7 @@ class TcpNetwork:
         tls: Tls | None = None,
     ) -> None:
         self._tls = tls
-        self.certificate = tls.certificate() if tls is not None else ""
+        self.certificate = shown_certificate(tls)
         self.domain = domain
         self.token = token or secrets.token_bytes(32)
         self._peers = [_checked_place(peer) for peer in peers]

@@ -45,20 +45,16 @@ class Tls:
         context.minimum_version = ssl.TLSVersion.TLSv1_3
         if self.ca is not None:
             _reading(self.ca, lambda: context.load_verify_locations(str(self.ca)))
-        self.show_certificate(context)
+        _show(self, context)
         return context
 
-    def show_certificate(self, context: ssl.SSLContext) -> None:
-        """Let a connection show the certificate, where there is one with its key."""
-        if self.cert is not None and self.key is not None:
-            _reading(self.cert, lambda: context.load_cert_chain(str(self.cert), str(self.key)))
 
-    def certificate(self) -> str:
-        """The certificate that a server shows (PEM), "" for a node that only calls."""
-        if self.cert is None:
-            return ""
-        path = Path(self.cert)
-        return str(_reading(path, lambda: path.read_text(encoding="ascii")))
+def shown_certificate(tls: Tls | None) -> str:
+    """The certificate that a server with these settings shows (PEM), "" where it has none."""
+    if tls is None or tls.cert is None:
+        return ""
+    path = Path(tls.cert)
+    return _reading(path, lambda: path.read_text(encoding="ascii"))
 
 
 def pinned_context(certificate: str, own: Tls | None) -> ssl.SSLContext:
@@ -74,8 +70,14 @@ def pinned_context(certificate: str, own: Tls | None) -> ssl.SSLContext:
     context.verify_flags |= ssl.VERIFY_X509_PARTIAL_CHAIN
     context.load_verify_locations(cadata=certificate)
     if own is not None:
-        own.show_certificate(context)
+        _show(own, context)
     return context
+
+
+def _show(tls: Tls, context: ssl.SSLContext) -> None:
+    """Let a connection show the certificate, where there is one with its key."""
+    if tls.cert is not None and tls.key is not None:
+        _reading(tls.cert, lambda: context.load_cert_chain(str(tls.cert), str(tls.key)))
 
 
 def _reading(path: str | Path, load: Callable[[], _Loaded]) -> _Loaded:
