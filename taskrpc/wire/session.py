@@ -359,13 +359,9 @@ class Session:
     def _on_goaway(self, last_accepted: int) -> Draining:
         if self.state is State.OPEN:
             self.state = State.DRAINING
-        refused = []
-        for call_id in [each for each in self._pending if each > last_accepted]:
-            ticket, size = self._pending.pop(call_id)
-            self._bytes_in_flight -= size
-            if ticket is not None:
-                refused.append(ticket)
-        return Draining(refused)
+        never_begun = [call_id for call_id in self._pending if call_id > last_accepted]
+        refused = [self._pending.pop(call_id)[0] for call_id in never_begun]
+        return Draining([ticket for ticket in refused if ticket is not None])
 
     def _closed(self, error: TaskRpcError) -> Closed:
         self.state = State.CLOSED

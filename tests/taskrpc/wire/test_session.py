@@ -1,0 +1,453 @@
+"""Each call ends exactly once, limits hold, and a peer can break only its own connection."""
+
+import tracemalloc
+from collections import Counter
+from typing import get_args
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taskrpc.errors import (
+    ConnectionLost,
+    InvalidRequest,
+    OutcomeUnknown,
+    ProtocolError,
+    ServerBusy,
+    TaskRpcError,
+)
+from taskrpc.wire.events import (
+    Advertised,
+    Answered,
+    CancelReceived,
+    Closed,
+    Draining,
+    Event,
+    RequestReceived,
+    ResolveReceived,
+)
+from taskrpc.wire.frames import LARGE, NO_DEADLINE, FrameType, pack_frame, pack_header
+from taskrpc.wire.messages import DEFAULT_LIMITS, Limits, Resolve
+from taskrpc.wire.session import State, refused_error
+from tests.taskrpc.wire.helpers import ConnectionPair, open_pair, receive
+
+DOCUMENTED = get_args(Event)
+
+
+def types(events):
+    return [type(event) for event in events]
+
+
+def frame(type_, call_id=0, arg=0, body=b"", flags=0, method=0):
+    return pack_frame(type_, flags, method, call_id, arg, body)
+
+
+@pytest.mark.parametrize("piece", [1, 5, 65_536])
+def test_a_call_is_answered(piece):
+    pair = open_pair()
+    call_id = pair.client.request("ticket", 3, b"question", 250, flags=4)
+    assert pair.client.in_flight == 1
+    (asked,) = pair.deliver(pair.server, piece=piece)
+    assert asked == RequestReceived(call_id, 3, 4, 250, b"question")
+    assert pair.server.serving == 1
+    pair.server.respond(call_id, b"answer", 1234)
+    (answered,) = pair.deliver(pair.client, piece=piece)
+    assert answered == Answered("ticket", b"answer", 1234)
+    assert pair.client.in_flight == pair.server.serving == 0
+
+
+def test_a_call_fails_with_the_servers_error():
+    pair = open_pair()
+    call_id = pair.client.request("ticket", 3, b"", NO_DEADLINE)
+    pair.deliver(pair.server)
+    pair.server.fail(call_id, ServerBusy("queue full", retry_after=0.5))
+    (failed,) = pair.deliver(pair.client)
+    assert failed.ticket == "ticket"
+    assert type(failed.error) is ServerBusy
+    assert failed.error.retry_after == pytest.approx(0.5)
+    assert pair.client.in_flight == 0
+
+
+@pytest.mark.parametrize("size", [LARGE - 1, LARGE, LARGE + 1, 300_000])
+def test_large_bodies_arrive_both_ways_in_whatever_pieces(size):
+    pair = open_pair()
+    body = bytes(range(251)) * (size // 251 + 1)
+    call_id = pair.client.request("ticket", 1, body[:size], NO_DEADLINE)
+    (asked,) = pair.deliver(pair.server, piece=40_000)
+    assert asked.body == body[:size]
+    pair.server.respond(call_id, asked.body)
+    (answered,) = pair.deliver(pair.client, piece=70_001)
+    assert answered.body == body[:size]
+
+
+def test_the_largest_permitted_body_passes_and_one_byte_more_closes():
+    pair = open_pair(limits=Limits(body=200_000))
+    pair.client.request("fits", 1, bytes(200_000), NO_DEADLINE)
+    assert types(pair.deliver(pair.server)) == [RequestReceived]
+    pair.client.request("does not", 1, bytes(200_001), NO_DEADLINE)
+    (closed,) = pair.deliver(pair.server)
+    assert str(closed.error) == "a frame of 200001 bytes; at most 200000 are accepted"
+
+
+def test_a_second_answer_is_not_sent():
+    pair = open_pair()
+    call_id = pair.client.request("ticket", 1, b"", NO_DEADLINE)
+    pair.deliver(pair.server)
+    pair.server.respond(call_id, b"1")
+    pair.server.respond(call_id, b"2")
+    pair.server.fail(call_id, TaskRpcError("3"))
+    assert [event.body for event in pair.deliver(pair.client)] == [b"1"]
+
+
+def test_a_cancelled_call_keeps_its_place_until_its_terminal_frame():
+    pair = open_pair(limits=Limits(calls=1))
+    call_id = pair.client.request("ticket", 1, b"", NO_DEADLINE)
+    pair.deliver(pair.server)
+    pair.client.cancel(call_id)
+    pair.client.cancel(call_id)
+    assert not pair.client.can_send(0)
+    assert pair.deliver(pair.server) == [CancelReceived(call_id)]
+    pair.server.respond(call_id, b"too late")
+    assert pair.deliver(pair.client) == []
+    assert pair.client.can_send(0)
+
+
+def test_a_cancel_that_crosses_the_answer_is_ignored():
+    pair = open_pair()
+    call_id = pair.client.request("ticket", 1, b"", NO_DEADLINE)
+    pair.deliver(pair.server)
+    pair.server.respond(call_id, b"")
+    pair.client.cancel(call_id)
+    assert pair.deliver(pair.server) == []
+    assert pair.deliver(pair.client) == []
+    assert pair.client.lost() == []
+
+
+def test_a_ping_is_answered_and_tells_nobody():
+    pair = open_pair()
+    heard = pair.client.frames_received
+    pair.client.ping(99)
+    assert pair.run() == ([], [])
+    assert pair.client.frames_received == heard + 1
+
+
+def test_a_resolve_is_answered_like_a_call():
+    pair = open_pair()
+    call_id = pair.client.resolve("ticket", Resolve("/x", "hash"), definition=True)
+    assert pair.deliver(pair.server) == [ResolveReceived(call_id, Resolve("/x", "hash"), True)]
+    pair.server.fail(call_id, InvalidRequest("name", "no such"))
+    (failed,) = pair.deliver(pair.client)
+    assert failed.error.path == "name"
+
+
+def test_any_number_of_questions_fits_beside_a_full_house():
+    pair = open_pair(limits=Limits(calls=2))
+    for n in range(2):
+        pair.client.request(n, 1, b"", NO_DEADLINE)
+    for n in range(20):
+        pair.client.resolve(n, Resolve(f"/service_{n}"))
+    events = pair.deliver(pair.server)
+    assert types(events) == [RequestReceived] * 2 + [ResolveReceived] * 20
+    assert pair.server.state is State.OPEN
+
+
+def test_a_client_that_exceeds_its_calls_is_closed():
+    pair = open_pair(limits=Limits(calls=2))
+    for n in range(3):
+        pair.client.request(n, 1, b"", NO_DEADLINE)
+    *two, closed = pair.deliver(pair.server)
+    assert types(two) == [RequestReceived] * 2
+    assert str(closed.error) == "more than 2 calls in flight on one connection"
+
+
+def test_a_client_that_exceeds_its_bytes_is_closed():
+    pair = open_pair(limits=Limits(bytes=100))
+    pair.client.request("alone it may be larger", 1, bytes(500), NO_DEADLINE)
+    assert not pair.client.can_send(0)
+    pair.client.request("too much", 1, b"", NO_DEADLINE)
+    *_, closed = pair.deliver(pair.server)
+    assert str(closed.error) == "more than 100 bytes in flight on one connection"
+
+
+def test_one_body_above_the_bytes_in_flight_is_sent_alone():
+    pair = open_pair(limits=Limits(bytes=100))
+    assert pair.client.can_send(5000)
+    call_id = pair.client.request("large", 1, bytes(5000), NO_DEADLINE)
+    assert types(pair.deliver(pair.server)) == [RequestReceived]
+    pair.server.respond(call_id, b"")
+    pair.deliver(pair.client)
+    assert pair.client.can_send(100)
+
+
+def test_an_advertisement_tells_the_client_to_look_again():
+    pair = open_pair()
+    pair.server.advertise()
+    assert types(pair.deliver(pair.client)) == [Advertised]
+
+
+# Drain
+
+
+def test_a_draining_server_answers_what_it_has():
+    pair = open_pair()
+    call_id = pair.client.request("ticket", 1, b"", NO_DEADLINE)
+    pair.deliver(pair.server)
+    pair.server.drain()
+    pair.server.drain()
+    assert pair.deliver(pair.client) == [Draining([])]
+    assert not pair.client.can_send(0)
+    pair.server.respond(call_id, b"done")
+    assert pair.deliver(pair.client) == [Answered("ticket", b"done", 0)]
+
+
+@pytest.mark.parametrize("question", [False, True])
+def test_a_call_that_crosses_goaway_never_runs_and_its_owner_learns_that(question):
+    pair = open_pair()
+    first = pair.client.request("first", 1, b"", NO_DEADLINE)
+    pair.deliver(pair.server)
+    pair.server.drain()
+    if question:
+        pair.client.resolve("crossing", Resolve("/x"))
+    else:
+        pair.client.request("crossing", 1, b"", NO_DEADLINE)
+    assert pair.deliver(pair.server) == []
+    assert pair.server.serving == 1
+    assert pair.deliver(pair.client) == [Draining(["crossing"])]
+    pair.server.respond(first, b"")
+    assert types(pair.run()[0]) == [Answered]
+    assert pair.client.state is State.DRAINING
+    assert pair.client.lost() == []
+    assert refused_error().not_executed is True
+
+
+def test_a_cancelled_call_that_crosses_goaway_is_nobodys():
+    pair = open_pair()
+    pair.server.drain()
+    call_id = pair.client.request("gone", 1, b"", NO_DEADLINE)
+    pair.client.cancel(call_id)
+    assert pair.run() == ([Draining([])], [])
+    assert pair.client.in_flight == 0
+
+
+def test_only_a_server_drains():
+    pair = open_pair()
+    (closed,) = receive(pair.server, frame(FrameType.GOAWAY))
+    assert str(closed.error) == "frame type 13 is not a client's to send"
+
+
+def test_a_server_that_drains_before_the_handshake_says_nothing():
+    pair = ConnectionPair()
+    pair.deliver(pair.server)
+    pair.server.take()
+    pair.server.drain()
+    pair.server.advertise()
+    assert not pair.server.has_output
+    assert pair.server.state is State.HANDSHAKE
+
+
+# Ends
+
+
+def test_lost_tells_every_owner_once_that_nobody_knows():
+    pair = open_pair()
+    ids = [pair.client.request(n, 1, b"", NO_DEADLINE) for n in range(4)]
+    pair.deliver(pair.server)
+    pair.server.respond(ids[0], b"")
+    pair.deliver(pair.client)
+    pair.client.cancel(ids[1])
+    told = pair.client.lost()
+    assert [ticket for ticket, _ in told] == [2, 3]
+    assert all(type(error) is OutcomeUnknown for _, error in told)
+    assert all(error.not_executed is None for _, error in told)
+    assert pair.client.lost() == []
+    assert pair.client.in_flight == 0
+
+
+def test_after_its_end_a_session_hears_and_says_nothing():
+    pair = open_pair()
+    call_id = pair.client.request("ticket", 1, b"", NO_DEADLINE)
+    pair.deliver(pair.server)
+    pair.server.respond(call_id, b"")
+    late = b"".join(pair.server.take())
+    pair.client.lost()
+    assert pair.client.feed(late) == []
+    pair.server.lost()
+    pair.server.respond(call_id, b"")
+    pair.server.fail(call_id, TaskRpcError("late"))
+    assert not pair.server.has_output
+
+
+def test_a_closed_session_takes_no_large_body():
+    pair = open_pair()
+    receive(pair.server, frame(FrameType.REQUEST, 1) + frame(FrameType.REQUEST, 1))
+    receive(pair.client, pack_header(FrameType.RESPONSE, 0, 0, 1, 0, 2 * LARGE))
+    assert pair.client.room() is not None
+    pair.client.lost()
+    assert pair.client.room() is None
+    assert pair.client.filled(10) == []
+
+
+@pytest.mark.parametrize(
+    "bad",
+    [
+        frame(FrameType.ERROR, body=b"\x91\xa3bye"),
+        frame(FrameType.RESPONSE, 77),
+        frame(0x7F),
+        bytes(16),
+        frame(FrameType.RESPONSE, 1) * 2,
+    ],
+)
+def test_what_came_before_the_offence_is_heard_and_nothing_after_it(bad):
+    for piece in (1, 65_536):
+        pair = open_pair()
+        for ticket in "ab":
+            pair.client.request(ticket, 1, b"", NO_DEADLINE)
+        stream = frame(FrameType.RESPONSE, 2) + bad + frame(FrameType.ADVERTISE)
+        events = receive(pair.client, stream, piece)
+        assert events[0] == Answered("b", b"", 0)
+        assert types(events[1:]) in ([Closed], [Answered, Closed])
+        assert pair.client.state is State.CLOSED
+        assert len(pair.client.lost()) == 2 - types(events).count(Answered)
+
+
+def question(call_id=1, body=b"\x91\xa0"):
+    return frame(FrameType.RESOLVE, call_id, body=body)
+
+
+OFFENCES_OF_A_CLIENT = {
+    "a response to nothing": (frame(FrameType.RESPONSE, 1), "an answer to call 1, which is not"),
+    "an error to nothing": (frame(FrameType.ERROR, 5), "an answer to call 5, which is not"),
+    "call id 0": (frame(FrameType.REQUEST, 0), "call id 0 came after 0"),
+    "a used call id": (frame(FrameType.REQUEST, 4) * 2, "call id 4 came after 4"),
+    "a smaller call id": (frame(FrameType.REQUEST, 4) + question(3), "call id 3"),
+    "an unknown type": (frame(0x7F), "frame type 127 is not part of this protocol"),
+    "type 0": (frame(0), "frame type 0 is not part of this protocol"),
+    "a second greeting": (frame(FrameType.HELLO), "frame type 1 is not part of this protocol"),
+    "an advertisement": (frame(FrameType.ADVERTISE), "frame type 5 is not a client's to send"),
+    "a question that is none": (question(body=b"?"), "Resolve is not valid: "),
+    "a question not in UTF-8": (question(body=b"\x91\xa1\xff"), "Resolve is not"),
+    "a question too deep": (question(body=b"\x93\xa0\xa0" + b"\x91" * 10**5), "Resolve is not"),
+    "a length of nothing": (bytes(16), "a frame's length is 0, shorter than its own header"),
+}
+
+
+@pytest.mark.parametrize("name", OFFENCES_OF_A_CLIENT)
+def test_an_offence_closes_the_connection_with_its_reason(name):
+    stream, sentence = OFFENCES_OF_A_CLIENT[name]
+    pair = open_pair()
+    *_, closed = receive(pair.server, stream)
+    assert type(closed) is Closed
+    assert type(closed.error) is ProtocolError
+    assert str(closed.error).startswith(sentence)
+
+
+@pytest.mark.parametrize("type_", [FrameType.REQUEST, FrameType.RESOLVE])
+def test_a_server_may_not_call(type_):
+    pair = open_pair()
+    (closed,) = receive(pair.client, frame(type_, 1, body=b"\x91\xa0"))
+    assert str(closed.error) == "a server may not call"
+
+
+@pytest.mark.parametrize("type_", [0x80, 0xFF])
+def test_frames_that_may_be_skipped_are_skipped(type_):
+    pair = open_pair()
+    for end in (pair.client, pair.server):
+        assert receive(end, frame(type_, 9, 9, b"later version")) == []
+        assert end.state is State.OPEN
+
+
+def test_an_error_for_the_connection_says_why_it_ends():
+    pair = open_pair()
+    pair.client.request("ticket", 1, b"", NO_DEADLINE)
+    (closed,) = receive(pair.client, frame(FrameType.ERROR, arg=7 << 16, body=b"\x91\xa2no"))
+    assert type(closed) is Closed
+    assert str(closed.error) == "no"
+    ((ticket, error),) = pair.client.lost()
+    assert ticket == "ticket"
+    assert isinstance(error, ConnectionLost)
+
+
+# Garbage
+
+
+def conversation():
+    """What a client and a server say to each other in a lively talk."""
+    pair = open_pair()
+    for n in range(3):
+        pair.client.request(n, 1, bytes(n * 10), 100)
+    pair.client.resolve("r", Resolve("/x"))
+    pair.client.cancel(2)
+    pair.client.ping(1)
+    pair.collect()
+    to_server = bytes(pair.wire[pair.server])
+    pair.deliver(pair.server)
+    pair.server.respond(1, b"one")
+    pair.server.fail(2, InvalidRequest("a.b", "no"))
+    pair.server.advertise()
+    pair.server.respond(3, b"three")
+    pair.server.drain()
+    pair.collect()
+    return to_server, bytes(pair.wire[pair.client])
+
+
+def hear(end, stream, piece):
+    """Feed a session what a hostile peer sent; only documented events may come of it."""
+    events = receive(end, stream, piece)
+    assert all(isinstance(event, DOCUMENTED) for event in events)
+    assert types(events).count(Closed) == (end.state is State.CLOSED)
+    assert not events or Closed not in types(events[:-1])
+    assert all(isinstance(event.error, TaskRpcError) for event in events if type(event) is Closed)
+    return events
+
+
+@given(st.data(), st.integers(1, 200))
+@settings(max_examples=400, deadline=None)
+def test_changed_frames_end_one_connection_and_raise_nothing(data, piece):
+    pair = open_pair()
+    to_server, to_client = conversation()
+    for n in range(3):
+        pair.client.request(n, 1, b"", 100)
+    pair.client.resolve("r", Resolve("/x"))
+    for end, stream in ((pair.server, to_server), (pair.client, to_client)):
+        changed = bytearray(stream)
+        for _ in range(data.draw(st.integers(1, 3))):
+            changed[data.draw(st.integers(0, len(changed) - 1))] = data.draw(st.integers(0, 255))
+        hear(end, bytes(changed), piece)
+    told = [ticket for ticket, _ in pair.client.lost()]
+    assert max(Counter(told).values(), default=1) == 1
+
+
+hostile_frame = st.builds(
+    pack_frame,
+    st.one_of(st.integers(1, 17), st.integers(0, 255)),
+    st.integers(0, 255),
+    st.integers(0, 0xFFFF),
+    st.one_of(st.integers(0, 6), st.integers(0, 0xFFFFFFFF)),
+    st.one_of(st.integers(0, 6), st.integers(0, 0xFFFFFFFF)),
+    st.one_of(st.just(b""), st.binary(max_size=60), st.just(b"\x92\xa1x\xa0")),
+)
+
+
+@given(st.lists(hostile_frame, max_size=12), st.integers(1, 300), st.booleans())
+@settings(max_examples=400, deadline=None)
+def test_whole_frames_of_nonsense_raise_nothing(stream, piece, is_client):
+    pair = open_pair()
+    for n in range(3):
+        pair.client.request(n, 1, b"", 100)
+    end = pair.client if is_client else pair.server
+    hear(end, b"".join(stream), piece)
+    assert pair.server.serving <= DEFAULT_LIMITS.calls + 12
+
+
+def test_a_peer_that_announces_megabytes_again_and_again_takes_no_memory():
+    tracemalloc.start()
+    try:
+        pairs = [open_pair() for _ in range(30)]
+        for pair in pairs:
+            header = pack_header(FrameType.REQUEST, 0, 1, 1, 0, DEFAULT_LIMITS.body)
+            assert receive(pair.server, header) == []
+            assert pair.server.mid_frame
+        _, peak = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert peak < 30 * 2 * LARGE

@@ -1,0 +1,213 @@
+"""A client and a server under every order of events that Hypothesis finds, against a model."""
+
+from hypothesis import settings
+from hypothesis import strategies as st
+from hypothesis.stateful import (
+    Bundle,
+    RuleBasedStateMachine,
+    initialize,
+    invariant,
+    multiple,
+    precondition,
+    rule,
+)
+
+from taskrpc.errors import OutcomeUnknown, TaskRpcError
+from taskrpc.wire.events import (
+    Answered,
+    CancelReceived,
+    Draining,
+    Failed,
+    RequestReceived,
+    ResolveReceived,
+)
+from taskrpc.wire.frames import LARGE
+from taskrpc.wire.messages import Limits, Resolve, encode
+from taskrpc.wire.session import State
+from tests.taskrpc.wire.helpers import open_pair
+
+LIMITS = Limits(body=3 * LARGE, calls=3, bytes=100)
+QUESTION = len(encode(Resolve("/x")))
+sizes = st.one_of(st.integers(0, 60), st.integers(0, 60), st.integers(LARGE - 1, 3 * LARGE))
+counts = st.one_of(st.none(), st.none(), st.integers(1, 200))
+pieces = st.sampled_from([1000, LARGE])
+
+
+class Talk(RuleBasedStateMachine):
+    """Tickets are the call ids themselves, so that an answer to the wrong call shows."""
+
+    calls = Bundle("calls")
+
+    @initialize()
+    def connect(self):
+        self.pair = open_pair(limits=LIMITS)
+        self.sizes = {}
+        """Every request ever made, with its bytes."""
+        self.asked = set()
+        """Every question ever asked."""
+        self.ends = {}
+        """How each call ended for its owner; each may be written once."""
+        self.cancelled = set()
+        self.begun = {}
+        """What the server took on, and whether it has ended it."""
+        self.freed = set()
+        """Calls whose terminal frame the client has seen."""
+        self.lost = False
+
+    def end(self, ticket, outcome):
+        assert ticket not in self.ends, f"call {ticket} ended twice"
+        assert ticket not in self.cancelled, f"call {ticket} was given up and still ended"
+        self.ends[ticket] = outcome
+
+    # What the client's owner does
+
+    @precondition(lambda self: len(self.made() - self.freed) <= LIMITS.calls)
+    @rule(target=calls, size=sizes)
+    def request(self, size):
+        client = self.pair.client
+        fits = client.can_send(size)
+        in_flight = self.made() - self.freed
+        counted = sum(self.sizes.get(call, QUESTION) for call in in_flight)
+        assert fits == (
+            client.state is State.OPEN
+            and len(in_flight) < LIMITS.calls
+            and (not in_flight or counted + size <= LIMITS.bytes)
+        )
+        if not fits:
+            return multiple()
+        ticket = client.last_call_id + 1
+        assert client.request(ticket, 1, bytes(size), 1000) == ticket
+        self.sizes[ticket] = size
+        return ticket
+
+    @precondition(lambda self: self.pair.client.state is State.OPEN)
+    @precondition(lambda self: len(self.asked) < len(self.sizes))
+    @rule(target=calls)
+    def resolve(self):
+        ticket = self.pair.client.last_call_id + 1
+        assert self.pair.client.resolve(ticket, Resolve("/x")) == ticket
+        self.asked.add(ticket)
+        return ticket
+
+    @precondition(lambda self: len(self.cancelled) * 3 < self.pair.client.last_call_id)
+    @rule(call=calls)
+    def cancel(self, call):
+        self.pair.client.cancel(call)
+        if call not in self.ends:
+            self.cancelled.add(call)
+
+    # What the server's owner does
+
+    @precondition(lambda self: not all(self.begun.values()))
+    @rule(data=st.data(), size=sizes, error=st.booleans())
+    def answer(self, data, size, error):
+        serving = [call for call, done in self.begun.items() if not done]
+        call = data.draw(st.sampled_from(serving))
+        self.begun[call] = True
+        if error:
+            self.pair.server.fail(call, TaskRpcError(f"no {call}"))
+        else:
+            self.pair.server.respond(call, bytes(size), call)
+
+    @precondition(lambda self: any(self.begun.values()))
+    @rule(data=st.data())
+    def answer_again(self, data):
+        done = [call for call, done in self.begun.items() if done]
+        self.pair.server.respond(data.draw(st.sampled_from(done)), b"again")
+
+    @precondition(lambda self: self.pair.client.last_call_id > 5)
+    @rule()
+    def drain(self):
+        self.pair.server.drain()
+
+    # What the wire does
+
+    @rule(count=counts, piece=pieces)
+    def carry_to_server(self, count, piece):
+        for event in self.pair.deliver(self.pair.server, count, piece=piece):
+            match event:
+                case RequestReceived():
+                    assert len(event.body) == self.sizes[event.call_id]
+                    self.begin(event.call_id)
+                case ResolveReceived():
+                    assert event.call_id in self.asked
+                    self.begin(event.call_id)
+                case CancelReceived():
+                    assert event.call_id in self.cancelled
+                    assert self.begun[event.call_id] is False
+                case _:
+                    raise AssertionError(event)
+
+    def begin(self, call):
+        assert call not in self.begun, f"call {call} began twice"
+        assert self.ends.get(call) != "refused", f"call {call} ran although its owner was told not"
+        self.begun[call] = False
+
+    @rule(count=counts, piece=pieces)
+    def carry_to_client(self, count, piece):
+        events = self.pair.deliver(self.pair.client, count, piece=piece)
+        for event in events:
+            match event:
+                case Answered():
+                    assert event.server_time == event.ticket
+                    self.end(event.ticket, "answered")
+                case Failed():
+                    assert str(event.error) == f"no {event.ticket}"
+                    self.end(event.ticket, "failed")
+                case Draining():
+                    for ticket in event.refused:
+                        self.end(ticket, "refused")
+                        assert ticket not in self.begun
+        if not self.lost:
+            self.check_freed()
+
+    def check_freed(self):
+        """A place in the limits is freed by a terminal frame, or by GOAWAY for what never began."""
+        self.freed = self.made() - self.pair.client._pending.keys()
+        for call in self.freed:
+            refused = self.ends.get(call) == "refused" or call in self.cancelled
+            assert self.begun.get(call, refused), f"call {call} was freed without an end"
+        assert not self.ends.keys() - self.freed
+
+    @precondition(lambda self: self.pair.client.last_call_id > 8 and not self.lost)
+    @rule()
+    def lose(self):
+        for ticket, error in self.pair.client.lost():
+            assert type(error) is OutcomeUnknown
+            self.end(ticket, "lost")
+        self.pair.server.lost()
+        self.pair.wire = {end: bytearray() for end in self.pair.wire}
+        self.lost = True
+        # Everything that was asked has been told something, and exactly once.
+        assert self.ends.keys() | self.cancelled == self.made()
+
+    def made(self):
+        return set(self.sizes) | self.asked
+
+    @invariant()
+    def limits_hold(self):
+        if hasattr(self, "pair"):
+            client, server = self.pair.client, self.pair.server
+            questions = len(self.asked)
+            assert client.in_flight <= LIMITS.calls + questions
+            assert server.serving <= LIMITS.calls + questions
+            assert server.serving == list(self.begun.values()).count(False)
+            if not self.lost:
+                assert State.CLOSED not in (client.state, server.state)
+
+    def teardown(self):
+        """Answer and carry over everything: then every call has ended, and nothing is held."""
+        if not hasattr(self, "pair") or self.lost:
+            return
+        self.carry_to_server(None, LARGE)
+        for call, done in self.begun.items():
+            if not done:
+                self.pair.server.respond(call, b"", call)
+                self.begun[call] = True
+        self.carry_to_client(None, LARGE)
+        assert self.pair.client.in_flight == self.pair.server.serving == 0
+        assert self.ends.keys() | self.cancelled == self.made()
+
+
+TestTalk = Talk.TestCase
+TestTalk.settings = settings(max_examples=100, stateful_step_count=40, deadline=None)
