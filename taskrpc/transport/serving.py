@@ -213,8 +213,10 @@ class ServingConnection(Connection):
         elif question.type_hash not in ("", offer.srv_type._HASH):
             self.session.fail(event.call_id, mismatch(question, offer))
         elif len(self._handles) >= MAX_HANDLES:
-            error = ServerBusy(f"{MAX_HANDLES} services are in use on this connection")
+            # Numbers are never given twice on one connection; the next one begins anew.
+            error = ServerBusy(f"{MAX_HANDLES} services were asked for on this connection")
             self.session.fail(event.call_id, error)
+            self.drain()
         else:
             handle = self._handle(method, question.caller or self.caller)
             body = _resolved(handle, offer, with_definition=event.with_definition)
