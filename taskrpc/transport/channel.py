@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 import random
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 from taskrpc.errors import (
     AuthenticationFailed,
@@ -18,22 +18,33 @@ from taskrpc.retry import reconnect_delay
 from taskrpc.transport.base import Mode
 from taskrpc.transport.calling import CallFuture, CallingConnection
 from taskrpc.transport.codec import ServiceType, codec_of
-from taskrpc.transport.network import Address
+from taskrpc.transport.dialling import Dialler
+from taskrpc.transport.network import Address, Network
+from taskrpc.transport.news import News
 from taskrpc.wire.messages import Endpoint as Named
 from taskrpc.wire.messages import Resolve
-
-if TYPE_CHECKING:
-    from taskrpc.transport.endpoint import Endpoint
 
 log = logging.getLogger("taskrpc.client")
 
 RESOLVE_TIMEOUT = 3.0
 
 
+class Home(Protocol):
+    """What the channels of one endpoint share."""
+
+    loop: asyncio.AbstractEventLoop
+    network: Network
+    dialler: Dialler
+    news: News
+
+    def channel_closed(self, named: Named) -> None:
+        """A client is gone."""
+
+
 class RemoteChannel:
     """The `Channel` of an endpoint."""
 
-    def __init__(self, endpoint: Endpoint, named: Named, srv_type: ServiceType) -> None:
+    def __init__(self, endpoint: Home, named: Named, srv_type: ServiceType) -> None:
         self.mode = Mode.AT_MOST_ONCE
         self._endpoint = endpoint
         self._named = named
