@@ -1,4 +1,4 @@
-"""The `srvgen` command: generate, check, describe, show and hash interface definitions."""
+"""The `srvgen` command: generate, check, fix, describe, show, hash and stubs."""
 
 from __future__ import annotations
 
@@ -12,14 +12,17 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import TypeAlias
 
-from .closure import closure, problems_of
+from .closure import closure
 from .describe import describe
 from .errors import DefinitionError
 from .files import read_definition
+from .fix import Fix, fix_file
 from .model import Definition
+from .report import Report
 from .search import Search
 from .show import Comments, show
 from .sources import definition_files, search_paths
+from .suspicions import package_cycle, suspicions
 from .typehash import hash_of
 
 
@@ -30,7 +33,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if isinstance(sys.stdout, io.TextIOWrapper):
         # Comments have characters that the code page of a Windows pipe may lack.
         sys.stdout.reconfigure(errors="backslashreplace")
-    report = _Report(as_json=getattr(options, "json", False))
+    report = Report(as_json=getattr(options, "json", False))
     try:
         options.run(options, report)
         sys.stdout.flush()
@@ -42,47 +45,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except KeyboardInterrupt:
         return 130
     return report.exit_code
-
-
-class _Report:
-    """Prints problems to stderr, each once, and knows what the exit code will be."""
-
-    def __init__(self, *, as_json: bool) -> None:
-        self.exit_code = 0
-        self._as_json = as_json
-        self._printed: set[str] = set()
-        self._names: dict[str, str] = {}
-
-    def remember(self, path: Path) -> None:
-        """Call this file as the user did, whoever finds a problem in it."""
-        self._names.setdefault(str(path.resolve()), str(path))
-
-    def error(self, error: DefinitionError) -> None:
-        self.exit_code = 1
-        for problem in problems_of(error):
-            problem.path = self._names.get(problem.path, problem.path)
-            text = self._json(problem) if self._as_json else _positioned(problem)
-            if text not in self._printed:
-                self._printed.add(text)
-                print(text, file=sys.stderr)
-
-    def failure(self, sentence: str) -> None:
-        self.exit_code = 1
-        print(sentence, file=sys.stderr)
-
-    def _json(self, problem: DefinitionError) -> str:
-        fields = ("message", "path", "line", "column", "hint")
-        given = {name: value for name in fields if (value := getattr(problem, name))}
-        return json.dumps({"error": type(problem).__name__, **given})
-
-
-def _positioned(problem: DefinitionError) -> str:
-    """The problem as text; one of a whole file stands at its beginning, for editors to jump to."""
-    if not problem.path or problem.line:
-        return str(problem)
-    return str(
-        DefinitionError(problem.message, path=problem.path, line=1, column=1, hint=problem.hint)
-    )
 
 
 def _parser() -> argparse.ArgumentParser:
@@ -100,7 +62,7 @@ def _parser() -> argparse.ArgumentParser:
         help="look for packages here first (may be repeated)",
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for add in (_add_generate, _add_check, _add_describe, _add_show, _add_hash):
+    for add in (_add_generate, _add_check, _add_fix, _add_describe, _add_show, _add_hash):
         add(commands, common)
     return parser
 
@@ -123,6 +85,16 @@ def _add_check(commands: _Commands, common: argparse.ArgumentParser) -> None:
     command = _with_sources(commands, common, "check", "report every problem of definitions")
     command.add_argument("--json", action="store_true", help="one JSON line a problem")
     command.set_defaults(run=_check)
+
+
+def _add_fix(commands: _Commands, common: argparse.ArgumentParser) -> None:
+    command = _with_sources(
+        commands, common, "fix", "put right what has one right answer, and report the rest"
+    )
+    command.add_argument(
+        "--dry-run", action="store_true", help="write nothing; print what would change as a diff"
+    )
+    command.set_defaults(run=_fix)
 
 
 def _add_describe(commands: _Commands, common: argparse.ArgumentParser) -> None:
@@ -169,7 +141,7 @@ def _with_type(
     return command
 
 
-def _generate(options: argparse.Namespace, report: _Report) -> None:
+def _generate(options: argparse.Namespace, report: Report) -> None:
     from .generate import generate
 
     search = _search_of_sources(options)
@@ -193,19 +165,60 @@ def _generate(options: argparse.Namespace, report: _Report) -> None:
         path.write_bytes(data)
 
 
-def _check(options: argparse.Namespace, report: _Report) -> None:
+def _check(options: argparse.Namespace, report: Report) -> None:
     search = _search_of_sources(options)
-    count = len(list(_complete(options, search, report)))
+    known: dict[str, Definition] = {}
+    count = 0
+    for path, definition in _readable(options, report):
+        count += 1
+        report.warn(suspicions(definition, path))
+        try:
+            known |= {one.full_name: one for one in closure(definition, search, path=path)}
+        except DefinitionError as error:
+            report.error(error)
+    if ring := package_cycle(known.values()):
+        chain = " → ".join(ring)
+        report.error(DefinitionError(f"expected packages that can be ordered, got {chain}"))
     if not report.exit_code and not options.json:
-        print(f"{count} definition{'s' if count > 1 else ''}, no problems")
+        warnings = f", {_counted(report.warnings, 'warning')}" if report.warnings else ""
+        print(f"{_counted(count, 'definition')}, no problems{warnings}")
 
 
-def _describe(options: argparse.Namespace, report: _Report) -> None:
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def _fix(options: argparse.Namespace, report: Report) -> None:
+    search = _search_of_sources(options)
+    fixes: list[Fix] = []
+    for path in _files(options, report):
+        try:
+            fix = fix_file(path, search.is_missing)
+            fixes.append(fix)
+            if not fix.is_needed:
+                continue
+            if options.dry_run:
+                print(*fix.diff(), sep="\n")
+            else:
+                fix.write()
+                renamed = f", now {fix.new_path}" if fix.new_path != path else ""
+                print(f"fixed {path}{renamed}")
+        except DefinitionError as error:
+            report.error(error)
+    for fix in fixes:
+        report.remember(fix.new_path)
+        try:
+            fix.check(search)
+        except DefinitionError as error:
+            report.error(error)
+
+
+def _describe(options: argparse.Namespace, report: Report) -> None:
     for _, definition in _readable(options, report):
         print(json.dumps(describe(definition), indent=None if options.json else 2, allow_nan=False))
 
 
-def _show(options: argparse.Namespace, report: _Report) -> None:
+def _show(options: argparse.Namespace, report: Report) -> None:
     search = Search(options.include)
     name = search.resolve_name(options.type)
     owner = str(name._replace(name=search.find(str(name)).stem))
@@ -215,7 +228,7 @@ def _show(options: argparse.Namespace, report: _Report) -> None:
         print(line)
 
 
-def _hash(options: argparse.Namespace, report: _Report) -> None:
+def _hash(options: argparse.Namespace, report: Report) -> None:
     search = Search(options.include)
     name = str(search.resolve_name(options.type))
     search.closure(name)
@@ -228,7 +241,7 @@ def _search_of_sources(options: argparse.Namespace) -> Search:
     return Search([*search_paths(options.sources), *options.include])
 
 
-def _complete(options: argparse.Namespace, search: Search, report: _Report) -> Iterator[Definition]:
+def _complete(options: argparse.Namespace, search: Search, report: Report) -> Iterator[Definition]:
     """The definitions of the sources for which everything that they need is there."""
     for path, definition in _readable(options, report):
         try:
@@ -239,8 +252,17 @@ def _complete(options: argparse.Namespace, search: Search, report: _Report) -> I
             yield definition
 
 
-def _readable(options: argparse.Namespace, report: _Report) -> Iterator[tuple[Path, Definition]]:
+def _readable(options: argparse.Namespace, report: Report) -> Iterator[tuple[Path, Definition]]:
     """The files of the sources that can be parsed; the others are reported."""
+    for path in _files(options, report):
+        try:
+            yield path, read_definition(path)
+        except DefinitionError as error:
+            report.error(error)
+
+
+def _files(options: argparse.Namespace, report: Report) -> list[Path]:
+    """The files of the sources, each once."""
     paths: dict[Path, Path] = {}
     for source in options.sources:
         try:
@@ -249,11 +271,7 @@ def _readable(options: argparse.Namespace, report: _Report) -> Iterator[tuple[Pa
                 report.remember(path)
         except DefinitionError as error:
             report.error(error)
-    for path in paths.values():
-        try:
-            yield path, read_definition(path)
-        except DefinitionError as error:
-            report.error(error)
+    return list(paths.values())
 
 
 def _print_notes() -> None:

@@ -95,17 +95,25 @@ def kind_of(path: Path) -> Kind:
     for kind in KINDS:
         if path.suffix == f".{kind}":
             return kind
-    doubled = Path(path.stem).suffix.removeprefix(".")
+    meant = meant_path(path)
     hint = ""
-    if doubled in KINDS:
-        hint = f"rename the file to {path.stem}; file managers may hide the ending {path.suffix}"
-    elif path.suffix.lower().removeprefix(".") in KINDS:
-        hint = f"rename the file to {path.stem}{path.suffix.lower()}"
+    if meant:
+        hidden = f"; file managers may hide the ending {path.suffix}"
+        hint = f"rename the file to {meant.name}{hidden if meant.name == path.stem else ''}"
     raise DefinitionError(
         f"expected a file that ends in .msg, .srv or .action, got {path.name!r}",
         path=str(path),
         hint=hint,
     )
+
+
+def meant_path(path: Path) -> Path | None:
+    """What the file with a wrong ending should be called: `X.srv` for `X.srv.txt` and `X.SRV`."""
+    if Path(path.stem).suffix.removeprefix(".") in KINDS:
+        return path.with_name(path.stem)
+    right = path.suffix.lower()
+    is_slip = right != path.suffix and right.removeprefix(".") in KINDS
+    return path.with_name(path.stem + right) if is_slip else None
 
 
 def is_definition(path: Path) -> bool:

@@ -51,6 +51,10 @@ class Search:
         """
         return self._locate(self.resolve_name(full_name))[0]
 
+    def is_missing(self, full_name: str) -> bool:
+        """Whether there is no type of this name within reach."""
+        return self._candidates(self.resolve_name(full_name)) is None
+
     def load(self, full_name: str) -> Definition:
         """The definition of a type: from a file, a section of one, or implied by one.
 

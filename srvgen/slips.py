@@ -89,6 +89,14 @@ def message_name_hint(name: str) -> str:
     return f"did you mean {meant}?" if meant != name and is_message_name(meant) else ""
 
 
+def missing_type_repair(name: str) -> str:
+    """What the bare type `name`, which its package does not have, can only mean, or ""."""
+    if name == "Header":
+        return "std_msgs/Header"
+    meant = _MEANT.get(name.lower(), "")
+    return "" if meant == name or name.lower() in _SEVERAL_MEANINGS else meant
+
+
 def ros1_hint(name: str) -> str:
     """How ROS 2 writes a type that ROS 1 files have, or ""."""
     if name == "Header":
