@@ -17,7 +17,8 @@ is refused: no robot of today sends big-endian.
 
 from __future__ import annotations
 
-from typing import TypeVar
+from collections.abc import Callable
+from typing import Any, TypeVar
 
 from ._runtime import Message, shown, under
 from .cdr_decode import decoder_of
@@ -27,6 +28,25 @@ from .cdr_faults import CdrError
 __all__ = ["CdrError", "from_cdr", "to_cdr"]
 
 M = TypeVar("M", bound=Message)
+
+
+class _Compiled(dict[Any, Callable[[Any], Any]]):
+    """A function for each class, made when it is first asked for."""
+
+    def __init__(self, make: Callable[[Any], Callable[[Any], Any]]) -> None:
+        super().__init__()
+        self._make = make
+
+    def __missing__(self, cls: Any) -> Callable[[Any], Any]:
+        if not hasattr(cls, "_FIELDS"):
+            example = "such as AddTwoInts.Request"
+            raise TypeError(f"expected a message class, {example}, got {shown(cls)}")
+        made = self[cls] = self._make(cls)
+        return made
+
+
+_encoders = _Compiled(encoder_of)
+_decoders = _Compiled(decoder_of)
 
 
 def to_cdr(message: Message) -> bytes:
@@ -41,7 +61,8 @@ def to_cdr(message: Message) -> bytes:
         message._check()
     except ValueError as error:  # a generated package has a FieldError of its own
         raise under(error, "") from None
-    return encoder_of(type(message))(message)
+    data: bytes = _encoders[type(message)](message)
+    return data
 
 
 def from_cdr(cls: type[M], data: bytes | bytearray | memoryview) -> M:
@@ -59,7 +80,5 @@ def from_cdr(cls: type[M], data: bytes | bytearray | memoryview) -> M:
     """
     if type(data) is not bytes:
         data = bytes(memoryview(data))
-    if not hasattr(cls, "_FIELDS"):
-        raise TypeError(f"expected a message class, such as AddTwoInts.Request, got {shown(cls)}")
-    message: M = decoder_of(cls)(data)
+    message: M = _decoders[cls](data)
     return message

@@ -24,8 +24,10 @@ Nothing is made that the data have not been seen to be long enough for.
 from __future__ import annotations
 
 import struct
+import sys
+from array import array as array_type
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 from typing import Any
 
 from .cdr_code import Names, Position, compiled, indented
@@ -44,7 +46,6 @@ from .cdr_faults import (
 from .cdr_layout import Item, Run
 from .cdr_plan import Node, Plan, Tail, Value, plan_of
 from .cdr_values import (
-    array_maker,
     booleans,
     from_wide,
     read_strings,
@@ -74,13 +75,13 @@ _HELPERS = (
 _Sequence = tuple[list[Any], int]
 
 
-@cache
 def decoder_of(cls: Any) -> Callable[[bytes], Any]:
     """Decodes bytes with a header to a message of this class; raises CdrError."""
     reader = _Reader(plan_of(cls, is_element=False), is_element=False)
     result = reader.read_message()
     end = reader.position.ask()
     body = [
+        *reader.opening,
         *reader.lines,
         f"if len(data) > {end} + 3:",
         f"    raise left_over({end}, data)",
@@ -102,6 +103,7 @@ def sequence_decoder_of(cls: Any) -> Callable[[bytes, int, int, str], _Sequence]
         "def decode(data, at, count, path):",
         f"    if count * {plan.least} > len(data) - at:",
         "        raise not_that_many(path, count, at, data)",
+        *indented(reader.opening),
         "    found = []",
         "    try:",
         "        for _ in range(count):",
@@ -117,10 +119,16 @@ def sequence_decoder_of(cls: Any) -> Callable[[bytes, int, int, str], _Sequence]
 
 
 class _Reader:
-    """Turns the steps of a plan into statements, and its tree into the message's expression."""
+    """Turns the steps of a plan into statements, and its tree into the message's expression.
+
+    Attributes:
+        opening: what a function needs once, before all statements.
+        lines: the statements so far.
+    """
 
     def __init__(self, plan: Plan, *, is_element: bool) -> None:
         self.plan = plan
+        self.opening: list[str] = []
         self.lines: list[str] = []
         self.names = Names(FAULTS=_FAULTS, **{one.__name__: one for one in _HELPERS})
         self.position = Position(self.lines, is_known=not is_element)
@@ -152,9 +160,19 @@ class _Reader:
             case "byte" if value.is_array:
                 return f"single_bytes({content})"
             case "number" if value.is_array:
-                return f"{self.names.of(array_maker(value.cls), 'A')}({content})"
+                return self._array(value)
             case _:
                 return content
+
+    def _array(self, value: Value) -> str:
+        array = f"a{value.number}"
+        # Its own constructor would have to find out what it is given, and copies bytes slowly.
+        make = partial(array_type.__new__, value.cls, value.cls._CODE)
+        self.lines.append(f"{array} = {self.names.of(make, 'A')}()")
+        self.lines.append(f"{array}.frombytes({value.content})")
+        if sys.byteorder == "big":
+            self.lines.append(f"{array}.byteswap()")
+        return array
 
     def _run(self, run: Run) -> None:
         at = self.position.ask()
@@ -225,11 +243,13 @@ class _Reader:
         fault = f"not_that_many({value.path!r}, {value.count}, {start}, data)"
         self._refuse("at > len(data)", fault)
         content = f"data[{start}:at]"
-        if value.kind == "wstring":
+        if value.kind == "number":
+            content = f"view[{start}:at]"
+            self.opening = ["view = memoryview(data)"]
+        elif value.kind == "wstring":
             content = f"from_wide({content}, {value.path!r})"
         self.lines.append(f"{value.content} = {content}")
-        if value.kind == "wstring":
-            self._check_bound(value)
+        self._check_bound(value)
 
     def _start(self, value: Value) -> str:
         """Where a tail begins, once `at` is where it ends."""

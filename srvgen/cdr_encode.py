@@ -35,7 +35,6 @@ _CONTENTS = {
 _LENGTHS = {"string": "len({}) + 1", "wstring": "len({}) // 4"}
 
 
-@cache
 def encoder_of(cls: Any) -> Callable[[Any], bytes]:
     """Encodes a checked message of this class, header included."""
     writer = _Writer(plan_of(cls, is_element=False), is_element=False)

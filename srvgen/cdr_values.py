@@ -3,10 +3,7 @@
 from __future__ import annotations
 
 import struct
-import sys
-from array import array
 from collections.abc import Callable, Iterable
-from functools import cache, partial
 from typing import Any
 
 from .cdr_faults import (
@@ -21,15 +18,6 @@ from .cdr_faults import (
 )
 
 _LENGTH = struct.Struct("<I")
-
-
-@cache
-def array_maker(cls: Any) -> Callable[[bytes], Any]:
-    """Makes a numeric array of the bytes of its elements."""
-    if sys.byteorder == "little":
-        # The class's own constructor would first have to find out what it was given.
-        return partial(array.__new__, cls, cls._CODE)
-    return cls
 
 
 def booleans(raw: bytes, path: str) -> list[bool]:
