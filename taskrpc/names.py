@@ -3,16 +3,25 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator
 
 from taskrpc.errors import InvalidName
 
 _MAX_NODE, _MAX_NAMESPACE, _MAX_TOPIC = 255, 245, 247
 _NOT_WORD = re.compile(r"[^A-Za-z0-9_]")
 _NOT_PATH = re.compile(r"[^A-Za-z0-9_/]")
-_NOT_TOPIC = re.compile(r"[^A-Za-z0-9_/~{}]")
+_WELL_FORMED = re.compile(r"(?:\A~|[A-Za-z0-9_/]|\{(?:[A-Za-z_][A-Za-z0-9_]*)?\})*")
+_OPEN_SUBSTITUTION = re.compile(r"\{[A-Za-z0-9_]*")
 _DIGIT_TOKEN = re.compile(r"(?:^|/)(?=[0-9])")
 _SUBSTITUTION = re.compile(r"\{([^{}]*)\}")
+_SLASHES = re.compile("/{2,}")
+_DIGIT_PROBLEM = "topic name token must not start with a number"
+_OTHER_CHARACTER = (
+    "topic name must not contain characters other than alphanumerics, '_', '~', '{', or '}'"
+)
+_CHARACTER_PROBLEMS = {
+    "}": "topic name must not have unmatched (unbalanced) curly braces '{}'",
+    "~": "topic name must not have tilde '~' unless it is the first character",
+}
 
 
 def check_node_name(name: str) -> str:
@@ -50,15 +59,16 @@ def expand(name: str, *, namespace: str = "/", node: str = "", kind: str = "serv
     `{ns}` are replaced. Raises `InvalidName`.
     """
     _check_raw(name, kind)
-    names = {"node": node, "ns": namespace, "namespace": namespace}
-    expanded = "".join(_substituted(name, names, kind))
-    own = f"{namespace.rstrip('/')}/{node}"
+    nowhere = not node and name.startswith("~")
+    _refuse_if(nowhere, name, 0, kind, "'~' stands for a node, and there is none here")
+    expanded = _substituted(name, namespace, node, kind)
     if expanded.startswith("~"):
-        expanded = own + expanded[1:]
+        expanded = fully_qualified(namespace, node) + expanded[1:]
     elif not expanded.startswith("/"):
-        expanded = f"{namespace.rstrip('/')}/{expanded}"
-    _check_tokens(expanded, kind, "topic name token must not start with a number")
-    _check_length(expanded, _MAX_TOPIC, kind)
+        expanded = fully_qualified(namespace, expanded)
+    # A namespace brings slashes of its own: `/{ns}/x` in `/a` means `/a/x`, not `//a/x`.
+    expanded = _SLASHES.sub("/", f"/{expanded}")
+    _check_whole(expanded, kind)
     return expanded
 
 
@@ -73,46 +83,61 @@ def fully_qualified(namespace: str, node: str) -> str:
 
 
 def _check_raw(name: str, kind: str) -> None:
+    """What can be wrong before anything is replaced, in rcl's order."""
     _refuse_if(not name, name, 0, kind, "topic name must not be empty string")
-    ends = name.endswith("/")
-    _refuse_if(ends, name, len(name) - 1, kind, "topic name must not end with a forward slash")
-    if found := _NOT_TOPIC.search(name):
-        problem = (
-            "topic name must not contain characters other than alphanumerics, '_', '~', '{', or '}'"
-        )
-        raise InvalidName(name, found.start(), kind=kind, problem=problem)
-    _check_tilde(name, kind)
-    _check_braces(name, kind)
-    _check_tokens(name, kind, "topic name token must not start with a number")
-
-
-def _check_tilde(name: str, kind: str) -> None:
-    later = name.find("~", 1)
-    problem = "topic name must not have tilde '~' unless it is the first character"
-    _refuse_if(later > 0, name, later, kind, problem)
-    alone = name.startswith("~") and len(name) > 1 and name[1] != "/"
+    _check_end(name, kind)
+    _refuse_if(name[0] in "0123456789", name, 0, kind, _DIGIT_PROBLEM)
+    index = _end_of(_WELL_FORMED, name, 0)
+    if index < len(name):
+        index, problem = _broken_at(name, index)
+        raise InvalidName(name, index, kind=kind, problem=problem)
+    alone = name.startswith("~") and name[1:2] not in ("", "/")
     problem = "topic name must not have a tilde '~' that is not followed by a forward slash '/'"
     _refuse_if(alone, name, 1, kind, problem)
+    _check_tokens(name, kind, _DIGIT_PROBLEM)
 
 
-def _check_braces(name: str, kind: str) -> None:
-    rest = _SUBSTITUTION.sub(lambda found: "_" * len(found[0]), name)
-    stray = min((rest.find(brace) for brace in "{}" if brace in rest), default=-1)
-    problem = "topic name must not have unmatched (unbalanced) curly braces '{}'"
-    _refuse_if(stray >= 0, name, stray, kind, problem)
+def _broken_at(name: str, index: int) -> tuple[int, str]:
+    """Where exactly the name breaks a rule from `index` on, and which."""
+    if name[index] != "{":
+        return index, _CHARACTER_PROBLEMS.get(name[index], _OTHER_CHARACTER)
+    end = _end_of(_OPEN_SUBSTITUTION, name, index)
+    if name[index + 1 : index + 2].isdigit():
+        return index + 1, "substitution name must not start with a number"
+    if end == len(name):
+        return index, _CHARACTER_PROBLEMS["}"]
+    if name[end] == "~":
+        return end, _CHARACTER_PROBLEMS["~"]
+    return end, "substitution name must not contain characters other than alphanumerics or '_'"
 
 
-def _substituted(name: str, names: dict[str, str], kind: str) -> Iterator[str]:
-    end = 0
+def _substituted(name: str, namespace: str, node: str, kind: str) -> str:
+    values = {"node": node, "ns": namespace, "namespace": namespace}
     for found in _SUBSTITUTION.finditer(name):
         problem = f"unknown substitution '{found[0]}', expected {{node}} or {{ns}}"
-        _refuse_if(found[1] not in names, name, found.start() + 1, kind, problem)
-        yield name[end : found.start()]
-        value = names[found[1]]
-        # `/{ns}/x` with ns `/a` means `/a/x`, not `//a/x`.
-        yield value.lstrip("/") if name[: found.start()].endswith("/") else value
-        end = found.end()
-    yield name[end:]
+        _refuse_if(found[1] not in values, name, found.start() + 1, kind, problem)
+        nowhere = not values[found[1]]
+        problem = f"'{found[0]}' stands for a {found[1]}, and there is none here"
+        _refuse_if(nowhere, name, found.start() + 1, kind, problem)
+    return _SUBSTITUTION.sub(lambda found: values[found[1]], name)
+
+
+def _check_whole(name: str, kind: str) -> None:
+    _check_end(name, kind)
+    if found := _NOT_PATH.search(name):
+        raise InvalidName(name, found.start(), kind=kind, problem=_OTHER_CHARACTER)
+    _check_tokens(name, kind, _DIGIT_PROBLEM)
+    _check_length(name, _MAX_TOPIC, kind)
+
+
+def _check_end(name: str, kind: str) -> None:
+    problem = "topic name must not end with a forward slash"
+    _refuse_if(name.endswith("/"), name, len(name) - 1, kind, problem)
+
+
+def _end_of(pattern: re.Pattern[str], name: str, start: int) -> int:
+    found = pattern.match(name, start)
+    return found.end() if found else start
 
 
 def _check_tokens(name: str, kind: str, digit_problem: str) -> None:
