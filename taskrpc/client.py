@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import math
 import random
 import sys
 import warnings
@@ -175,8 +176,8 @@ class Client:
         wait = policy.wait(attempt - 1, random.random())
         if isinstance(error, ServerBusy):
             wait = max(wait, error.retry_after)
-        wait = max(wait, self._budget.spend(now))
-        return None if deadline is not None and now + wait >= deadline else wait
+        latest = math.inf if deadline is None else deadline
+        return self._budget.book(now, wait, latest)
 
     def _may_repeat(self, error: TaskRpcError) -> bool:
         if isinstance(error, ServerBusy | ConnectionLost) or _asks_for_retry(error):

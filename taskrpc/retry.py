@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 _BUDGET_FULL = 10.0
@@ -25,15 +26,13 @@ class RetryPolicy:
     wait_jitter: float = 1.0
 
     def __post_init__(self) -> None:
-        if self.attempts is not None and self.attempts < 1:
-            raise ValueError(f"attempts: expected at least 1 or None, got {self.attempts}")
+        attempts = self.attempts
+        if attempts is not None and (not isinstance(attempts, int) or attempts < 1):
+            raise ValueError(f"attempts: expected a whole number from 1 or None, got {attempts!r}")
         for name in ("wait_initial", "wait_max"):
-            if getattr(self, name) < 0:
-                raise ValueError(f"{name}: expected seconds >= 0, got {getattr(self, name)}")
-        if self.wait_exp_base < 1:
-            raise ValueError(f"wait_exp_base: expected at least 1, got {self.wait_exp_base}")
-        if not 0 <= self.wait_jitter <= 1:
-            raise ValueError(f"wait_jitter: expected a share from 0 to 1, got {self.wait_jitter}")
+            _check(name, getattr(self, name), 0, math.inf, "finite seconds from 0")
+        _check("wait_exp_base", self.wait_exp_base, 1, math.inf, "a finite number from 1")
+        _check("wait_jitter", self.wait_jitter, 0, 1, "a share from 0 to 1")
 
     def allows(self, attempt: int) -> bool:
         """Whether attempt number `attempt` (the first is 1) may still be made."""
@@ -41,8 +40,10 @@ class RetryPolicy:
 
     def wait(self, retry: int, chance: float) -> float:
         """Seconds to wait before retry number `retry` (from 0); `chance` is drawn from [0, 1)."""
-        # Past 64 doublings the cap has long been reached, and the power would overflow.
-        whole = min(self.wait_max, self.wait_initial * self.wait_exp_base ** min(retry, 64))
+        try:
+            whole = min(self.wait_max, self.wait_initial * float(self.wait_exp_base) ** retry)
+        except OverflowError:
+            whole = self.wait_max if self.wait_initial else 0.0
         return whole * (1 - self.wait_jitter) + whole * self.wait_jitter * chance
 
 
@@ -60,13 +61,22 @@ class RetryBudget:
         """A call succeeded."""
         self._tokens = min(_BUDGET_FULL, self._tokens + _BUDGET_GAIN)
 
-    def spend(self, now: float) -> float:
-        """Book one retry; returns the seconds that it must wait at least, 0.0 with tokens left."""
+    def book(self, now: float, wait: float, latest: float) -> float | None:
+        """Book one retry for `wait` seconds after `now`, or later when the budget is empty.
+
+        Returns the seconds that it must wait; None, and books nothing, when that would not be
+        before the instant `latest`.
+        """
+        if now + wait >= latest:
+            return None
         if self._tokens >= 1:
             self._tokens -= 1
-            return 0.0
-        self._next_floor = max(now, self._next_floor) + 1 / _BUDGET_FLOOR
-        return self._next_floor - now
+            return wait
+        place = max(now, self._next_floor) + 1 / _BUDGET_FLOOR
+        if place >= latest:
+            return None  # booked all the same, it would be lost to those who can wait
+        self._next_floor = place
+        return max(wait, place - now)
 
 
 def reconnect_delay(failures: int, chance: float) -> float:
@@ -75,3 +85,8 @@ def reconnect_delay(failures: int, chance: float) -> float:
     `rand(0.5, 1) * min(5 s, 0.05 s * 1.6**n)`: quick at first, spread out when many wait.
     """
     return float((0.5 + chance / 2) * min(5.0, 0.05 * 1.6 ** min(failures, 64)))
+
+
+def _check(name: str, value: float, lowest: float, highest: float, expected: str) -> None:
+    if not isinstance(value, int | float) or not lowest <= value <= highest or value == math.inf:
+        raise ValueError(f"{name}: expected {expected}, got {value!r}")
