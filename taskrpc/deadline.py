@@ -11,6 +11,9 @@ Item = TypeVar("Item")
 TICK = 0.005
 """Seconds between two turns of the wheel."""
 
+_RESOLUTION = 1e-9  # an event loop's clock may stand so far before the instant that it woke for
+_EMPTY_KEPT = 1024
+
 
 class DeadlineWheel(Generic[Item]):
     """Items by the tick in which they expire; the caller brings the clock.
@@ -23,40 +26,60 @@ class DeadlineWheel(Generic[Item]):
         self._tick = tick
         self._slots: dict[int, dict[Item, None]] = {}
         self._order: list[int] = []
+        self._empty = 0
 
     def __len__(self) -> int:
-        return sum(len(items) for items in self._slots.values())
+        return sum(map(len, self._slots.values()))
 
     def add(self, deadline: float, item: Item) -> int:
-        """Remember an item until `deadline` (an instant of the caller's clock, in seconds).
+        """Remember an item until `deadline` (a finite instant of the caller's clock, in seconds).
 
         Returns the slot, which `discard` wants back.
         """
         slot = math.ceil(deadline / self._tick)
+        if slot * self._tick < deadline:
+            slot += 1  # the quotient was rounded down to a whole number
         items = self._slots.get(slot)
         if items is None:
             self._slots[slot] = {item: None}
             heapq.heappush(self._order, slot)
         else:
+            if not items:
+                self._empty -= 1
             items[item] = None
         return slot
 
     def discard(self, slot: int, item: Item) -> None:
         """Forget an item before its deadline; unknown items are no error."""
         items = self._slots.get(slot)
-        if items is not None:
-            items.pop(item, None)
+        if not items or item not in items:
+            return
+        del items[item]
+        if not items:
+            # Kept for the next call of the same tick, but not without end.
+            self._empty += 1
+            if self._empty > _EMPTY_KEPT and 2 * self._empty > len(self._slots):
+                self._drop_empty()
 
     def next_due(self) -> float | None:
         """The instant at which `expire` has something to do, or None."""
         while self._order and not self._slots[self._order[0]]:
-            del self._slots[heapq.heappop(self._order)]
+            self._take_first()
         return self._order[0] * self._tick if self._order else None
 
     def expire(self, now: float) -> list[Item]:
-        """Take out every item whose deadline has passed, the earliest first."""
+        """Take out every item whose deadline has passed, the earliest tick first."""
         expired: list[Item] = []
-        # The clock may stand a rounding error before the slot that woke us.
-        while self._order and self._order[0] * self._tick <= now + 1e-9:
-            expired += self._slots.pop(heapq.heappop(self._order))
+        while self._order and self._order[0] * self._tick <= now + _RESOLUTION:
+            expired += self._take_first()
         return expired
+
+    def _take_first(self) -> dict[Item, None]:
+        items = self._slots.pop(heapq.heappop(self._order))
+        self._empty -= not items
+        return items
+
+    def _drop_empty(self) -> None:
+        self._slots = {slot: items for slot, items in self._slots.items() if items}
+        self._order = sorted(self._slots)
+        self._empty = 0
