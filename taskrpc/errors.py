@@ -56,9 +56,6 @@ class Code(IntEnum):
     ID_REUSED = 19
 
 
-_CODES = {code.value: code for code in Code}
-
-
 class TaskRpcError(Exception):
     """The root of every error that this library raises on purpose.
 
@@ -227,8 +224,9 @@ def _rebuild_name(name: str, index: int, kind: str, problem: str) -> InvalidName
 
 
 def _code_of(code: Code | str) -> Code:
-    found = Code.__members__.get(code) if isinstance(code, str) else _CODES.get(code)
-    if found is None:
+    try:
+        return Code[code] if isinstance(code, str) else Code(code)
+    except (KeyError, ValueError):
         names = ", ".join(Code.__members__)
-        raise ValueError(f"code: expected a Code or the name of one ({names}), got {code!r}")
-    return found
+        problem = f"code: expected a Code or the name of one ({names}), got {code!r}"
+        raise ValueError(problem) from None

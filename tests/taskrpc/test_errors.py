@@ -1,0 +1,119 @@
+"""The tree in the module's docstring is the tree of classes; every error survives a pickle."""
+
+import copy
+import pickle
+import re
+
+import pytest
+
+from taskrpc import errors
+from taskrpc.errors import Code, TaskRpcError
+
+CLASSES = [
+    cls
+    for cls in vars(errors).values()
+    if isinstance(cls, type) and issubclass(cls, TaskRpcError) and not cls.__name__.startswith("_")
+]
+EXAMPLES = [
+    TaskRpcError("something", not_executed=True),
+    errors.DeadlineExceeded("no answer by the deadline"),
+    errors.DeadlineExceeded("never sent", not_executed=True),
+    errors.ServiceUnavailable("nobody offers /x"),
+    errors.ConnectionLost("gone", not_executed=True),
+    errors.OutcomeUnknown("gone"),
+    errors.TypeMismatch("differs"),
+    errors.InvalidRequest("goal.x", "expected a number"),
+    errors.InvalidRequest("", "not a message"),
+    errors.ServerBusy("queue full", retry_after=1.5),
+    errors.HandlerFailed(Code.INTERNAL, "see the log"),
+    errors.HandlerFailed(Code.NOT_FOUND),
+    errors.HandlerError("UNAVAILABLE", "not now"),
+    errors.HandlerError(Code.ABORTED, "stopped"),
+    errors.InvalidName("a b", 1, kind="node name", problem="no blanks"),
+    errors.NameInUse("/x"),
+    errors.CannotListen("port 1"),
+    errors.WouldDeadlock("from the loop"),
+    errors.ProtocolError("garbage"),
+    errors.AuthenticationFailed("token"),
+    errors.PermissionDenied("not you"),
+    errors.SessionExpired("forgotten"),
+]
+
+
+def documented_tree():
+    """Each name in the docstring's tree, with the name that it hangs on."""
+    parents, above = {}, {}
+    for line in errors.__doc__.splitlines():
+        found = re.match(r"( {4}[│ ├└─]*)([A-Z]\w+)( |$)", line)
+        if found:
+            depth = len(found[1])
+            parents[found[2]] = above.get(depth - 4)
+            above[depth] = found[2]
+    return parents
+
+
+def test_the_documented_tree_is_the_tree_of_classes():
+    tree = documented_tree()
+    assert sorted(tree) == sorted(cls.__name__ for cls in CLASSES)
+    for name, parent in tree.items():
+        if parent is not None:
+            bases = [base for base in getattr(errors, name).__mro__[1:] if base in CLASSES]
+            assert bases[0].__name__ == parent
+
+
+def test_what_not_executed_is_from_the_start_is_documented():
+    paragraph = errors.__doc__.split("True from the start: ")[1]
+    true, false = paragraph.split("False from the start:")
+    assert set(re.findall(r"`(\w+)`", true)) == {
+        cls.__name__ for cls in CLASSES if cls.not_executed is True
+    }
+    assert re.findall(r"`(\w+)`", false) == [
+        cls.__name__ for cls in CLASSES if cls.not_executed is False
+    ]
+
+
+def test_there_is_an_example_of_every_class_here():
+    assert {type(error) for error in EXAMPLES} == set(CLASSES)
+
+
+@pytest.mark.parametrize("duplicate", [copy.copy, copy.deepcopy, "pickle"])
+@pytest.mark.parametrize("error", EXAMPLES, ids=repr)
+def test_a_copy_has_everything(error, duplicate):
+    error.add_note("seen by the test")
+    error.not_executed = error.not_executed  # as if whoever raised it knew better
+    again = pickle.loads(pickle.dumps(error)) if duplicate == "pickle" else duplicate(error)
+    assert type(again) is type(error)
+    assert str(again) == str(error)
+    assert vars(again) == vars(error)
+    assert again.not_executed is error.not_executed
+
+
+def test_standard_exceptions_catch_what_they_should():
+    assert issubclass(errors.DeadlineExceeded, TimeoutError)
+    assert issubclass(errors.InvalidName, ValueError)
+    assert issubclass(errors.WouldDeadlock, RuntimeError)
+
+
+@pytest.mark.parametrize("cls", [errors.HandlerError, errors.HandlerFailed])
+def test_only_unavailable_promises_that_nothing_was_done(cls):
+    for code in Code:
+        assert (cls(code, "").not_executed is True) is (code is Code.UNAVAILABLE)
+    assert errors.HandlerFailed(Code.INTERNAL, "").not_executed is False
+
+
+def test_a_code_is_given_as_such_or_by_name():
+    assert errors.HandlerError("NOT_FOUND", "x").code is Code.NOT_FOUND
+    assert errors.HandlerError(5, "x").code is Code.NOT_FOUND
+    assert str(errors.HandlerError(Code.NOT_FOUND)) == "NOT_FOUND"
+
+
+@pytest.mark.parametrize("code", ["no such", "not_found", 99, None, 2.5, []])
+def test_a_code_that_is_none_is_named_with_those_that_are(code):
+    with pytest.raises(ValueError, match="NOT_FOUND") as caught:
+        errors.HandlerError(code, "x")
+    assert str(caught.value).endswith(f"got {code!r}")
+
+
+def test_an_empty_path_is_the_whole_message():
+    assert str(errors.InvalidRequest("", "not a message")) == "not a message"
+    assert str(errors.InvalidRequest("a.b", "no")) == "a.b: no"
