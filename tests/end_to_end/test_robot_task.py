@@ -125,6 +125,20 @@ def ids(tasks):
     return [each["task_id"] for each in tasks]
 
 
+def wait_for_line(process, words):
+    """Read a process's stderr up to a line with these words."""
+    for line in process.stderr:
+        if words in line:
+            return
+    pytest.fail(f"the process ended with {process.wait(PATIENCE)} and without a word of {words!r}")
+
+
+def wait_until_running(listed):
+    ends = time.monotonic() + PATIENCE
+    while (first := listed()[0])["state"] != "RUNNING":
+        assert time.monotonic() < ends, first
+
+
 def failing_server(folder, *argv):
     """A server that cannot start: exit code and stderr."""
     ended = subprocess.run(
@@ -247,9 +261,7 @@ def test_stop_halts_the_robot_and_the_waiting_submit_ends_with_an_error(start, t
         [sys.executable, "-m", "taskrpc", "task", "submit", "move", "warehouse", "--wait"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    assert waiting.stderr is not None
-    while "RUNNING" not in waiting.stderr.readline():
-        pass
+    wait_for_line(waiting, "RUNNING")
     code, out, _ = task("stop")
     assert code == 0
     assert out.startswith("The robot is stopped and the queue is paused; task 1 was cancelled")
@@ -265,9 +277,7 @@ def test_ctrl_c_leaves_the_task_alone_and_says_so(start, task, tmp_path):
         [sys.executable, "-m", "taskrpc", "task", "submit", "move", "warehouse", "--wait"],
         cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True,
     )  # fmt: skip
-    assert waiting.stderr is not None
-    while "RUNNING" not in waiting.stderr.readline():
-        pass
+    wait_for_line(waiting, "RUNNING")
     waiting.send_signal(signal.SIGINT)
     out, err = waiting.communicate(timeout=PATIENCE)
     assert (waiting.returncode, out) == (130, "")
@@ -297,8 +307,7 @@ def test_a_restart_keeps_what_waits_and_tells_what_was_interrupted(start, task, 
     first = start("--speed", 1)
     for target, priority in (("warehouse", 9), ("station_1", 2), ("dock", 5)):
         task("submit", "move", target, priority)
-    while listed()[0]["state"] != "RUNNING":
-        pass
+    wait_until_running(listed)
     code, seconds = first.end()
     assert code == 0
     assert seconds < 2
@@ -319,8 +328,7 @@ def test_a_killed_server_loses_no_task(start, task, listed):
     first = start("--speed", 1)
     task("submit", "move", "warehouse", 9)
     task("submit", "move", "station_1", 2)
-    while listed()[0]["state"] != "RUNNING":
-        pass
+    wait_until_running(listed)
     first.end(signal.SIGKILL)
     second = start("--speed", 1)
     assert "resumed 1 queued task; task 1 was interrupted" in second.text
