@@ -19,6 +19,7 @@ from taskrpc.cli.service_types import differs_here, local_service_type, service_
 from taskrpc.cli.values import build_request
 from taskrpc.client import Client
 from taskrpc.errors import (
+    AuthenticationFailed,
     ConnectionLost,
     DeadlineExceeded,
     InvalidRequest,
@@ -127,8 +128,11 @@ class _Caller:
             try:
                 async with asyncio.timeout_at(deadline):
                     return await self._node.definition(self._service)
-            except (ServiceUnavailable, TimeoutError):
+            except (ServiceUnavailable, ConnectionLost, TimeoutError):
                 pass
+            except (AuthenticationFailed, ProtocolError):
+                if not self._plan.remote.places:
+                    raise
             await self._say_waiting(deadline)
             left = deadline - self._loop.time()
             if left <= 0:

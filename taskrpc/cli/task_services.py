@@ -87,7 +87,7 @@ class TaskServices:
         """
         try:
             type_name, _ = await self._node.definition(self.service)
-        except ServiceUnavailable:
+        except (ServiceUnavailable, ConnectionLost):
             self._note(f"waiting for {self.service} to become available; taskrpc-server offers it")
             if not await self._client("").wait_for_service(self._timeout):
                 raise await self._nobody() from None
