@@ -481,7 +481,7 @@ class _Namespace:
     _HASH: ClassVar[str]
     _DEFINITION: ClassVar[str]
 
-    def __new__(cls, *args: object, **values: object) -> NoReturn:
+    def __new__(cls, *args: object, **values: object) -> Self:
         raise NotImplementedError(f"{cls._KIND} classes can not be instantiated")
 
 

@@ -62,7 +62,15 @@ def _parser() -> argparse.ArgumentParser:
         help="look for packages here first (may be repeated)",
     )
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for add in (_add_generate, _add_check, _add_fix, _add_describe, _add_show, _add_hash):
+    for add in (
+        _add_generate,
+        _add_check,
+        _add_fix,
+        _add_describe,
+        _add_show,
+        _add_hash,
+        _add_stubs,
+    ):
         add(commands, common)
     return parser
 
@@ -119,6 +127,41 @@ def _add_hash(commands: _Commands, common: argparse.ArgumentParser) -> None:
     command.set_defaults(run=_hash)
 
 
+_STUBS = """\
+write stubs (.pyi), so that editors and type checkers know the classes that the import hook and
+srvgen.load give, down to the name of each field"""
+_STUBS_NOTES = """\
+Pyright and Pylance read ./typings as it is; for mypy, set mypy_path = "typings". Afterwards
+srvgen.load("my_msgs/srv/Fetch") is typed too, where the name is written out. Run it again when a
+definition has changed. Pyright's warning reportMissingModuleSource, that there is a stub and no
+source, is right: these packages have no Python files. It may be switched off."""
+
+
+def _add_stubs(commands: _Commands, common: argparse.ArgumentParser) -> None:
+    command = commands.add_parser(
+        "stubs",
+        parents=[common],
+        help="write stubs for editors and type checkers",
+        description=_STUBS,
+        epilog=_STUBS_NOTES,
+    )
+    command.add_argument(
+        "names",
+        metavar="TYPE|PACKAGE",
+        nargs="*",
+        help="what to write stubs for, with all that it needs (default: every package in reach)",
+    )
+    command.add_argument(
+        "-o",
+        dest="out",
+        metavar="DIR",
+        type=Path,
+        default=Path("typings"),
+        help="the folder to write to (default: typings)",
+    )
+    command.set_defaults(run=_stubs)
+
+
 def _with_sources(
     commands: _Commands, common: argparse.ArgumentParser, name: str, purpose: str
 ) -> argparse.ArgumentParser:
@@ -142,7 +185,7 @@ def _with_type(
 
 
 def _generate(options: argparse.Namespace, report: Report) -> None:
-    from .generate import generate
+    from .generate import generate, write_tree
 
     search = _search_of_sources(options)
     packages: dict[str, list[Definition]] = {}
@@ -153,16 +196,25 @@ def _generate(options: argparse.Namespace, report: Report) -> None:
             report.error(error)  # the file does not lie in its package's folder
         else:
             packages.setdefault(definition.package, []).append(definition)
-    for relative, text in generate(packages, search).items():
-        path = options.out / relative
-        data = text.encode()
-        if path.is_file() and path.read_bytes() == data:
-            continue
-        if options.check:
-            report.failure(f"{path} is not up to date: run srvgen generate")
-            continue
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_bytes(data)
+    files = generate(packages, search)
+    differences = write_tree(files, options.out, search.is_missing, check=options.check)
+    if options.check:
+        for difference in differences:
+            report.failure(f"{difference}: run srvgen generate")
+
+
+def _stubs(options: argparse.Namespace, report: Report) -> None:
+    from .generate import write_tree
+    from .stubs import stubs, whole_packages
+
+    search = Search(options.include)
+    definitions, problems = whole_packages(options.names, search)
+    for problem in problems:
+        report.error(problem)
+    write_tree(stubs(definitions), options.out, search.is_missing, check=False)
+    packages = {name.split("/")[0] for name in definitions}
+    types = f"{_counted(len(definitions), 'type')} of {_counted(len(packages), 'package')}"
+    print(f"wrote stubs for {types} to {options.out}")
 
 
 def _check(options: argparse.Namespace, report: Report) -> None:

@@ -55,6 +55,16 @@ class Search:
         """Whether there is no type of this name within reach."""
         return self._candidates(self.resolve_name(full_name)) is None
 
+    def existing(self, text: str) -> str:
+        """The full name of a type that is within reach.
+
+        Raises:
+            DefinitionError: there is none, or several of this short name.
+        """
+        name = self.resolve_name(text)
+        self._locate(name)
+        return str(name)
+
     def load(self, full_name: str) -> Definition:
         """The definition of a type: from a file, a section of one, or implied by one.
 

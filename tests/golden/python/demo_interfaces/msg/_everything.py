@@ -216,8 +216,20 @@ class Everything(_runtime.MessageWithConstants, kw_only=True):
         wide_ = self.wide
         if type(wide_) is not str or not wide_.isascii():
             self.wide = _runtime.to_text(wide_, "wide")
-        _runtime.check_nested(self.inner, Inner, "inner")
-        _runtime.check_nested(self.point, Point, "point")
+        inner_ = self.inner
+        if type(inner_) is not Inner:
+            _runtime.wrong_class(inner_, Inner, "inner")
+        try:
+            inner_._check()
+        except ValueError as error:
+            raise _runtime.under(error, "inner") from None
+        point_ = self.point
+        if type(point_) is not Point:
+            _runtime.wrong_class(point_, Point, "point")
+        try:
+            point_._check()
+        except ValueError as error:
+            raise _runtime.under(error, "point") from None
         self.flags = _runtime.to_items(self.flags, "flags", _runtime.to_boolean)
         self.pair = _runtime.to_items(self.pair, "pair", _runtime.to_byte, 2, 2)
         self.names = _runtime.to_items(self.names, "names", _runtime.to_text, 0, 3)

@@ -25,4 +25,10 @@ class Pose(_runtime.Message, kw_only=True):
     pose: _geometry_msgs_Pose = _msgspec.field(default_factory=_geometry_msgs_Pose)
 
     def _check(self) -> None:
-        _runtime.check_nested(self.pose, _geometry_msgs_Pose, "pose")
+        pose_ = self.pose
+        if type(pose_) is not _geometry_msgs_Pose:
+            _runtime.wrong_class(pose_, _geometry_msgs_Pose, "pose")
+        try:
+            pose_._check()
+        except ValueError as error:
+            raise _runtime.under(error, "pose") from None
