@@ -67,7 +67,7 @@ def _check_single(field: Field, scope: Scope) -> list[str]:
     path = text_literal(field.name)
     base = field.type.base
     if not field.type.is_primitive:
-        return [f"_runtime.check_nested({target}, {scope.class_of(field.type)}, {path})"]
+        return _check_nested(field, scope.class_of(field.type))
     if base == "float32":
         return [f"{target} = _runtime.to_float32({target}, {path})"]
     local = _local(field)
@@ -78,6 +78,20 @@ def _check_single(field: Field, scope: Scope) -> list[str]:
         f"{local}{declared} = {target}",
         f"if {_looks_wrong(field.type, local)}:",
         f"    {target} = _runtime.{_function(base)}({local}, {path}{bound})",
+    ]
+
+
+def _check_nested(field: Field, expected: str) -> list[str]:
+    # All in place: a call for each level would cost as much as the checks themselves.
+    local, path = _local(field), text_literal(field.name)
+    return [
+        f"{local} = self.{attribute(field.name)}",
+        f"if type({local}) is not {expected}:",
+        f"    _runtime.wrong_class({local}, {expected}, {path})",
+        "try:",
+        f"    {local}._check()",
+        "except ValueError as error:",
+        f"    raise _runtime.under(error, {path}) from None",
     ]
 
 
