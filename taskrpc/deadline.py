@@ -37,8 +37,6 @@ class DeadlineWheel(Generic[Item]):
         Returns the slot, which `discard` wants back.
         """
         slot = math.ceil(deadline / self._tick)
-        if slot * self._tick < deadline:
-            slot += 1  # the quotient was rounded down to a whole number
         items = self._slots.get(slot)
         if items is None:
             self._slots[slot] = {item: None}
