@@ -225,7 +225,7 @@ class Endpoint:
         entry = Entry(
             pid=os.getpid(),
             script=_script(),
-            folder=str(Path.cwd()),
+            folder=_folder(),
             since=self._since,
             address=self.address,
             token=self.network.token.hex() if self.address else "",
@@ -282,8 +282,17 @@ class Endpoint:
 def _script() -> str:
     """The program as its user knows it: an installed command's name, a script's path."""
     program = Path(sys.argv[0]) if sys.argv and sys.argv[0] else Path("python")
-    if program.suffix != ".py":
-        return program.name
-    with contextlib.suppress(ValueError, OSError):
-        return str(program.resolve().relative_to(Path.cwd()))
-    return str(program)
+    name = program.name
+    if program.suffix == ".py":
+        name = str(program)
+        with contextlib.suppress(ValueError, OSError):
+            name = str(program.resolve().relative_to(Path.cwd()))
+    # File names need not be text; what travels must be.
+    return name.encode(errors="replace").decode()
+
+
+def _folder() -> str:
+    try:
+        return str(Path.cwd()).encode(errors="replace").decode()
+    except OSError:  # deleted under our feet
+        return "?"

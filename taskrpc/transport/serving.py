@@ -56,17 +56,19 @@ class Host(Owner, Protocol):
 class ServedCall(IncomingCall):
     """A call that came over a connection."""
 
-    __slots__ = ("_connection", "_slot", "call_id", "offer")
+    __slots__ = ("_arrived", "_connection", "_slot", "call_id", "offer")
 
     def __init__(
         self,
         connection: ServingConnection,
         offer: Offer,
         call_id: int,
+        arrived: float,
         deadline: float | None,
         caller: str,
     ) -> None:
         host = connection.host
+        self._arrived = arrived
         super().__init__(offer.name, caller, host.next_call_number(), deadline, host.loop.time)
         self._connection = connection
         self.offer = offer
@@ -82,7 +84,8 @@ class ServedCall(IncomingCall):
         if len(body) > limit:
             raise InvalidRequest("", f"a response of {len(body)} bytes; the caller accepts {limit}")
         if self._ended():
-            self._connection.session.respond(self.call_id, body)
+            spent = self._connection.host.loop.time() - self._arrived
+            self._connection.session.respond(self.call_id, body, round(spent * 1e6))
             # Large answers are not collected: the caller that does not read them must be noticed.
             self._connection.flush_soon() if len(body) < LARGE else self._connection.flush()
 
@@ -178,15 +181,14 @@ class ServingConnection(Connection):
             gone = ServiceUnavailable("the service is no longer offered here")
             self.session.fail(event.call_id, gone)
             return
-        deadline = None
-        if event.time_left != NO_DEADLINE:
-            deadline = self.host.loop.time() + event.time_left / 1000
+        now = self.host.loop.time()
+        deadline = None if event.time_left == NO_DEADLINE else now + event.time_left / 1000
         try:
             request = codec_of(offer.srv_type.Request).decode(event.body)
         except InvalidRequest as error:
             self.session.fail(event.call_id, error)
             return
-        call = ServedCall(self, offer, event.call_id, deadline, caller)
+        call = ServedCall(self, offer, event.call_id, now, deadline, caller)
         call.request = request
         self.calls[event.call_id] = call
         if self._writing_paused:

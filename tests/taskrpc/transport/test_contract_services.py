@@ -9,6 +9,7 @@ import pytest
 
 import taskrpc
 from taskrpc.client import Client
+from taskrpc.wire.session import Session
 from tests.taskrpc.transport.helpers import (
     Add,
     Gate,
@@ -305,3 +306,24 @@ async def test_each_node_of_one_program_is_known_by_its_own_name(net):
     for client in [*clients, clients[0]]:
         await client.call(ask())
     assert callers == ["/one", "/robot/two", "/one"]
+
+
+async def test_a_response_tells_how_long_the_call_was_in_the_server(net, monkeypatch):
+    """RESPONSE's `arg`, in microseconds."""
+    told = []
+    monkeypatch.setattr(
+        Session,
+        "respond",
+        lambda self, call_id, body, server_time=0, respond=Session.respond: (
+            told.append(server_time),
+            respond(self, call_id, body, server_time),
+        ),
+    )
+
+    async def slow(request, response):
+        await asyncio.sleep(0.05)
+        return response
+
+    (await net.node()).create_service(Add, "slow", slow)
+    await (await net.client(Add, "slow")).call(ask())
+    assert 50_000 <= told[-1] < 5_000_000
