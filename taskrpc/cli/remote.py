@@ -106,7 +106,8 @@ def remote_of(options: argparse.Namespace) -> Remote:
     """Where the options say to call. Raises TaskRpcError for a secret that cannot be read."""
     files = options.tls_cert, options.tls_key, options.tls_ca
     tls = Tls(*files) if any(files) else None
-    return Remote(options.connect or "", tls, _token(options.token_file))
+    place = getattr(options, "connect", None) or ""  # a server's options have none
+    return Remote(place, tls, _token(options.token_file))
 
 
 def _token(file: str | None) -> str | None:
@@ -115,7 +116,8 @@ def _token(file: str | None) -> str | None:
     try:
         token = Path(file).read_text(encoding="utf-8").strip()
     except (OSError, UnicodeDecodeError) as error:
-        raise TaskRpcError(f"--token-file {file}: {error}") from None
+        reason = getattr(error, "strerror", None) or "expected UTF-8 text"
+        raise TaskRpcError(f"--token-file {file}: {reason}") from None
     if not token:
         raise TaskRpcError(f"--token-file {file}: the file is empty")
     return token

@@ -7,13 +7,15 @@ import asyncio
 import importlib
 import inspect
 import logging
-import math
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from taskrpc import platform
+from taskrpc.cli import remote
+from taskrpc.cli.command import Exit, run_main
+from taskrpc.cli.parsing import Parser, number, whole
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
@@ -21,7 +23,6 @@ if TYPE_CHECKING:
     from taskrpc.robot.protocol import Robot
     from taskrpc.tasks import TaskServer
     from taskrpc.tasks.store import TaskStore
-    from taskrpc.transport.tls import Tls
 
 DRAIN_GRACE = 1.0
 """Seconds that calls in flight get when the server is told to end."""
@@ -30,25 +31,22 @@ _LOG_FORMAT = "[%(levelname)s] [%(created).9f] [%(name)s]: %(message)s"
 _ROBOT_MEMBERS = "speed task_types plan pose execute remaining pause resume stop".split()
 
 
-def main(argv: list[str] | None = None) -> int:
+def main(argv: Sequence[str] | None = None) -> int:
     """Run the task server until it is told to end; returns the exit code."""
-    platform.prepare_output()
-    options = _parser().parse_args(argv)
+    return run_main(_run, argv)
+
+
+def _run(arguments: list[str]) -> Exit:
+    options = _parser().parse_args(arguments)
     logging.basicConfig(level=options.log_level.upper(), format=_LOG_FORMAT)
     from taskrpc.node import run
 
-    try:
-        run(_serve(options))
-    except TaskRpcError as error:
-        print(error, file=sys.stderr)
-        return 1
-    except KeyboardInterrupt:
-        return 130
-    return 0
+    run(_serve(options))
+    return Exit.DONE
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
+def _parser() -> Parser:
+    parser = Parser(
         prog="taskrpc-server",
         description="A robot that takes tasks: offers /robot_task and drives a simulated robot.",
         epilog="Call it: taskrpc-call /robot_task task_type=move target=warehouse priority=8",
@@ -61,12 +59,14 @@ def _parser() -> argparse.ArgumentParser:
 
 def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--listen", metavar="HOST:PORT", type=_place, help="where to take calls (127.0.0.1:0)")
+    listen = "where to take calls (127.0.0.1:0)"
+    add("--listen", metavar="HOST:PORT", type=remote.place, help=listen)
     add("--db", metavar="FILE", help="where tasks survive; :memory: forgets them at the end")
     add("--fresh", action="store_true", help="forget the tasks of earlier runs")
-    add("--queue-limit", metavar="N", type=_at_least(1, int), default=10_000, help="(10000)")
+    add("--queue-limit", metavar="N", type=whole(1), default=10_000, help="(10000)")
     settle = "seconds that an idle robot waits for company before it takes a task (0.1)"
-    add("--settle", metavar="S", type=_at_least(0.0, float), default=0.1, help=settle)
+    seconds = number("from 0 on", lambda seconds: seconds >= 0)
+    add("--settle", metavar="S", type=seconds, default=0.1, help=settle)
     add("--join", action="store_true", help="start although another server has the name")
     add("--transport", choices=["tcp"], default="tcp", help="how calls travel (tcp)")
     levels = ["debug", "info", "warning", "error"]
@@ -77,7 +77,13 @@ def _add_robot_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--map", metavar="FILE", help="the map (YAML) on which the simulated robot drives")
     speed = "simulated seconds a second (1)"
-    add("--speed", metavar="X", type=_positive, default=1.0, help=speed)
+    add(
+        "--speed",
+        metavar="X",
+        type=number("above 0", lambda speed: speed > 0),
+        default=1.0,
+        help=speed,
+    )
     robot = "your own class in the simulated robot's place; see taskrpc.Robot"
     add("--robot", metavar="MODULE:CLASS", help=robot)
 
@@ -95,12 +101,13 @@ async def _serve(options: argparse.Namespace) -> None:
     from taskrpc.tasks import TaskServer
 
     robot = _robot(options)
+    access = remote.remote_of(options)
     node = Node(
         "task_server",
         transport=options.transport,
         listen=options.listen,
-        tls=_tls(options),
-        token=_token(options),
+        tls=access.tls,
+        token=access.token,
     )
     async with stop_requested() as stopped, node:
         server = TaskServer(
@@ -186,58 +193,6 @@ def _imported(spec: str) -> Callable[..., Any]:
     except AttributeError:
         raise TaskRpcError(f"--robot {spec}: {module_name} has no {class_name}") from None
     return made
-
-
-def _tls(options: argparse.Namespace) -> Tls | None:
-    from taskrpc.transport.tls import Tls
-
-    if not (options.tls_cert or options.tls_key or options.tls_ca):
-        return None
-    return Tls(cert=options.tls_cert, key=options.tls_key, ca=options.tls_ca)
-
-
-def _token(options: argparse.Namespace) -> str | None:
-    if not options.token_file:
-        return None
-    try:
-        token = Path(options.token_file).read_text().strip()
-    except (OSError, UnicodeDecodeError) as error:
-        raise TaskRpcError(f"--token-file {options.token_file}: {error}") from None
-    if not token:
-        raise TaskRpcError(f"--token-file {options.token_file}: the file is empty")
-    return token
-
-
-def _place(text: str) -> str:
-    from taskrpc.transport.tcp import split_place
-
-    try:
-        split_place(text)
-    except TaskRpcError as error:
-        raise argparse.ArgumentTypeError(str(error)) from None
-    return text
-
-
-def _positive(text: str) -> float:
-    number = _at_least(0.0, float)(text)
-    if not 0 < number < math.inf:
-        raise argparse.ArgumentTypeError(f"expected a number above 0, got {text!r}")
-    return float(number)
-
-
-def _at_least(least: float, kind: type[int] | type[float]) -> Callable[[str], float]:
-    what = "a whole number" if kind is int else "a number"
-
-    def convert(text: str) -> float:
-        try:
-            number = kind(text)
-        except ValueError:
-            number = kind(least - 1)
-        if not least <= number < math.inf:
-            raise argparse.ArgumentTypeError(f"expected {what} of at least {least:g}, got {text!r}")
-        return number
-
-    return convert
 
 
 if __name__ == "__main__":
