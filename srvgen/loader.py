@@ -122,8 +122,9 @@ def module_of(full_name: str) -> ModuleType:
 
 
 def _load(owner: str) -> _Loaded:
-    needed = {one.full_name: one for one in _search.closure(owner)}
-    paths = {name: _search.find(name) for name in needed}
+    with _search.one_look():
+        needed = {one.full_name: one for one in _search.closure(owner)}
+        paths = {name: _search.find(name) for name in needed}
     stamps = tuple(map(_stamp, paths.values()))
     text = ""
     if not isinstance(needed[owner], MessageDef):

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -178,7 +177,7 @@ def _header(
 
 
 def _uses(body: str, module: str) -> bool:
-    return re.search(rf"\b_{module}\.", body) is not None
+    return f"_{module}." in body
 
 
 def _message(message: MessageDef, type_hash: str, scope: Scope) -> list[str]:

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 
 from .model import Scalar
 
 _WIDTH = 100
+_UNUSUAL = re.compile("[^ -~]")
 
 
 def literal(value: Scalar | bytes) -> str:
@@ -50,8 +52,9 @@ def _escaped(text: str) -> str:
     # Everything that does not print is escaped: a definition must not be able to end a literal,
     # nor to show one thing in an editor and be another.
     text = text.replace("\\", "\\\\")
-    if text.isprintable():
-        return text
-    return "".join(
-        char if char.isprintable() else char.encode("unicode_escape").decode() for char in text
-    )
+    return text if text.isprintable() else _UNUSUAL.sub(_escaped_character, text)
+
+
+def _escaped_character(match: re.Match[str]) -> str:
+    char = match[0]
+    return char if char.isprintable() else char.encode("unicode_escape").decode()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import logging
 import os
 import sys
-from collections.abc import Iterator, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from .closure import check_ros2_types, closure
@@ -26,6 +26,14 @@ _log = logging.getLogger("srvgen")
 _noted: set[tuple[Path, str]] = set()
 
 
+class _Looked:
+    """What one look at environment and disk has shown."""
+
+    def __init__(self) -> None:
+        self.roots: list[Path] = []
+        self.places: dict[TypeName, tuple[Path, TypeName] | None] = {}
+
+
 class Search:
     """Finds and loads definitions by name.
 
@@ -42,6 +50,16 @@ class Search:
     def __init__(self, paths: Sequence[Path | str] = ()) -> None:
         self.paths = [Path(path) for path in paths]
         self._parsed: dict[Path, tuple[tuple[int, int], Definition]] = {}
+        self._looked: _Looked | None = None
+
+    @contextmanager
+    def one_look(self) -> Iterator[None]:
+        """Inside, environment and disk are looked at only once for each name."""
+        outer, self._looked = self._looked, _Looked() if self._looked is None else self._looked
+        try:
+            yield
+        finally:
+            self._looked = outer
 
     def find(self, full_name: str) -> Path:
         """The file that defines a type; for an implied type, that of its service or action.
@@ -98,7 +116,8 @@ class Search:
             DefinitionError: a type is missing or contains itself; the position is that of the
                 field that refers to it. `DefinitionErrors` where there are several.
         """
-        return closure(self.load(full_name), self)
+        with self.one_look():
+            return closure(self.load(full_name), self)
 
     def full_text(self, full_name: str) -> str:
         """The text of a definition followed by those of all that it needs.
@@ -123,7 +142,7 @@ class Search:
 
     def has_package(self, package: str) -> bool:
         """Whether a package of this name is within reach; far cheaper than `packages`."""
-        return next(self._folders_of(package), None) is not None
+        return next(_folders_of(package, self._roots()), None) is not None
 
     def interfaces(self, package: str) -> list[str]:
         """The full names of all that a package defines, messages first.
@@ -172,13 +191,23 @@ class Search:
 
     def _candidates(self, name: TypeName) -> tuple[Path, TypeName] | None:
         """The file of a type or of the service or action that implies it."""
+        looked = self._looked
+        if looked is None:
+            return self._look(name, self._roots())
+        if name not in looked.places:
+            looked.roots = looked.roots or list(self._roots())
+            looked.places[name] = self._look(name, looked.roots)
+        return looked.places[name]
+
+    def _look(self, name: TypeName, roots: Iterable[Path]) -> tuple[Path, TypeName] | None:
         owners = [name]
         if name.kind != "msg" and "_" in name.name:
             owners.append(name._replace(name=_owner(name.name)))
         for owner in owners:
             relative = Path(owner.package, owner.kind, f"{owner.name}.{owner.kind}")
             local: Path | None = None
-            for folder in self._folders_of(owner.package):
+            roots = list(roots) if len(owners) > 1 else roots
+            for folder in _folders_of(owner.package, roots):
                 path = folder.joinpath(*relative.parts[1:])
                 if _is_file(path):
                     if local and folder.parent == BUNDLED:
@@ -186,12 +215,6 @@ class Search:
                     return path, owner
                 local = local or folder
         return None
-
-    def _folders_of(self, package: str) -> Iterator[Path]:
-        for root in self._roots():
-            for folder in (root, root / package):
-                if folder.name == package and _is_package(folder):
-                    yield folder
 
     def _locate(self, name: TypeName) -> tuple[Path, TypeName]:
         found = self._candidates(name)
@@ -248,6 +271,16 @@ def _environment(variable: str) -> list[Path]:
     return [Path(part) for part in os.environ.get(variable, "").split(os.pathsep) if part]
 
 
+def _folders_of(package: str, roots: Iterable[Path]) -> Iterator[Path]:
+    for root in roots:
+        if root.name == package and _is_package(root):
+            yield root
+        # Most folders lack most packages: a plain string is the cheapest way to be told so.
+        inner = os.path.join(root, package)
+        if os.path.isdir(inner) and _is_package(Path(inner)):
+            yield Path(inner)
+
+
 def _package_folders(root: Path) -> Iterator[Path]:
     """The root itself where it is a package, and the packages directly in it."""
     if _is_package(root):
@@ -262,15 +295,18 @@ def _package_folders(root: Path) -> Iterator[Path]:
 
 
 def _is_package(folder: Path) -> bool:
-    return is_package_name(folder.name) and any(
-        (folder / kind).is_dir() and next(_files(folder, kind), None) for kind in KINDS
-    )
+    return is_package_name(folder.name) and any(next(_files(folder, kind), None) for kind in KINDS)
 
 
 def _files(folder: Path, kind: Kind) -> Iterator[Path]:
-    for path in (folder / kind).glob(f"*.{kind}"):
-        if is_definition(path):
-            yield path
+    inner = folder / kind
+    try:
+        names = os.listdir(inner)
+    except OSError:
+        return
+    for name in names:
+        if name.endswith(f".{kind}") and is_definition(Path(name)):
+            yield inner / name
 
 
 def _is_file(path: Path) -> bool:
