@@ -237,10 +237,10 @@ class _Reader:
             gap = f"(4 - {self.position.ask()}) & {value.size - 1}"
             self.position.add(f"({gap} if {value.count} else 0)")
         start = self._start(value)
-        size = 4 if value.kind == "wstring" else value.size
+        size, what = (4, "code units") if value.kind == "wstring" else (value.size, "elements")
         self.lines.append(f"at = {start} + {value.count} * {size}")
         self.position.moved()
-        fault = f"not_that_many({value.path!r}, {value.count}, {start}, data)"
+        fault = f"not_that_many({value.path!r}, {value.count}, {start}, data, {what!r})"
         self._refuse("at > len(data)", fault)
         content = f"data[{start}:at]"
         if value.kind == "number":

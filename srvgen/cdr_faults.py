@@ -54,10 +54,10 @@ def too_many(path: str, most: int, count: int) -> CdrError:
     return CdrError(path, f"expected at most {most} elements, got {count}")
 
 
-def not_that_many(path: str, count: int, at: int, data: bytes) -> CdrError:
+def not_that_many(path: str, count: int, at: int, data: bytes, what: str = "elements") -> CdrError:
     """A sequence announces more elements than the bytes that are left can hold."""
     left = max(len(data) - at, 0)
-    return CdrError(path, f"expected {count} elements, got {left} bytes, which cannot hold them")
+    return CdrError(path, f"expected {count} {what}, got {left} bytes, which cannot hold them")
 
 
 def too_long(path: str, bound: int, text: str) -> CdrError:

@@ -126,7 +126,7 @@ def _wstring(data: bytes, at: int) -> tuple[str, int]:
     start, count = _length(data, at)
     end = start + 4 * count
     if end > len(data):
-        raise not_that_many("", count, start, data)
+        raise not_that_many("", count, start, data, "code units")
     return from_wide(data[start:end], ""), end
 
 
