@@ -108,7 +108,7 @@ def _doubts(one: Field | Constant, line: str) -> Iterator[tuple[int, str, str]]:
     code, mark, comment = line.partition("#")
     start = one.column - 1 + len(one.name)
     value = code[start:].lstrip(" \t=").rstrip()
-    quote = value.lstrip("[ ")[:1]
+    quote = value[:1]
     if mark and quote in ("'", '"') and value.count(quote) % 2 and quote in comment:
         yield (
             len(code),
