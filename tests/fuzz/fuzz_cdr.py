@@ -9,11 +9,17 @@ from the root of a checkout. The first byte of an input chooses the class, the r
 from __future__ import annotations
 
 import sys
+import tempfile
 from collections.abc import Callable
 from functools import cache
+from pathlib import Path
+from random import Random
+from types import FunctionType
 from typing import Any
 
 from srvgen import CdrError, define, from_cdr, load, to_cdr
+from srvgen.cdr import _decoders
+from tests.srvgen.cdr_reference import random_message
 
 EVERYTHING = f"""bool flag
 byte raw
@@ -96,15 +102,32 @@ def one_input(data: bytes) -> None:
         decode_or_refuse(classes()[data[0] % len(classes())], data[1:])
 
 
+def compiled_decoders(function: FunctionType, found: set[FunctionType]) -> set[FunctionType]:
+    """A compiled decoder, and those of sequences that it calls."""
+    if function.__code__.co_filename.startswith("<srvgen CDR") and function not in found:
+        found.add(function)
+        for one in function.__globals__.values():
+            if isinstance(one, FunctionType):
+                compiled_decoders(one, found)
+    return found
+
+
 def main() -> None:
     """Fuzz until the options say that it is enough."""
     import atheris
 
-    for cls in classes():  # the compiled decoders are what is to be explored
-        decode_or_refuse(cls, to_cdr(cls()))
-    atheris.instrument_all()
-    atheris.Setup(sys.argv, one_input)
-    atheris.Fuzz()
+    with tempfile.TemporaryDirectory() as seeds:
+        for number, cls in enumerate(classes()):
+            for most in range(4):
+                data = to_cdr(random_message(cls, Random(most), most))
+                decode_or_refuse(cls, data)
+                Path(seeds, f"{number}-{most}").write_bytes(bytes((number,)) + data)
+            # They are in no module, where the next line would find them.
+            for decoder in compiled_decoders(_decoders[cls], set()):
+                atheris.instrument_func(decoder)
+        atheris.instrument_all()
+        atheris.Setup([*sys.argv, seeds], one_input)
+        atheris.Fuzz()
 
 
 if __name__ == "__main__":

@@ -23,16 +23,17 @@ def tampered(data: bytes, at: int, new: bytes) -> bytes:
     return data[:at] + new + data[at + len(new) :]
 
 
-@pytest.mark.parametrize("cls", [*bundled_classes(), Everything], ids=lambda cls: cls._TYPE)
-def test_random_messages_have_the_bytes_that_the_rules_give_and_come_back(cls):
-    random = Random(cls._TYPE)
-    for _ in range(3):
-        message = random_message(cls, random)
-        data = to_cdr(message)
-        assert data == reference_cdr(message)
-        again = from_cdr(cls, data)
-        assert repr(again) == repr(message)  # by which nan equals nan
-        assert to_cdr(again) == data
+@pytest.mark.parametrize("package", sorted({cls._TYPE.split("/")[0] for cls in bundled_classes()}))
+def test_random_messages_have_the_bytes_that_the_rules_give_and_come_back(package):
+    random = Random(package)
+    for cls in (one for one in bundled_classes() if one._TYPE.startswith(f"{package}/")):
+        for most in (0, 1, 3):
+            message = random_message(cls, random, most)
+            data = to_cdr(message)
+            assert data == reference_cdr(message)
+            again = from_cdr(cls, data)
+            assert repr(again) == repr(message)  # by which nan equals nan
+            assert to_cdr(again) == data
 
 
 @given(st.integers(0), st.integers(0, 9))
