@@ -186,7 +186,7 @@ class Client:
 
     def _deadline(self, timeout: float | Unset | None) -> float | None:
         span = self._timeout if isinstance(timeout, Unset) else timeout
-        return None if span is None else self._loop.time() + span
+        return None if span is None else self._loop.time() + _checked(span)
 
     def _policy(self, retry: RetryPolicy | Unset | None) -> RetryPolicy | None:
         return self._retry if isinstance(retry, Unset) else retry
@@ -254,6 +254,16 @@ class Call(Coroutine[Any, Any, Any]):
             where = f"{self._code.co_filename}:{_line(self._code, self._position)}"
             message = f"a call of {self._client.service_name} was never awaited, made at {where}"
             warnings.warn(message, RuntimeWarning, stacklevel=2, source=self)
+
+
+def _checked(timeout: float) -> float:
+    try:
+        finite = math.isfinite(timeout)
+    except TypeError:
+        finite = False
+    if not finite:
+        raise ValueError(f"timeout: expected seconds, or None for no deadline, got {timeout!r}")
+    return timeout
 
 
 def _generator(call: Call) -> Generator[Any, Any, Any]:

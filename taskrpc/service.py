@@ -121,8 +121,10 @@ class Service:
             if hasattr(result, "__await__"):
                 self._run_in_task(call, result)
                 return
-        except (Exception, asyncio.CancelledError) as error:
+        except BaseException as error:
             self._raised(call, error)
+            if isinstance(error, SystemExit | KeyboardInterrupt):
+                raise
         else:
             self._returned(call, result)
         finally:

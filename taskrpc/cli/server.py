@@ -39,9 +39,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _run(arguments: list[str]) -> Exit:
     options = _parser().parse_args(arguments)
     logging.basicConfig(level=options.log_level.upper(), format=_LOG_FORMAT)
+    # Not on the loop: there Ctrl-C would have to wait until the map is read.
+    robot = _robot(options)
     from taskrpc.node import run
 
-    run(_serve(options))
+    run(_serve(options, robot))
     return Exit.DONE
 
 
@@ -96,11 +98,10 @@ def _add_security_options(parser: argparse.ArgumentParser) -> None:
     add("--tls-ca", metavar="FILE", help="callers must show a certificate signed by this one")
 
 
-async def _serve(options: argparse.Namespace) -> None:
+async def _serve(options: argparse.Namespace, robot: Robot) -> None:
     from taskrpc.node import Node, stop_requested
     from taskrpc.tasks import TaskServer
 
-    robot = _robot(options)
     access = remote.remote_of(options)
     node = Node(
         "task_server",

@@ -15,6 +15,7 @@ from taskrpc.errors import (
     ConnectionLost,
     DeadlineExceeded,
     HandlerFailed,
+    OutcomeUnknown,
     ServiceUnavailable,
     TaskRpcError,
     TypeMismatch,
@@ -169,7 +170,8 @@ class TaskServices:
         self._note("the task server is gone; waiting for it to come back...")
         patience = None if persist else self._timeout
         if not await self._client("/watch").wait_for_service(patience):
-            raise ServiceUnavailable(f"{self.service} did not come back within {patience:g} s")
+            gone = f"{self.service} did not come back within {patience:g} s"
+            raise OutcomeUnknown(f"{gone}; what it had accepted is stored, and goes on with it")
         self._note("the task server is back")
 
     async def _nobody(self) -> ServiceUnavailable:

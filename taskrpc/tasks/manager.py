@@ -185,7 +185,7 @@ class TaskManager:
         _log.info(
             "Task %d queued: %s to %s (priority: %d)", task.task_id, task_type, target, priority
         )
-        return _queued(accepted)
+        return self._queued(accepted)
 
     async def cancel(self, task_id: int, *, client: str = "") -> Answer:
         """Call a task off, whether it waits or runs."""
@@ -237,7 +237,7 @@ class TaskManager:
         if refusal := self._refusal(task.task_type, task.target, task.priority):
             return Answer(False, refusal)
         again = task.requeued(self._wall_clock(), self.book.new_arrival())
-        return _queued(await self._accept(again))
+        return self._queued(await self._accept(again))
 
     async def pause(self) -> Answer:
         """Halt the robot in mid-task and begin no other."""
@@ -301,6 +301,11 @@ class TaskManager:
         await self.book.save(task.ended(State.CANCELED, self._wall_clock(), message=reason))
         return self._done(f"Task {task_id} was cancelled", task)
 
+    def _queued(self, task: Task) -> Answer:
+        note = " (the queue is paused)" if self.is_paused else ""
+        message = f"Task queued: {task.task_type}{note}"
+        return Answer(True, message, task.task_id, task.accepted_estimate)
+
     def _interrupted(self, task: Task) -> Task:
         message = "the server ended while it ran"
         return task.ended(State.INTERRUPTED, self._wall_clock(), message=message)
@@ -313,10 +318,6 @@ class TaskManager:
         if task is None:
             return Answer(False, f"There is no task {task_id}")
         return Answer(False, f"Task {task_id} is {task.state.value}: {rule}")
-
-
-def _queued(task: Task) -> Answer:
-    return Answer(True, f"Task queued: {task.task_type}", task.task_id, task.accepted_estimate)
 
 
 def _priority_refusal(priority: int) -> str:

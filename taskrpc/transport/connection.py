@@ -88,11 +88,13 @@ class Connection(asyncio.BufferedProtocol):
             events = session.filled(nbytes)
         else:
             events = session.feed(bytes(self.owner.read_buffer[:nbytes]))
-        for event in events:
-            self._happened(event)
-        self._in_turn = False
-        if session.has_output:
-            self.flush()
+        try:
+            for event in events:
+                self._happened(event)
+        finally:  # a callback that ends the program must not take the answers with it
+            self._in_turn = False
+            if session.has_output:
+                self.flush()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The transport is gone."""

@@ -170,7 +170,12 @@ class Session:
         self.state = State.CLOSED
         pending, self._pending = self._pending, {}
         return [
-            (ticket, OutcomeUnknown("the connection was lost before the answer came"))
+            (
+                ticket,
+                OutcomeUnknown(
+                    "the connection was lost before the answer came; the call may have run"
+                ),
+            )
             for ticket, _ in pending.values()
             if ticket is not None
         ]

@@ -2,6 +2,7 @@
 
 import asyncio
 import random
+from types import SimpleNamespace
 
 import pytest
 from hypothesis import given, settings
@@ -11,7 +12,7 @@ import taskrpc
 from taskrpc.service import Service
 from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport.base import IncomingCall
-from tests.taskrpc.transport.helpers import Add
+from tests.taskrpc.transport.helpers import Add, ask
 
 
 class FakeTransport:
@@ -199,3 +200,28 @@ async def test_an_async_callback_in_a_thread_runs_to_its_end(count):
     made.destroy()
     await made.finished
     assert [call.ends[0].sum for call in calls] == [0, 1, 2, 3]
+
+
+async def test_a_callback_that_ends_the_program_answers_its_caller_first():
+    """Otherwise the caller waits until its deadline for a program that is gone."""
+    async with taskrpc.Node("server", transport="memory") as node:
+
+        def leave(request, response):
+            raise SystemExit(4)
+
+        service = node.create_service(Add, "leave", leave)
+        answers = []
+        call = SimpleNamespace(
+            request=ask(), number=1, service="/leave", caller="/c", fail=answers.append
+        )
+        with pytest.raises(SystemExit):
+            service._start(call)
+        assert isinstance(answers[0], taskrpc.HandlerFailed)
+
+
+@pytest.mark.parametrize("timeout", [float("nan"), float("inf"), "5"])
+async def test_a_timeout_that_is_no_span_of_time_is_refused(timeout):
+    async with taskrpc.Node("caller", transport="memory") as node:
+        client = node.create_client(Add, "add")
+        with pytest.raises(ValueError, match="timeout: expected seconds, or None"):
+            await client.call(ask(), timeout=timeout)

@@ -19,7 +19,7 @@ from taskrpc.cli.task import configure, perform
 from taskrpc.cli.task_progress import ProgressBar
 from taskrpc.cli.task_services import TaskRefused, TaskServices
 from taskrpc.cli.task_view import aligned, as_object, details, news, printable
-from taskrpc.errors import ServiceUnavailable, TypeMismatch
+from taskrpc.errors import OutcomeUnknown, ServiceUnavailable, TypeMismatch
 from taskrpc.robot import KinematicRobot, default_world
 from taskrpc.tasks import MemoryStore, TaskServer
 
@@ -197,7 +197,7 @@ async def test_one_refused_order_does_not_keep_the_others_from_being_done(lab, l
         await task("cancel", 7, 1, 8)
     assert lines() == ["Task 1 was cancelled"]
     await task("requeue", 1)
-    assert lines() == ["Task queued: move (done in 0.1 s)"]
+    assert lines() == ["Task queued: move (the queue is paused) (done in 0.1 s)"]
     await task("drop", 1, "--json")
     assert json.loads(lines()[0]) == {"success": True, "message": "Task 1 was cancelled"}
 
@@ -272,7 +272,7 @@ async def test_waiting_ends_when_the_server_does_not_come_back_in_time(lab):
     waiting = asyncio.create_task(task("submit", "move", "warehouse", "--wait", "--timeout", 3))
     await asyncio.sleep(1)
     await lab.stop()
-    with pytest.raises(ServiceUnavailable, match="did not come back within 3 s"):
+    with pytest.raises(OutcomeUnknown, match="did not come back within 3 s"):
         await waiting
 
 
