@@ -203,9 +203,8 @@ class NumericArray(_Elements[Number]):
     def of(cls, values: Any, path: str, least: int = 0, most: int | None = None) -> Self:
         """The values as this array, of `least` to `most` elements; FieldError with the path."""
         if type(values) is bytes or isinstance(values, bytearray):
-            made = _new(cls, cls._CODE)
             try:
-                made.frombytes(values)  # by half quicker than to give the bytes to the constructor
+                made = _new(cls, cls._CODE, values)
             except ValueError:
                 problem = f"expected elements of {cls._SIZE} bytes, got {len(values)} bytes"
                 raise FieldError(path, problem) from None

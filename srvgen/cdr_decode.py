@@ -166,7 +166,7 @@ class _Reader:
 
     def _array(self, value: Value) -> str:
         array = f"a{value.number}"
-        # Its own constructor would have to find out what it is given, and copies bytes slowly.
+        # Filled from a view: the constructor would want bytes, and so a second copy of them.
         make = partial(array_type.__new__, value.cls, value.cls._CODE)
         self.lines.append(f"{array} = {self.names.of(make, 'A')}()")
         self.lines.append(f"{array}.frombytes({value.content})")
