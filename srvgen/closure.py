@@ -12,6 +12,7 @@ from . import limits
 from .errors import DefinitionError, DefinitionErrors
 from .fieldtypes import ROS1_TIME_TYPES
 from .files import read_text
+from .fulltext import join_full_text
 from .implied import implied_types, references
 from .model import Definition, Field, MessageDef, sections
 from .slips import ros1_hint
@@ -56,6 +57,17 @@ def closure(
     walk.visit(definition, place)
     raise_all(walk.problems)
     return walk.ordered
+
+
+def full_text(definition: Definition, source: Source) -> str:
+    """The text of a definition followed by those of all that it needs.
+
+    Raises:
+        DefinitionError: as `closure`.
+    """
+    names = [one.full_name for one in closure(definition, source)][:-1]
+    own = source.text(definition.full_name)
+    return join_full_text(own, {name: source.text(name) for name in names})
 
 
 def check_ros2_types(definition: Definition, path: Path) -> None:

@@ -8,26 +8,17 @@ import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
-from typing import Protocol
 
-from .closure import Source, closure
+from .closure import Source, closure, full_text
 from .errors import DefinitionError
 from .files import KINDS
-from .fulltext import join_full_text
 from .model import Definition, MessageDef
 from .render import GENERATED, render
 from .render_text import text_literal
 from .render_types import module_name
 
 
-class Texts(Source, Protocol):
-    """Where definitions and their texts come from; `Search` is the usual one."""
-
-    def text(self, full_name: str) -> str:
-        """The text of the file that defines a type."""
-
-
-def generate(packages: Mapping[str, Sequence[Definition]], search: Texts) -> dict[str, str]:
+def generate(packages: Mapping[str, Sequence[Definition]], search: Source) -> dict[str, str]:
     """The files of the given packages and of all that they need, by relative path.
 
     What they need comes along even where nobody named it (a service's events need
@@ -65,12 +56,9 @@ def _refuse_package(name: str) -> None:
         )
 
 
-def _source(definition: Definition, search: Texts) -> str:
-    text = ""
+def _source(definition: Definition, search: Source) -> str:
+    text = "" if isinstance(definition, MessageDef) else full_text(definition, search)
     needed = {one.full_name: one for one in closure(definition, search)}
-    if not isinstance(definition, MessageDef):
-        texts = {name: search.text(name) for name in needed}
-        text = join_full_text(texts.pop(definition.full_name), texts)
     return render(definition, needed.__getitem__, text).text
 
 

@@ -7,7 +7,7 @@ import linecache
 import math
 import threading
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
@@ -16,10 +16,10 @@ from typing import Any
 import msgspec
 
 from . import _runtime, limits
-from .closure import closure
+from .closure import closure, full_text
 from .errors import DefinitionError
-from .files import parse_definition, read_text
-from .fulltext import join_full_text, split_full_text
+from .files import parse_definition
+from .fulltext import split_full_text
 from .mistake import Mistake
 from .model import Definition, MessageDef
 from .names import split_type_name
@@ -78,7 +78,7 @@ def define(type_name: str, full_text: str) -> Any:
     given = _Given(type_name, full_text)
     known = {one.full_name: one for one in closure(given.load(type_name), given)}
     with _lock:
-        module = _Builder(known.__getitem__, full_text).build(known[type_name])
+        module = _Builder(known.__getitem__, given.full_text).build(known[type_name])
     return getattr(module, split_type_name(type_name).name)
 
 
@@ -124,13 +124,9 @@ def module_of(full_name: str) -> ModuleType:
 def _load(owner: str) -> _Loaded:
     with _search.one_look():
         needed = {one.full_name: one for one in _search.closure(owner)}
-        paths = {name: _search.find(name) for name in needed}
-    stamps = tuple(map(_stamp, paths.values()))
-    text = ""
-    if not isinstance(needed[owner], MessageDef):
-        texts = {name: read_text(path) for name, path in paths.items()}
-        text = join_full_text(texts.pop(owner), texts)
-    return _Loaded(_Builder(needed.__getitem__, text).build(needed[owner]), stamps)
+        stamps = tuple(_stamp(_search.find(name)) for name in needed)
+        builder = _Builder(needed.__getitem__, lambda one: full_text(one, _search))
+        return _Loaded(builder.build(needed[owner]), stamps)
 
 
 def _stamp(path: Path) -> _Stamp:
@@ -144,18 +140,19 @@ def _stamp(path: Path) -> _Stamp:
 class _Given:
     """The definitions of a full text, as a source of what one of them needs."""
 
-    def __init__(self, type_name: str, full_text: str) -> None:
+    def __init__(self, type_name: str, whole: str) -> None:
         try:
-            limits.check_length(full_text)
+            limits.check_length(whole)
         except Mistake as mistake:
             raise DefinitionError(mistake.message, path=type_name) from None
-        own_text, needed = split_full_text(full_text)
+        own_text, needed = split_full_text(whole)
         if len(needed) > limits.NESTED:
             most = f"expected at most {limits.NESTED} nested definitions, got {len(needed)}"
             raise DefinitionError(most, path=type_name)
         for one in needed:
             split_type_name(one)
         self._texts = {**needed, type_name: own_text}
+        self._whole = {type_name: whole}
 
     def find(self, full_name: str) -> Path:
         return Path(full_name)
@@ -169,17 +166,27 @@ class _Given:
         package, kind, name = split_type_name(full_name)
         return parse_definition(self.text(full_name), package, kind, name, path=full_name)
 
+    def full_text(self, definition: Definition) -> str:
+        """What was given for the definition itself, in whatever order; else put together."""
+        name = definition.full_name
+        return self._whole.get(name) or full_text(definition, self)
+
 
 class _Builder:
-    """Makes the modules of one definition and of what it needs."""
+    """Makes the modules of one definition and of what it needs.
 
-    def __init__(self, resolve: Resolve, text: str) -> None:
+    Args:
+        resolve: gives the definition of a full name; none may contain itself.
+        text_of: gives the full text that a service or an action keeps.
+    """
+
+    def __init__(self, resolve: Resolve, text_of: Callable[[Definition], str]) -> None:
         self.resolve = resolve
-        self.text = text
+        self.text_of = text_of
 
     def build(self, definition: Definition) -> ModuleType:
         nested = {one.alias: self._class(one) for one in imports_of(definition)}
-        text = "" if isinstance(definition, MessageDef) else self.text
+        text = "" if isinstance(definition, MessageDef) else self.text_of(definition)
         # Equal definitions over the same nested classes are one module, however they came here:
         # so a type that a server handed over is the very class that a program loaded itself.
         key = (definition, text, tuple(nested.values()))

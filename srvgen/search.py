@@ -9,10 +9,9 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from .closure import check_ros2_types, closure
+from .closure import check_ros2_types, closure, full_text
 from .errors import DefinitionError
 from .files import KINDS, is_definition, read_definition, read_text
-from .fulltext import join_full_text
 from .implied import implied_types
 from .model import Definition, Kind
 from .names import TypeName, did_you_mean, is_package_name, split_type_name
@@ -127,8 +126,8 @@ class Search:
         Raises:
             DefinitionError: as `closure`.
         """
-        names = [one.full_name for one in self.closure(full_name)]
-        return join_full_text(self.text(full_name), {name: self.text(name) for name in names[:-1]})
+        with self.one_look():
+            return full_text(self.load(full_name), self)
 
     def packages(self) -> dict[str, list[Path]]:
         """Every package within reach with its folders, those that win first."""

@@ -169,6 +169,40 @@ def test_generated_packages_can_be_imported_and_are_then_up_to_date(run, tmp_pat
     assert (tmp_path / "others" / "my_msgs" / "srv" / "_fetch.py").is_file()
 
 
+def test_a_module_whose_definition_has_gone_is_removed_and_asked_for_by_check(run, tmp_path):
+    write("my_msgs/srv/Fetch", "---\n")
+    gone = write("my_msgs/srv/Bring", "---\n")
+    out = tmp_path / "out"
+    assert run("generate", "my_msgs", "-o", out) == (0, "", "")
+    gone.unlink()
+    module = out / "my_msgs" / "srv" / "_bring.py"
+    code, _, err = run("generate", "my_msgs", "-o", out, "--check")
+    assert code == 1
+    assert f"{module} belongs to no definition any more: run srvgen generate\n" in err
+    assert module.exists()
+    assert run("generate", "my_msgs", "-o", out) == (0, "", "")
+    assert not module.exists()
+    assert run("generate", "my_msgs", "-o", out, "--check") == (0, "", "")
+
+
+def test_a_definition_that_is_broken_just_now_keeps_its_module(run, tmp_path):
+    write("my_msgs/srv/Fetch", "---\n")
+    broken = write("my_msgs/srv/Bring", "---\n")
+    out = tmp_path / "out"
+    run("generate", "my_msgs", "-o", out)
+    broken.write_text("int a\n---\n", encoding="utf-8")
+    assert run("generate", "my_msgs", "-o", out)[0] == 1
+    assert (out / "my_msgs" / "srv" / "_bring.py").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_one_message(run, tmp_path):
+    write("my_msgs/srv/Fetch", "---\n")
+    (tmp_path / "out").write_text("a file", encoding="utf-8")
+    code, out, err = run("generate", "my_msgs", "-o", tmp_path / "out")
+    assert (code, out) == (1, "")
+    assert "error: expected a folder to write to, got: " in err
+
+
 def test_a_note_of_the_library_is_one_line_on_stderr(run):
     write("std_srvs/srv/Extra", "---")
     code, _, err = run("hash", "std_srvs/srv/Trigger")

@@ -15,7 +15,8 @@ import pytest
 import srvgen
 from srvgen.errors import DefinitionError
 from srvgen.files import read_definition
-from srvgen.generate import generate
+from srvgen.generate import generate, write_tree
+from srvgen.render import GENERATED
 from srvgen.search import BUNDLED, Search
 
 GOLDEN = Path(__file__).parents[1] / "golden"
@@ -196,3 +197,59 @@ def test_all_bundled_packages_can_be_generated():
     assert len([path for path in output if path.endswith("/__init__.py")]) > len(folders)
     for path, text in output.items():
         compile(text, path, "exec", dont_inherit=True)
+
+
+class Gone:
+    """Says of some types that they are missing."""
+
+    def __init__(self, *names):
+        self.names = names
+
+    def __call__(self, name):
+        return name in self.names
+
+
+def test_modules_of_definitions_that_have_gone_are_reported_and_removed(tmp_path):
+    folder = tmp_path / "out"
+    files = {
+        f"my_msgs/{kind}/{name}.py": f'"""my_msgs/{kind}/{title}, {GENERATED}"""\n'
+        for kind, name, title in [("msg", "_a", "A"), ("msg", "_b", "B"), ("srv", "_c", "C")]
+    }
+    files |= {f"my_msgs/{kind}/__init__.py": "" for kind in ("msg", "srv")}
+    own = '"""my_msgs/msg/B, as I wrote it."""\n'
+    assert len(write_tree(files, folder, Gone(), check=False)) == len(files)
+    (folder / "my_msgs" / "msg" / "_mine.py").write_text(own)
+    del files["my_msgs/msg/_b.py"], files["my_msgs/srv/_c.py"], files["my_msgs/srv/__init__.py"]
+    assert write_tree(files, folder, Gone(), check=True) == []
+    gone = Gone("my_msgs/msg/B", "my_msgs/srv/C")
+    expected = [
+        f"{folder / path} belongs to no definition any more"
+        for path in ("my_msgs/msg/_b.py", "my_msgs/srv/_c.py", "my_msgs/srv/__init__.py")
+    ]
+    assert write_tree(files, folder, gone, check=True) == expected
+    assert (folder / "my_msgs" / "srv" / "_c.py").exists()
+    assert write_tree(files, folder, gone, check=False) == expected
+    left = {one.relative_to(folder).as_posix() for one in folder.rglob("*.py")}
+    assert left == {*files, "my_msgs/msg/_mine.py"}
+    assert write_tree(files, folder, gone, check=True) == []
+
+
+def test_annotations_can_name_what_services_and_actions_hold(demo, tmp_path):
+    api = pytest.importorskip("mypy.api")
+    write(demo, tmp_path)
+    (tmp_path / "user.py").write_text(
+        "from demo_interfaces.action import Count\n"
+        "from demo_interfaces.srv import Tune\n"
+        "def tune(request: Tune.Request, response: Tune.Response) -> Tune.Response:\n"
+        "    response.success = request.value > 0\n"
+        "    return response\n"
+        "goal: Count.Goal = Count.Impl.SendGoalService.Request().goal\n"
+        "tune(Tune.Response(), Tune.Response())\n",
+        encoding="utf-8",
+    )
+    out, _, _ = api.run(
+        ["--strict", "--no-incremental", "--cache-dir", os.devnull, "--no-error-summary"]
+        + [str(tmp_path / name) for name in ("user.py", "demo_interfaces")]
+    )
+    problems = [line.partition("user.py:")[2] for line in out.splitlines() if ": error:" in line]
+    assert [line.partition(":")[0] for line in problems] == ["7"], out

@@ -11,6 +11,7 @@ import threading
 import traceback
 from pathlib import Path
 
+import msgspec
 import pytest
 
 import srvgen
@@ -207,3 +208,33 @@ def test_every_bundled_interface_can_be_loaded():
     for name in names:
         loaded = srvgen.load(name)
         assert name == loaded._TYPE
+
+
+def test_constants_and_defaults_can_be_read_everywhere_and_set_nowhere(folder):
+    """As in rosidl's classes, whose constants are properties of their metaclass."""
+    put(folder, "demo_msgs/msg/Level", "int32 LOW=1\nint32 level 2\nint32 from 3\nstring NAME=x\n")
+    put(folder, "demo_msgs/msg/Plain", "int32 LOW=1\nint32[] levels [1, 2]\n")
+    for name in ("Level", "Plain"):
+        cls = srvgen.load(f"demo_msgs/msg/{name}")
+        assert cls.LOW == cls().LOW == 1
+        default = f"{cls._FIELDS[0][0].upper()}__DEFAULT"
+        for holder in (cls, cls()):
+            for constant in ("LOW", default):
+                with pytest.raises(AttributeError):
+                    setattr(holder, constant, 5)
+                with pytest.raises(AttributeError):
+                    delattr(holder, constant)
+        assert (cls.LOW, getattr(cls(), default)) == (1, getattr(cls, default))
+    with pytest.raises(AttributeError, match=r"Level\.NAME is a constant and cannot be changed"):
+        srvgen.load("demo_msgs/msg/Level").NAME = "y"
+
+
+def test_messages_without_constants_have_msgspecs_own_metaclass():
+    """Another one would make every message dearer on Python 3.11."""
+    assert type(srvgen.load("geometry_msgs/msg/Point")) is msgspec.StructMeta
+
+
+def test_an_action_names_all_that_it_is_made_of():
+    impl = srvgen.load("example_interfaces/action/Fibonacci").Impl
+    assert impl.CancelGoalService is srvgen.load("action_msgs/srv/CancelGoal")
+    assert impl.GoalStatusMessage is srvgen.load("action_msgs/msg/GoalStatusArray")

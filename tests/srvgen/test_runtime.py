@@ -29,7 +29,7 @@ FOLDER = Path(__file__).parents[1] / "golden" / "definitions" / "demo_interfaces
 
 def demo(name: str) -> Any:
     definition = read_definition(FOLDER / "msg" / f"{name}.msg")
-    return getattr(_Builder(Search([FOLDER]).load, "").build(definition), name)
+    return getattr(_Builder(Search([FOLDER]).load, lambda _: "").build(definition), name)
 
 
 Everything, Inner, Awkward = demo("Everything"), demo("Inner"), demo("Awkward")

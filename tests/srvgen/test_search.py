@@ -256,3 +256,39 @@ def test_a_broken_dependency_is_reported_once_in_its_own_file(workspace):
         Search().closure("my_msgs/msg/Good")
     assert not isinstance(caught.value, DefinitionErrors)
     assert caught.value.path == str(bad)
+
+
+def test_a_real_installation_is_found_as_ros_2_lays_it_out(tmp_path, monkeypatch):
+    """Beside each .msg and .srv lie an .idl file and, in older releases, the service's halves."""
+    share = tmp_path / "opt" / "share"
+    for name in ("Goal.msg", "Goal.idl", "Goal.json"):
+        put = share / "far_msgs" / "msg" / name
+        put.parent.mkdir(parents=True, exist_ok=True)
+        put.write_text("int32 a\n" if name.endswith("msg") else "module far_msgs {};\n")
+    for name in ("Ask.srv", "Ask.idl", "Ask_Request.msg", "Ask_Response.msg"):
+        put = share / "far_msgs" / "srv" / name
+        put.parent.mkdir(parents=True, exist_ok=True)
+        put.write_text("Goal goal\nstd_msgs/Header h\n---\n" if name == "Ask.srv" else "nonsense\n")
+    (share / "far_msgs" / "package.xml").write_text("<package/>")
+    (share / "idl_only_msgs" / "msg").mkdir(parents=True)
+    (share / "idl_only_msgs" / "msg" / "Thing.idl").write_text("module idl_only_msgs {};\n")
+    (share / "ament_index" / "resource_index").mkdir(parents=True)
+    overlay = write(tmp_path / "overlay" / "share", "std_msgs/msg/Header", "int32 overlaid\n")
+    prefixes = [tmp_path / "overlay", tmp_path / "opt", tmp_path / "gone"]
+    monkeypatch.setenv("AMENT_PREFIX_PATH", os.pathsep.join(map(str, prefixes)))
+    search = Search()
+    assert search.interfaces("far_msgs") == ["far_msgs/msg/Goal", "far_msgs/srv/Ask"]
+    assert search.find("std_msgs/msg/Header") == overlay
+    needed = [one.full_name for one in search.closure("far_msgs/srv/Ask")]
+    assert {"far_msgs/msg/Goal", "std_msgs/msg/Header"} < set(needed)
+    assert search.load("far_msgs/srv/Ask_Request").fields[0].name == "goal"
+    assert "idl_only_msgs" not in search.packages()
+
+
+def test_one_look_sees_each_place_once_and_the_next_one_sees_what_is_new(workspace):
+    search = Search()
+    with search.one_look():
+        assert search.is_missing("one_msgs/msg/A")
+        write(workspace, "one_msgs/msg/A", "int32 a")
+        assert search.is_missing("one_msgs/msg/A")
+    assert not search.is_missing("one_msgs/msg/A")
