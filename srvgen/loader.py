@@ -183,8 +183,16 @@ class _Builder:
     def __init__(self, resolve: Resolve, text_of: Callable[[Definition], str]) -> None:
         self.resolve = resolve
         self.text_of = text_of
+        self._modules: dict[str, ModuleType] = {}
 
     def build(self, definition: Definition) -> ModuleType:
+        """The module of a definition; each is built once, by however many ways it is needed."""
+        name = definition.full_name
+        if name not in self._modules:
+            self._modules[name] = self._built(definition)
+        return self._modules[name]
+
+    def _built(self, definition: Definition) -> ModuleType:
         nested = {one.alias: self._class(one) for one in imports_of(definition)}
         text = "" if isinstance(definition, MessageDef) else self.text_of(definition)
         # Equal definitions over the same nested classes are one module, however they came here:

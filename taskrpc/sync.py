@@ -266,7 +266,12 @@ class _LoopThread:
         self._loop.call_soon_threadsafe(action)
 
     def refuse_own_thread(self, what: str) -> None:
-        """Raise WouldDeadlock on the loop's own thread, which would wait for itself."""
+        """Raise WouldDeadlock where nobody would answer.
+
+        On the loop's own thread, which would wait for itself, and after a fork, which has no loop.
+        """
+        if self._pid != os.getpid():
+            raise WouldDeadlock(f"{what}: this node belongs to the parent process; make one here")
         if threading.current_thread() is self._thread:
             raise WouldDeadlock(
                 f"{what} would wait for ever: it was called on the event loop's own thread, by an"

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -29,7 +29,7 @@ class Remote:
     place: str = ""
     """`host:port`, or empty."""
     tls: Tls | None = None
-    token: str | None = None
+    token: str | None = field(default=None, repr=False)
 
     @property
     def places(self) -> list[str]:

@@ -278,6 +278,8 @@ class TaskManager:
             checked_plan(robot, task_type, target, self._guard.pose())
         except TargetError as error:
             return f"Invalid target: {sentence(error)[:400]}"
+        except Exception as error:
+            return f"The robot cannot plan this task: {sentence(error)[:400]}"
         if refusal := _priority_refusal(priority):
             return refusal
         if len(self.queue) >= self._queue_limit:

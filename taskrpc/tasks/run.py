@@ -69,10 +69,16 @@ class Run:
         _log.info(
             "Executing task %d: %s - %s", self.task.task_id, self.task.task_type, self.task.target
         )
-        robot = self._guard.robot
-        execution = robot.execute(self.task.task_type, self.task.target, self._report)
-        self._execution = asyncio.ensure_future(execution)
+        self._execution = asyncio.ensure_future(self._execute())
         self._execution.add_done_callback(lambda _: self._is_free.set())
+
+    async def _execute(self) -> dict[str, object]:
+        """Run the robot's own code where all that it raises is the task's failure."""
+        robot = self._guard.robot
+        result = robot.execute(self.task.task_type, self.task.target, self._report)
+        if not hasattr(result, "__await__"):
+            raise TypeError("execute() must be `async def`")
+        return await result
 
     async def wait(self) -> State:
         """Wait until the robot is free again; returns the state in which the task will end."""

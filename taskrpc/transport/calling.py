@@ -23,6 +23,9 @@ from taskrpc.wire.frames import LARGE, NO_DEADLINE
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.session import LAST_CALL_ID, refused_error
 
+MAX_MOVES = 8
+"""How often one call may be refused and sent elsewhere before its caller learns of it."""
+
 
 class CallFuture(asyncio.Future[Any]):
     """A call in flight: yields the decoded answer; cancelling it cancels the call.
@@ -30,7 +33,17 @@ class CallFuture(asyncio.Future[Any]):
     `move` takes a call that the server certainly did not begin, to send it elsewhere.
     """
 
-    __slots__ = ("_decode", "_move", "body", "call_id", "connection", "deadline", "method", "slot")
+    __slots__ = (
+        "_decode",
+        "_move",
+        "_moves",
+        "body",
+        "call_id",
+        "connection",
+        "deadline",
+        "method",
+        "slot",
+    )
 
     def __init__(
         self,
@@ -46,6 +59,7 @@ class CallFuture(asyncio.Future[Any]):
         self.connection = connection
         self._decode = decode
         self._move = move
+        self._moves = 0
         self.deadline = deadline
         self.method = method
         self.body = body
@@ -70,9 +84,10 @@ class CallFuture(asyncio.Future[Any]):
 
     def refused(self, error: TaskRpcError) -> None:
         """The server certainly did not begin the call, and will take no such call any more."""
-        if self._move is None:
+        if self._move is None or self._moves >= MAX_MOVES:
             self.failed(error)
         elif not self.done():
+            self._moves += 1
             self.call_id = 0
             self._move(self)
 
@@ -180,7 +195,7 @@ class CallingConnection(Connection):
                 event.ticket.answered(event.body)
             case Failed():
                 # Only the server itself says so: what a callback raises comes as HandlerFailed.
-                gone = type(event.error) is ServiceUnavailable
+                gone = type(event.error) is ServiceUnavailable and event.error.not_executed
                 (event.ticket.refused if gone else event.ticket.failed)(event.error)
             case Ready():
                 self.handshake_over()

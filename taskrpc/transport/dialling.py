@@ -89,6 +89,9 @@ class Dialler:
         except OSError as error:
             reason = os.strerror(error.errno) if error.errno else str(error)
             raise ConnectionLost(f"{address.place}: {reason}", not_executed=True) from None
+        except UnicodeError:
+            problem = f"{address.place}: no host can have this name"
+            raise ConnectionLost(problem, not_executed=True) from None
         else:
             self._newest[address.place] = connection
             return connection

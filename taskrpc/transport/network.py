@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 from taskrpc.transport.registry import Entry
@@ -16,7 +16,7 @@ class Address:
 
     place: str
     """`host:port`, or the name of an endpoint in memory."""
-    token: bytes
+    token: bytes = field(repr=False)
     surely_offers: bool = False
     """Whether a directory says that the wanted service is there (a bare peer must be asked)."""
     certificate: str | None = None

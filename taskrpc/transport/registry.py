@@ -40,6 +40,10 @@ class Entry(msgspec.Struct, frozen=True):
     services: tuple[Endpoint, ...] = ()
     clients: tuple[Endpoint, ...] = ()
 
+    def __repr__(self) -> str:
+        # Without the token: what is printed ends in logs.
+        return f"Entry(pid={self.pid}, script={self.script!r}, address={self.address!r})"
+
     def offers(self, service: str) -> bool:
         """Whether the process offers a service of this absolute name."""
         return any(endpoint.name == service for endpoint in self.services)

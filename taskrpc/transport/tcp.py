@@ -11,7 +11,7 @@ import socket
 import ssl
 from collections.abc import Sequence
 
-from taskrpc.errors import CannotListen, TaskRpcError
+from taskrpc.errors import AuthenticationFailed, CannotListen, TaskRpcError
 from taskrpc.transport.connection import HANDSHAKE_TIMEOUT
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.registry import Entry, Registry
@@ -78,8 +78,9 @@ class TcpNetwork:
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect."""
         host, port = split_place(address.place)
-        loop = asyncio.get_running_loop()
         context = self._context(address)
+        _refuse_stranger(address, host, encrypted=context is not None)
+        loop = asyncio.get_running_loop()
         _, protocol = await loop.create_connection(factory, host, port, ssl=context)
         return protocol
 
@@ -151,6 +152,14 @@ class TcpNetwork:
         if address.certificate is None and self._tls is not None:
             return self._tls.client_context()
         return None
+
+
+def _refuse_stranger(address: Address, host: str, *, encrypted: bool) -> None:
+    """Send nothing in plain where others could read it."""
+    if not encrypted and not _is_loopback(host):
+        raise AuthenticationFailed(
+            f"{address.place} is another machine: calls there need TLS (tls) and its secret"
+        )
 
 
 def _address(entry: Entry, *, surely_offers: bool = False) -> Address:

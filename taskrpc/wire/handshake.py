@@ -76,6 +76,9 @@ class ClientHandshake:
         raise ProtocolError(f"frame type {type_} came where the server's handshake was expected")
 
     def _prove(self, ack: HelloAck) -> bytes:
+        if not self._me.token:
+            # Whoever listens there knows the empty token too, and would be given our requests.
+            raise AuthenticationFailed("its secret is needed (token, TASKRPC_TOKEN)")
         if ack.version != VERSION:
             raise ProtocolError(f"the server speaks version {ack.version}; this is {VERSION}")
         self._ack = ack

@@ -238,3 +238,18 @@ def test_an_action_names_all_that_it_is_made_of():
     impl = srvgen.load("example_interfaces/action/Fibonacci").Impl
     assert impl.CancelGoalService is srvgen.load("action_msgs/srv/CancelGoal")
     assert impl.GoalStatusMessage is srvgen.load("action_msgs/msg/GoalStatusArray")
+
+
+def test_a_type_that_is_needed_by_many_ways_is_built_once():
+    """Walked once a way, sixty messages of four lines each would take for ever."""
+    last, separator = 60, "=" * 80
+    event = srvgen.load("std_srvs/srv/Trigger")._DEFINITION
+    nested = [
+        f"{separator}\nMSG: ways_msgs/msg/M{n}\nM{n + 1}[] x\n"
+        + (f"M{n + 2}[] y\n" if n + 2 <= last else "")
+        for n in range(last)
+    ]
+    nested.append(f"{separator}\nMSG: ways_msgs/msg/M{last}\nint32 x\n")
+    text = "M0 a\n---\n" + "".join(nested) + event[event.index(separator) :]
+    made = srvgen.define("ways_msgs/srv/Ways", text)
+    assert made.Request().a.x == []

@@ -74,7 +74,7 @@ def test_a_server_of_another_domain(server, examine, monkeypatch):
 
 def test_a_server_whose_token_is_not_known(session_server, examine):
     text, advice = only_problem(examine(session_server.address))
-    assert "the token is not this server's" in text
+    assert "its secret is needed" in text
     assert "--token-file" in advice
 
 

@@ -336,3 +336,31 @@ async def test_an_idle_server_ends_at_once(scene):
     began = asyncio.get_running_loop().time()
     await scene.manager.close()
     assert asyncio.get_running_loop().time() == began
+
+
+def _says_it_is_async(task_type, target, report):
+    return {}
+
+
+def _raises_at_once(task_type, target, report):
+    raise RuntimeError("no motors")
+
+
+@pytest.mark.parametrize(
+    ("execute", "message"),
+    [
+        (_says_it_is_async, "TypeError: execute() must be `async def`"),
+        (_raises_at_once, "RuntimeError: no motors"),
+    ],
+)
+async def test_a_robot_whose_execute_is_no_coroutine_fails_its_task_and_not_the_server(
+    scene, execute, message
+):
+    good = scene.robot.execute
+    scene.robot.execute = execute
+    first, second = await scene.submit("1", "2")
+    await scene.until(first, State.FAILED)
+    assert scene.manager.book.find(first).message == message
+    scene.robot.execute = good
+    await scene.until(second, State.FAILED)
+    assert not scene.manager.is_paused

@@ -140,14 +140,16 @@ async def test_a_token_opens_a_server_that_is_in_no_registry(monkeypatch, tmp_pa
             assert (await node.create_client(Add, "add").call(ask(1))).sum == 1
 
 
-@pytest.mark.parametrize("token", [None, "wrong"])
-async def test_without_the_token_nobody_gets_in(monkeypatch, tmp_path, token, caplog):
+@pytest.mark.parametrize(
+    ("token", "said"), [(None, "its secret is needed"), ("wrong", "not this server's")]
+)
+async def test_without_the_token_nobody_gets_in(monkeypatch, tmp_path, token, said, caplog):
     gate = Gate()
     async with offering(gate, token="right") as server:
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
         async with taskrpc.Node("client", peers=[server.address], token=token) as node:
             client = node.create_client(Add, "add")
-            with pytest.raises(taskrpc.AuthenticationFailed, match="not this server's") as caught:
+            with pytest.raises(taskrpc.AuthenticationFailed, match=said) as caught:
                 await client.call(ask())
             assert caught.value.not_executed
             assert not await client.wait_for_service(0.1)
@@ -372,3 +374,37 @@ async def test_the_registry_is_looked_at_once_for_all_who_wait(monkeypatch):
         network.mark()
     assert looks < 50
     network.close()
+
+
+async def test_a_peer_whose_secret_is_not_known_is_not_called(monkeypatch, tmp_path):
+    """It could be anybody's program, and would be given the request."""
+    async with taskrpc.Node("server", token="") as server:
+        server.create_service(Add, "add", add)
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+        async with taskrpc.Node("far", peers=[server.address]) as node:
+            with pytest.raises(taskrpc.AuthenticationFailed, match="its secret is needed"):
+                await node.create_client(Add, "add").call(ask())
+
+
+async def test_another_machine_is_not_called_without_tls():
+    async with taskrpc.Node("far", peers=["192.0.2.1:7450"], token="secret") as node:
+        with pytest.raises(taskrpc.AuthenticationFailed, match="calls there need TLS"):
+            await node.create_client(Add, "add").call(ask())
+
+
+async def test_a_peer_that_no_host_can_be_is_named():
+    name = "x" * 70
+    async with taskrpc.Node(
+        "far", peers=[f"{name}.example:7450"], token="secret", tls=taskrpc.Tls()
+    ) as node:
+        with pytest.raises(taskrpc.ServiceUnavailable, match="no host can have this name"):
+            await node.create_client(Add, "add").call(ask())
+
+
+async def test_tokens_are_in_no_repr():
+    async with taskrpc.Node("server", token="canary") as node:
+        node.create_service(Add, "add", add)
+        entries = await node.graph()
+        assert entries[0].token
+        assert entries[0].token not in repr(entries)
+        assert "canary" not in repr(node._transport.network.locate("/add"))
