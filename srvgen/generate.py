@@ -16,6 +16,7 @@ from .model import Definition, MessageDef
 from .render import GENERATED, render
 from .render_text import text_literal
 from .render_types import module_name
+from .typehash import Hasher
 
 
 def generate(packages: Mapping[str, Sequence[Definition]], search: Source) -> dict[str, str]:
@@ -59,7 +60,7 @@ def _refuse_package(name: str) -> None:
 def _source(definition: Definition, search: Source) -> str:
     text = "" if isinstance(definition, MessageDef) else full_text(definition, search)
     needed = {one.full_name: one for one in closure(definition, search)}
-    return render(definition, needed.__getitem__, text).text
+    return render(definition, Hasher(needed.__getitem__), text).text
 
 
 def _frames(definitions: Sequence[Definition]) -> dict[str, str]:

@@ -25,7 +25,7 @@ from .model import Definition, MessageDef
 from .names import split_type_name
 from .render import Import, Source, imports_of, render
 from .search import Search
-from .typehash import Resolve, hash_of
+from .typehash import Hasher, Resolve, hash_of
 
 _Stamp = tuple[Path, int, int]
 
@@ -183,6 +183,7 @@ class _Builder:
     def __init__(self, resolve: Resolve, text_of: Callable[[Definition], str]) -> None:
         self.resolve = resolve
         self.text_of = text_of
+        self._hasher = Hasher(resolve)
         self._modules: dict[str, ModuleType] = {}
 
     def build(self, definition: Definition) -> ModuleType:
@@ -199,7 +200,7 @@ class _Builder:
         # so a type that a server handed over is the very class that a program loaded itself.
         key = (definition, text, tuple(nested.values()))
         if key not in _built:
-            _built[key] = _execute(render(definition, self.resolve, text), nested)
+            _built[key] = _execute(render(definition, self._hasher, text), nested)
         return _built[key]
 
     def _class(self, wanted: Import) -> type:

@@ -23,7 +23,7 @@ from .render_types import (
     rosidl_type,
     scalar,
 )
-from .typehash import Resolve, hash_of
+from .typehash import Hasher
 
 _INDENT = "    "
 _STANDARD = ("builtins", "math", "typing")
@@ -73,12 +73,12 @@ class Source:
         return f"{self.header}\n\n{self.body}"
 
 
-def render(definition: Definition, resolve: Resolve, text: str) -> Source:
+def render(definition: Definition, hasher: Hasher, text: str) -> Source:
     """The module of one definition.
 
     Args:
         definition: what a file defines; what it implies is rendered with it.
-        resolve: gives the definition of a full name, for the hashes of nested types.
+        hasher: hashes the definition and what it implies.
         text: the definition's text with those of all nested types, kept in a service's class.
 
     Raises:
@@ -90,7 +90,7 @@ def render(definition: Definition, resolve: Resolve, text: str) -> Source:
     imports = imports_of(definition)
     names = {one.full_name: one.alias for one in imports}
     scope = Scope(names | {message.full_name: message.name for message in messages})
-    hashes = _hashes(parts, resolve)
+    hashes = hasher.hashes(parts)
     blocks = [_message(message, hashes[message.full_name], scope) for message in messages]
     if len(messages) < len(parts):
         blocks.append([f"_DEFINITION = {definition_literal(text)}"])
@@ -152,15 +152,6 @@ def _refuse_ros1(messages: Sequence[MessageDef]) -> None:
                     column=field.column,
                     hint=f"write {ROS1_TIME_TYPES[field.type.base]}",
                 )
-
-
-def _hashes(parts: Sequence[Definition], resolve: Resolve) -> dict[str, str]:
-    own = {part.full_name: part for part in parts}
-
-    def resolve_own_first(name: str) -> Definition:
-        return own.get(name) or resolve(name)
-
-    return {part.full_name: hash_of(part, resolve_own_first) for part in parts}
 
 
 def _header(

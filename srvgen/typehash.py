@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 
 from .implied import implied_types, whole
@@ -44,39 +44,87 @@ def hash_of(definition: Definition, resolve: Resolve) -> str:
         definition: what to hash.
         resolve: gives the definition of a full name such as `std_msgs/msg/Header`.
     """
-    text = json.dumps(type_description(definition, resolve), ensure_ascii=True)
-    return "RIHS01_" + hashlib.sha256(text.encode()).hexdigest()
+    return Hasher(resolve).hashes([definition])[definition.full_name]
 
 
 def type_description(definition: Definition, resolve: Resolve) -> dict[str, Any]:
     """The description of a type and of every type inside it, as ROS 2 hashes it."""
-    own = {one.full_name: one for one in implied_types(definition)}
-    found: dict[str, dict[str, Any]] = {}
-    _collect(whole(definition), own, resolve, found)
-    main = found.pop(definition.full_name)
+    hasher = Hasher(resolve)
+    hasher.know([definition])
     return {
-        "type_description": main,
-        "referenced_type_descriptions": [found[name] for name in sorted(found)],
+        "type_description": hasher.description(definition.full_name),
+        "referenced_type_descriptions": [
+            hasher.description(name) for name in hasher.inside(definition.full_name)
+        ],
     }
 
 
-def _collect(
-    message: MessageDef,
-    own: dict[str, Definition],
-    resolve: Resolve,
-    found: dict[str, dict[str, Any]],
-) -> None:
-    if message.full_name in found:
-        return
-    fields = message.fields or (HIDDEN_FIELD,)
-    found[message.full_name] = {
-        "type_name": message.full_name,
-        "fields": [{"name": field.name, "type": _field_type(field.type)} for field in fields],
-    }
-    for field in fields:
-        if field.type.package:
-            name = field.type.full_name
-            _collect(whole(own.get(name) or resolve(name)), own, resolve, found)
+class Hasher:
+    """Hashes types that have others in common, and describes each of them only once.
+
+    Args:
+        resolve: gives the definition of a full name such as `std_msgs/msg/Header`.
+    """
+
+    def __init__(self, resolve: Resolve) -> None:
+        self._resolve = resolve
+        self._known: dict[str, MessageDef] = {}
+        self._needs: dict[str, frozenset[str]] = {}
+        self._texts: dict[str, bytes] = {}
+
+    def hashes(self, definitions: Sequence[Definition]) -> dict[str, str]:
+        """The hash of each definition by its full name; they may refer to each other."""
+        self.know(definitions)
+        return {one.full_name: self._hash(one.full_name) for one in definitions}
+
+    def know(self, definitions: Sequence[Definition]) -> None:
+        """Use these, and what they imply, for their names."""
+        for definition in definitions:
+            for one in (*implied_types(definition), definition):
+                self._known.setdefault(one.full_name, whole(one))
+
+    def description(self, name: str) -> dict[str, Any]:
+        """The description of one type, without those inside it."""
+        return {
+            "type_name": name,
+            "fields": [
+                {"name": field.name, "type": _field_type(field.type)}
+                for field in self._fields(name)
+            ],
+        }
+
+    def inside(self, name: str) -> list[str]:
+        """The full names of all types inside a type, sorted."""
+        found: set[str] = set()
+        waiting = {name}
+        while waiting:
+            one = waiting.pop()
+            waiting |= self._needed(one) - found
+            found |= self._needed(one)
+        return sorted(found - {name})
+
+    def _hash(self, name: str) -> str:
+        digest = hashlib.sha256(b'{"type_description": ' + self._text(name))
+        digest.update(b', "referenced_type_descriptions": [')
+        digest.update(b", ".join([self._text(one) for one in self.inside(name)]))
+        digest.update(b"]}")
+        return f"RIHS01_{digest.hexdigest()}"
+
+    def _text(self, name: str) -> bytes:
+        if name not in self._texts:
+            self._texts[name] = json.dumps(self.description(name), ensure_ascii=True).encode()
+        return self._texts[name]
+
+    def _needed(self, name: str) -> frozenset[str]:
+        if name not in self._needs:
+            types = (field.type for field in self._fields(name))
+            self._needs[name] = frozenset(one.full_name for one in types if one.package)
+        return self._needs[name]
+
+    def _fields(self, name: str) -> tuple[Field, ...]:
+        if name not in self._known:
+            self._known[name] = whole(self._resolve(name))
+        return self._known[name].fields or (HIDDEN_FIELD,)
 
 
 def _field_type(kind: FieldType) -> dict[str, Any]:

@@ -22,6 +22,7 @@ from srvgen.parser import parse_msg, parse_srv
 from srvgen.render import render
 from srvgen.render_text import definition_literal, docstring, text_literal
 from srvgen.search import BUNDLED, Search
+from srvgen.typehash import Hasher
 
 CORPUS = Path(__file__).parents[3] / "shared" / "corpus"
 ORACLE = CORPUS / "oracles" / "python_classes.jsonl"
@@ -30,7 +31,7 @@ bundled = Search([BUNDLED])
 
 
 def rendered(text: str) -> str:
-    return render(parse_msg(text, "demo_msgs", "Demo"), bundled.load, "").text
+    return render(parse_msg(text, "demo_msgs", "Demo"), Hasher(bundled.load), "").text
 
 
 # --- literals and docstrings ----------------------------------------------------------------------
@@ -100,7 +101,7 @@ def test_messages_of_numbers_only_are_left_out_of_garbage_collection():
 
 def test_a_service_keeps_its_definition():
     text = 'int64 a\n---\nstring b  # say "hi"\n'
-    source = render(parse_srv(text, "demo_msgs", "Ask"), bundled.load, text).text
+    source = render(parse_srv(text, "demo_msgs", "Ask"), Hasher(bundled.load), text).text
     assert ast.literal_eval(source.partition("_DEFINITION = ")[2].partition("\n\n\n")[0]) == text
 
 
