@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from yaml import Mark
 
 _LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
+_MAX_DEPTH = 100
 
 
 class Node(Protocol):
@@ -74,6 +75,8 @@ class Document:
     def _compose(self, text: str) -> Any:
         import yaml  # here, because a server with hardware of its own reads no map
 
+        if _depth(text) > _MAX_DEPTH:
+            self.fail(None, "not valid YAML: nested too deeply")
         try:
             return yaml.compose(text, yaml.SafeLoader)
         except yaml.MarkedYAMLError as error:
@@ -165,3 +168,15 @@ def shown(node: Node) -> str:
 
 def _is_null(node: Node) -> bool:
     return node.tag == "tag:yaml.org,2002:null"
+
+
+def _depth(text: str) -> int:
+    """How deep brackets are nested at most; the parser would go as deep as Python lets it."""
+    depth = deepest = 0
+    for letter in text:
+        if letter in "[{":
+            depth += 1
+            deepest = max(deepest, depth)
+        elif letter in "]}":
+            depth -= 1
+    return deepest

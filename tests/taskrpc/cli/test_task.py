@@ -45,7 +45,15 @@ class Lab:
         self._node = taskrpc.Node("task_server", transport="memory", token="server")
         await self._node.start()
         robot = KinematicRobot(default_world())
-        self._server = TaskServer(self._node, robot, self.store, **self._settings)
+        # Virtual like all other time: servers that follow each other must not share an instant.
+        clock = asyncio.get_running_loop().time
+        self._server = TaskServer(
+            self._node,
+            robot,
+            self.store,
+            wall_clock=lambda: 1_700_000_000 + clock(),
+            **self._settings,
+        )
         await self._server.start()
 
     async def stop(self):
