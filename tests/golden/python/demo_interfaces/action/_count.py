@@ -362,7 +362,7 @@ _DEFINITION = (
     "\n"
     "================================================================================\n"
     "MSG: action_msgs/msg/GoalInfo\n"
-    '# Names one goal of an action. In a cancel request, zeros mean "any" (see srv/CancelGoal).\n'
+    "# Names one goal of an action. In a cancel request, zeros mean \"any\" (see srv/CancelGoal).\n"
     "\n"
     "unique_identifier_msgs/UUID goal_id  # chosen by the client that sends the goal\n"
     "builtin_interfaces/Time stamp        # when the server accepted the goal\n"
