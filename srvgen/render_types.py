@@ -6,6 +6,7 @@ import keyword
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from .literals import unescape
 from .model import Field, FieldType, MessageDef, Scalar, Value
 from .names import snake_case
 from .render_text import literal
@@ -142,6 +143,8 @@ def scalar(value: Value, type_: FieldType) -> str:
 
 
 def _as_declared(value: Scalar, base: str) -> Scalar:
+    if isinstance(value, str):
+        return unescape(value)
     # A definition may give a float the default 1; the attribute is a float all the same.
     return float(value) if base in FLOATS else value
 

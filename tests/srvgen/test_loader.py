@@ -253,3 +253,20 @@ def test_a_type_that_is_needed_by_many_ways_is_built_once():
     text = "M0 a\n---\n" + "".join(nested) + event[event.index(separator) :]
     made = srvgen.define("ways_msgs/srv/Ways", text)
     assert made.Request().a.x == []
+
+
+def test_classes_carry_the_text_that_escapes_stand_for(tmp_path, monkeypatch):
+    folder = tmp_path / "escape_msgs" / "msg"
+    folder.mkdir(parents=True)
+    (folder / "Text.msg").write_text(
+        r"""string one "tab\there"
+string[] some ["a\x41", "C:\dir"]
+string LINE="one\ntwo"
+""",
+        encoding="utf-8",
+    )
+    monkeypatch.chdir(tmp_path)
+    made = srvgen.load("escape_msgs/msg/Text")
+    assert made().one == "tab\there"
+    assert made().some == ["aA", "C:\\dir"]
+    assert made.LINE == "one\ntwo"
