@@ -64,7 +64,6 @@ class Session:
         self.is_client = is_client
         self.last_call_id = 0
         """The newest call id: ours as a client, accepted as a server."""
-        self.frames_received = 0
         self._handshake = ClientHandshake(me) if is_client else ServerHandshake(me)
         self._limits = DEFAULT_LIMITS if is_client else me.limits
         self._their_limits = DEFAULT_LIMITS
@@ -261,7 +260,6 @@ class Session:
 
     def _handled(self, frames: list[Frame]) -> list[Event]:
         events: list[Event] = []
-        self.frames_received += len(frames)
         for frame in frames:
             try:
                 event = self._handle(*frame)
