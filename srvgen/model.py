@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Literal, TypeAlias
+
+from msgspec import Struct
 
 Kind = Literal["msg", "srv", "action"]
 
@@ -21,8 +22,7 @@ PRIMITIVES = frozenset(
 """The names of ROS 2's built-in types."""
 
 
-@dataclass(frozen=True, slots=True)
-class FieldType:
+class FieldType(Struct, frozen=True):
     """The type of a field: a base type, perhaps bounded, perhaps an array of it."""
 
     base: str
@@ -69,8 +69,7 @@ class FieldType:
         return text
 
 
-@dataclass(frozen=True, slots=True)
-class Field:
+class Field(Struct, frozen=True):
     """One field of a message."""
 
     name: str
@@ -84,8 +83,7 @@ class Field:
     column: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Constant:
+class Constant(Struct, frozen=True):
     """One named constant of a message."""
 
     name: str
@@ -97,8 +95,7 @@ class Constant:
     column: int = 0
 
 
-@dataclass(frozen=True, slots=True)
-class MessageDef:
+class MessageDef(Struct, frozen=True):
     """A message: a .msg file, one section of a .srv or .action file, or an implied type."""
 
     package: str
@@ -118,8 +115,7 @@ class MessageDef:
         return f"{self.package}/{self.kind}/{self.name}"
 
 
-@dataclass(frozen=True, slots=True)
-class ServiceDef:
+class ServiceDef(Struct, frozen=True):
     """A service: what is asked and what is answered."""
 
     package: str
@@ -133,8 +129,7 @@ class ServiceDef:
         return f"{self.package}/{self.request.kind}/{self.name}"
 
 
-@dataclass(frozen=True, slots=True)
-class ActionDef:
+class ActionDef(Struct, frozen=True):
     """An action: a goal, its result, and feedback on the way."""
 
     package: str
