@@ -157,8 +157,10 @@ def bounded_text(bound: int) -> Callable[[Any, str], str]:
 
 Number = TypeVar("Number", int, float)
 _SWAPPED = sys.byteorder == "big"
+_NATIVE = ">" if _SWAPPED else "<"
 _KINDS = {code: kind for kind in ("bhilq", "BHILQ", "f", "d") for code in kind}
 _new = array.__new__
+_item = array.__getitem__
 
 
 if TYPE_CHECKING:
@@ -224,11 +226,18 @@ class NumericArray(_Elements[Number]):
             view = memoryview(values)
         except (TypeError, ValueError):  # numpy refuses views of its dates with ValueError
             return cls._of_items(to_list(values, path), path)
-        if _KINDS.get(view.format) == _KINDS[cls._CODE] and view.itemsize == cls._SIZE:
+        if view.ndim == 0:
+            _wrong(path, "a list", values)
+        kind = _KINDS.get(view.format.removeprefix(_NATIVE))
+        if kind == _KINDS[cls._CODE] and view.itemsize == cls._SIZE:
             return _new(cls, cls._CODE, view.tobytes())
         # numpy's own ravel and tolist know the formats (float16, '>i4') that memoryview does not.
         flat = values.ravel() if hasattr(values, "ravel") else view
-        return cls._of_items(flat.tolist(), path)
+        try:
+            items = flat.tolist()
+        except NotImplementedError:
+            _wrong(path, f"{cls._CONVERT.__name__.removeprefix('to_')} elements", values)
+        return cls._of_items(items, path)
 
     @classmethod
     def _of_items(cls, items: list[Any] | tuple[Any, ...], path: str) -> Self:
@@ -249,9 +258,18 @@ class NumericArray(_Elements[Number]):
         swapped.byteswap()
         return memoryview(swapped)
 
+    if not TYPE_CHECKING:  # array's own gives a plain array, which equals no list
+
+        def __getitem__(self, index):
+            if type(index) is slice:
+                return _new(type(self), self._CODE, _item(self, index))
+            return _item(self, index)
+
     def __eq__(self, other: object) -> bool:
         if isinstance(other, (list, tuple)):
             return self.tolist() == list(other)
+        if isinstance(other, (bytes, bytearray)):
+            return bytes(self.little_endian()) == other
         return super().__eq__(other)
 
     def __ne__(self, other: object) -> bool:
@@ -414,7 +432,12 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
         if type(other) is not type(self):
             return NotImplemented
         names = self.__struct_fields__
-        return all(_plain(getattr(self, n)) == _plain(getattr(other, n)) for n in names)
+        return all(_numbers(getattr(self, n)) == _numbers(getattr(other, n)) for n in names)
+
+
+def _numbers(value: Any) -> Any:
+    # Bytes before and the array after a check are equal.
+    return list(value) if isinstance(value, (bytes, bytearray)) else _plain(value)
 
 
 def _plain(value: Any) -> Any:

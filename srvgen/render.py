@@ -89,7 +89,7 @@ def render(definition: Definition, hasher: Hasher, text: str) -> Source:
     _refuse_ros1(messages)
     imports = imports_of(definition)
     names = {one.full_name: one.alias for one in imports}
-    scope = Scope(names | {message.full_name: message.name for message in messages})
+    scope = Scope(names | {part.full_name: part.name for part in parts})
     hashes = hasher.hashes(parts)
     blocks = [_message(message, hashes[message.full_name], scope) for message in messages]
     if len(messages) < len(parts):
@@ -106,10 +106,9 @@ def render(definition: Definition, hasher: Hasher, text: str) -> Source:
 def render_stub(definition: Definition) -> str:
     """The stub (.pyi) of the same module: what editors and type checkers are to know of it."""
     parts = [*implied_types(definition), definition]
-    messages = [part for part in parts if isinstance(part, MessageDef)]
     imports = imports_of(definition)
     names = {one.full_name: one.alias for one in imports}
-    scope = Scope(names | {message.full_name: message.name for message in messages})
+    scope = Scope(names | {part.full_name: part.name for part in parts})
     blocks = [
         [*_head(one), *_constants(one, scope.inside(one)), *_fields(one, scope.inside(one))]
         if isinstance(one, MessageDef)

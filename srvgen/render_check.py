@@ -67,7 +67,7 @@ def _check_single(field: Field, scope: Scope) -> list[str]:
     path = text_literal(field.name)
     base = field.type.base
     if not field.type.is_primitive:
-        return _check_nested(field, scope.class_of(field.type))
+        return _check_nested(field, scope)
     if base == "float32":
         return [f"{target} = _runtime.to_float32({target}, {path})"]
     local = _local(field)
@@ -81,16 +81,16 @@ def _check_single(field: Field, scope: Scope) -> list[str]:
     ]
 
 
-def _check_nested(field: Field, expected: str) -> list[str]:
+def _check_nested(field: Field, scope: Scope) -> list[str]:
     # All in place: a call for each level would cost as much as the checks themselves.
-    local, path = _local(field), text_literal(field.name)
+    local, path, expected = _local(field), text_literal(field.name), scope.class_of(field.type)
     return [
         f"{local} = self.{attribute(field.name)}",
         f"if type({local}) is not {expected}:",
         f"    _runtime.wrong_class({local}, {expected}, {path})",
         "try:",
         f"    {local}._check()",
-        "except ValueError as error:",
+        f"except {scope.builtin('ValueError')} as error:",
         f"    raise _runtime.under(error, {path}) from None",
     ]
 

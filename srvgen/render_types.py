@@ -36,7 +36,7 @@ class Scope:
     """What names mean inside the body of one generated class."""
 
     classes: Mapping[str, str]
-    """The source name of each nested message class, by its full name."""
+    """The source name of each class that the module has, by its full name."""
     shadowed: frozenset[str] = frozenset()
     """Built-in names that fields of this class hide from its own body."""
 
@@ -45,8 +45,9 @@ class Scope:
         return Scope(self.classes, _BUILTINS & {field.name for field in message.fields})
 
     def builtin(self, name: str) -> str:
-        """A built-in's name; needs `import builtins as _builtins` where it is shadowed."""
-        return f"_builtins.{name}" if name in self.shadowed else name
+        """A built-in's name; needs `import builtins as _builtins` where it is hidden."""
+        is_hidden = name in self.shadowed or name in self.classes.values()
+        return f"_builtins.{name}" if is_hidden else name
 
     def class_of(self, type_: FieldType) -> str:
         """The source name of a nested message's class."""

@@ -14,8 +14,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import srvgen
 from srvgen.errors import DefinitionError
 from srvgen.files import read_definition
+from srvgen.fulltext import join_full_text
 from srvgen.loader import _Builder
 from srvgen.model import Definition
 from srvgen.parser import parse_msg, parse_srv
@@ -103,6 +105,19 @@ def test_a_service_keeps_its_definition():
     text = 'int64 a\n---\nstring b  # say "hi"\n'
     source = render(parse_srv(text, "demo_msgs", "Ask"), Hasher(bundled.load), text).text
     assert ast.literal_eval(source.partition("_DEFINITION = ")[2].partition("\n\n\n")[0]) == text
+
+
+def test_a_type_named_like_an_exception_does_not_hide_it():
+    texts = {"demo_msgs/msg/ValueError": "int32 a\n", "demo_msgs/msg/Other": "int32 a\n"}
+    for name, text in [
+        ("demo_msgs/msg/Demo", "Other other\nValueError error\n"),
+        ("demo_msgs/msg/ValueError", "Other other\n"),
+    ]:
+        needed = {one: text for one, text in texts.items() if one != name}
+        message = srvgen.define(name, join_full_text(text, needed))()
+        message.other.a = "x"
+        with pytest.raises(srvgen.FieldError, match=r"^other\.a: expected int32, got 'x'"):
+            message._check()
 
 
 # --- rosidl's own classes -------------------------------------------------------------------------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import ctypes
 import enum
 import fractions
 import itertools
@@ -17,6 +18,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+import srvgen
 from srvgen import _runtime
 from srvgen._runtime import FieldError
 from srvgen.fieldtypes import parse_type
@@ -322,6 +324,58 @@ def test_arrays_compare_copy_pickle_and_print(cls):
     assert values == [1, 2, 3]
     assert repr(values) == f"{cls.__name__}({values.tolist()})"
     assert values.itemsize * 8 == int(cls.__name__.strip("IUFointaryAl") or 0)
+
+
+@pytest.mark.parametrize("cls", ARRAYS, ids=lambda cls: cls.__name__)
+def test_a_slice_is_an_array_of_the_same_class(cls):
+    values = cls([1, 2, 3, 4])
+    for part in (slice(1, 3), slice(None, None, -1), slice(9, None), slice(-2, None)):
+        assert type(values[part]) is cls
+        assert values[part] == [1, 2, 3, 4][part]
+    values[:2] = values[2:]
+    assert values == [3, 4, 3, 4]
+    assert values[-1] == 4
+    assert type(values[-1]) is type(values.tolist()[-1])
+    with pytest.raises(IndexError):
+        values[4]
+
+
+@pytest.mark.parametrize("cls", ARRAYS, ids=lambda cls: cls.__name__)
+def test_numpy_views_an_array_and_writes_into_it(cls):
+    numpy = pytest.importorskip("numpy")
+    values = cls([1, 2, 3])
+    view = numpy.asarray(values)
+    assert view.dtype.name == cls.__name__.removesuffix("Array").lower()
+    view[1] = 9
+    assert values == [1, 9, 3]
+
+
+def test_bytes_are_equal_to_the_array_that_they_become():
+    values = _runtime.Uint8Array(b"abc")
+    assert values == b"abc"
+    assert values[1:] == bytearray(b"bc")
+    assert values != b"abd"
+    assert bytes(values) == b"abc"
+    Image = srvgen.load("sensor_msgs/msg/Image")
+    sent = Image(data=b"abc")
+    sent._check()
+    assert [sent == Image(data=kind(b"abc")) for kind in (bytes, bytearray, memoryview, list)] == (
+        [True] * 4
+    )
+    assert sent != Image(data=b"abd")
+
+
+def test_buffers_of_any_kind_are_taken_or_refused_with_a_sentence():
+    assert checked(ranges=(ctypes.c_float * 2)(1, 2)).ranges == [1, 2]
+    assert checked(image=memoryview(b"abcd")[::2]).image == b"ac"
+    problem = problem_of(ranges=(ctypes.c_int * 2)(1, 2))
+    assert problem.startswith("ranges: expected float32 elements, got <")
+    numpy = pytest.importorskip("numpy")
+    for scalar in (numpy.float64(3), numpy.array(3.0)):
+        assert problem_of(ranges=scalar).startswith("ranges: expected a list, got ")
+    too_large = numpy.array([2**63], "uint64")
+    assert problem_of(longs=too_large).startswith("longs[0]: expected int64 in")
+    assert problem_of(ranges=numpy.array([0, 1e300])).startswith("ranges[1]: expected float32 in")
 
 
 def test_an_array_refuses_a_number_that_does_not_fit():
