@@ -7,11 +7,12 @@ import linecache
 import math
 import threading
 import typing
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import count
 from pathlib import Path
-from types import ModuleType
-from typing import Any
+from types import CodeType, ModuleType
+from typing import Any, NamedTuple
+from weakref import WeakValueDictionary, finalize
 
 import msgspec
 
@@ -23,7 +24,7 @@ from .fulltext import split_full_text
 from .mistake import Mistake
 from .model import Definition, MessageDef
 from .names import split_type_name
-from .render import Import, Source, imports_of, render
+from .render import Block, Import, Source, imports_of, render
 from .search import Search
 from .typehash import Hasher, Resolve, hash_of
 
@@ -32,11 +33,22 @@ _Stamp = tuple[Path, int, int]
 _lock = threading.RLock()
 _search = Search()
 _loaded: dict[str, _Loaded] = {}
-_built: dict[tuple[Definition, str, tuple[type, ...]], ModuleType] = {}
+# A module lives as long as any of its classes, each of which has it, and so any of its messages:
+# nobody can meet two classes of one definition, and a program that is handed thousands of
+# definitions keeps only those that it works with.
+_built: WeakValueDictionary[_Key, ModuleType] = WeakValueDictionary()
+_versions = count()
 
 
-@dataclass(frozen=True, slots=True)
-class _Loaded:
+class _Key(NamedTuple):
+    """What makes two modules the same, however they came here."""
+
+    definition: Definition
+    text: str
+    nested: tuple[type, ...]
+
+
+class _Loaded(NamedTuple):
     """A module, and the state of the files that it was made from."""
 
     module: ModuleType
@@ -196,12 +208,12 @@ class _Builder:
     def _built(self, definition: Definition) -> ModuleType:
         nested = {one.alias: self._class(one) for one in imports_of(definition)}
         text = "" if isinstance(definition, MessageDef) else self.text_of(definition)
-        # Equal definitions over the same nested classes are one module, however they came here:
-        # so a type that a server handed over is the very class that a program loaded itself.
-        key = (definition, text, tuple(nested.values()))
-        if key not in _built:
-            _built[key] = _execute(render(definition, self._hasher, text), nested)
-        return _built[key]
+        # A type that a server handed over is the very class that a program loaded itself.
+        key = _Key(definition, text, tuple(nested.values()))
+        module = _built.get(key)
+        if module is None:
+            module = _built[key] = _execute(render(definition, self._hasher, text), nested)
+        return module
 
     def _class(self, wanted: Import) -> type:
         module = self.build(self.resolve(wanted.full_name))
@@ -218,19 +230,60 @@ def _execute(source: Source, nested: Mapping[str, type]) -> ModuleType:
         "_typing": typing,
         "_runtime": _runtime,
     }
+    # The header's imports are done here, by hand, since the modules are in no sys.modules.
     module.__dict__.update(names, **nested)
-    # The header's imports are done here, by hand, since the modules are in no sys.modules; blank
-    # lines stand for it, so that the lines of a traceback are those of the whole source.
-    filename = f"<srvgen {source.module} {len(_built)}>"  # another version may have been before
-    text = source.text
-    padding = "\n" * text[: -len(source.body)].count("\n")
-    code = compile(padding + source.body, filename, "exec", dont_inherit=True)
-    exec(code, module.__dict__)
-    linecache.cache[filename] = (len(text), None, text.splitlines(keepends=True), filename)
-    for made in vars(module).values():
+    filename = f"<srvgen {source.module} {next(_versions)}>"  # another may have been before
+    exec(_compiled(_declarations(source), filename), module.__dict__)
+    for line, block in _numbered(source):
+        if block.check:
+            cls = module.__dict__[block.name]
+            cls._check = _late_check(cls, "\n" * (line + len(block.lines) - 1), block, filename)
+    for made in list(vars(module).values()):
         if isinstance(made, type) and made.__module__ == source.module:
             made.__reduce__ = _reduce  # type: ignore[method-assign, assignment]
+            made._MODULE = module  # type: ignore[attr-defined]
+    text = source.text
+    linecache.cache[filename] = (len(text), None, text.splitlines(keepends=True), filename)
+    finalize(module, linecache.cache.pop, filename, None).atexit = False
     return module
+
+
+def _compiled(source: str, filename: str) -> CodeType:
+    return compile(source, filename, "exec", dont_inherit=True)
+
+
+def _numbered(source: Source) -> Iterator[tuple[int, Block]]:
+    """The blocks of a source, each with the number of its first line in the whole text."""
+    line = source.header.count("\n") + 3
+    for block in source.blocks:
+        yield line, block
+        line += str(block).count("\n") + 2
+
+
+def _declarations(source: Source) -> str:
+    """The source with blank lines for the header and the checks, so that no line moves."""
+    blanks = "\n" * (source.header.count("\n") + 2)
+    blocks = (
+        "\n".join(one.lines) + "\n" * (len(one.check) + bool(one.check) + 1)
+        for one in source.blocks
+    )
+    return blanks + "\n\n".join(blocks)
+
+
+def _late_check(cls: Any, blanks: str, block: Block, filename: str) -> Callable[[Any], None]:
+    """What compiles a class's own `_check` when a message is first checked, and puts it in place.
+
+    Checks are half of a class's code, and of most loaded classes no message is ever sent.
+    """
+
+    def _check(self: Any) -> None:
+        text = blanks + "\n".join([f"class {block.name}:", *block.check])
+        made: dict[str, type] = {}
+        exec(_compiled(text, filename), cls._MODULE.__dict__, made)
+        cls._check = made[block.name].__dict__["_check"]
+        cls._check(self)
+
+    return _check
 
 
 def _reduce(message: _runtime.Message) -> tuple[object, ...]:

@@ -13,6 +13,9 @@ from .model import Kind
 _LOWER = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 _MESSAGE = re.compile(r"[A-Z][A-Za-z0-9]*")
 _CONSTANT = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*")
+_WORD_ENDS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|[^A-Za-z0-9]+")
+_UNDERSCORES = re.compile("_+")
+_KINDS = frozenset(get_args(Kind))
 # Each is taken off once, in this order, as the official tools do.
 _SECTION_SUFFIXES = ("_Request", "_Response", "_Goal", "_Result", "_Feedback")
 
@@ -67,8 +70,7 @@ def bad_at(name: str, kind: Literal["field", "constant", "message"]) -> int:
 
 def snake_case(name: str) -> str:
     """`maxSpeed` → `max_speed`; what a camel-case name looks like as a field or package."""
-    words = re.sub(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|[^A-Za-z0-9]+", "_", name)
-    return re.sub("_+", "_", words).strip("_").lower()
+    return _UNDERSCORES.sub("_", _WORD_ENDS.sub("_", name)).strip("_").lower()
 
 
 def camel_case(name: str) -> str:
@@ -85,7 +87,7 @@ def split_type_name(text: str) -> TypeName:
     parts = text.split("/")
     if len(parts) == 3:
         package, kind, name = parts
-        if kind in get_args(Kind) and is_package_name(package) and name.isidentifier():
+        if kind in _KINDS and is_package_name(package) and name.isidentifier():
             return TypeName(package, cast("Kind", kind), name)
     raise DefinitionError(
         f"expected a type name such as 'example_interfaces/srv/AddTwoInts', got {text!r}"

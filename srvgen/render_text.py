@@ -51,7 +51,7 @@ def _docstring_line(line: str) -> str:
 def _escaped(text: str) -> str:
     # Everything that does not print is escaped: a definition must not be able to end a literal,
     # nor to show one thing in an editor and be another.
-    text = text.replace("\\", "\\\\")
+    text = text.replace("\\", "\\\\").replace("\n", "\\n")
     return text if text.isprintable() else _UNUSUAL.sub(_escaped_character, text)
 
 
