@@ -6,6 +6,8 @@ import ast
 import importlib
 import os
 import pickle
+import shutil
+import subprocess
 import sys
 from pathlib import Path
 
@@ -191,12 +193,75 @@ def test_two_types_that_need_one_module_are_refused(tmp_path):
         generated(folder.parent)
 
 
-def test_all_bundled_packages_can_be_generated():
-    folders = [folder for folder in sorted(BUNDLED.iterdir()) if folder.is_dir()]
-    output = generated(*folders)
-    assert len([path for path in output if path.endswith("/__init__.py")]) > len(folders)
-    for path, text in output.items():
-        compile(text, path, "exec", dont_inherit=True)
+@pytest.fixture(scope="module")
+def everything(tmp_path_factory) -> Path:
+    """All bundled packages, generated."""
+    folder = tmp_path_factory.mktemp("bundled")
+    write(generated(*(one for one in sorted(BUNDLED.iterdir()) if one.is_dir())), folder)
+    return folder
+
+
+def test_mypy_finds_nothing_in_what_is_generated(everything):
+    api = pytest.importorskip("mypy.api")
+    out, err, _ = api.run(
+        ["--strict", "--cache-dir", os.devnull, "--no-incremental", str(everything)]
+    )
+    assert (out.startswith("Success: no issues found in "), err) == (True, ""), out
+
+
+@pytest.mark.slow
+def test_pyright_finds_nothing_in_what_is_generated(everything):
+    pyright = shutil.which("pyright", path=str(Path(sys.executable).parent))
+    if not pyright or not shutil.which("node"):
+        pytest.skip("pyright and Node are not installed")
+    done = subprocess.run(
+        [pyright, "--pythonpath", sys.executable, "."],
+        capture_output=True,
+        text=True,
+        cwd=everything,
+    )
+    assert done.stdout.split() == "0 errors, 0 warnings, 0 informations".split()
+
+
+IMPORTED_ALONE = """\
+import sys
+from importlib import import_module
+from pathlib import Path
+
+import msgspec
+
+before = set(sys.modules)
+root = Path(sys.argv[1])
+sys.path.insert(0, str(root))
+for path in sorted(root.rglob("*.py")):
+    import_module(".".join(path.relative_to(root).with_suffix("").parts))
+more = {name.partition(".")[0] for name in set(sys.modules) - before}
+print(sorted(more - sys.stdlib_module_names) == sorted(one.name for one in root.iterdir()))
+"""
+
+
+def test_what_is_generated_imports_msgspec_and_nothing_else(everything):
+    """In a process of its own, in which every warning is an error."""
+    done = subprocess.run(
+        [sys.executable, "-I", "-B", "-W", "error", "-c", IMPORTED_ALONE, str(everything)],
+        capture_output=True,
+        text=True,
+    )
+    assert (done.stderr, done.stdout) == ("", "True\n")
+
+
+def test_the_bytes_do_not_depend_on_the_seed_of_hashes(tmp_path):
+    call = [sys.executable, "-m", "srvgen", "generate", str(DEFINITIONS / "demo_interfaces"), "-o"]
+    call.append(str(tmp_path / "out"))
+    root = Path(srvgen.__file__).parents[1]
+    for seed, more in (("1", []), ("2", ["--check"]), ("3", ["--check"])):
+        done = subprocess.run(
+            [*call, *more],
+            capture_output=True,
+            text=True,
+            env={**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": str(root)},
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
 
 
 class Gone:

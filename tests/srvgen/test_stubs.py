@@ -48,6 +48,8 @@ def run(capsys):
 
 
 USER = """\
+from array import array
+
 import srvgen
 
 srvgen.install_import_hook()
@@ -64,6 +66,13 @@ request = loaded.Request(what="ball")
 answer(request, loaded.Response(), Fibonacci.Impl.SendGoalService.Request().goal)
 name: str = srvgen.load("std_msgs/String")().data
 Note(xs=[1, 2.5], from_=3).xs.append(4.0)
+note = Note(xs=array("f", [1.0]), **{"from": 3})
+note.xs = (1, 2.5)
+note.xs = range(3)
+note.xs[0] = 1
+note.from_ += 1
+first: float = note.xs[0] + sum(note.xs) + max(note.xs[1:])
+numbers: list[float] = note.xs.tolist() + list(memoryview(note.xs)) + [len(note.xs)]
 anything = srvgen.load("nowhere/msg/X")
 srvgen.to_builtins(request)
 """
@@ -72,8 +81,19 @@ loaded.Request(wat="ball")
 request.what = 3
 Fetch.Response(ok="yes")
 srvgen.load("std_msgs/msg/String")(data=1)
+request.at.w
+Fetch.Request("ball")
+loaded.Reqest()
+Note(xs="abc")
+note.xs = 3
+note.xs = ["a"]
+word: str = note.xs[0]
+note.xs[0] = "a"
+note.text = "there is no such field"
+from my_msgs.srv import Fetsh
 """
 FIRST_MISTAKE = USER.count("\n") + 1
+WRONG_LINES = [str(FIRST_MISTAKE + n) for n in range(MISTAKES.count("\n"))]
 
 
 def test_the_default_is_every_package_in_reach(run):
@@ -124,6 +144,13 @@ def test_every_stub_is_python_and_none_has_a_method_of_ours():
         assert {one.name for one in functions} <= ({"load"} if "srvgen/" in path else set()), path
 
 
+def test_stubs_say_what_the_comments_say(run):
+    run("stubs", "my_msgs")
+    text = Path("typings/my_msgs/srv/_fetch.pyi").read_text(encoding="utf-8")
+    assert '    """Fetches."""' in text
+    assert '    ok: bool = False\n    """done"""' in text
+
+
 def test_the_stub_of_srvgen_hands_on_every_public_name():
     text = stubs({})["srvgen/__init__.pyi"]
     for name in set(srvgen.__all__) - {"load"}:
@@ -139,7 +166,7 @@ def test_mypy_knows_what_is_imported_and_what_is_loaded(run, monkeypatch):
     options = ["--strict", "--no-incremental", "--cache-dir", os.devnull, "--no-error-summary"]
     out, err, _ = api.run([*options, "--follow-imports=silent", "user.py", "typings"])
     lines = [one.partition("user.py:")[2].partition(":")[0] for one in out.splitlines()]
-    assert (err, lines) == ("", [str(FIRST_MISTAKE + n) for n in range(4)]), out
+    assert (err, list(dict.fromkeys(lines))) == ("", WRONG_LINES), out
 
 
 @pytest.mark.slow
@@ -156,4 +183,4 @@ def test_pyright_knows_the_same(run):
     )
     errors = [one for one in done.stdout.splitlines() if " - error:" in one]
     lines = [one.partition("user.py:")[2].partition(":")[0] for one in errors]
-    assert lines == [str(FIRST_MISTAKE + n) for n in range(4)], done.stdout
+    assert list(dict.fromkeys(lines)) == WRONG_LINES, done.stdout
