@@ -230,7 +230,11 @@ class NumericArray(_Elements[Number]):
             _wrong(path, "a list", values)
         kind = _KINDS.get(view.format.removeprefix(_NATIVE))
         if kind == _KINDS[cls._CODE] and view.itemsize == cls._SIZE:
-            return _new(cls, cls._CODE, view.tobytes())
+            made = _new(cls, cls._CODE)
+            # A large image would cost forty times as much by way of bytes, which are a second copy.
+            is_plain = view.format in _KINDS and view.c_contiguous and view.nbytes > 0
+            made.frombytes(view.cast("B") if is_plain else view.tobytes())
+            return made
         # numpy's own ravel and tolist know the formats (float16, '>i4') that memoryview does not.
         flat = values.ravel() if hasattr(values, "ravel") else view
         try:
@@ -432,7 +436,14 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
         if type(other) is not type(self):
             return NotImplemented
         names = self.__struct_fields__
-        return all(_numbers(getattr(self, n)) == _numbers(getattr(other, n)) for n in names)
+        return all(_are_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+
+def _are_equal(one: Any, other: Any) -> bool:
+    # numpy's arrays would be compared element by element; all else of one type has an answer.
+    if type(one) is type(other) and (isinstance(one, array) or not hasattr(one, "tolist")):
+        return bool(one == other)
+    return bool(_numbers(one) == _numbers(other))
 
 
 def _numbers(value: Any) -> Any:

@@ -368,11 +368,17 @@ def test_bytes_are_equal_to_the_array_that_they_become():
 def test_buffers_of_any_kind_are_taken_or_refused_with_a_sentence():
     assert checked(ranges=(ctypes.c_float * 2)(1, 2)).ranges == [1, 2]
     assert checked(image=memoryview(b"abcd")[::2]).image == b"ac"
+    assert checked(image=memoryview(b"abcdef").cast("B", (2, 3))).image == b"abcdef"
     problem = problem_of(ranges=(ctypes.c_int * 2)(1, 2))
     assert problem.startswith("ranges: expected float32 elements, got <")
     numpy = pytest.importorskip("numpy")
     for scalar in (numpy.float64(3), numpy.array(3.0)):
         assert problem_of(ranges=scalar).startswith("ranges: expected a list, got ")
+    pixels = numpy.arange(12, dtype="uint8").reshape(2, 2, 3)
+    assert checked(image=pixels).image == list(range(12))
+    assert checked(image=pixels[:, :, ::-1]).image == [2, 1, 0, 5, 4, 3, 8, 7, 6, 11, 10, 9]
+    assert checked(image=numpy.zeros((0, 3), "uint8")).image == []
+    assert checked(ranges=numpy.zeros(0, "float32")).ranges == []
     too_large = numpy.array([2**63], "uint64")
     assert problem_of(longs=too_large).startswith("longs[0]: expected int64 in")
     assert problem_of(ranges=numpy.array([0, 1e300])).startswith("ranges[1]: expected float32 in")
