@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import keyword
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property, partial
 from pathlib import Path
 from typing import Protocol, TypeVar
@@ -65,9 +65,13 @@ def full_text(definition: Definition, source: Source) -> str:
     Raises:
         DefinitionError: as `closure`.
     """
-    names = [one.full_name for one in closure(definition, source)][:-1]
-    own = source.text(definition.full_name)
-    return join_full_text(own, {name: source.text(name) for name in names})
+    return joined_text(closure(definition, source), source)
+
+
+def joined_text(ordered: Sequence[Definition], source: Source) -> str:
+    """The full text of the last of these definitions, the others being all that it needs."""
+    *needed, own = (one.full_name for one in ordered)
+    return join_full_text(source.text(own), {name: source.text(name) for name in needed})
 
 
 def check_ros2_types(definition: Definition, path: Path) -> None:

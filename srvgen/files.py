@@ -116,11 +116,6 @@ def meant_path(path: Path) -> Path | None:
     return path.with_name(path.stem + right) if is_slip else None
 
 
-def is_definition(path: Path) -> bool:
-    """Whether a file's name says that it is a definition."""
-    return path.suffix.removeprefix(".") in KINDS and not path.name.startswith(".")
-
-
 def package_of(path: Path) -> str:
     """The package of a definition file: the folder above `msg`, `srv` or `action`.
 

@@ -7,7 +7,7 @@ import linecache
 import math
 import threading
 import typing
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from itertools import count
 from pathlib import Path
 from types import CodeType, ModuleType
@@ -17,7 +17,7 @@ from weakref import WeakValueDictionary, finalize
 import msgspec
 
 from . import _runtime, limits
-from .closure import closure, full_text
+from .closure import closure, full_text, joined_text
 from .errors import DefinitionError
 from .files import parse_definition
 from .fulltext import split_full_text
@@ -135,10 +135,15 @@ def module_of(full_name: str) -> ModuleType:
 
 def _load(owner: str) -> _Loaded:
     with _search.one_look():
-        needed = {one.full_name: one for one in _search.closure(owner)}
+        ordered = _search.closure(owner)
+        needed = {one.full_name: one for one in ordered}
         stamps = tuple(_stamp(_search.find(name)) for name in needed)
-        builder = _Builder(needed.__getitem__, lambda one: full_text(one, _search))
-        return _Loaded(builder.build(needed[owner]), stamps)
+
+        def text_of(one: Definition) -> str:
+            inside = ordered if one is ordered[-1] else closure(one, _search)
+            return joined_text(inside, _search)
+
+        return _Loaded(_Builder(needed.__getitem__, text_of).build(ordered[-1]), stamps)
 
 
 def _stamp(path: Path) -> _Stamp:
@@ -232,55 +237,50 @@ def _execute(source: Source, nested: Mapping[str, type]) -> ModuleType:
     }
     # The header's imports are done here, by hand, since the modules are in no sys.modules.
     module.__dict__.update(names, **nested)
-    filename = f"<srvgen {source.module} {next(_versions)}>"  # another may have been before
-    exec(_compiled(_declarations(source), filename), module.__dict__)
-    for line, block in _numbered(source):
-        if block.check:
-            cls = module.__dict__[block.name]
-            cls._check = _late_check(cls, "\n" * (line + len(block.lines) - 1), block, filename)
+    filename = f"srvgen: {source.module} {next(_versions)}"  # another version may have been before
+    lines, checks = _declarations(source)
+    exec(_compiled(lines, filename), module.__dict__)
+    for before, block in checks:
+        cls = module.__dict__[block.name]
+        cls._check = _late_check(cls, block, before, filename)
     for made in list(vars(module).values()):
         if isinstance(made, type) and made.__module__ == source.module:
             made.__reduce__ = _reduce  # type: ignore[method-assign, assignment]
             made._MODULE = module  # type: ignore[attr-defined]
-    text = source.text
-    linecache.cache[filename] = (len(text), None, text.splitlines(keepends=True), filename)
+    # Asked for only where a traceback is shown.
+    linecache.cache[filename] = (lambda: source.text,)
     finalize(module, linecache.cache.pop, filename, None).atexit = False
     return module
 
 
-def _compiled(source: str, filename: str) -> CodeType:
-    return compile(source, filename, "exec", dont_inherit=True)
+def _compiled(lines: Sequence[str], filename: str) -> CodeType:
+    return compile("\n".join(lines), filename, "exec", dont_inherit=True)
 
 
-def _numbered(source: Source) -> Iterator[tuple[int, Block]]:
-    """The blocks of a source, each with the number of its first line in the whole text."""
-    line = source.header.count("\n") + 3
+def _declarations(source: Source) -> tuple[list[str], list[tuple[int, Block]]]:
+    """The source with blank lines for its header and checks, and where each check begins."""
+    lines = [""] * (source.header.count("\n") + 2)
+    checks = []
     for block in source.blocks:
-        yield line, block
-        line += str(block).count("\n") + 2
+        lines += block.lines
+        if block.check:
+            checks.append((len(lines), block))
+            lines += [""] * (len(block.check) + 1)
+        lines += ["", ""]
+    return lines, checks
 
 
-def _declarations(source: Source) -> str:
-    """The source with blank lines for the header and the checks, so that no line moves."""
-    blanks = "\n" * (source.header.count("\n") + 2)
-    blocks = (
-        "\n".join(one.lines) + "\n" * (len(one.check) + bool(one.check) + 1)
-        for one in source.blocks
-    )
-    return blanks + "\n\n".join(blocks)
-
-
-def _late_check(cls: Any, blanks: str, block: Block, filename: str) -> Callable[[Any], None]:
+def _late_check(cls: Any, block: Block, before: int, filename: str) -> Callable[[Any], None]:
     """What compiles a class's own `_check` when a message is first checked, and puts it in place.
 
     Checks are half of a class's code, and of most loaded classes no message is ever sent.
     """
 
     def _check(self: Any) -> None:
-        text = blanks + "\n".join([f"class {block.name}:", *block.check])
+        lines = [*[""] * before, f"class {block.name}:", *block.check]
         made: dict[str, type] = {}
-        exec(_compiled(text, filename), cls._MODULE.__dict__, made)
-        cls._check = made[block.name].__dict__["_check"]
+        exec(_compiled(lines, filename), cls._MODULE.__dict__, made)
+        cls._check = vars(made[block.name])["_check"]
         cls._check(self)
 
     return _check

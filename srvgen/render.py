@@ -104,7 +104,7 @@ def render(definition: Definition, hasher: Hasher, text: str) -> Source:
     hashes = hasher.hashes(parts)
     blocks = [_message(message, hashes[message.full_name], scope) for message in messages]
     if len(messages) < len(parts):
-        blocks.append(Block([f"_DEFINITION = {definition_literal(text)}"]))
+        blocks.append(Block(f"_DEFINITION = {definition_literal(text)}".split("\n")))
     blocks += [
         Block(_namespace(part, hashes, names)) for part in parts if not isinstance(part, MessageDef)
     ]

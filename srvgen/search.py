@@ -11,7 +11,7 @@ from pathlib import Path
 
 from .closure import check_ros2_types, closure, full_text
 from .errors import DefinitionError
-from .files import KINDS, is_definition, read_definition, read_text
+from .files import KINDS, read_definition, read_text
 from .implied import implied_types
 from .model import Definition, Kind
 from .names import TypeName, did_you_mean, is_package_name, split_type_name
@@ -30,6 +30,7 @@ class _Looked:
 
     def __init__(self) -> None:
         self.roots: list[Path] = []
+        self.folders: dict[str, list[Path]] = {}
         self.places: dict[TypeName, tuple[Path, TypeName] | None] = {}
 
 
@@ -192,22 +193,23 @@ class Search:
         """The file of a type or of the service or action that implies it."""
         looked = self._looked
         if looked is None:
-            return self._look(name, self._roots())
+            return self._look(name, _folders_of(name.package, self._roots()))
         if name not in looked.places:
             looked.roots = looked.roots or list(self._roots())
-            looked.places[name] = self._look(name, looked.roots)
+            if name.package not in looked.folders:
+                looked.folders[name.package] = list(_folders_of(name.package, looked.roots))
+            looked.places[name] = self._look(name, looked.folders[name.package])
         return looked.places[name]
 
-    def _look(self, name: TypeName, roots: Iterable[Path]) -> tuple[Path, TypeName] | None:
+    def _look(self, name: TypeName, folders: Iterable[Path]) -> tuple[Path, TypeName] | None:
         owners = [name]
         if name.kind != "msg" and "_" in name.name:
             owners.append(name._replace(name=_owner(name.name)))
+            folders = list(folders)
         for owner in owners:
-            relative = Path(owner.package, owner.kind, f"{owner.name}.{owner.kind}")
             local: Path | None = None
-            roots = list(roots) if len(owners) > 1 else roots
-            for folder in _folders_of(owner.package, roots):
-                path = folder.joinpath(*relative.parts[1:])
+            for folder in folders:
+                path = folder / owner.kind / f"{owner.name}.{owner.kind}"
                 if _is_file(path):
                     if local and folder.parent == BUNDLED:
                         _note_bundled(local, owner)
@@ -275,9 +277,8 @@ def _folders_of(package: str, roots: Iterable[Path]) -> Iterator[Path]:
         if root.name == package and _is_package(root):
             yield root
         # Most folders lack most packages: a plain string is the cheapest way to be told so.
-        inner = os.path.join(root, package)
-        if os.path.isdir(inner) and _is_package(Path(inner)):
-            yield Path(inner)
+        if os.path.isdir(os.path.join(root, package)) and _is_package(root / package):
+            yield root / package
 
 
 def _package_folders(root: Path) -> Iterator[Path]:
@@ -304,7 +305,7 @@ def _files(folder: Path, kind: Kind) -> Iterator[Path]:
     except OSError:
         return
     for name in names:
-        if name.endswith(f".{kind}") and is_definition(Path(name)):
+        if name.endswith(f".{kind}") and not name.startswith("."):
             yield inner / name
 
 
