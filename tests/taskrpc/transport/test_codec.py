@@ -1,5 +1,7 @@
 """A body is what its class says, to the last field, or an InvalidRequest that says where not."""
 
+import tracemalloc
+
 import msgspec
 import pytest
 from hypothesis import given
@@ -70,6 +72,51 @@ def test_a_value_deep_inside_is_named_by_its_path():
     assert caught.value.path == "goal.pose.position.x"
 
 
+@pytest.mark.parametrize(
+    ("body", "path", "said"),
+    [
+        ([[[0, 0], "a"], [[[[0, 0], 5], []]]], "poses[0].header.frame_id", "Expected `str`"),
+        ([[[0, 0], "a"], [1]], "poses[0]", "Expected `array`, got `int`"),
+        ([[[0, 0], "a"], 1], "poses", "Expected `array`, got `int`"),
+        ([[[0, "x"], "a"], []], "header.stamp.nanosec", "Expected `int`, got `str`"),
+        ([[[0, -1], "a"], []], "header.stamp.nanosec", "expected uint32 in 0..4294967295, got -1"),
+    ],
+)
+def test_what_msgspec_refuses_is_named_by_its_path_too(body, path, said):
+    with pytest.raises(taskrpc.InvalidRequest) as caught:
+        codec_of(srvgen.load("nav_msgs/msg/Path")).decode(encode(body))
+    assert (caught.value.path, said in str(caught.value)) == (path, True)
+
+
+@pytest.mark.parametrize("count", [1, 10_000])
+def test_empty_arrays_cannot_become_messages_by_the_million(count):
+    """Each byte would be a message of 100,000 bytes."""
+    text = "Large[] many\n" + "=" * 80 + "\nMSG: far_msgs/msg/Large\nuint8[100000] data\n"
+    codec = codec_of(srvgen.define("far_msgs/msg/Many", text))
+    tracemalloc.start()
+    try:
+        with pytest.raises(taskrpc.InvalidRequest, match="length 1") as caught:
+            codec.decode(encode([[[]] * count]))
+        assert tracemalloc.get_traced_memory()[1] < 2**20
+    finally:
+        tracemalloc.stop()
+    assert caught.value.path == "many[0]"
+
+
+def test_large_bodies_of_many_messages_are_taken():
+    Path, PoseStamped = (
+        srvgen.load("nav_msgs/msg/Path"),
+        srvgen.load("geometry_msgs/msg/PoseStamped"),
+    )
+    codec = codec_of(Path)
+    sent = Path(poses=[PoseStamped() for _ in range(2_000)])
+    body = codec.encode(sent)
+    assert codec.decode(body) == sent
+    for cut in (body[:-1], body[:1000]):
+        with pytest.raises(taskrpc.InvalidRequest, match="truncated"):
+            codec.decode(cut)
+
+
 def test_another_type_and_another_object_are_refused():
     codec = codec_of(Add.Request)
     for wrong in (Add.Response(), None, 42, {"a": 1}, Add.Request):
@@ -88,6 +135,7 @@ def test_messages_of_many_fields_have_their_own_header():
             "__annotations__": {},
             "_TYPE": "t/msg/Wide",
             "_FIELDS": tuple((name, "int64") for name in names),
+            "_NESTED": {},
             "_WIDTH": 20,
             "_check": lambda self: None,
         },
