@@ -47,8 +47,6 @@ _PROBLEM = re.compile(r"^(.*?)(?: - at `\$(.*)`)?$", re.DOTALL)
 
 _HARMLESS = 2**24
 """Bytes of memory that a body may make msgspec fill with defaults."""
-_MEMORY = 64
-"""Bytes of memory, at most, for a byte of msgpack: what a message without fields takes."""
 
 Message = TypeVar("Message")
 
@@ -65,7 +63,7 @@ class Codec:
         # Every empty array in a sequence of messages makes msgspec fill in a whole message, so a
         # few bytes could take any amount of memory; in a short body they are too few for that.
         largest = _largest_element(cls)
-        self._harmless = _HARMLESS // (largest * _MEMORY) if largest else sys.maxsize
+        self._harmless = _HARMLESS // largest if largest else sys.maxsize
         self._shape: Callable[[bytes | bytearray], Any] | None = None
         # msgspec fills in what a short array leaves out; a body of the same definition has all.
         self._header = 0x90 | width if width < 16 else 0xDC
@@ -127,15 +125,22 @@ def _field_path(cls: type[MessageType] | None, places: list[str]) -> str:
 
 @cache
 def _largest_element(cls: type[MessageType]) -> int:
-    """The bytes of the largest message by default of which a sequence in this class has many."""
+    """The memory of the largest message by default of which a sequence in this class has many."""
     sizes = [0]
     for name, type_ in cls._FIELDS:
         nested: Any = cls._NESTED.get(name)
         if nested is not None:
-            sizes.append(_largest_element(nested))
-            if "[" in type_:
-                sizes.append(len(_encode(nested())))
+            sizes += [_largest_element(nested), _memory(nested()) if "[" in type_ else 0]
     return max(sizes)
+
+
+def _memory(value: Any) -> int:
+    """The bytes, roughly, of a message by default, or of one of its values."""
+    size = sys.getsizeof(value)
+    if hasattr(value, "_FIELDS"):
+        return size + sum(_memory(getattr(value, name)) for name in value.__struct_fields__)
+    is_list = isinstance(value, list) and len(value) > 0
+    return size + len(value) * _memory(value[0]) if is_list else size
 
 
 @cache

@@ -88,7 +88,7 @@ def test_what_msgspec_refuses_is_named_by_its_path_too(body, path, said):
     assert (caught.value.path, said in str(caught.value)) == (path, True)
 
 
-@pytest.mark.parametrize("count", [1, 10_000])
+@pytest.mark.parametrize("count", [200, 100_000])
 def test_empty_arrays_cannot_become_messages_by_the_million(count):
     """Each byte would be a message of 100,000 bytes."""
     text = "Large[] many\n" + "=" * 80 + "\nMSG: far_msgs/msg/Large\nuint8[100000] data\n"
