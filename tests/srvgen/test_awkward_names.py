@@ -1,0 +1,126 @@
+"""Fields, constants and types named like words of Python or parts of a generated class work."""
+
+from __future__ import annotations
+
+import copy
+import keyword
+import os
+import pickle
+from pathlib import Path
+
+import msgspec
+import pytest
+
+import srvgen
+from srvgen._runtime import encode_hook
+from srvgen.files import read_definition
+from srvgen.generate import generate
+from srvgen.importer import uninstall_import_hook
+from srvgen.search import BUNDLED, Search
+from srvgen.stubs import stubs, whole_packages
+
+WORDS = """
+self cls data type id list int str bytes float array msgspec field default property none bool object
+get_fields_and_field_types copy tuple dict set len range super typing math builtins runtime message
+check path paths error value values match case name items keys fields nested hash annotations doc
+module init t mro any print slot_types
+"""
+NAMES = sorted({*WORDS.split(), *(word for word in keyword.kwlist if word.islower())})
+TYPES = """
+List Struct Any Optional Message Service Action Type Self Object Float32Array NumericArray Ints
+Floats FieldError Literal ClassVar TypeAlias Exception ValueError NotImplementedError Byte
+""".split()
+
+
+def each(*lines: str) -> str:
+    return "".join(line.format(name) + "\n" for name in NAMES for line in lines)
+
+
+DEFINITIONS = {
+    "msg/Integers": each("int32 {} 7"),
+    "msg/Singles": each("float32 {}"),
+    "msg/Strings": each("string<=5 {} 'a'", "string[] {}2 ['b']"),
+    "msg/Truths": each("bool {}", "bool[3] {}2"),
+    "msg/Bytes": each("byte {}", "byte[] {}2 [1, 2]"),
+    "msg/Arrays": each("float64[] {}", "int8[2] {}2 [1, 2]"),
+    "msg/Nest": "".join(
+        f"{type_} {name}\n{type_}[] {name}2\n{type_}[2] {name}3\n"
+        for type_, name in zip(TYPES * 4, NAMES, strict=False)
+    ),
+    "msg/Constants": "".join(f"int32 {name.upper()}=3\n" for name in NAMES if "__" not in name)
+    + "List list\nNest nest\n",
+    "msg/A": "int32 A=3\nint32 x\n",
+    "msg/UsesA": "int32 A=3\nA x\nA[] y\n",
+    **{f"msg/{name}": "int32 a 3\n" for name in TYPES},
+    "srv/List": "int32 a\nList b\n---\nList[] c\n",
+    "srv/Request": "int32 request\n---\nint32 response\n",
+    "srv/ValueError": "Nest a\n---\n",
+    "action/Goal": "int32 goal\n---\nint32 status\n---\nint32 goal_id\n",
+    "action/Impl": "Nest result\n---\nint32 impl\n---\nint32 feedback\n",
+}
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory) -> Path:
+    folder = tmp_path_factory.mktemp("awkward") / "odd_msgs"
+    for name, text in DEFINITIONS.items():
+        path = folder / f"{name}.{name.split('/')[0]}"
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text, encoding="utf-8")
+    return folder
+
+
+@pytest.fixture
+def hook(package):
+    srvgen.install_import_hook(package)
+    yield
+    uninstall_import_hook()
+
+
+def classes(name: str) -> list[type]:
+    loaded = srvgen.load(f"odd_msgs/{name}")
+    if hasattr(loaded, "_FIELDS"):
+        return [loaded]
+    if hasattr(loaded, "Request"):
+        return [loaded.Request, loaded.Response, loaded.Event]
+    return [loaded.Goal, loaded.Result, loaded.Feedback, loaded.Impl.FeedbackMessage]
+
+
+@pytest.mark.parametrize("name", DEFINITIONS)
+def test_every_class_is_made_set_sent_copied_and_printed(hook, name):
+    for cls in classes(name):
+        message = cls()
+        message._check()
+        names = [field for field, _ in cls._FIELDS]
+        readable = [one for one in names if one != "get_fields_and_field_types"]
+        assert cls(**{one: getattr(message, one) for one in readable}) == message
+        for one in readable:
+            setattr(message, one, getattr(message, one))
+        assert list(cls.get_fields_and_field_types()) == names
+        assert all(f"{one}=" in repr(message) for one in names)
+        encoded = msgspec.msgpack.Encoder(enc_hook=encode_hook).encode(message)
+        arrived = msgspec.msgpack.Decoder(cls).decode(encoded)
+        arrived._check()
+        plain = srvgen.to_builtins(message)
+        assert list(plain) == names
+        assert message == arrived == srvgen.from_builtins(cls, plain)
+        assert message == srvgen.from_cdr(cls, srvgen.to_cdr(message))
+        assert message == copy.deepcopy(message) == pickle.loads(pickle.dumps(message))
+
+
+def test_mypy_finds_nothing_in_their_packages_and_stubs(package, tmp_path):
+    api = pytest.importorskip("mypy.api")
+    search = Search([package, BUNDLED])
+    parsed = [read_definition(path) for path in sorted(package.glob("*/*.*"))]
+    needed, problems = whole_packages(["odd_msgs"], search)
+    assert not problems
+    written = {"made": generate({"odd_msgs": parsed}, search), "typings": stubs(needed)}
+    for folder, files in written.items():
+        for relative, text in files.items():
+            path = tmp_path / folder / relative
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, encoding="utf-8")
+    for folder in written:
+        options = ["--strict", "--cache-dir", os.devnull, "--no-incremental"]
+        out, err, _ = api.run([*options, "--follow-imports=silent", str(tmp_path / folder)])
+        assert (out.startswith("Success: no issues found in "), err) == (True, ""), out
