@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 import sys
+import threading
 from pathlib import Path
 from typing import Any
 
@@ -286,3 +287,21 @@ def test_classes_of_generated_packages_give_the_same_bytes(generated):
         to_cdr(theirs)
     with pytest.raises(CdrError, match=r"^poses: expected"):
         from_cdr(generated.Path, to_cdr(ours)[:-60])
+
+
+@pytest.mark.real_time
+def test_threads_may_meet_at_the_first_encoding_of_a_class_and_at_one_message():
+    cls = define("string[] names\nfloat32[] xs\n", "demo_msgs/msg/Shared")
+    shared, start = cls(xs=range(50)), threading.Barrier(6)
+    arrived: list[Any] = []
+
+    def work() -> None:
+        start.wait()
+        arrived.extend(from_cdr(cls, to_cdr(shared)) for _ in range(50))
+
+    threads = [threading.Thread(target=work) for _ in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert arrived == [shared] * 300
