@@ -244,6 +244,8 @@ class _File:
         known: dict[str, int] = {}
         pending: list[str] = []
         for number, line in enumerate(lines, before + 1):
+            if len(self.problems) >= limits.PROBLEMS:
+                break  # nobody reads more, and to explain a line costs far more than to read it
             code, mark, comment = line.partition("#")
             code_end = code.rstrip()
             if mark:

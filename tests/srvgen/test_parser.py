@@ -4,7 +4,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from srvgen import limits, parser
+from srvgen.diagnosis import mistakes_in_line
 from srvgen.errors import DefinitionError, DefinitionErrors
+from srvgen.mistake import Mistake
 from srvgen.model import Constant, Field, FieldType
 from srvgen.parser import parse_action, parse_msg, parse_srv
 
@@ -189,3 +192,16 @@ def test_what_was_written_as_text_is_read_as_it_was(fields):
     assert [(one.name, one.type, one.default) for one in read] == [
         (one.name, one.type, one.default) for one in fields
     ]
+
+
+def test_lines_beyond_the_last_problem_that_is_reported_are_not_explained(monkeypatch):
+    explained: list[str] = []
+
+    def mistakes(code: str, package: str) -> list[Mistake]:
+        explained.append(code)
+        return mistakes_in_line(code, package)
+
+    monkeypatch.setattr(parser, "mistakes_in_line", mistakes)
+    with pytest.raises(DefinitionErrors) as caught:
+        parse_srv("bad\n" * limits.PROBLEMS + "---\n" + "bad\n" * 5_000, "demo_msgs", "Ask")
+    assert len(explained) == len(caught.value.problems) == limits.PROBLEMS
