@@ -83,13 +83,17 @@ to_int64 = _integer("int64", -(2**63), 2**63 - 1)
 to_uint64 = _integer("uint64", 0, 2**64 - 1)
 
 
+NOT_FLOAT = (struct.error, TypeError, OverflowError)
+"""What packing a float raises for a value that is none, or is too large."""
+
+
 def _floating(name: str, code: str, top: str) -> Callable[[Any, str], float]:
     layout = struct.Struct(code)
 
     def convert(value: Any, path: str) -> float:
         try:
             number: float = layout.unpack(layout.pack(value))[0]
-        except (struct.error, TypeError, OverflowError):
+        except NOT_FLOAT:
             is_number = hasattr(value, "__float__")
             _wrong(path, f"{name} in -{top}..{top}" if is_number else name, value)
         return number
@@ -104,17 +108,10 @@ to_float64 = _floating("float64", "<d", "1.7976931348623157e+308")
 
 
 @cache
-def _singles(count: int) -> struct.Struct:
-    return struct.Struct(f"<{count}f")
-
-
-def to_float32s(paths: tuple[str, ...], *values: Any) -> tuple[float, ...]:
-    """Several float32 at once, at a third of the price."""
-    layout = _singles(len(values))
-    try:
-        return layout.unpack(layout.pack(*values))
-    except (struct.error, TypeError, OverflowError):
-        return tuple(map(to_float32, values, paths))
+def float32s(count: int) -> tuple[Callable[..., bytes], Callable[[bytes], tuple[Any, ...]]]:
+    """How to pack and unpack this many float32 at once: at a quarter of the price of each alone."""
+    layout = struct.Struct(f"<{count}f")
+    return layout.pack, layout.unpack
 
 
 def to_boolean(value: object, path: str) -> bool:

@@ -16,10 +16,10 @@ def checks(fields: Sequence[Field], scope: Scope) -> list[str]:
     """The statements that bring each field to its exact type or raise FieldError."""
     singles = [field for field in fields if str(field.type) == "float32"]
     # Nothing but the conversion itself can tell a float32, so it is made for all of them at once.
-    joint = _check_singles(singles) if len(singles) > 1 else []
+    joint = _check_singles(singles, scope) if len(singles) > 1 else []
     others = [field for field in fields if not joint or field not in singles]
     lines = [line for field in others for line in _check(field, scope)]
-    return [*joint, *(part for line in lines for part in _wrapped(line))]
+    return [part for line in [*joint, *lines] for part in _wrapped(line)]
 
 
 def _wrapped(line: str) -> list[str]:
@@ -35,11 +35,22 @@ def _wrapped(line: str) -> list[str]:
     return [f"{head}(", f"{indent}    {arguments[:-1]}", f"{indent})"]
 
 
-def _check_singles(fields: Sequence[Field]) -> list[str]:
-    targets = [f"    self.{attribute(field.name)}," for field in fields]
-    names = [f"    {text_literal(field.name)}," for field in fields]
-    call = [") = _runtime.to_float32s(", "    paths,", *targets, ")"]
-    return ["paths = (", *names, ")", "(", *targets, *call]
+def _check_singles(fields: Sequence[Field], scope: Scope) -> list[str]:
+    values = [f"self.{attribute(field.name)}" for field in fields]
+    return [
+        f"pack, unpack = _runtime.float32s({len(fields)})",
+        "try:",
+        "    (",
+        *(f"        {value}," for value in values),
+        "    ) = unpack(",
+        "        pack(",
+        *(f"            {value}," for value in values),
+        "        )",
+        "    )",
+        "except _runtime.NOT_FLOAT:",
+        # The first that is wrong says so.
+        *(f"    {line}" for field in fields for line in _check_single(field, scope)),
+    ]
 
 
 def _check(field: Field, scope: Scope) -> list[str]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import copy
+import gc
 import os
 import pickle
 import subprocess
@@ -132,6 +133,41 @@ def full_text(own: str, **needed: str) -> str:
 def test_a_bad_text_from_a_server_is_one_error(text, problem):
     with pytest.raises(DefinitionError, match=problem):
         srvgen.define("far_msgs/srv/Ask", text)
+
+
+def defined(number: int) -> type:
+    text = srvgen.load("std_srvs/srv/Trigger")._DEFINITION
+    event = text[text.index("\n" + "=" * 80) :]
+    return srvgen.define("far_msgs/srv/Ask", f"int32 a {number}\n---\nint32 b\n{event}")
+
+
+def test_classes_that_nobody_has_any_more_are_given_up():
+    gc.collect()
+    before = len(loader._built)
+    kept = defined(0)
+    for number in range(1, 20):
+        assert defined(number).Request().a == number
+    gc.collect()
+    assert len(loader._built) == before + 1
+    assert defined(0) is kept
+
+
+def test_a_message_keeps_its_service_the_same_one():
+    message = defined(77).Request()
+    gc.collect()
+    assert defined(77).Request is type(message)
+
+
+def test_a_check_is_compiled_when_it_is_first_needed():
+    """The first call and all others fail in the same line of the rendered source."""
+    request = defined(5).Request
+    lines = []
+    for _ in range(2):
+        with pytest.raises(srvgen.FieldError, match=r"^a: expected int32, got 'x'") as caught:
+            request(a="x")._check()
+        lines += [one.line for one in traceback.extract_tb(caught.value.__traceback__)[-3:-2]]
+    assert lines == ['self.a = _runtime.to_int32(a_, "a")'] * 2
+    assert request._check.__qualname__ == "Ask_Request._check"
 
 
 def test_what_is_missing_is_said_with_a_hint():

@@ -159,18 +159,20 @@ class Everything(_runtime.MessageWithConstants, kw_only=True):
     points: list[Point] = _msgspec.field(default_factory=list)
 
     def _check(self) -> None:
-        paths = (
-            "ratio",
-            "width",
-        )
-        (
-            self.ratio,
-            self.width,
-        ) = _runtime.to_float32s(
-            paths,
-            self.ratio,
-            self.width,
-        )
+        pack, unpack = _runtime.float32s(2)
+        try:
+            (
+                self.ratio,
+                self.width,
+            ) = unpack(
+                pack(
+                    self.ratio,
+                    self.width,
+                )
+            )
+        except _runtime.NOT_FLOAT:
+            self.ratio = _runtime.to_float32(self.ratio, "ratio")
+            self.width = _runtime.to_float32(self.width, "width")
         flag_: object = self.flag
         if type(flag_) is not bool:
             self.flag = _runtime.to_boolean(flag_, "flag")
