@@ -20,10 +20,11 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from ._runtime import Message, shown, under
+from ._runtime import Message, under
 from .cdr_decode import decoder_of
 from .cdr_encode import encoder_of
 from .cdr_faults import CdrError
+from .convert import is_message_class, not_a_message, not_a_message_class
 
 __all__ = ["CdrError", "from_cdr", "to_cdr"]
 
@@ -38,9 +39,8 @@ class _Compiled(dict[Any, Callable[[Any], Any]]):
         self._make = make
 
     def __missing__(self, cls: Any) -> Callable[[Any], Any]:
-        if not hasattr(cls, "_FIELDS"):
-            example = "such as AddTwoInts.Request"
-            raise TypeError(f"expected a message class, {example}, got {shown(cls)}")
+        if not is_message_class(cls):
+            raise not_a_message_class(cls)
         made = self[cls] = self._make(cls)
         return made
 
@@ -56,12 +56,16 @@ def to_cdr(message: Message) -> bytes:
 
     Raises:
         FieldError: a field holds what its type does not allow.
+        TypeError: it is no message.
     """
+    cls = type(message)
+    if cls not in _encoders and not is_message_class(cls):
+        raise not_a_message(message)
     try:
         message._check()
     except ValueError as error:  # a generated package has a FieldError of its own
         raise under(error, "") from None
-    data: bytes = _encoders[type(message)](message)
+    data: bytes = _encoders[cls](message)
     return data
 
 

@@ -18,6 +18,7 @@ def to_builtins(message: Message) -> dict[str, Any]:
 
     Raises:
         FieldError: a field holds what its type does not allow.
+        TypeError: it is no message.
     """
     _check(message)
     return _plain_message(message)
@@ -28,13 +29,35 @@ def from_builtins(cls: type[M], obj: Any) -> M:
 
     Raises:
         FieldError: an unknown field, or a value that the field's type does not allow.
+        TypeError: `cls` is no message class.
     """
+    if not is_message_class(cls):
+        raise not_a_message_class(cls)
     message = _build(cls, obj, "")
     _check(message)
     return message
 
 
+def is_message_class(cls: object) -> bool:
+    """Whether it is the class of a message, loaded or generated."""
+    return isinstance(cls, type) and hasattr(cls, "_FIELDS")
+
+
+def not_a_message(value: object) -> TypeError:
+    """The error for what should be a message."""
+    example = "such as AddTwoInts.Request()"
+    return TypeError(f"expected a message, {example}, got {shown(value)}")
+
+
+def not_a_message_class(value: object) -> TypeError:
+    """The error for what should be the class of a message."""
+    example = "such as AddTwoInts.Request"
+    return TypeError(f"expected a message class, {example}, got {shown(value)}")
+
+
 def _check(message: Message) -> None:
+    if not is_message_class(type(message)):
+        raise not_a_message(message)
     try:
         message._check()
     except ValueError as error:  # a generated package has a FieldError of its own

@@ -121,3 +121,18 @@ def test_any_integers_come_back_or_are_named(a, b):
     else:
         message = from_builtins(AddTwoInts.Request, {"a": a, "b": b})
         assert to_builtins(message) == {"a": a, "b": b}
+
+
+@pytest.mark.parametrize("wrong", [3, None, {"a": 1}, AddTwoInts, AddTwoInts.Request])
+@pytest.mark.parametrize("convert", [srvgen.to_builtins, srvgen.to_cdr])
+def test_what_is_no_message_is_a_type_error(convert, wrong):
+    problem = r"^expected a message, such as AddTwoInts\.Request\(\), got "
+    with pytest.raises(TypeError, match=problem):
+        convert(wrong)
+
+
+@pytest.mark.parametrize("wrong", [3, None, int, AddTwoInts, AddTwoInts.Request()])
+def test_what_is_no_message_class_is_a_type_error(wrong):
+    problem = r"^expected a message class, such as AddTwoInts\.Request, got "
+    with pytest.raises(TypeError, match=problem):
+        srvgen.from_builtins(wrong, {})
