@@ -492,8 +492,8 @@ class _RenamingMeta(_ConstantsMeta):
 
     if not TYPE_CHECKING:
 
-        def __call__(cls, /, **values):
-            return super().__call__(**{cls._RENAMED.get(n, n): values[n] for n in values})
+        def __call__(cls, /, *args, **values):
+            return super().__call__(*args, **{cls._RENAMED.get(n, n): values[n] for n in values})
 
 
 def _alias(attribute: str) -> property:

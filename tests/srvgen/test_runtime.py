@@ -405,6 +405,14 @@ def test_setting_is_lenient_and_unknown_names_are_refused():
         Everything(1)
 
 
+@pytest.mark.parametrize("cls", [Inner, Awkward])
+def test_every_class_refuses_what_it_has_no_name_for_in_the_same_words(cls):
+    with pytest.raises(TypeError, match="^Extra positional arguments provided$"):
+        cls(1)
+    with pytest.raises(TypeError, match="^Unexpected keyword argument 'nope'$"):
+        cls(nope=1)
+
+
 def test_defaults_are_not_shared_between_messages():
     one, other = Everything(), Everything()
     one.names.append("y")
