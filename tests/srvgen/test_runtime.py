@@ -407,9 +407,9 @@ def test_setting_is_lenient_and_unknown_names_are_refused():
 
 @pytest.mark.parametrize("cls", [Inner, Awkward])
 def test_every_class_refuses_what_it_has_no_name_for_in_the_same_words(cls):
-    with pytest.raises(TypeError, match="^Extra positional arguments provided$"):
+    with pytest.raises(TypeError, match=r"^Extra positional arguments provided$"):
         cls(1)
-    with pytest.raises(TypeError, match="^Unexpected keyword argument 'nope'$"):
+    with pytest.raises(TypeError, match=r"^Unexpected keyword argument 'nope'$"):
         cls(nope=1)
 
 
