@@ -394,6 +394,27 @@ def to_messages(
     return items
 
 
+_ROSIDL_TYPES = {
+    "bool": "boolean",
+    "byte": "octet",
+    "char": "uint8",
+    "float32": "float",
+    "float64": "double",
+}
+
+
+def _rosidl_type(type_: str) -> str:
+    """A definition's type as rosidl's Python classes spell it: `sequence<double, 3>`."""
+    element, bracket, size = type_.removesuffix("]").partition("[")
+    base, bound, length = element.partition("<=")
+    base = _ROSIDL_TYPES.get(base, base) + (f"<{length}>" if bound else "")
+    if not bracket:
+        return base
+    if size.isdigit():
+        return f"{base}[{size}]"
+    return f"sequence<{base}, {size.removeprefix('<=')}>" if size else f"sequence<{base}>"
+
+
 class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fields=True):
     """The base of every message class: a value with named, writable, default-initialised fields."""
 
@@ -404,6 +425,10 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
     _NESTED: ClassVar[Mapping[str, type[Any]]] = {}
     _WIDTH: ClassVar[int] = 0
     _fields_and_field_types: ClassVar[dict[str, str]] = {}
+
+    def __init_subclass__(cls) -> None:
+        cls._WIDTH = len(cls._FIELDS)
+        cls._fields_and_field_types = {name: _rosidl_type(type_) for name, type_ in cls._FIELDS}
 
     def _check(self) -> None:
         """Bring every field to its exact type, or raise FieldError."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import re
-import textwrap
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -54,11 +53,14 @@ def read_comment(raw_lines: Sequence[str]) -> Comment:
             kept.append(line)
     if kept and not kept[-1]:
         kept.pop()
-    if len(kept) == 1:
-        kept[0] = kept[0].lstrip(" ")
-    elif kept:
-        kept = textwrap.dedent("\n".join(kept)).split("\n")
-    return Comment(tuple(kept), unit)
+    return Comment(tuple(_dedented(kept)), unit)
+
+
+def _dedented(lines: Sequence[str]) -> list[str]:
+    # textwrap.dedent compiles a pattern for every indent that it meets.
+    lines = [line if line.strip(" ") else "" for line in lines]
+    margin = min((len(line) - len(line.lstrip(" ")) for line in lines if line), default=0)
+    return [line[margin:] for line in lines]
 
 
 def _take_unit(text: str) -> tuple[str, str | None]:

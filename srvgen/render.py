@@ -21,7 +21,6 @@ from .render_types import (
     default,
     default_constant,
     module_name,
-    rosidl_type,
     scalar,
 )
 from .typehash import Hasher
@@ -133,8 +132,8 @@ def imports_of(definition: Definition) -> tuple[Import, ...]:
     """The nested classes that a definition's module takes from other modules."""
     parts = [*implied_types(definition), definition]
     messages = [part for part in parts if isinstance(part, MessageDef)]
-    types = {field.type.element for field in references(definition)}
-    wanted = sorted((one.package or "", one.kind, one.base) for one in types)
+    types = [field.type for field in references(definition)]
+    wanted = sorted({(one.package or "", one.kind, one.base) for one in types})
     names = [name for _, _, name in wanted]
     # A class body sees its constants before the module's names.
     taken = {constant.name for message in messages for constant in message.constants}
@@ -223,9 +222,6 @@ def _documentation(comment: Sequence[str], fallback: str) -> list[str]:
 
 def _facts(message: MessageDef, type_hash: str, scope: Scope) -> list[str]:
     pairs = [f"({text_literal(one.name)}, {text_literal(str(one.type))})" for one in message.fields]
-    types = [
-        f"{text_literal(one.name)}: {text_literal(rosidl_type(one.type))}" for one in message.fields
-    ]
     nested = [
         f"{text_literal(one.name)}: {scope.class_of(one.type)}"
         for one in message.fields
@@ -235,9 +231,7 @@ def _facts(message: MessageDef, type_hash: str, scope: Scope) -> list[str]:
         f"    _TYPE = {text_literal(message.full_name)}",
         f"    _HASH = {text_literal(type_hash)}",
         *_collection("_FIELDS", "()", pairs),
-        *_collection("_fields_and_field_types", "{}", types),
         *(_collection("_NESTED", "{}", nested) if nested else ()),
-        f"    _WIDTH = {len(message.fields)}",
     ]
 
 

@@ -22,13 +22,6 @@ STRINGS = frozenset({"string", "wstring"})
 
 _BUILTINS = frozenset("bool int float str bytes list".split())
 _RESERVED = frozenset({"get_fields_and_field_types"})
-_ROSIDL = {
-    "bool": "boolean",
-    "byte": "octet",
-    "char": "uint8",
-    "float32": "float",
-    "float64": "double",
-}
 
 
 @dataclass(frozen=True, slots=True)
@@ -69,18 +62,6 @@ def array_class(type_: FieldType) -> str | None:
     if not type_.is_array or not (type_.base in INTEGERS or type_.base in FLOATS):
         return None
     return f"_runtime.{INTEGERS.get(type_.base, type_.base).capitalize()}Array"
-
-
-def rosidl_type(type_: FieldType) -> str:
-    """A type as rosidl's Python classes spell it: `sequence<double, 3>`."""
-    base = f"{type_.package}/{type_.base}" if type_.package else _ROSIDL.get(type_.base, type_.base)
-    if type_.string_bound is not None:
-        base += f"<{type_.string_bound}>"
-    if type_.is_fixed_array:
-        return f"{base}[{type_.array_size}]"
-    if not type_.is_array:
-        return base
-    return f"sequence<{base}, {type_.array_size}>" if type_.is_upper_bound else f"sequence<{base}>"
 
 
 def annotation(type_: FieldType, scope: Scope) -> str:

@@ -20,10 +20,6 @@ class Count_Goal(_runtime.Message, kw_only=True, gc=False):
     _TYPE = "demo_interfaces/action/Count_Goal"
     _HASH = "RIHS01_b6d333e3f06800c4f6676d3c5f3d59e5299f98077611725cf48299f7f760105e"
     _FIELDS = (("order", "int32"),)
-    _fields_and_field_types = {
-        "order": "int32",
-    }
-    _WIDTH = 1
 
     order: int = 0
 
@@ -39,10 +35,6 @@ class Count_Result(_runtime.Message, kw_only=True):
     _TYPE = "demo_interfaces/action/Count_Result"
     _HASH = "RIHS01_d7f942ffcfe4d677a25b7c272b6764b4281243d2633a65c45056846c4c0f8842"
     _FIELDS = (("sequence", "int32[]"),)
-    _fields_and_field_types = {
-        "sequence": "sequence<int32>",
-    }
-    _WIDTH = 1
 
     sequence: _runtime.Ints = _runtime.Int32Array.field()
 
@@ -58,10 +50,6 @@ class Count_Feedback(_runtime.Message, kw_only=True, gc=False):
     _TYPE = "demo_interfaces/action/Count_Feedback"
     _HASH = "RIHS01_2b06142b592c89e1e39b481b36c6dd80cbd76f0772051e116f8fe641c4207f29"
     _FIELDS = (("last", "int32"),)
-    _fields_and_field_types = {
-        "last": "int32",
-    }
-    _WIDTH = 1
 
     last: int = 0
 
@@ -80,15 +68,10 @@ class Count_SendGoal_Request(_runtime.Message, kw_only=True):
         ("goal_id", "unique_identifier_msgs/UUID"),
         ("goal", "demo_interfaces/Count_Goal"),
     )
-    _fields_and_field_types = {
-        "goal_id": "unique_identifier_msgs/UUID",
-        "goal": "demo_interfaces/Count_Goal",
-    }
     _NESTED = {
         "goal_id": UUID,
         "goal": Count_Goal,
     }
-    _WIDTH = 2
 
     goal_id: UUID = _msgspec.field(default_factory=UUID)
     goal: Count_Goal = _msgspec.field(default_factory=Count_Goal)
@@ -119,14 +102,9 @@ class Count_SendGoal_Response(_runtime.Message, kw_only=True):
         ("accepted", "bool"),
         ("stamp", "builtin_interfaces/Time"),
     )
-    _fields_and_field_types = {
-        "accepted": "boolean",
-        "stamp": "builtin_interfaces/Time",
-    }
     _NESTED = {
         "stamp": Time,
     }
-    _WIDTH = 2
 
     accepted: bool = False
     stamp: Time = _msgspec.field(default_factory=Time)
@@ -154,17 +132,11 @@ class Count_SendGoal_Event(_runtime.Message, kw_only=True):
         ("request", "demo_interfaces/Count_SendGoal_Request[<=1]"),
         ("response", "demo_interfaces/Count_SendGoal_Response[<=1]"),
     )
-    _fields_and_field_types = {
-        "info": "service_msgs/ServiceEventInfo",
-        "request": "sequence<demo_interfaces/Count_SendGoal_Request, 1>",
-        "response": "sequence<demo_interfaces/Count_SendGoal_Response, 1>",
-    }
     _NESTED = {
         "info": ServiceEventInfo,
         "request": Count_SendGoal_Request,
         "response": Count_SendGoal_Response,
     }
-    _WIDTH = 3
 
     info: ServiceEventInfo = _msgspec.field(default_factory=ServiceEventInfo)
     request: list[Count_SendGoal_Request] = _msgspec.field(default_factory=list)
@@ -190,13 +162,9 @@ class Count_GetResult_Request(_runtime.Message, kw_only=True):
     _TYPE = "demo_interfaces/action/Count_GetResult_Request"
     _HASH = "RIHS01_31c9ccfc94a7dde9708746e0d8afc4801bd41defd5a825f4810e8bd0b716fb36"
     _FIELDS = (("goal_id", "unique_identifier_msgs/UUID"),)
-    _fields_and_field_types = {
-        "goal_id": "unique_identifier_msgs/UUID",
-    }
     _NESTED = {
         "goal_id": UUID,
     }
-    _WIDTH = 1
 
     goal_id: UUID = _msgspec.field(default_factory=UUID)
 
@@ -219,14 +187,9 @@ class Count_GetResult_Response(_runtime.Message, kw_only=True):
         ("status", "int8"),
         ("result", "demo_interfaces/Count_Result"),
     )
-    _fields_and_field_types = {
-        "status": "int8",
-        "result": "demo_interfaces/Count_Result",
-    }
     _NESTED = {
         "result": Count_Result,
     }
-    _WIDTH = 2
 
     status: int = 0
     result: Count_Result = _msgspec.field(default_factory=Count_Result)
@@ -254,17 +217,11 @@ class Count_GetResult_Event(_runtime.Message, kw_only=True):
         ("request", "demo_interfaces/Count_GetResult_Request[<=1]"),
         ("response", "demo_interfaces/Count_GetResult_Response[<=1]"),
     )
-    _fields_and_field_types = {
-        "info": "service_msgs/ServiceEventInfo",
-        "request": "sequence<demo_interfaces/Count_GetResult_Request, 1>",
-        "response": "sequence<demo_interfaces/Count_GetResult_Response, 1>",
-    }
     _NESTED = {
         "info": ServiceEventInfo,
         "request": Count_GetResult_Request,
         "response": Count_GetResult_Response,
     }
-    _WIDTH = 3
 
     info: ServiceEventInfo = _msgspec.field(default_factory=ServiceEventInfo)
     request: list[Count_GetResult_Request] = _msgspec.field(default_factory=list)
@@ -293,15 +250,10 @@ class Count_FeedbackMessage(_runtime.Message, kw_only=True):
         ("goal_id", "unique_identifier_msgs/UUID"),
         ("feedback", "demo_interfaces/Count_Feedback"),
     )
-    _fields_and_field_types = {
-        "goal_id": "unique_identifier_msgs/UUID",
-        "feedback": "demo_interfaces/Count_Feedback",
-    }
     _NESTED = {
         "goal_id": UUID,
         "feedback": Count_Feedback,
     }
-    _WIDTH = 2
 
     goal_id: UUID = _msgspec.field(default_factory=UUID)
     feedback: Count_Feedback = _msgspec.field(default_factory=Count_Feedback)

@@ -31,24 +31,6 @@ class Awkward(_runtime.RenamedMessage, kw_only=True):
         ("in", "float32[<=2]"),
         ("default", "byte"),
     )
-    _fields_and_field_types = {
-        "from": "int32",
-        "lambda": "boolean",
-        "int": "int32",
-        "str": "string",
-        "float": "double",
-        "bool": "boolean",
-        "bytes": "int32",
-        "self": "int32",
-        "cls": "int32",
-        "type": "int32",
-        "get_fields_and_field_types": "int32",
-        "list": "sequence<int32>",
-        "class": "sequence<string>",
-        "in": "sequence<float, 2>",
-        "default": "octet",
-    }
-    _WIDTH = 15
 
     ONE: _typing.ClassVar[_builtins.int] = 1
     STR__DEFAULT: _typing.ClassVar[_builtins.str] = "s"

@@ -53,41 +53,6 @@ class Everything(_runtime.MessageWithConstants, kw_only=True):
         ("two", "demo_interfaces/Inner[2]"),
         ("points", "geometry_msgs/Point[<=2]"),
     )
-    _fields_and_field_types = {
-        "flag": "boolean",
-        "raw": "octet",
-        "letter": "uint8",
-        "ratio": "float",
-        "width": "float",
-        "exact": "double",
-        "a": "int8",
-        "b": "uint8",
-        "c": "int16",
-        "d": "uint16",
-        "e": "int32",
-        "f": "uint32",
-        "g": "int64",
-        "h": "uint64",
-        "name": "string",
-        "short": "string<5>",
-        "wide": "wstring",
-        "inner": "demo_interfaces/Inner",
-        "point": "geometry_msgs/Point",
-        "flags": "sequence<boolean>",
-        "pair": "octet[2]",
-        "names": "sequence<string, 3>",
-        "codes": "sequence<string<4>>",
-        "wides": "wstring[2]",
-        "ranges": "sequence<float>",
-        "covariance": "double[9]",
-        "image": "sequence<uint8>",
-        "letters": "sequence<uint8, 4>",
-        "longs": "sequence<int64, 3>",
-        "huge": "uint64[2]",
-        "inners": "sequence<demo_interfaces/Inner>",
-        "two": "demo_interfaces/Inner[2]",
-        "points": "sequence<geometry_msgs/Point, 2>",
-    }
     _NESTED = {
         "inner": Inner,
         "point": Point,
@@ -95,7 +60,6 @@ class Everything(_runtime.MessageWithConstants, kw_only=True):
         "two": Inner,
         "points": Point,
     }
-    _WIDTH = 33
 
     LEAST: _typing.ClassVar[int] = -128
     """The least number"""

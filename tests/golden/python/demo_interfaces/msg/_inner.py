@@ -12,10 +12,6 @@ class Inner(_runtime.MessageWithConstants, kw_only=True, gc=False):
     _TYPE = "demo_interfaces/msg/Inner"
     _HASH = "RIHS01_51b23d92c247d46daf3e398abb7d309d8b2b7672ed02a547a234db7897d5f23d"
     _FIELDS = (("value", "int32"),)
-    _fields_and_field_types = {
-        "value": "int32",
-    }
-    _WIDTH = 1
 
     VALUE__DEFAULT: _typing.ClassVar[int] = 3
 

@@ -14,13 +14,9 @@ class Pose(_runtime.Message, kw_only=True):
     _TYPE = "demo_interfaces/msg/Pose"
     _HASH = "RIHS01_fa5796e85489344297dfb7ad205568b1d6c78494112df5a3af59f093e3afba1f"
     _FIELDS = (("pose", "geometry_msgs/Pose"),)
-    _fields_and_field_types = {
-        "pose": "geometry_msgs/Pose",
-    }
     _NESTED = {
         "pose": _geometry_msgs_Pose,
     }
-    _WIDTH = 1
 
     pose: _geometry_msgs_Pose = _msgspec.field(default_factory=_geometry_msgs_Pose)
 

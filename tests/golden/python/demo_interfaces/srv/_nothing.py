@@ -16,8 +16,6 @@ class Nothing_Request(_runtime.Message, kw_only=True, gc=False):
     _TYPE = "demo_interfaces/srv/Nothing_Request"
     _HASH = "RIHS01_9eae94f535fca00b74ab996178a1f0a4f8724c043197504c7da48672e8f3a666"
     _FIELDS = ()
-    _fields_and_field_types = {}
-    _WIDTH = 0
 
 
 class Nothing_Response(_runtime.Message, kw_only=True, gc=False):
@@ -26,8 +24,6 @@ class Nothing_Response(_runtime.Message, kw_only=True, gc=False):
     _TYPE = "demo_interfaces/srv/Nothing_Response"
     _HASH = "RIHS01_1d0bd258266d05504543e8e3af2c0d2fb6c98f7d48b34fc9478f6ccb49c31a20"
     _FIELDS = ()
-    _fields_and_field_types = {}
-    _WIDTH = 0
 
 
 class Nothing_Event(_runtime.Message, kw_only=True):
@@ -40,17 +36,11 @@ class Nothing_Event(_runtime.Message, kw_only=True):
         ("request", "demo_interfaces/Nothing_Request[<=1]"),
         ("response", "demo_interfaces/Nothing_Response[<=1]"),
     )
-    _fields_and_field_types = {
-        "info": "service_msgs/ServiceEventInfo",
-        "request": "sequence<demo_interfaces/Nothing_Request, 1>",
-        "response": "sequence<demo_interfaces/Nothing_Response, 1>",
-    }
     _NESTED = {
         "info": ServiceEventInfo,
         "request": Nothing_Request,
         "response": Nothing_Response,
     }
-    _WIDTH = 3
 
     info: ServiceEventInfo = _msgspec.field(default_factory=ServiceEventInfo)
     request: list[Nothing_Request] = _msgspec.field(default_factory=list)

@@ -19,11 +19,6 @@ class Tune_Request(_runtime.Message, kw_only=True, gc=False):
         ("knob", "string"),
         ("value", "float64"),
     )
-    _fields_and_field_types = {
-        "knob": "string",
-        "value": "double",
-    }
-    _WIDTH = 2
 
     knob: str = ""
     """which one"""
@@ -46,10 +41,6 @@ class Tune_Response(_runtime.Message, kw_only=True, gc=False):
     _TYPE = "demo_interfaces/srv/Tune_Response"
     _HASH = "RIHS01_b9d40f0cc4e8a6e506a09c1a9932b8a0be84293677085af56a660dcb31ca7aa7"
     _FIELDS = (("success", "bool"),)
-    _fields_and_field_types = {
-        "success": "boolean",
-    }
-    _WIDTH = 1
 
     success: bool = False
 
@@ -69,17 +60,11 @@ class Tune_Event(_runtime.Message, kw_only=True):
         ("request", "demo_interfaces/Tune_Request[<=1]"),
         ("response", "demo_interfaces/Tune_Response[<=1]"),
     )
-    _fields_and_field_types = {
-        "info": "service_msgs/ServiceEventInfo",
-        "request": "sequence<demo_interfaces/Tune_Request, 1>",
-        "response": "sequence<demo_interfaces/Tune_Response, 1>",
-    }
     _NESTED = {
         "info": ServiceEventInfo,
         "request": Tune_Request,
         "response": Tune_Response,
     }
-    _WIDTH = 3
 
     info: ServiceEventInfo = _msgspec.field(default_factory=ServiceEventInfo)
     request: list[Tune_Request] = _msgspec.field(default_factory=list)

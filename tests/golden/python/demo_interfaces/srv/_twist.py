@@ -17,13 +17,9 @@ class Twist_Request(_runtime.Message, kw_only=True):
     _TYPE = "demo_interfaces/srv/Twist_Request"
     _HASH = "RIHS01_4184ba169b9529956ee5d1551c2e3de7a92b685702a533c521598e6edf3d5b00"
     _FIELDS = (("twist", "geometry_msgs/Twist"),)
-    _fields_and_field_types = {
-        "twist": "geometry_msgs/Twist",
-    }
     _NESTED = {
         "twist": _geometry_msgs_Twist,
     }
-    _WIDTH = 1
 
     twist: _geometry_msgs_Twist = _msgspec.field(default_factory=_geometry_msgs_Twist)
 
@@ -43,8 +39,6 @@ class Twist_Response(_runtime.Message, kw_only=True, gc=False):
     _TYPE = "demo_interfaces/srv/Twist_Response"
     _HASH = "RIHS01_02ef95a601b397d8dd5a1eb46a0c1adb0c11461dc875a9646060f89c0a8334a9"
     _FIELDS = ()
-    _fields_and_field_types = {}
-    _WIDTH = 0
 
 
 class Twist_Event(_runtime.Message, kw_only=True):
@@ -57,17 +51,11 @@ class Twist_Event(_runtime.Message, kw_only=True):
         ("request", "demo_interfaces/Twist_Request[<=1]"),
         ("response", "demo_interfaces/Twist_Response[<=1]"),
     )
-    _fields_and_field_types = {
-        "info": "service_msgs/ServiceEventInfo",
-        "request": "sequence<demo_interfaces/Twist_Request, 1>",
-        "response": "sequence<demo_interfaces/Twist_Response, 1>",
-    }
     _NESTED = {
         "info": ServiceEventInfo,
         "request": Twist_Request,
         "response": Twist_Response,
     }
-    _WIDTH = 3
 
     info: ServiceEventInfo = _msgspec.field(default_factory=ServiceEventInfo)
     request: list[Twist_Request] = _msgspec.field(default_factory=list)
