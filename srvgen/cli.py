@@ -8,37 +8,44 @@ import json
 import logging
 import os
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
-from typing import TypeAlias
 
-from .closure import closure
+from .arguments import Commands, Parser, add_command, root, with_sources, with_type
+from .closure import closure, whole_error
 from .describe import describe
 from .errors import DefinitionError
-from .files import read_definition
+from .files import read_definition, read_text
 from .fix import Fix, fix_file
 from .model import Definition
 from .report import Report
 from .search import Search
 from .show import Comments, show
-from .sources import definition_files, search_paths
+from .sources import files_of, is_type_name, search_paths
 from .suspicions import package_cycle, suspicions
 from .typehash import hash_of
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code: 0 done, 1 an error, 2 wrong usage."""
-    options = _parser().parse_args(argv)
+    parser = _parser()
+    options = parser.parse_args(argv)
+    if "run" not in options:
+        parser.print_help(sys.stderr)
+        return 2
     _print_notes()
     if isinstance(sys.stdout, io.TextIOWrapper):
         # Comments have characters that the code page of a Windows pipe may lack.
         sys.stdout.reconfigure(errors="backslashreplace")
     report = Report(as_json=getattr(options, "json", False))
     try:
-        options.run(options, report)
+        try:
+            options.run(options, report)
+        except DefinitionError as error:
+            report.error(error)
         sys.stdout.flush()
-    except DefinitionError as error:
-        report.error(error)
+        report.finish()
     except BrokenPipeError:
         # The reader of our output has gone, and Python must not trip over that at exit.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -47,39 +54,30 @@ def main(argv: Sequence[str] | None = None) -> int:
     return report.exit_code
 
 
-def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="srvgen", description="ROS 2 interface definitions in Python, without ROS."
+def _parser() -> Parser:
+    parser, commands = root()
+    _add_generate(commands)
+    check = with_sources(commands, "check", "report every problem of definitions", default=".")
+    check.add_argument("--json", action="store_true", help="one JSON line a problem")
+    check.set_defaults(run=_check)
+    fix = with_sources(commands, "fix", "put right what has one right answer, and report the rest")
+    fix.add_argument(
+        "--dry-run", action="store_true", help="write nothing; print what would change as a diff"
     )
-    common = argparse.ArgumentParser(add_help=False)
-    common.add_argument(
-        "-I",
-        dest="include",
-        metavar="PATH",
-        type=Path,
-        action="append",
-        default=[],
-        help="look for packages here first (may be repeated)",
-    )
-    commands = parser.add_subparsers(title="commands", metavar="COMMAND", required=True)
-    for add in (
-        _add_generate,
-        _add_check,
-        _add_fix,
-        _add_describe,
-        _add_show,
-        _add_hash,
-        _add_stubs,
-    ):
-        add(commands, common)
+    fix.set_defaults(run=_fix)
+    describe = with_sources(commands, "describe", "print definitions as JSON")
+    describe.add_argument("--json", action="store_true", help="one line an interface")
+    describe.set_defaults(run=_describe)
+    _add_show(commands)
+    digest = with_type(commands, "hash", "print the RIHS01 hash of a type")
+    digest.add_argument("--json", action="store_true", help="as a JSON object")
+    digest.set_defaults(run=_hash)
+    _add_stubs(commands)
     return parser
 
 
-_Commands: TypeAlias = "argparse._SubParsersAction[argparse.ArgumentParser]"
-
-
-def _add_generate(commands: _Commands, common: argparse.ArgumentParser) -> None:
-    command = _with_sources(commands, common, "generate", "write importable Python packages")
+def _add_generate(commands: Commands) -> None:
+    command = with_sources(commands, "generate", "write importable Python packages")
     command.add_argument(
         "-o", dest="out", metavar="OUT", type=Path, required=True, help="the folder to write to"
     )
@@ -89,42 +87,14 @@ def _add_generate(commands: _Commands, common: argparse.ArgumentParser) -> None:
     command.set_defaults(run=_generate)
 
 
-def _add_check(commands: _Commands, common: argparse.ArgumentParser) -> None:
-    command = _with_sources(commands, common, "check", "report every problem of definitions")
-    command.add_argument("--json", action="store_true", help="one JSON line a problem")
-    command.set_defaults(run=_check)
-
-
-def _add_fix(commands: _Commands, common: argparse.ArgumentParser) -> None:
-    command = _with_sources(
-        commands, common, "fix", "put right what has one right answer, and report the rest"
-    )
-    command.add_argument(
-        "--dry-run", action="store_true", help="write nothing; print what would change as a diff"
-    )
-    command.set_defaults(run=_fix)
-
-
-def _add_describe(commands: _Commands, common: argparse.ArgumentParser) -> None:
-    command = _with_sources(commands, common, "describe", "print definitions as JSON")
-    command.add_argument("--json", action="store_true", help="one line an interface")
-    command.set_defaults(run=_describe)
-
-
-def _add_show(commands: _Commands, common: argparse.ArgumentParser) -> None:
-    command = _with_type(commands, common, "show", "print a definition and what it contains")
+def _add_show(commands: Commands) -> None:
+    command = with_type(commands, "show", "print a definition and what it contains")
     which = command.add_mutually_exclusive_group()
     which.add_argument(
         "--all-comments", action="store_true", help="with the comments of nested definitions"
     )
     which.add_argument("--no-comments", action="store_true", help="without any comments")
     command.set_defaults(run=_show)
-
-
-def _add_hash(commands: _Commands, common: argparse.ArgumentParser) -> None:
-    command = _with_type(commands, common, "hash", "print the RIHS01 hash of a type")
-    command.add_argument("--json", action="store_true", help="as a JSON object")
-    command.set_defaults(run=_hash)
 
 
 _STUBS = """\
@@ -137,14 +107,9 @@ definition has changed. Pyright's warning reportMissingModuleSource, that there 
 source, is right: these packages have no Python files. It may be switched off."""
 
 
-def _add_stubs(commands: _Commands, common: argparse.ArgumentParser) -> None:
-    command = commands.add_parser(
-        "stubs",
-        parents=[common],
-        help="write stubs for editors and type checkers",
-        description=_STUBS,
-        epilog=_STUBS_NOTES,
-    )
+def _add_stubs(commands: Commands) -> None:
+    command = add_command(commands, "stubs", "write stubs for editors and type checkers")
+    command.description, command.epilog = _STUBS, _STUBS_NOTES
     command.add_argument(
         "names",
         metavar="TYPE|PACKAGE",
@@ -162,42 +127,32 @@ def _add_stubs(commands: _Commands, common: argparse.ArgumentParser) -> None:
     command.set_defaults(run=_stubs)
 
 
-def _with_sources(
-    commands: _Commands, common: argparse.ArgumentParser, name: str, purpose: str
-) -> argparse.ArgumentParser:
-    command = commands.add_parser(name, parents=[common], help=purpose, description=purpose)
-    command.add_argument(
-        "sources",
-        metavar="SRC",
-        nargs="+",
-        type=Path,
-        help="a definition file, a package folder or a folder of packages",
-    )
-    return command
-
-
-def _with_type(
-    commands: _Commands, common: argparse.ArgumentParser, name: str, purpose: str
-) -> argparse.ArgumentParser:
-    command = commands.add_parser(name, parents=[common], help=purpose, description=purpose)
-    command.add_argument("type", metavar="TYPE", help="such as example_interfaces/srv/AddTwoInts")
-    return command
-
-
 def _generate(options: argparse.Namespace, report: Report) -> None:
-    from .generate import generate, write_tree
+    from .generate import generate, kept_types, write_tree
 
     search = _search_of_sources(options)
     packages: dict[str, list[Definition]] = {}
-    for definition in _complete(options, search, report):
-        try:
-            search.find(definition.full_name)
-        except DefinitionError as error:
-            report.error(error)  # the file does not lie in its package's folder
-        else:
-            packages.setdefault(definition.package, []).append(definition)
-    files = generate(packages, search)
-    differences = write_tree(files, options.out, search.is_missing, check=options.check)
+    whole: set[str] = set()
+    for source in options.sources:
+        for path in _files([source], search, report):
+            try:
+                definition = read_definition(path)
+                closure(definition, search, path=path)
+                search.find(definition.full_name)
+            except DefinitionError as error:
+                # It is not valid, lacks something, or lies outside its package's folder.
+                report.error(whole_error(error, search))
+            else:
+                packages.setdefault(definition.package, []).append(definition)
+                if path != Path(source) and not is_type_name(source):
+                    whole.add(definition.package)
+
+    def is_gone(name: str) -> bool:
+        # Who names single files, as with protoc, says nothing about those of earlier runs.
+        return name.partition("/")[0] in whole and search.is_missing(name)
+
+    files = generate(packages, search, kept_types(options.out, is_gone))
+    differences = write_tree(files, options.out, is_gone, check=options.check)
     if options.check:
         for difference in differences:
             report.failure(f"{difference}: run srvgen generate")
@@ -220,20 +175,20 @@ def _stubs(options: argparse.Namespace, report: Report) -> None:
 def _check(options: argparse.Namespace, report: Report) -> None:
     search = _search_of_sources(options)
     known: dict[str, Definition] = {}
-    count = 0
-    for path, definition in _readable(options, report):
-        count += 1
-        report.warn(suspicions(definition, path))
+    files = _files(options.sources, search, report)
+    for path in files:
         try:
+            definition = read_definition(path)
+            report.warn(suspicions(definition, path))
             known |= {one.full_name: one for one in closure(definition, search, path=path)}
         except DefinitionError as error:
-            report.error(error)
+            report.error(whole_error(error, search))
     if ring := package_cycle(known.values()):
         chain = " → ".join(ring)
         report.error(DefinitionError(f"expected packages that can be ordered, got {chain}"))
     if not report.exit_code and not options.json:
         warnings = f", {_counted(report.warnings, 'warning')}" if report.warnings else ""
-        print(f"{_counted(count, 'definition')}, no problems{warnings}")
+        print(f"{_counted(len(files), 'definition')}, no problems{warnings}")
 
 
 def _counted(count: int, noun: str) -> str:
@@ -243,7 +198,7 @@ def _counted(count: int, noun: str) -> str:
 def _fix(options: argparse.Namespace, report: Report) -> None:
     search = _search_of_sources(options)
     fixes: list[Fix] = []
-    for path in _files(options, report):
+    for path in _files(options.sources, search, report):
         try:
             fix = fix_file(path, search.is_missing)
             fixes.append(fix)
@@ -262,30 +217,63 @@ def _fix(options: argparse.Namespace, report: Report) -> None:
         try:
             fix.check(search)
         except DefinitionError as error:
-            report.error(error)
+            # What would be written is not what is there, to which other problems would point.
+            report.error(error if options.dry_run else whole_error(error, search))
 
 
 def _describe(options: argparse.Namespace, report: Report) -> None:
-    for _, definition in _readable(options, report):
-        print(json.dumps(describe(definition), indent=None if options.json else 2, allow_nan=False))
+    search = _search_of_sources(options)
+    for source in options.sources:
+        if is_type_name(source):  # perhaps of one that its file implies
+            readers = [partial(search.load, source)]
+        else:
+            readers = [partial(read_definition, path) for path in _files([source], search, report)]
+        for read in readers:
+            try:
+                described = describe(read())
+            except DefinitionError as error:
+                report.error(error)
+            else:
+                indent = None if options.json else 2
+                print(json.dumps(described, indent=indent, allow_nan=False))
 
 
 def _show(options: argparse.Namespace, report: Report) -> None:
-    search = Search(options.include)
-    name = search.resolve_name(options.type)
-    owner = str(name._replace(name=search.find(str(name)).stem))
-    search.closure(owner)
+    search, definition, path = _one(options)
+
+    def lookup(name: str) -> tuple[str, Definition]:
+        if path and name == definition.full_name:
+            return read_text(path), definition
+        return search.text(name), search.load(name)
+
     comments: Comments = "all" if options.all_comments else "none" if options.no_comments else "own"
-    for line in show(owner, lambda one: (search.text(one), search.load(one)), comments=comments):
+    for line in show(definition.full_name, lookup, comments=comments):
         print(line)
 
 
 def _hash(options: argparse.Namespace, report: Report) -> None:
-    search = Search(options.include)
-    name = str(search.resolve_name(options.type))
-    search.closure(name)
-    digest = hash_of(search.load(name), search.load)
+    search, definition, path = _one(options)
+    name = definition.full_name
+    if not path:
+        name = str(search.resolve_name(options.type))
+        definition = search.load(name)
+    digest = hash_of(definition, search.load)
     print(json.dumps({"type": name, "hash": digest}) if options.json else digest)
+
+
+def _one(options: argparse.Namespace) -> tuple[Search, Definition, Path | None]:
+    """The one definition that is asked for, with all that it needs; its file if that was named."""
+    path = Path(options.type)
+    search = Search([*search_paths([options.type]), *options.include])
+    if path.is_file():
+        definition = read_definition(path)
+        closure(definition, search, path=path)
+        return search, definition, path
+    if path.is_dir():
+        raise DefinitionError("expected a file or the name of a type, got a folder", path=str(path))
+    name = search.resolve_name(options.type)
+    owner = str(name._replace(name=search.find(str(name)).stem))
+    return search, search.closure(owner)[-1], None
 
 
 def _search_of_sources(options: argparse.Namespace) -> Search:
@@ -293,32 +281,12 @@ def _search_of_sources(options: argparse.Namespace) -> Search:
     return Search([*search_paths(options.sources), *options.include])
 
 
-def _complete(options: argparse.Namespace, search: Search, report: Report) -> Iterator[Definition]:
-    """The definitions of the sources for which everything that they need is there."""
-    for path, definition in _readable(options, report):
-        try:
-            closure(definition, search, path=path)
-        except DefinitionError as error:
-            report.error(error)
-        else:
-            yield definition
-
-
-def _readable(options: argparse.Namespace, report: Report) -> Iterator[tuple[Path, Definition]]:
-    """The files of the sources that can be parsed; the others are reported."""
-    for path in _files(options, report):
-        try:
-            yield path, read_definition(path)
-        except DefinitionError as error:
-            report.error(error)
-
-
-def _files(options: argparse.Namespace, report: Report) -> list[Path]:
+def _files(sources: Sequence[str], search: Search, report: Report) -> list[Path]:
     """The files of the sources, each once."""
     paths: dict[Path, Path] = {}
-    for source in options.sources:
+    for source in sources:
         try:
-            for path in definition_files(source):
+            for path in files_of(source, search):
                 paths.setdefault(path.resolve(), path)
                 report.remember(path)
         except DefinitionError as error:

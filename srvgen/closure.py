@@ -15,7 +15,8 @@ from .files import read_text
 from .fulltext import join_full_text
 from .implied import implied_types, references
 from .model import Definition, Field, MessageDef, sections
-from .slips import ros1_hint
+from .names import is_package_name
+from .type_slips import ros1_hint
 
 T = TypeVar("T")
 
@@ -59,6 +60,13 @@ def closure(
     return walk.ordered
 
 
+def whole_error(error: DefinitionError, source: Source) -> DefinitionError:
+    """The error of a text that was refused, together with what its valid lines lack."""
+    walk = _Walk(source)
+    walk.refuse(error)
+    return one_error(walk.problems)
+
+
 def full_text(definition: Definition, source: Source) -> str:
     """The text of a definition followed by those of all that it needs.
 
@@ -85,10 +93,15 @@ def check_ros2_types(definition: Definition, path: Path) -> None:
 
 def raise_all(problems: list[DefinitionError]) -> None:
     """Raise what was found, if anything, as one error."""
-    if len(problems) > 1:
-        raise DefinitionErrors(sorted(problems, key=lambda one: (one.path, one.line, one.column)))
     if problems:
-        raise problems[0]
+        raise one_error(problems)
+
+
+def one_error(problems: Sequence[DefinitionError]) -> DefinitionError:
+    """The only problem, or all of them in their order."""
+    if len(problems) == 1:
+        return problems[0]
+    return DefinitionErrors(sorted(problems, key=lambda one: (one.path, one.line, one.column)))
 
 
 class _Place:
@@ -97,6 +110,12 @@ class _Place:
     def __init__(self, path: Path, read: Callable[[T], str], what: T) -> None:
         self.path = path
         self._read = partial(read, what)
+
+    def missing(self, field: Field, error: DefinitionError) -> DefinitionError:
+        """The error of a type that cannot be had, at the field that needs it."""
+        problem = self.error(field, error.message, error.hint)
+        problem.looked_in = error.looked_in
+        return problem
 
     def error(self, field: Field, message: str, hint: str = "") -> DefinitionError:
         """A problem of one field's type."""
@@ -125,6 +144,7 @@ class _Walk:
         self.problems: list[DefinitionError] = []
         self._open: list[str] = []
         self._seen: set[str] = set()
+        self._missing: dict[str, DefinitionError] = {}
         self._memory: dict[str, int] = {}
 
     def visit(self, definition: Definition, place: _Place) -> None:
@@ -136,16 +156,29 @@ class _Walk:
             problem = f"expected a type name that Python does not keep for itself, got {name!r}"
             self.problems.append(DefinitionError(problem, path=str(place.path)))
         for field in references(definition):
+            if len(self.problems) >= limits.PROBLEMS:
+                break  # nobody reads more, and to look for what is near costs time
             self._follow(field, place)
         self._weigh(definition, place)
         self._open.pop()
         self.ordered.append(definition)
+
+    def refuse(self, error: DefinitionError) -> None:
+        """Note what is wrong with a text, and with what its valid lines refer to."""
+        self.problems.extend(problems_of(error))
+        readable = error.readable
+        # In a package without a valid name no type can be found.
+        if readable and is_package_name(readable.package):
+            path = Path(error.path)
+            self.visit(readable, _Place(path, read_text, path))
 
     def _follow(self, field: Field, place: _Place) -> None:
         name = field.type.full_name
         if name in self._open:
             chain = " → ".join([*self._open[self._open.index(name) :], name])
             self.problems.append(place.error(field, f"expected a type that ends, got {chain}"))
+        if name in self._missing:
+            self.problems.append(place.missing(field, self._missing[name]))
         if name in self._seen:
             return
         if len(self._open) >= limits.DEPTH:
@@ -156,12 +189,13 @@ class _Walk:
             needed = self.source.load(name)
         except DefinitionError as error:
             self._seen.add(name)
-            # An error with a place is one inside the other file and needs none here.
-            self.problems.extend(
-                problems_of(error)
-                if error.path
-                else [place.error(field, error.message, error.hint)]
-            )
+            if error.path:  # one inside the other file, which needs no place here
+                self.refuse(error)
+                return
+            if field.type.package == self._open[-1].partition("/")[0]:
+                error.looked_in = ()  # it is clear where a package's own types are looked for
+            self._missing[name] = error
+            self.problems.append(place.missing(field, error))
         else:
             self.visit(needed, _Place(self.source.find(name), self.source.text, name))
 

@@ -2,9 +2,16 @@
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, ClassVar
 
 from .mistake import Repair
+
+if TYPE_CHECKING:
+    from .model import Definition
+
+SHOWN = 100
+"""Problems of one file that are shown to people; more are no help."""
 
 
 class DefinitionError(ValueError):
@@ -20,10 +27,14 @@ class DefinitionError(ValueError):
         source_line: the offending line as it stands in the file, or "".
         hint: what the writer most likely meant, or "".
         repair: what `srvgen fix` writes instead (offsets in the line, and the text), or None.
+        looked_in: where a type or package was looked for that was not found, in order.
+        readable: the definition without its invalid lines, where a text was read, or None.
     """
 
     level: ClassVar[str] = "error"
     repair: Repair | None = None
+    looked_in: tuple[str, ...] = ()
+    readable: Definition | None = None
 
     def __init__(
         self,
@@ -44,6 +55,10 @@ class DefinitionError(ValueError):
         self.hint = hint
 
     def __str__(self) -> str:
+        return "\n".join([self.text(), *looked_in([self])])
+
+    def text(self) -> str:
+        """The problem as it is printed, without the places that were looked at."""
         where = ":".join(str(part) for part in (self.path, self.line, self.column) if part)
         lines = [f"{where}: {self.level}: {self.message}" if where else self.message]
         if self.source_line:
@@ -80,10 +95,19 @@ class DefinitionErrors(DefinitionError):
         self.problems = problems
 
     def __str__(self) -> str:
-        return "\n".join(str(problem) for problem in self.problems)
+        lines = [problem.text() for problem in self.problems[:SHOWN]]
+        if len(self.problems) > SHOWN:
+            lines.append(f"and {len(self.problems) - SHOWN} more problems")
+        return "\n".join([*lines, *looked_in(self.problems)])
 
     def __reduce__(self) -> tuple[object, ...]:
         return DefinitionErrors, (self.problems,)
+
+
+def looked_in(problems: Iterable[DefinitionError]) -> list[str]:
+    """The line that says where all that was not found was looked for; none where all was found."""
+    places = list(dict.fromkeys(place for problem in problems for place in problem.looked_in))
+    return [f"  looked in: {', '.join(places)}"] if places else []
 
 
 def _padding(source_line: str, column: int) -> str:

@@ -7,7 +7,7 @@ from functools import lru_cache
 from .mistake import Mistake
 from .model import PRIMITIVES, FieldType
 from .names import LOWER_RULE, MESSAGE_RULE, bad_at, is_message_name, is_package_name
-from .slips import message_name_hint, type_hint, type_repair
+from .type_slips import message_name_hint, type_hint, type_repair
 
 ROS1_TIME_TYPES = {
     "time": "builtin_interfaces/Time",

@@ -25,7 +25,7 @@ from .files import decode, kind_of, meant_path, package_of, parse_definition
 from .lines import SEPARATOR
 from .mistake import Mistake, Repair
 from .model import Kind
-from .slips import missing_type_repair
+from .type_slips import missing_type_repair
 
 _MANY_PASSES = 100
 """So many strange characters of one line are removed, one a pass."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 import keyword
 import re
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from importlib.resources import files
 from pathlib import Path
 
@@ -19,12 +19,19 @@ from .render_types import module_name
 from .typehash import Hasher
 
 
-def generate(packages: Mapping[str, Sequence[Definition]], search: Source) -> dict[str, str]:
+def generate(
+    packages: Mapping[str, Sequence[Definition]], search: Source, kept: Collection[str] = ()
+) -> dict[str, str]:
     """The files of the given packages and of all that they need, by relative path.
 
     What they need comes along even where nobody named it (a service's events need
     `service_msgs`), so that the output stands alone: its folder on the path is enough. The same
     definitions give the same bytes.
+
+    Args:
+        packages: definitions by package.
+        search: where the others are found.
+        kept: full names of types that earlier runs have generated and that stay.
 
     Raises:
         DefinitionError: a nested type is not within reach, or two types need one module.
@@ -42,7 +49,9 @@ def generate(packages: Mapping[str, Sequence[Definition]], search: Source) -> di
                 hint=f"rename {name}",
             )
         output[path] = _source(definition, search)
-    return dict(sorted((output | _frames(list(known.values()))).items()))
+    return dict(
+        sorted((output | _frames({*known, *kept}, {one.package for one in known.values()})).items())
+    )
 
 
 def _refuse_package(name: str) -> None:
@@ -63,20 +72,19 @@ def _source(definition: Definition, search: Source) -> str:
     return render(definition, Hasher(needed.__getitem__), text).text
 
 
-def _frames(definitions: Sequence[Definition]) -> dict[str, str]:
-    """The files that make packages of the modules."""
+def _frames(types: Collection[str], packages: Collection[str]) -> dict[str, str]:
+    """The files that make packages of the modules of these types."""
     runtime = files(__package__).joinpath("_runtime.py").read_text(encoding="utf-8")
     output: dict[str, str] = {}
-    for package in {one.package for one in definitions}:
+    for package in packages:
         output |= {
             f"{package}/__init__.py": f'"""The interfaces of {package}, {GENERATED}"""\n',
             f"{package}/_runtime.py": runtime,
             f"{package}/py.typed": "",
         }
         for kind in KINDS:
-            names = sorted(
-                one.name for one in definitions if one.full_name.startswith(f"{package}/{kind}/")
-            )
+            folder = f"{package}/{kind}/"
+            names = sorted(one.removeprefix(folder) for one in types if one.startswith(folder))
             if names:
                 output[f"{package}/{kind}/__init__.py"] = exports(package, kind, names)
     return output
@@ -91,6 +99,12 @@ def exports(package: str, kind: str, names: Sequence[str]) -> str:
     return "\n".join(lines) + "\n"
 
 
+def kept_types(folder: Path, is_gone: Callable[[str], bool]) -> set[str]:
+    """The full names of the types that have modules in a folder, but for those that are gone."""
+    made = (_made_from(path) for kind in KINDS for path in folder.glob(f"*/{kind}/_*.py"))
+    return {name for name in made if name and not is_gone(name)}
+
+
 def write_tree(
     files: Mapping[str, str], folder: Path, is_missing: Callable[[str], bool], *, check: bool
 ) -> list[str]:
@@ -99,7 +113,7 @@ def write_tree(
     Args:
         files: texts by relative path.
         folder: where they belong.
-        is_missing: whether there is no definition of this full name any more.
+        is_missing: whether the definition of this full name has gone, and its module with it.
         check: write nothing.
 
     Returns:

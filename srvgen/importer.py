@@ -9,13 +9,16 @@ from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from pathlib import Path
 from types import ModuleType
-from typing import Any
+from typing import Any, NoReturn
 
 from .errors import DefinitionError
 from .files import KINDS
 from .loader import module_of, search, search_first
-from .names import did_you_mean, is_package_name
+from .names import did_you_mean, is_one_slip, is_package_name
 from .render_types import module_name
+
+_TOO_SHORT_TO_GUESS = 4
+"""Letters of a name that is one slip away from too many others."""
 
 
 def install_import_hook(*paths: Path | str) -> None:
@@ -24,6 +27,10 @@ def install_import_hook(*paths: Path | str) -> None:
     Afterwards `from my_robot_interfaces.srv import RobotTask` works wherever
     `my_robot_interfaces/srv/RobotTask.srv` is within reach. A package that was generated or
     installed as Python is imported as it is. Calling it again only adds paths.
+
+    An imported class is that of `load` as long as its file stays as it is. When the file is
+    edited, modules keep the class that they imported, as all Python does, while `load` gives a
+    new one from then on: start the program again to have one class everywhere.
 
     Args:
         paths: package folders, folders of packages or workspaces to look in first; `load` and
@@ -34,12 +41,14 @@ def install_import_hook(*paths: Path | str) -> None:
         # In front: a folder `my_robot_interfaces/srv` beside the script is a namespace package
         # to Python's own finder, which would hide what we can make of it.
         sys.meta_path.insert(0, _finder)
+        sys.meta_path.append(_guesser)
 
 
 def uninstall_import_hook() -> None:
     """Take the hook away again, with the paths and the modules that came with it."""
     if _finder in sys.meta_path:
         sys.meta_path.remove(_finder)
+        sys.meta_path.remove(_guesser)
     search().paths.clear()
     for name in [one for one in sys.modules if _is_ours(one)]:
         del sys.modules[name]
@@ -87,13 +96,40 @@ class _InterfaceFinder(MetaPathFinder):
         for name in _names(package, kind):
             if module_name(name) == module:
                 return ModuleSpec(fullname, _ModuleLoader(f"{package}/{kind}/{name}"))
-        return None
+        if module.startswith("_"):
+            return None
+        # `from … import` comes here for a name that the folder lacks, and passes this on as it is.
+        problem = _no_interface(f"{package}.{kind}", module, _names(package, kind))
+        raise ImportError(f"cannot import name {module!r}: {problem}", name=fullname)
 
     def _real(self, fullname: str, path: Sequence[str] | None) -> ModuleSpec | None:
         for finder in sys.meta_path:
-            if finder is not self and (spec := finder.find_spec(fullname, path)) is not None:
+            if finder in (self, _guesser):
+                continue
+            if (spec := finder.find_spec(fullname, path)) is not None:
                 return spec
         return None
+
+
+class _Guesser(MetaPathFinder):
+    """Comes last: what nobody has found may be an interface package whose name is misspelt."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        package, _, rest = fullname.partition(".")
+        if rest and _is_ours(package):
+            has = ", ".join(kind for kind in KINDS if _names(package, kind))
+            self._refuse(fullname, f"the interface package {package} has {has}")
+        elif not rest and len(package) > _TOO_SHORT_TO_GUESS:
+            # Nearer than a letter's slip, or an optional package that is not there is meant.
+            near = [one for one in search().packages() if is_one_slip(one, package)]
+            if near:
+                self._refuse(fullname, f"did you mean {' or '.join(near)}?")
+        return None
+
+    def _refuse(self, fullname: str, hint: str) -> NoReturn:
+        raise ModuleNotFoundError(f"No module named {fullname!r}; {hint}", name=fullname)
 
 
 class _InterfaceLoader(Loader):
@@ -119,9 +155,7 @@ class _FolderLoader(_InterfaceLoader):
 
         def get(attribute: str) -> Any:
             if attribute not in self.names:
-                hint = did_you_mean(attribute, self.names)
-                problem = f"{folder} has no interface {attribute!r}"
-                raise AttributeError(f"{problem}; {hint}" if hint else problem)
+                raise AttributeError(_no_interface(folder, attribute, self.names))
             home = import_module(f"{folder}.{module_name(attribute)}")
             found = getattr(home, attribute)
             setattr(module, attribute, found)
@@ -139,6 +173,12 @@ class _ModuleLoader(_InterfaceLoader):
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         """The loaded module itself, so that `load` and imports give one class."""
         return module_of(self.full_name)
+
+
+def _no_interface(folder: str, name: str, known: Sequence[str]) -> str:
+    problem = f"{folder} has no interface {name!r}"
+    hint = did_you_mean(name, known)
+    return f"{problem}; {hint}" if hint else problem
 
 
 def _names(package: str, kind: str) -> list[str]:
@@ -163,3 +203,4 @@ def _is_ours(name: str) -> bool:
 
 
 _finder = _InterfaceFinder()
+_guesser = _Guesser()

@@ -105,6 +105,15 @@ def near(name: str, known: Iterable[str]) -> list[str]:
     return []
 
 
+def is_one_slip(one: str, other: str) -> bool:
+    """Whether a letter left out, put in, mistaken or swapped with the next makes the difference."""
+    while one and other and one[0] == other[0]:
+        one, other = one[1:], other[1:]
+    if one[1:] == other[1:] or one[1:] == other or one == other[1:]:
+        return one != other
+    return one[:2] == other[1::-1] and one[2:] == other[2:]
+
+
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """A hint that names what resembles `name`, or "" where nothing does."""
     found = near(name, known)

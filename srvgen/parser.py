@@ -17,7 +17,7 @@ from .fieldtypes import parse_type
 from .lines import SEPARATOR, leading_comments, read_comment, split_lines
 from .literals import parse_default, parse_scalar
 from .mistake import Mistake, Repair
-from .model import PRIMITIVES, ActionDef, Constant, Field, Kind, MessageDef, ServiceDef
+from .model import PRIMITIVES, ActionDef, Constant, Definition, Field, Kind, MessageDef, ServiceDef
 from .names import (
     LOWER_RULE,
     MESSAGE_RULE,
@@ -43,7 +43,7 @@ def parse_msg(text: str, package: str, name: str, *, path: str = "") -> MessageD
     file = _File(text, package, path)
     file.check_names(name, "msg")
     message = file.section(_Span(0, len(file.lines)), "msg", name)
-    file.raise_problems()
+    file.raise_problems(message)
     return message
 
 
@@ -62,7 +62,7 @@ def parse_srv(text: str, package: str, name: str, *, path: str = "") -> ServiceD
         file.section(request, "srv", f"{name}_Request"),
         file.section(response, "srv", f"{name}_Response"),
     )
-    file.raise_problems()
+    file.raise_problems(service)
     return service
 
 
@@ -82,7 +82,7 @@ def parse_action(text: str, package: str, name: str, *, path: str = "") -> Actio
         file.section(result, "action", f"{name}_Result"),
         file.section(feedback, "action", f"{name}_Feedback"),
     )
-    file.raise_problems()
+    file.raise_problems(action)
     return action
 
 
@@ -144,14 +144,15 @@ class _File:
     def _source(self) -> list[str]:
         return self.text.splitlines()
 
-    def raise_problems(self) -> None:
-        """End in an error if anything was noted."""
+    def raise_problems(self, readable: Definition) -> None:
+        """End in an error if anything was noted; it has what could be read."""
         if not self.problems:
             return
         self.problems.sort(key=lambda problem: (problem.line, problem.column))
-        if len(self.problems) == 1:
-            raise self.problems[0]
-        raise DefinitionErrors(self.problems)
+        only = self.problems[0] if len(self.problems) == 1 else None
+        error = only or DefinitionErrors(self.problems)
+        error.readable = readable
+        raise error
 
     def check_names(self, name: str, kind: Kind, suffix: str = "") -> None:
         """Note what is wrong with the package's name and with the type's (from the file's)."""

@@ -5,21 +5,26 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterable
+from itertools import groupby
 from pathlib import Path
 
 from .closure import problems_of
-from .errors import DefinitionError, DefinitionWarning
+from .errors import SHOWN, DefinitionError, DefinitionWarning, looked_in
 
 
 class Report:
-    """Prints problems to stderr, each once, and knows what the exit code will be."""
+    """Collects problems, prints each once in the order of the files and knows the exit code."""
 
     def __init__(self, *, as_json: bool) -> None:
         self.exit_code = 0
-        self.warnings = 0
         self._as_json = as_json
-        self._printed: set[str] = set()
+        self._problems: dict[tuple[str, int, int, str], DefinitionError] = {}
         self._names: dict[str, str] = {}
+
+    @property
+    def warnings(self) -> int:
+        """How many warnings there are."""
+        return sum(isinstance(one, DefinitionWarning) for one in self._problems.values())
 
     def remember(self, path: Path) -> None:
         """Call this file as the user did, whoever finds a problem in it."""
@@ -29,37 +34,46 @@ class Report:
         """Tell every problem of an error; the command has failed."""
         self.exit_code = 1
         for problem in problems_of(error):
-            self._print(problem)
+            self._add(problem)
 
     def warn(self, warnings: Iterable[DefinitionWarning]) -> None:
         """Tell what is suspicious; the command has not failed."""
         for warning in warnings:
-            self.warnings += self._print(warning)
+            self._add(warning)
 
     def failure(self, sentence: str) -> None:
         """Say why the command has failed where no definition is to blame."""
         self.exit_code = 1
         print(sentence, file=sys.stderr)
 
-    def _print(self, problem: DefinitionError) -> bool:
-        """Print a problem and return True, unless it was printed before."""
+    def finish(self) -> None:
+        """Print all problems on stderr, file by file and line by line."""
+        # What has no place concerns all of the files, which come first.
+        ordered = [self._problems[key] for key in sorted(self._problems, key=_order)]
+        shown: list[DefinitionError] = []
+        for path, group in groupby(ordered, key=lambda one: one.path):
+            of_file = list(group)
+            shown += of_file[:SHOWN]
+            for problem in of_file[:SHOWN]:
+                self._print(problem)
+            if len(of_file) > SHOWN:
+                self._print(DefinitionError(f"and {len(of_file) - SHOWN} more problems", path=path))
+        for line in [] if self._as_json else looked_in(shown):
+            print(line, file=sys.stderr)
+
+    def _add(self, problem: DefinitionError) -> None:
         problem.path = self._names.get(problem.path, problem.path)
-        text = self._json(problem) if self._as_json else _positioned(problem)
-        if text in self._printed:
-            return False
-        self._printed.add(text)
-        print(text, file=sys.stderr)
-        return True
+        key = (problem.path, problem.line, problem.column, problem.message)
+        self._problems.setdefault(key, problem)
+
+    def _print(self, problem: DefinitionError) -> None:
+        print(self._json(problem) if self._as_json else problem.text(), file=sys.stderr)
 
     def _json(self, problem: DefinitionError) -> str:
-        fields = ("message", "path", "line", "column", "hint")
+        fields = ("message", "path", "line", "column", "hint", "looked_in")
         given = {name: value for name in fields if (value := getattr(problem, name))}
         return json.dumps({problem.level: type(problem).__name__, **given})
 
 
-def _positioned(problem: DefinitionError) -> str:
-    """The problem as text; one of a whole file stands at its beginning, for editors to jump to."""
-    if not problem.path or problem.line:
-        return str(problem)
-    placed = type(problem)
-    return str(placed(problem.message, path=problem.path, line=1, column=1, hint=problem.hint))
+def _order(key: tuple[str, int, int, str]) -> tuple[bool, str, int, int, str]:
+    return not key[0], *key

@@ -9,18 +9,17 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from .closure import check_ros2_types, closure, full_text
+from .closure import check_ros2_types, closure, full_text, whole_error
 from .errors import DefinitionError
 from .files import KINDS, read_definition, read_text
 from .implied import implied_types
+from .missing import no_package, no_type
 from .model import Definition, Kind
-from .names import TypeName, did_you_mean, is_package_name, split_type_name
-from .slips import ros1_hint
+from .names import TypeName, is_package_name, split_type_name
 
 BUNDLED = Path(__file__).with_name("interfaces")
 """The packages that come with srvgen."""
 
-_NOUNS = {"msg": "message", "srv": "service", "action": "action"}
 _log = logging.getLogger("srvgen")
 _noted: set[tuple[Path, str]] = set()
 
@@ -30,6 +29,8 @@ class _Looked:
 
     def __init__(self) -> None:
         self.roots: list[Path] = []
+        self.packages: dict[str, list[Path]] = {}
+        self.interfaces: dict[str, list[str]] = {}
         self.folders: dict[str, list[Path]] = {}
         self.places: dict[TypeName, tuple[Path, TypeName] | None] = {}
 
@@ -117,7 +118,11 @@ class Search:
                 field that refers to it. `DefinitionErrors` where there are several.
         """
         with self.one_look():
-            return closure(self.load(full_name), self)
+            try:
+                definition = self.load(full_name)
+            except DefinitionError as error:
+                raise whole_error(error, self) from None
+            return closure(definition, self)
 
     def full_text(self, full_name: str) -> str:
         """The text of a definition followed by those of all that it needs.
@@ -132,13 +137,18 @@ class Search:
 
     def packages(self) -> dict[str, list[Path]]:
         """Every package within reach with its folders, those that win first."""
+        if self._looked and self._looked.packages:
+            return self._looked.packages
         found: dict[str, list[Path]] = {}
         for root in self._roots():
             for folder in _package_folders(root):
                 folders = found.setdefault(folder.name, [])
                 if folder not in folders:
                     folders.append(folder)
-        return dict(sorted(found.items()))
+        packages = dict(sorted(found.items()))
+        if self._looked:
+            self._looked.packages = packages
+        return packages
 
     def has_package(self, package: str) -> bool:
         """Whether a package of this name is within reach; far cheaper than `packages`."""
@@ -150,14 +160,18 @@ class Search:
         Raises:
             DefinitionError: no package of this name is within reach.
         """
+        known = self._looked.interfaces if self._looked else {}
+        if package in known:
+            return known[package]
         folders = self.packages().get(package)
         if folders is None:
             raise self._no_package(package)
-        return [
+        known[package] = [
             f"{package}/{kind}/{name}"
             for kind in KINDS
             for name in sorted({path.stem for folder in folders for path in _files(folder, kind)})
         ]
+        return known[package]
 
     def resolve_name(self, text: str) -> TypeName:
         """A full type name taken apart; `pkg/Name` is accepted where it means one type only.
@@ -238,29 +252,29 @@ class Search:
         return definition
 
     def _unknown(self, name: TypeName) -> DefinitionError:
-        packages = self.packages()
-        if name.package not in packages:
-            return self._no_package(name.package, name)
-        known = [one.split("/") for one in self.interfaces(name.package)]
-        hint = ros1_hint(name.name) if name.kind == "msg" else ""
-        hint = hint or did_you_mean(
-            name.name, [other for _, kind, other in known if kind == name.kind]
-        )
-        if not hint:
-            kinds = [kind for _, kind, other in known if other == name.name]
-            hint = f"did you mean {name.package}/{kinds[0]}/{name.name}?" if kinds else ""
-        return DefinitionError(
-            f"package {name.package!r} has no {_NOUNS[name.kind]} {name.name!r}",
-            hint=hint,
-        )
+        with self.one_look():
+            packages = self.packages()
+            if name.package not in packages:
+                return self._no_package(name.package, name)
+            error = no_type(name, packages, self.interfaces)
+            error.looked_in = _shown(packages[name.package])
+            return error
 
-    def _no_package(self, package: str, name: TypeName | None = None) -> DefinitionError:
-        hint = did_you_mean(package, self.packages())
-        if name:
-            stray = Path(f"{name.name}.{name.kind}")
-            if stray.is_file():
-                hint = f"move {stray} to {package}/{name.kind}/{stray}"
-        return DefinitionError(f"no package {package!r} within reach", hint=hint)
+    def _no_package(self, package: str, wanted: TypeName | None = None) -> DefinitionError:
+        roots = [root for root in self._roots() if root.is_dir()]
+        error = no_package(package, self.packages(), roots, wanted)
+        error.looked_in = _shown(roots)
+        return error
+
+
+def _shown(folders: Iterable[Path]) -> tuple[str, ...]:
+    """Folders as people are told of them, each once."""
+    return tuple(
+        dict.fromkeys(
+            "the packages of srvgen" if BUNDLED in (one, one.parent) else str(one)
+            for one in folders
+        )
+    )
 
 
 def _workspace(path: Path) -> Iterator[Path]:

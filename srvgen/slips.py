@@ -6,47 +6,26 @@ import re
 import unicodedata
 
 from .mistake import Mistake, Repair
-from .model import PRIMITIVES
-from .names import camel_case, is_constant_name, is_field_name, is_message_name, snake_case
+from .names import is_constant_name, is_field_name, is_message_name, snake_case
 
-_MEANT = {
-    "int": "int32",
-    "integer": "int32",
-    "long": "int64",
-    "short": "int16",
-    "uint": "uint32",
-    "unsigned": "uint32",
-    "float": "float32",
-    "double": "float64",
-    "boolean": "bool",
-    "str": "string",
-    "std::string": "string",
-    "octet": "byte",
-    "bytes": "byte[]",
-    "time": "builtin_interfaces/Time",
-    "duration": "builtin_interfaces/Duration",
-    **{name: name for name in PRIMITIVES},
-}
-# Other languages do not agree on what these are, so only a hint is right.
-_SEVERAL_MEANINGS = frozenset({"long", "bytes"})
 _DASHES = "-\N{EM DASH}\N{EN DASH}\N{HYPHEN}\N{MINUS SIGN}\N{HORIZONTAL BAR}\N{FIGURE DASH}"
 _SEPARATOR_LOOKALIKE = re.compile(rf"\s*(?:[{_DASHES}]\s*)+(?:#.*)?|\s*(?:=+|_+|\*+)\s*")
 _BULLET = re.compile("\\s*[-*+\N{BULLET}\N{WHITE BULLET}\N{MIDDLE DOT}]\\s+|\\s*\N{BULLET}")
 _SPACED_BRACKETS = re.compile(r"([A-Za-z]\w*(?:/\w+|<=\d+)?) *\[ *(<=)? *(\d*) *\] +(?=\S)")
+_SPACED_BOUND = re.compile(r"(w?string) *(<) *(=) *(\d+) +(?=\S)")
+_MODIFIERS = ("const", "constexpr", "static", "final", "required", "optional", "public", "private")
+_FRAMES = re.compile(
+    r"(?:message|struct|class|service|interface|enum|namespace|module|union|typedef|import|from|"
+    r"package|using|syntax|def|rpc|type|action|msg|srv)\b.*"
+)
+_TITLE = re.compile(r"(?:request|response|goal|result|feedback)s?\s*:", re.I)
+_BEGINNINGS = {
+    ("//", "/*", "*/", "--", "%", "<!--", '"""'): "a comment begins with '#'",
+    ("MSG:", "=" * 8): "these are several definitions in one; give each type a file of its own",
+    ("@",): "annotations belong to .idl files; leave this line out",
+}
+_SAMPLES = {"bool": "true", "string": '"text"', "wstring": '"text"'}
 CURLY = "\u201c\u201d\u201e\u2018\u2019"
-
-
-def type_repair(text: str) -> Repair | None:
-    """The only type that the unknown `text` can stand for, or None."""
-    meant = _MEANT.get(text.lower(), text)
-    if meant != text and text.lower() not in _SEVERAL_MEANINGS:
-        return Repair(0, len(text), meant)
-    parts = re.split(r"/|::|\.", text)
-    if len(parts) == 3 and parts[1] == "msg":
-        del parts[1]
-    if len(parts) != 2 or not (is_field_name(parts[0]) and is_message_name(parts[1])):
-        return None
-    return Repair(0, len(text), "/".join(parts))
 
 
 def bracket_repair(code: str) -> Repair | None:
@@ -58,57 +37,58 @@ def bracket_repair(code: str) -> Repair | None:
     return Repair(0, found.end(), f"{base}[{bound}{size}] ")
 
 
-def type_hint(text: str) -> str:
-    """What the unknown type `text` was meant to be, or ""."""
-    base, bracket, rest = text.partition("[")
-    meant = _MEANT.get(base.lower())
-    if meant and meant != base:
-        return f"did you mean {meant.removesuffix('[]') if bracket else meant}{bracket}{rest}?"
-    parts = re.split(r"/|::|\.", base)
-    if len(parts) == 3 and parts[1] in ("msg", "srv", "action"):
-        return f"in a definition the type is written {parts[0]}/{parts[2]}{bracket}{rest}"
-    if len(parts) == 2 and is_field_name(parts[0].lower()) and is_message_name(parts[1]):
-        parts[0] = snake_case(parts[0])
-        return f"did you mean {parts[0]}/{parts[1]}{bracket}{rest}?"
-    return _bracket_hint(base, text)
+def bound_repair(code: str) -> Repair | None:
+    """The bounded string that a line begins with, its bound closed up to it, or None."""
+    found = _SPACED_BOUND.match(code)
+    if not found or " " not in found[0].rstrip():
+        return None
+    return Repair(0, found.end(), f"{''.join(found.groups())} ")
 
 
-def _bracket_hint(base: str, text: str) -> str:
-    if "<=" in base:
-        return "only string and wstring have an upper bound; an array's is written [<=N]"
-    if "[" in text and not text.endswith("]"):
-        return "write the brackets of an array without spaces, for example int32[<=5]"
-    return ""
+def extra_word(code: str) -> Mistake | None:
+    """The mistake of a line that begins with a word that other languages put before the type."""
+    word, _, rest = code.partition(" ")
+    rest = rest.lstrip()
+    if word == "repeated" and " " in rest:
+        type_text, _, name = rest.partition(" ")
+        meant = f"{type_text}[] {name.lstrip()}"
+        return Mistake(
+            "expected a type at the start of the line, got 'repeated'",
+            hint=f"an array is written with brackets: {meant}",
+            repair=Repair(0, len(code), meant),
+        )
+    if word not in _MODIFIERS or " " not in rest:
+        return None
+    why = {"const": "a constant is one by its '='", "optional": "every field is always there"}
+    return Mistake(
+        f"expected a type at the start of the line, got {word!r}",
+        hint=f"leave it out{': ' + why[word] if word in why else ''}",
+        repair=Repair(0, len(code) - len(rest), ""),
+    )
 
 
-def message_name_hint(name: str) -> str:
-    """A valid name for a message that resembles `name`, or ""."""
-    if not re.fullmatch("[A-Za-z0-9_]+", name):
-        return ""
-    meant = camel_case(name)
-    return f"did you mean {meant}?" if meant != name and is_message_name(meant) else ""
-
-
-def missing_type_repair(name: str) -> str:
-    """What the bare type `name`, which its package does not have, can only mean, or ""."""
-    if name == "Header":
-        return "std_msgs/Header"
-    meant = _MEANT.get(name.lower(), "")
-    return "" if meant == name or name.lower() in _SEVERAL_MEANINGS else meant
-
-
-def ros1_hint(name: str) -> str:
-    """How ROS 2 writes a type that ROS 1 files have, or ""."""
-    if name == "Header":
-        return "ROS 2 writes std_msgs/Header"
-    if name in ("time", "duration"):
-        return f"ROS 2 writes {_MEANT[name]}"
-    meant = _MEANT.get(name.lower(), name)
-    return "" if meant == name else f"did you mean the built-in type {meant}?"
+def several_fields(code: str) -> Mistake | None:
+    """The mistake of a line that has more than one field, with `,` or `;` between them."""
+    type_text, _, rest = code.partition(" ")
+    parts = [part.split() for part in re.split("[,;]", rest.rstrip(";, "))]
+    if len(parts) < 2 or not all(parts) or not all(is_field_name(one[-1]) for one in parts):
+        return None
+    types = [type_text, *(one[0] if len(one) == 2 else type_text for one in parts[1:])]
+    if len(parts[0]) > 1 or any(len(one) > 2 for one in parts):
+        return None
+    lines = [f"{kind} {one[-1]}" for kind, one in zip(types, parts, strict=True)]
+    return Mistake(
+        f"expected one field a line, got {len(lines)}",
+        re.search("[,;]", code).start(),  # type: ignore[union-attr]
+        f"write them on lines of their own: {lines[0]}, then {', then '.join(lines[1:])}",
+        Repair(0, len(code), "\n".join(lines)),
+    )
 
 
 def field_name_hint(name: str, type_text: str) -> str:
     """What the refused field name was meant to be, or ""."""
+    if name.startswith("["):
+        return f"the brackets belong to the type, without a space: {type_text}{name}"
     if "[" in name:
         bare, _, rest = name.partition("[")
         return f"the brackets belong to the type: {type_text}[{rest} {bare}"
@@ -156,18 +136,19 @@ def comment_repair(code: str) -> Repair | None:
 
 
 def constant_name_hint(name: str, type_text: str, value: str) -> str:
-    """What the refused name of a constant was meant to be, or ""."""
+    """What the refused name of a constant was meant to be, or ""; `value` is as it should be."""
     if " " in name:
         return "a line with '=' anywhere, even in quotes, is read as a constant"
-    meant = snake_case(name).upper() if name != name.lower() else name.upper().strip("_")
-    if not is_constant_name(meant) or meant == name:
+    value = value or _SAMPLES.get(type_text, "0")
+    if not name:
+        return f"a name is missing: {type_text} NAME={value}"
+    meant = snake_case(name) if is_field_name(snake_case(name)) else name
+    if not is_constant_name(meant.upper()):
         return ""
-    if is_field_name(name):
-        return (
-            f"a constant is in capitals: {type_text} {meant}={value}; "
-            f"a field's default has no '=': {type_text} {name} {value}"
-        )
-    return f"did you mean {meant}?"
+    if name == name.upper():
+        return f"did you mean {meant.upper()}?" if meant.upper() != name else ""
+    default = f"a field's default has no '=': {type_text} {meant} {value}"
+    return f"a constant is in capitals: {type_text} {meant.upper()}={value}; {default}"
 
 
 def looks_like_separator(line: str) -> bool:
@@ -183,15 +164,25 @@ def separator_repair(line: str) -> Repair:
 
 def line_hint(code: str) -> str:
     """What a line that is no definition at all was meant to be, or ""."""
-    if code.startswith(("//", "/*", "--", "%")):
-        return "a comment begins with '#'"
-    if code.startswith(("MSG:", "===")):
-        return "these are several definitions in one; give each type a file of its own"
-    if code.startswith("@"):
-        return "annotations belong to .idl files; leave this line out"
-    if "=" in code and is_constant_name(code.partition("=")[0]):
+    for beginnings, hint in _BEGINNINGS.items():
+        if code.startswith(beginnings):
+            return hint
+    if code.strip("{}();, ") == "":
+        return "a definition has no brackets around it; leave this line out"
+    if _TITLE.match(code):
+        return "sections have no titles, only a line --- between them; leave this line out"
+    if _FRAMES.fullmatch(code) and not is_field_name(code.rpartition(" ")[2]):
+        return "only fields and constants stand in a definition; leave this line out"
+    if "=" in code and is_constant_name(code.partition("=")[0].rstrip()):
         return f"a constant begins with its type: int32 {code}"
     return ""
+
+
+def lone_type_hint(text: str) -> str:
+    """What is missing in a line that is a type alone."""
+    bare = re.split(r"[<\[]", text)[0].rpartition("/")[2]
+    name = snake_case(bare) if is_message_name(bare) else "value"
+    return f"a name is missing: {text} {name if is_field_name(name) else 'value'}"
 
 
 def strange_character(code: str) -> Mistake | None:

@@ -2,26 +2,67 @@
 
 from __future__ import annotations
 
+import os
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
 from .errors import DefinitionError
 from .files import KINDS, kind_of
+from .names import did_you_mean
+from .search import Search
 
 
-def definition_files(source: Path) -> list[Path]:
+def is_type_name(source: str) -> bool:
+    """Whether a source that is no file or folder can only be the name of a type."""
+    return re.fullmatch(r"\w+/(?:\w+/)?\w+", source) is not None and not Path(source).exists()
+
+
+def files_of(source: str, search: Search) -> list[Path]:
     """The definition files that a source means, in a steady order.
 
-    A source is a file, a package folder, a folder of packages or a workspace with `src`. Files
-    whose ending is a slip of the pen (`X.srv.txt`) are among them, so that they are reported.
+    A source is a file, a package folder, a folder of packages or a workspace with `src`; else the
+    name of a type or a package within reach. Files whose ending is a slip of the pen (`X.srv.txt`)
+    are among them, so that they are reported.
 
     Raises:
         DefinitionError: the source is not there or holds no definition.
     """
+    if is_type_name(source):
+        return [search.find(source)]
+    path = Path(source)
+    if _exists(path):
+        return definition_files(path)
+    if search.has_package(source):
+        return [search.find(name) for name in search.interfaces(source)]
+    siblings = os.listdir(path.parent) if path.parent.is_dir() else []
+    raise DefinitionError(
+        "expected a file, a folder or the name of a type, got nothing there",
+        path=source,
+        hint=did_you_mean(path.name, siblings) or did_you_mean(source, search.packages()),
+    )
+
+
+def _exists(path: Path) -> bool:
+    try:
+        path.stat()
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        raise DefinitionError(
+            f"expected a file or folder, got: {error.strerror or error}", path=str(path)
+        ) from None
+    return True
+
+
+def definition_files(source: Path) -> list[Path]:
+    """The definition files that an existing file or folder means, as `files_of` has them.
+
+    Raises:
+        DefinitionError: the folder holds none or cannot be read.
+    """
     if source.is_file():
         return [source]
-    if not source.is_dir():
-        raise DefinitionError("expected a file or folder, got nothing there", path=str(source))
     try:
         found = _in_packages(source) or _in_folder(source)
     except OSError as error:
@@ -31,21 +72,26 @@ def definition_files(source: Path) -> list[Path]:
     if found:
         return found
     raise DefinitionError(
-        "expected definitions (.msg, .srv, .action), got a folder without any", path=str(source)
+        "expected definitions (.msg, .srv, .action), got a folder without any",
+        path=str(source),
+        hint="they stand in the folders msg, srv and action of a package",
     )
 
 
-def search_paths(sources: Sequence[Path]) -> list[Path]:
+def search_paths(sources: Sequence[str]) -> list[Path]:
     """Where the sources' own packages and their neighbours are found."""
     found: dict[Path, None] = {}
     for source in sources:
-        folder = source.resolve()
+        try:
+            folder = Path(source).resolve(strict=True)
+        except (OSError, RuntimeError):  # a type's name, or what is reported when it is read
+            continue
         if folder.is_file():
             folder = folder.parent
         if folder.name in KINDS:
             folder = folder.parent
         found[folder] = None
-        if _in_package(folder):
+        if any((folder / kind).is_dir() for kind in KINDS):
             found[folder.parent] = None
     return list(found)
 

@@ -6,7 +6,8 @@ import pytest
 
 from srvgen.errors import DefinitionError
 from srvgen.files import decode, kind_of, package_of, read_definition
-from srvgen.sources import definition_files, search_paths
+from srvgen.search import Search
+from srvgen.sources import definition_files, files_of, search_paths
 
 
 def write(path: Path, data: bytes = b"---\n") -> Path:
@@ -86,13 +87,15 @@ def test_a_source_is_a_file_a_package_a_folder_of_packages_or_a_workspace(tmp_pa
 def test_a_source_without_definitions_is_refused(tmp_path):
     with pytest.raises(DefinitionError, match="a folder without any"):
         definition_files(tmp_path)
-    with pytest.raises(DefinitionError, match="nothing there"):
-        definition_files(tmp_path / "gone")
+    with pytest.raises(DefinitionError, match="nothing there") as caught:
+        files_of(str(tmp_path / "gone"), Search())
+    assert (caught.value.line, caught.value.path) == (0, str(tmp_path / "gone"))
 
 
 def test_the_neighbours_of_a_source_are_within_reach(tmp_path, monkeypatch):
     a = write(tmp_path / "a_msgs" / "srv" / "A.srv")
     expected = [tmp_path / "a_msgs", tmp_path]
-    assert search_paths([a]) == search_paths([a.parent]) == search_paths([a.parents[1]]) == expected
+    for source in (a, a.parent, a.parents[1]):
+        assert search_paths([str(source), "std_srvs/srv/Trigger"]) == expected
     monkeypatch.chdir(a.parent)
-    assert search_paths([Path("A.srv"), Path()]) == expected
+    assert search_paths(["A.srv", "."]) == expected

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import importlib.util
 import os
 import sys
 
@@ -102,8 +103,34 @@ def test_a_misspelt_name_says_what_resembles_it(workspace):
     module = importlib.import_module("lecture_interfaces.srv")
     with pytest.raises(AttributeError, match="no interface 'RobotTsk'; did you mean RobotTask"):
         _ = module.RobotTsk
-    with pytest.raises(ImportError, match="RobotTsk"):
+    with pytest.raises(ImportError, match=r"name 'RobotTsk': .* did you mean RobotTask"):
         from lecture_interfaces.srv import RobotTsk  # type: ignore[import-not-found] # noqa: F401
+
+
+def test_a_misspelt_package_or_folder_says_what_resembles_it(workspace):
+    srvgen.install_import_hook(workspace)
+    with pytest.raises(ModuleNotFoundError, match="did you mean lecture_interfaces") as caught:
+        importlib.import_module("lectur_interfaces.srv")
+    assert caught.value.name == "lectur_interfaces"
+    with pytest.raises(ModuleNotFoundError, match=r"lecture_interfaces has srv$"):
+        importlib.import_module("lecture_interfaces.src")
+
+
+def test_a_search_for_a_package_that_only_resembles_one_finds_nothing_as_ever(workspace):
+    srvgen.install_import_hook(workspace)
+    for name in ("lecture_interfaces_py", "std_messages", "nav", "lectures"):
+        assert importlib.util.find_spec(name) is None
+
+
+def test_an_imported_class_is_that_of_load_until_its_file_is_edited(workspace):
+    srvgen.install_import_hook(workspace)
+    before = importlib.import_module("lecture_interfaces.srv").AddTwo
+    assert srvgen.load("lecture_interfaces/srv/AddTwo") is before
+    (workspace / "lecture_interfaces" / "srv" / "AddTwo.srv").write_text("int64 a\nint8 c\n---\n")
+    after = srvgen.load("lecture_interfaces/srv/AddTwo")
+    assert after is not before
+    assert after is srvgen.load("lecture_interfaces/srv/AddTwo")
+    assert importlib.import_module("lecture_interfaces.srv").AddTwo is before
 
 
 def test_a_broken_definition_says_where(workspace):
@@ -131,7 +158,7 @@ def test_uninstalling_leaves_no_trace(workspace):
     importlib.import_module("lecture_interfaces.srv._robot_task")
     importer.uninstall_import_hook()
     importer.uninstall_import_hook()
-    assert importer._finder not in sys.meta_path
+    assert not {importer._finder, importer._guesser} & set(sys.meta_path)
     assert not [name for name in sys.modules if name.startswith("lecture_interfaces")]
     with pytest.raises(ImportError):
         importlib.import_module("std_srvs.srv")

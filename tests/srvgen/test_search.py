@@ -223,7 +223,7 @@ def test_every_missing_type_is_reported_at_the_field_that_refers_to_it(workspace
     ]
     assert problems[0].hint == "ROS 2 writes std_msgs/Header"
     assert problems[1].source_line == "std_msg/String s"
-    assert problems[2].hint == "did you mean the built-in type string?"
+    assert problems[2].hint == "did you mean string or std_msgs/String?"
 
 
 def test_a_type_that_contains_itself_is_refused_with_the_way_round(workspace):
