@@ -16,7 +16,7 @@ from .arguments import Commands, Parser, add_command, root, with_sources, with_t
 from .closure import closure, whole_error
 from .describe import describe
 from .errors import DefinitionError
-from .files import read_definition, read_text
+from .files import KINDS, read_definition, read_text
 from .fix import Fix, fix_file
 from .model import Definition
 from .report import Report
@@ -176,13 +176,14 @@ def _check(options: argparse.Namespace, report: Report) -> None:
     search = _search_of_sources(options)
     known: dict[str, Definition] = {}
     files = _files(options.sources, search, report)
-    for path in files:
-        try:
-            definition = read_definition(path)
-            report.warn(suspicions(definition, path))
-            known |= {one.full_name: one for one in closure(definition, search, path=path)}
-        except DefinitionError as error:
-            report.error(whole_error(error, search))
+    with search.one_look():
+        for path in files:
+            try:
+                definition = read_definition(path)
+                report.warn(suspicions(definition, path))
+                known |= {one.full_name: one for one in closure(definition, search, path=path)}
+            except DefinitionError as error:
+                report.error(whole_error(error, search))
     if ring := package_cycle(known.values()):
         chain = " → ".join(ring)
         report.error(DefinitionError(f"expected packages that can be ordered, got {chain}"))
@@ -271,6 +272,8 @@ def _one(options: argparse.Namespace) -> tuple[Search, Definition, Path | None]:
         return search, definition, path
     if path.is_dir():
         raise DefinitionError("expected a file or the name of a type, got a folder", path=str(path))
+    if path.suffix.removeprefix(".") in KINDS:
+        files_of(options.type, search)  # says that there is none, and what is
     name = search.resolve_name(options.type)
     owner = str(name._replace(name=search.find(str(name)).stem))
     return search, search.closure(owner)[-1], None

@@ -10,6 +10,9 @@ from .mistake import Repair
 if TYPE_CHECKING:
     from .model import Definition
 
+_LONGEST = 400
+"""Characters that are shown of a line or a sentence."""
+
 SHOWN = 100
 """Problems of one file that are shown to people; more are no help."""
 
@@ -60,13 +63,12 @@ class DefinitionError(ValueError):
     def text(self) -> str:
         """The problem as it is printed, without the places that were looked at."""
         where = ":".join(str(part) for part in (self.path, self.line, self.column) if part)
-        lines = [f"{where}: {self.level}: {self.message}" if where else self.message]
+        message = _shortened(self.message)
+        lines = [f"{where}: {self.level}: {message}" if where else message]
         if self.source_line:
-            lines.append(f"    {self.source_line}")
-            if self.column:
-                lines.append("    " + _padding(self.source_line, self.column) + "^")
+            lines += [f"    {one}" for one in _pointed_at(self.source_line, self.column)]
         if self.hint:
-            lines.append(f"  hint: {self.hint}")
+            lines.append(f"  hint: {_shortened(self.hint)}")
         return "\n".join(lines)
 
     def __reduce__(self) -> tuple[object, ...]:
@@ -110,9 +112,20 @@ def looked_in(problems: Iterable[DefinitionError]) -> list[str]:
     return [f"  looked in: {', '.join(places)}"] if places else []
 
 
-def _padding(source_line: str, column: int) -> str:
-    # A tab before the caret must stay a tab, or the caret points beside the character.
-    return "".join("\t" if char == "\t" else " " for char in source_line[: column - 1])
+def _pointed_at(line: str, column: int) -> list[str]:
+    """What is shown of a line, and a caret under the column if there is one."""
+    start = max(0, column - _LONGEST // 2) if len(line) > _LONGEST else 0
+    shown = line[start : start + _LONGEST]
+    # What moves a terminal's cursor would move the caret too; a tab must stay one for it.
+    shown = "".join(
+        one if one == "\t" or one >= " " else "\N{REPLACEMENT CHARACTER}" for one in shown
+    )
+    padding = "".join("\t" if one == "\t" else " " for one in shown[: column - 1 - start])
+    return [shown, f"{padding}^"] if column else [shown]
+
+
+def _shortened(text: str) -> str:
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
 
 
 def _rebuild(message: str, state: dict[str, object]) -> DefinitionError:

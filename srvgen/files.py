@@ -50,13 +50,21 @@ def read_text(path: Path) -> str:
     Raises:
         DefinitionError: the file cannot be read or is not UTF-8.
     """
+    return decode(read_data(path), str(path))
+
+
+def read_data(path: Path) -> bytes:
+    """The bytes of a definition file.
+
+    Raises:
+        DefinitionError: the file cannot be read.
+    """
     try:
-        data = path.read_bytes()
+        return path.read_bytes()
     except OSError as error:
-        raise DefinitionError(
-            f"expected a readable file, got: {error.strerror or error}", path=str(path)
-        ) from None
-    return decode(data, str(path))
+        # Windows says of a folder only that permission is denied.
+        problem = "a folder" if path.is_dir() else error.strerror or error
+        raise DefinitionError(f"expected a readable file, got: {problem}", path=str(path)) from None
 
 
 def decode(data: bytes, path: str = "") -> str:

@@ -21,7 +21,7 @@ from pathlib import Path
 from .closure import Source, closure, problems_of
 from .errors import DefinitionError
 from .fieldtypes import parse_type
-from .files import decode, kind_of, meant_path, package_of, parse_definition
+from .files import decode, kind_of, meant_path, package_of, parse_definition, read_data
 from .lines import SEPARATOR
 from .mistake import Mistake, Repair
 from .model import Kind
@@ -106,12 +106,7 @@ def fix_file(path: Path, is_missing: IsMissing) -> Fix:
     """
     new_path = meant_path(path) or path
     kind = kind_of(new_path)
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise DefinitionError(
-            f"expected a readable file, got: {error.strerror or error}", path=str(path)
-        ) from None
+    data = read_data(path)
     text, encoding = _decoded(data, str(path))
     after = fixed(text, package_of(path), kind, new_path.stem, is_missing)
     return Fix(path, new_path, text, after, encoding)

@@ -8,6 +8,7 @@ from collections.abc import Iterable
 from itertools import groupby
 from pathlib import Path
 
+from . import limits
 from .closure import problems_of
 from .errors import SHOWN, DefinitionError, DefinitionWarning, looked_in
 
@@ -57,7 +58,9 @@ class Report:
             for problem in of_file[:SHOWN]:
                 self._print(problem)
             if len(of_file) > SHOWN:
-                self._print(DefinitionError(f"and {len(of_file) - SHOWN} more problems", path=path))
+                least = "at least " if len(of_file) >= limits.PROBLEMS else ""
+                more = f"and {least}{len(of_file) - SHOWN} more problems"
+                self._print(DefinitionError(more, path=path))
         for line in [] if self._as_json else looked_in(shown):
             print(line, file=sys.stderr)
 

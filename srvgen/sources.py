@@ -61,7 +61,7 @@ def definition_files(source: Path) -> list[Path]:
     Raises:
         DefinitionError: the folder holds none or cannot be read.
     """
-    if source.is_file():
+    if not source.is_dir():
         return [source]
     try:
         found = _in_packages(source) or _in_folder(source)
@@ -117,13 +117,14 @@ def _in_package(folder: Path) -> list[Path]:
 
 
 def _in_folder(folder: Path) -> list[Path]:
-    return [path for path in sorted(folder.iterdir()) if path.is_file() and _is_meant(path)]
+    return [path for path in sorted(folder.iterdir()) if _is_meant(path)]
 
 
 def _is_meant(path: Path) -> bool:
-    """Whether a file is a definition or was meant to be one."""
+    """Whether something in a folder is a definition or was meant to be one."""
     try:
         kind_of(path)
     except DefinitionError as error:
-        return bool(error.hint)
+        return bool(error.hint) and path.is_file()
+    # A folder or a link to nothing of such a name is there for the reader to refuse.
     return not path.name.startswith(".")

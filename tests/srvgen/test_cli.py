@@ -3,6 +3,7 @@
 import json
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import pytest
@@ -221,3 +222,154 @@ def test_the_command_runs_as_a_module_too(workspace):
     )
     assert done.returncode == 1
     assert done.stderr.startswith("expected a type name such as")
+
+
+def test_grammar_and_missing_types_of_all_files_are_reported_in_one_run_in_order(run):
+    write("my_msgs/msg/Zoo", "Broken b\nint i\n")
+    write("my_msgs/msg/Ape", "Headerr h\nint i\nstd_msg/Header g\nOther b\nHeader h2\nPoint p\n")
+    write("my_msgs/msg/Broken", "int32\nOther c\n")
+    code, _, err = run("check", "--json", "my_msgs")
+    assert code == 1
+    problems = [json.loads(line) for line in err.splitlines()]
+    assert [(Path(one["path"]).stem, one["line"], one.get("hint", "")) for one in problems] == [
+        ("Ape", 1, "did you mean std_msgs/Header?"),
+        ("Ape", 2, "did you mean int32?"),
+        ("Ape", 3, "did you mean std_msgs?"),
+        ("Ape", 4, ""),
+        ("Ape", 5, "ROS 2 writes std_msgs/Header"),
+        ("Ape", 6, "did you mean geometry_msgs/Point?"),
+        ("Broken", 1, "a name is missing: int32 value"),
+        ("Broken", 2, ""),
+        ("Zoo", 2, "did you mean int32?"),
+    ]
+    assert str(Path.cwd()) in problems[2]["looked_in"]
+
+
+def test_types_of_an_invalid_package_are_not_missing_too(run):
+    write("My_msgs/msg/Ape", "Other a\n")
+    _, _, err = run("check", "My_msgs/msg/Ape.msg")
+    assert err.count("error:") == 1
+    assert "hint: rename the package to my_msgs" in err
+
+
+def test_a_file_with_the_wrong_name_is_what_its_type_lacks(run):
+    write("my_msgs/msg/ape", "int32 a\n")
+    write("my_msgs/msg/Zoo", "Ape a\n")
+    assert "hint: rename msg/ape.msg to Ape.msg\n" in run("check", "my_msgs")[2]
+
+
+def test_a_definition_beside_the_folder_of_its_kind_is_to_be_moved(run):
+    Path("my_msgs").mkdir()
+    Path("my_msgs/Ape.msg").touch()
+    code, _, err = run("show", "my_msgs/msg/Ape")
+    assert code == 1
+    assert "hint: move my_msgs/Ape.msg to my_msgs/msg/Ape.msg\n" in err
+
+
+def test_of_very_many_problems_the_first_are_shown(run):
+    path = write("my_msgs/msg/Bad", "int a\n" * 150)
+    _, _, err = run("check", path)
+    assert err.count("did you mean int32?") == 100
+    assert err.endswith(f"{path}: error: and 50 more problems\n")
+    write("my_msgs/msg/Bad", "int a\n" * 5000)
+    assert run("check", path)[2].endswith("and at least 900 more problems\n")
+
+
+def test_a_line_without_end_is_cut_around_its_caret(run):
+    path = write("my_msgs/msg/Bad", "int32 " + "a" * 5000 + "B" + "c" * 5000)
+    _, _, err = run("check", path)
+    _, line, caret, hint = err.splitlines()
+    assert len(line) < 500 > len(hint)
+    assert line[caret.index("^")] == "B"
+
+
+def test_control_characters_of_a_file_do_not_reach_the_terminal(run):
+    path = write("my_msgs/msg/Bad", "int a\x1b[2J\n")
+    assert "\x1b" not in run("check", path)[2]
+
+
+def test_check_without_sources_checks_the_current_folder(run):
+    code, _, err = run("check")
+    assert (code, err.splitlines()[0]) == (
+        1,
+        ".: error: expected definitions (.msg, .srv, .action), got a folder without any",
+    )
+    write("my_msgs/srv/Fetch", "---\n")
+    assert run("check") == (0, "1 definition, no problems\n", "")
+
+
+def test_what_is_not_there_is_named_with_what_resembles_it_and_without_a_line(run):
+    write("my_msgs/srv/Fetch", "---\n")
+    nothing = "expected a file, a folder or the name of a type, got nothing there"
+    assert run("check", "my_msg") == (
+        1,
+        "",
+        f"my_msg: error: {nothing}\n  hint: did you mean my_msgs?\n",
+    )
+    gone = Path("my_msgs/srv/Fetsh.srv")
+    for command in ("check", "describe", "show", "hash"):
+        assert run(command, gone) == (
+            1,
+            "",
+            f"{gone}: error: {nothing}\n  hint: did you mean Fetch.srv?\n",
+        )
+
+
+def test_every_command_takes_files_and_names_of_types(run, tmp_path):
+    path = write("my_msgs/srv/Fetch", "geometry_msgs/Point where\n---\n")
+    stray = tmp_path / "Fetch.srv"
+    stray.write_text("int32 a\n---\n")
+    for command in ("show", "hash", "describe", "check"):
+        by_name = run(command, "my_msgs/srv/Fetch")
+        assert by_name[0] == 0
+        assert run(command, path) == run(command, "my_msgs/Fetch") == by_name
+        assert run(command, stray)[0] == 0
+    assert json.loads(run("describe", "std_srvs/srv/Trigger_Request")[1])["type"] == (
+        "std_srvs/srv/Trigger_Request"
+    )
+    assert run("check", "std_srvs")[1] == "3 definitions, no problems\n"
+    assert run("generate", "std_srvs/Trigger", "-o", "out")[0] == 0
+    assert Path("out/std_srvs/srv/_trigger.py").is_file()
+
+
+def test_a_folder_and_a_dangling_link_with_the_name_of_a_definition_are_reported(run):
+    write("my_msgs/srv/Fetch", "---\n")
+    Path("my_msgs/srv/Folder.srv").mkdir()
+    code, _, err = run("check", "my_msgs")
+    assert code == 1
+    assert err.endswith("Folder.srv: error: expected a readable file, got: a folder\n")
+    Path("my_msgs/srv/Folder.srv").rmdir()
+    try:
+        Path("my_msgs/srv/Gone.srv").symlink_to("nowhere")
+    except OSError:
+        pytest.skip("this system makes no links")
+    assert "Gone.srv: error: expected a readable file, got: " in run("check", "my_msgs")[2]
+
+
+def test_files_that_are_generated_one_by_one_stay_together(run, tmp_path):
+    first = write("my_msgs/srv/Fetch", "---\n")
+    second = write("my_msgs/srv/Bring", "---\n")
+    out = tmp_path / "out"
+    for path in (first, second):
+        assert run("generate", path, "-o", out) == (0, "", "")
+    init = (out / "my_msgs" / "srv" / "__init__.py").read_text()
+    assert "import Fetch\n" in init
+    assert "import Bring\n" in init
+    for source in (first, second, "my_msgs"):
+        assert run("generate", source, "-o", out, "--check") == (0, "", "")
+    second.unlink()
+    assert run("generate", first, "-o", out) == (0, "", "")
+    assert (out / "my_msgs" / "srv" / "_bring.py").is_file(), "nobody has asked for its end"
+
+
+def test_help_and_version_and_a_misspelt_command(run):
+    code, out, err = run()
+    assert (code, out) == (2, "")
+    assert "report every problem of definitions" in err
+    assert run("--version")[:2] == (0, f"srvgen {version('taskrpc')}\n")
+    assert run("chek", "x")[2].endswith("error: unknown command 'chek'; did you mean check?\n")
+    code, _, err = run("check", "-I", "gone", ".")
+    assert (code, err.splitlines()[-1]) == (
+        2,
+        "srvgen check: error: argument -I: expected a folder, got nothing there: gone",
+    )
