@@ -24,7 +24,7 @@ from .slips import (
     several_fields,
     strange_character,
 )
-from .type_slips import type_hint, wordy_type
+from .type_slips import size_hint, type_hint, wordy_type
 from .value_slips import meant_value, put_right
 
 
@@ -168,6 +168,7 @@ def _with_type_hint(mistake: Mistake, code: str, type_text: str, name_at: int) -
         mistake.repair = bracket_repair(code)
         if mistake.repair:
             mistake.hint = f"write it without spaces: {mistake.repair.text.rstrip()}"
+    mistake.hint = mistake.hint or size_hint(type_text)
     return mistake
 
 

@@ -13,6 +13,8 @@ _SEPARATOR_LOOKALIKE = re.compile(rf"\s*(?:[{_DASHES}]\s*)+(?:#.*)?|\s*(?:=+|_+|
 _BULLET = re.compile("\\s*[-*+\N{BULLET}\N{WHITE BULLET}\N{MIDDLE DOT}]\\s+|\\s*\N{BULLET}")
 _SPACED_BRACKETS = re.compile(r"([A-Za-z]\w*(?:/\w+|<=\d+)?) *\[ *(<=)? *(\d*) *\] +(?=\S)")
 _SPACED_BOUND = re.compile(r"(w?string) *(<) *(=) *(\d+) +(?=\S)")
+_TYPE_SHAPE = re.compile(r"[A-Za-z][\w/]*(?:<=\d+)?(?:\[(?:<=)?\d*\])?")
+_FOREIGN_COMMENT = re.compile(r"\s+//")
 _MODIFIERS = ("const", "constexpr", "static", "final", "required", "optional", "public", "private")
 _FRAMES = re.compile(
     r"(?:message|struct|class|service|interface|enum|namespace|module|union|typedef|import|from|"
@@ -69,17 +71,21 @@ def extra_word(code: str) -> Mistake | None:
 
 def several_fields(code: str) -> Mistake | None:
     """The mistake of a line that has more than one field, with `,` or `;` between them."""
-    type_text, _, rest = code.partition(" ")
-    parts = [part.split() for part in re.split("[,;]", rest.rstrip(";, "))]
-    if len(parts) < 2 or not all(parts) or not all(is_field_name(one[-1]) for one in parts):
+    code = _FOREIGN_COMMENT.split(code)[0]
+    first, *others = re.split("[,;]", code.rstrip(";, "))
+    type_text, _, name = first.partition(" ")
+    parts = [(type_text, name.strip())]
+    for other in others:
+        *kind, name = other.split() or [""]
+        parts.append((kind[0] if kind else type_text, name))
+        if len(kind) > 1 or not _TYPE_SHAPE.fullmatch(parts[-1][0]):
+            return None
+    if not others or not all(is_field_name(name) for _, name in parts):
         return None
-    types = [type_text, *(one[0] if len(one) == 2 else type_text for one in parts[1:])]
-    if len(parts[0]) > 1 or any(len(one) > 2 for one in parts):
-        return None
-    lines = [f"{kind} {one[-1]}" for kind, one in zip(types, parts, strict=True)]
+    lines = [" ".join(part) for part in parts]
     return Mistake(
         f"expected one field a line, got {len(lines)}",
-        re.search("[,;]", code).start(),  # type: ignore[union-attr]
+        len(first),
         f"write them on lines of their own: {lines[0]}, then {', then '.join(lines[1:])}",
         Repair(0, len(code), "\n".join(lines)),
     )

@@ -198,6 +198,19 @@ def _container(text: str) -> str:
     return f"did you mean {element}[{found[2] or ''}]?"
 
 
+def size_hint(text: str) -> str:
+    """How the size of the array type `text` is to be written, or ""."""
+    if container := _container(text):
+        return container
+    found = re.fullmatch(r"([\w/]+)\[([<>=]*)(-?\w*)\]", text)
+    if not found:
+        return ""
+    base, sign, size = found.groups()
+    if not size.isdecimal() or not int(size):
+        return f"the size is a number above 0; without one an array is of any length: {base}[]"
+    return f"an array of at most {size} is written {base}[<={size}]" if "<" in sign else ""
+
+
 def _bracket_hint(base: str, text: str) -> str:
     if found := re.fullmatch(r"(w?string)<=?(\d+)>?", base):
         return f"did you mean {found[1]}<={found[2]}?"
