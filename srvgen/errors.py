@@ -58,18 +58,7 @@ class DefinitionError(ValueError):
         self.hint = hint
 
     def __str__(self) -> str:
-        return "\n".join([self.text(), *looked_in([self])])
-
-    def text(self) -> str:
-        """The problem as it is printed, without the places that were looked at."""
-        where = ":".join(str(part) for part in (self.path, self.line, self.column) if part)
-        message = _shortened(self.message)
-        lines = [f"{where}: {self.level}: {message}" if where else message]
-        if self.source_line:
-            lines += [f"    {one}" for one in _pointed_at(self.source_line, self.column)]
-        if self.hint:
-            lines.append(f"  hint: {_shortened(self.hint)}")
-        return "\n".join(lines)
+        return "\n".join([as_text(self), *looked_in([self])])
 
     def __reduce__(self) -> tuple[object, ...]:
         return _rebuild, (self.message, self.__dict__.copy())
@@ -97,13 +86,25 @@ class DefinitionErrors(DefinitionError):
         self.problems = problems
 
     def __str__(self) -> str:
-        lines = [problem.text() for problem in self.problems[:SHOWN]]
+        lines = [as_text(problem) for problem in self.problems[:SHOWN]]
         if len(self.problems) > SHOWN:
             lines.append(f"and {len(self.problems) - SHOWN} more problems")
         return "\n".join([*lines, *looked_in(self.problems)])
 
     def __reduce__(self) -> tuple[object, ...]:
         return DefinitionErrors, (self.problems,)
+
+
+def as_text(problem: DefinitionError) -> str:
+    """One problem as people see it, without the places that were looked at."""
+    where = ":".join(str(part) for part in (problem.path, problem.line, problem.column) if part)
+    message = _shortened(problem.message)
+    lines = [f"{where}: {problem.level}: {message}" if where else message]
+    if problem.source_line:
+        lines += [f"    {one}" for one in _pointed_at(problem.source_line, problem.column)]
+    if problem.hint:
+        lines.append(f"  hint: {_shortened(problem.hint)}")
+    return "\n".join(lines)
 
 
 def looked_in(problems: Iterable[DefinitionError]) -> list[str]:

@@ -98,6 +98,9 @@ class _InterfaceFinder(MetaPathFinder):
                 return ModuleSpec(fullname, _ModuleLoader(f"{package}/{kind}/{name}"))
         if module.startswith("_"):
             return None
+        if module in _names(package, kind):
+            where = f"it is a class: from {package}.{kind} import {module}"
+            raise ModuleNotFoundError(f"No module named {fullname!r}; {where}", name=fullname)
         # `from … import` comes here for a name that the folder lacks, and passes this on as it is.
         problem = _no_interface(f"{package}.{kind}", module, _names(package, kind))
         raise ImportError(f"cannot import name {module!r}: {problem}", name=fullname)
@@ -119,6 +122,10 @@ class _Guesser(MetaPathFinder):
     ) -> ModuleSpec | None:
         package, _, rest = fullname.partition(".")
         if rest and _is_ours(package):
+            for kind in KINDS:
+                if rest in _names(package, kind):
+                    where = f"write: from {package}.{kind} import {rest}"
+                    raise ImportError(f"cannot import name {rest!r}; {where}", name=fullname)
             has = ", ".join(kind for kind in KINDS if _names(package, kind))
             self._refuse(fullname, f"the interface package {package} has {has}")
         elif not rest and len(package) > _TOO_SHORT_TO_GUESS:

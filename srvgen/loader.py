@@ -63,7 +63,8 @@ def load(type_name: str) -> Any:
 
     Definitions are looked for as `Search` does, first in the paths of `install_import_hook`. The
     same class comes back until a file that it was made from changes; the import hook gives the
-    same class too. Safe to call from any thread.
+    same class too; afterwards `load` gives a new class, while modules keep the one that they
+    imported. Safe to call from any thread.
 
     Raises:
         DefinitionError: there is no such type, or a definition is not valid.

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
 from .errors import DefinitionError
 from .files import KINDS, meant_path
 from .names import TypeName, did_you_mean, is_message_name, is_one_slip, is_package_name
-from .type_slips import missing_type_hint
+from .type_slips import any_of, missing_type_hint
 
 _NOUNS = {"msg": "message", "srv": "service", "action": "action"}
 
@@ -34,6 +35,24 @@ def no_package(
         f"no package {package!r} within reach",
         hint=_stray(package, roots, wanted) or did_you_mean(package, packages),
     )
+
+
+def name_hint(text: str, packages: Iterable[str], interfaces: Interfaces) -> str:
+    """The full names of what a text that is no full type name may mean, or ""."""
+    known = [one for package in packages for one in interfaces(package)]
+    written = re.sub(r"\.(?:msg|srv|action)$", "", text)
+    parts = [part for part in re.split(r"/|::|\.", written) if part]
+    for resembles in (str.__eq__, is_one_slip):
+        found = [one for one in known if parts and _is_meant(parts, one.split("/"), resembles)]
+        if found:
+            return any_of(found[:3])
+    return ""
+
+
+def _is_meant(parts: list[str], full: list[str], resembles: Callable[[str, str], bool]) -> bool:
+    """Whether the last part resembles the full name's, and those before it stand there too."""
+    is_like = resembles(parts[-1].lower(), full[-1].lower())
+    return is_like and all(part in full for part in parts[:-1])
 
 
 def _meant(name: TypeName, packages: Mapping[str, Sequence[Path]], interfaces: Interfaces) -> str:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from . import limits
 from .closure import problems_of
-from .errors import SHOWN, DefinitionError, DefinitionWarning, looked_in
+from .errors import SHOWN, DefinitionError, DefinitionWarning, as_text, looked_in
 
 
 class Report:
@@ -70,7 +70,7 @@ class Report:
         self._problems.setdefault(key, problem)
 
     def _print(self, problem: DefinitionError) -> None:
-        print(self._json(problem) if self._as_json else problem.text(), file=sys.stderr)
+        print(self._json(problem) if self._as_json else as_text(problem), file=sys.stderr)
 
     def _json(self, problem: DefinitionError) -> str:
         fields = ("message", "path", "line", "column", "hint", "looked_in")

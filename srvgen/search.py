@@ -13,7 +13,7 @@ from .closure import check_ros2_types, closure, full_text, whole_error
 from .errors import DefinitionError
 from .files import KINDS, read_definition, read_text
 from .implied import implied_types
-from .missing import no_package, no_type
+from .missing import name_hint, no_package, no_type
 from .model import Definition, Kind
 from .names import TypeName, is_package_name, split_type_name
 
@@ -179,17 +179,35 @@ class Search:
         Raises:
             DefinitionError: the text is no type name, or means several types.
         """
-        parts = text.split("/")
+        try:
+            parts = text.split("/")
+        except AttributeError:
+            raise TypeError(f"expected a type name (str), got {text!r}") from None
         if len(parts) != 2 or not is_package_name(parts[0]):
-            return split_type_name(text)
+            try:
+                return split_type_name(text)
+            except DefinitionError as error:
+                error.hint = self._name_hint(text)
+                raise
         package, name = parts
         full = [TypeName(package, kind, name) for kind in KINDS]
         found = [one for one in full if self._candidates(one)]
         if len(found) > 1:
             raise DefinitionError(f"{text!r} may mean {' or '.join(map(str, found))}; say which")
         if not found:
-            raise self._unknown(full[0])
+            raise self._unknown_short(full[0], text)
         return found[0]
+
+    def _unknown_short(self, name: TypeName, text: str) -> DefinitionError:
+        error = self._unknown(name)
+        if self.has_package(name.package):
+            error.message = f"package {name.package!r} has no type {name.name!r}"
+            error.hint = self._name_hint(text) or error.hint
+        return error
+
+    def _name_hint(self, text: str) -> str:
+        with self.one_look():
+            return name_hint(text, self.packages(), self.interfaces)
 
     def _roots(self) -> Iterator[Path]:
         for path in self.paths:
@@ -268,13 +286,17 @@ class Search:
 
 
 def _shown(folders: Iterable[Path]) -> tuple[str, ...]:
-    """Folders as people are told of them, each once."""
-    return tuple(
-        dict.fromkeys(
-            "the packages of srvgen" if BUNDLED in (one, one.parent) else str(one)
-            for one in folders
-        )
-    )
+    """Folders as people are told of them, each once; not those that Python itself fills."""
+    import sysconfig  # rarely needed, and slow to load
+
+    installed = (BUNDLED.parent, *(Path(sysconfig.get_path(one)) for one in ("scripts", "purelib")))
+    shown: dict[str, None] = {}
+    for folder in folders:
+        if BUNDLED in (folder, folder.parent):
+            shown["the packages of srvgen"] = None
+        elif not any(folder.is_relative_to(one) for one in installed):
+            shown[str(folder)] = None
+    return tuple(shown)
 
 
 def _workspace(path: Path) -> Iterator[Path]:

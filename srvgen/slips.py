@@ -14,7 +14,7 @@ _BULLET = re.compile("\\s*[-*+\N{BULLET}\N{WHITE BULLET}\N{MIDDLE DOT}]\\s+|\\s*
 _SPACED_BRACKETS = re.compile(r"([A-Za-z]\w*(?:/\w+|<=\d+)?) *\[ *(<=)? *(\d*) *\] +(?=\S)")
 _SPACED_BOUND = re.compile(r"(w?string) *(<) *(=) *(\d+) +(?=\S)")
 _TYPE_SHAPE = re.compile(r"[A-Za-z][\w/]*(?:<=\d+)?(?:\[(?:<=)?\d*\])?")
-_FOREIGN_COMMENT = re.compile(r"\s+//")
+_FOREIGN_COMMENT = re.compile(r"(?<=\s)//")
 _MODIFIERS = ("const", "constexpr", "static", "final", "required", "optional", "public", "private")
 _FRAMES = re.compile(
     r"(?:message|struct|class|service|interface|enum|namespace|module|union|typedef|import|from|"
@@ -71,7 +71,7 @@ def extra_word(code: str) -> Mistake | None:
 
 def several_fields(code: str) -> Mistake | None:
     """The mistake of a line that has more than one field, with `,` or `;` between them."""
-    code = _FOREIGN_COMMENT.split(code)[0]
+    code = _FOREIGN_COMMENT.split(code, maxsplit=1)[0].rstrip()
     first, *others = re.split("[,;]", code.rstrip(";, "))
     type_text, _, name = first.partition(" ")
     parts = [(type_text, name.strip())]

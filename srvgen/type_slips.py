@@ -206,7 +206,7 @@ def size_hint(text: str) -> str:
     if not found:
         return ""
     base, sign, size = found.groups()
-    if not size.isdecimal() or not int(size):
+    if not size.isdecimal() or not size.strip("0"):
         return f"the size is a number above 0; without one an array is of any length: {base}[]"
     return f"an array of at most {size} is written {base}[<={size}]" if "<" in sign else ""
 

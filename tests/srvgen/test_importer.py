@@ -116,6 +116,27 @@ def test_a_misspelt_package_or_folder_says_what_resembles_it(workspace):
         importlib.import_module("lecture_interfaces.src")
 
 
+@pytest.mark.parametrize(
+    ("statement", "right"),
+    [
+        (
+            "from lecture_interfaces import AddTwo",
+            "write: from lecture_interfaces.srv",
+        ),
+        (
+            "import lecture_interfaces.srv.AddTwo",
+            "it is a class: from lecture_interfaces.srv",
+        ),
+    ],
+)
+def test_a_class_that_is_asked_for_in_the_wrong_place_is_shown_in_the_right_one(
+    workspace, statement, right
+):
+    srvgen.install_import_hook(workspace)
+    with pytest.raises(ImportError, match=right):
+        exec(statement)
+
+
 def test_a_search_for_a_package_that_only_resembles_one_finds_nothing_as_ever(workspace):
     srvgen.install_import_hook(workspace)
     for name in ("lecture_interfaces_py", "std_messages", "nav", "lectures"):

@@ -162,7 +162,11 @@ def test_the_note_is_only_information_while_the_local_package_equals_the_bundled
         ("std_msgs/srv/String", "has no service 'String'", "std_msgs/msg/String"),
         ("std_srvs/srv/Trigger_Foo", "has no service 'Trigger_Foo'", "Trigger"),
         ("std_srvs/srv/trigger", "has no service 'trigger'", "did you mean Trigger"),
-        ("Trigger", "expected a type name such as", ""),
+        ("Trigger", "expected a type name such as", "or std_srvs/srv/Trigger?"),
+        ("std_srvs.srv.Trigger", "expected a type name", "did you mean std_srvs/srv/Trigger?"),
+        ("std_srvs/srv/Trigger.srv", "expected a type name", "mean std_srvs/srv/Trigger?"),
+        ("std_srvs/Triger", "has no type 'Triger'", "did you mean std_srvs/srv/Trigger?"),
+        ("nowhere_srvs/Triger", "no package 'nowhere_srvs' within reach", ""),
     ],
 )
 def test_what_is_missing_is_named_with_what_resembles_it(name, message, hint):
@@ -207,6 +211,25 @@ def test_a_service_needs_the_information_of_its_events():
         "service_msgs/msg/ServiceEventInfo",
         "std_srvs/srv/Empty",
     ]
+
+
+def test_an_error_says_where_was_looked_in(workspace):
+    write(workspace, "my_msgs/srv/Fetch", "---")
+    with pytest.raises(DefinitionError) as caught:
+        Search().load("nowhere_msgs/msg/Thing")
+    assert caught.value.looked_in == (str(Path.cwd()), "the packages of srvgen")
+    assert str(caught.value).splitlines() == [
+        "no package 'nowhere_msgs' within reach",
+        f"  looked in: {Path.cwd()}, the packages of srvgen",
+    ]
+    with pytest.raises(DefinitionError) as caught:
+        Search().load("my_msgs/srv/Bring")
+    assert str(caught.value).endswith(f"\n  looked in: {Path.cwd() / 'my_msgs'}")
+
+
+def test_what_is_no_text_is_no_type_name():
+    with pytest.raises(TypeError, match="got 3"):
+        Search().load(3)
 
 
 def test_every_missing_type_is_reported_at_the_field_that_refers_to_it(workspace):
