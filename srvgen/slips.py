@@ -175,7 +175,7 @@ def line_hint(code: str) -> str:
             return hint
     if code.strip("{}();, ") == "":
         return "a definition has no brackets around it; leave this line out"
-    if _TITLE.match(code):
+    if _TITLE.fullmatch(code):
         return "sections have no titles, only a line --- between them; leave this line out"
     if _FRAMES.fullmatch(code) and not is_field_name(code.rpartition(" ")[2]):
         return "only fields and constants stand in a definition; leave this line out"

@@ -60,6 +60,7 @@ def problems_of(text, kind="msg"):
         ("std_msgs/msg/String s", 1, "in a definition the type is written std_msgs/String"),
         ("std_msgs::String s", 1, "did you mean std_msgs/String?"),
         ("x: int32", 1, "the type comes first: int32 x"),
+        ("result: bool", 1, "the type comes first: bool result"),
         ("a int32", 1, "the type comes first: int32 a"),
         ("int32 x=", 7, "a constant is in capitals: int32 X=0; a field's default has no '='"),
         ("int32 count = 3", 7, "a constant is in capitals: int32 COUNT=3; a field's default has"),
