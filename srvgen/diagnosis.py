@@ -38,11 +38,13 @@ def _mistakes(code: str, package: str) -> Iterator[Mistake]:
     type_text, _, rest = code.partition(" ")
     name = rest.lstrip()
     if not type_text:
+        indent = len(code) - len(name)
         yield Mistake(
             "expected the type at the start of the line, got white space",
             hint="only comments may be indented",
-            repair=Repair(0, len(code) - len(code.lstrip()), ""),
+            repair=Repair(0, indent, ""),
         )
+        yield from (one.moved(indent) for one in _mistakes(name, package))
     elif not name or looks_like_separator(code) or line_hint(code):
         yield _lone_word(code, package)
     elif whole := wordy_type(code) or extra_word(code) or several_fields(code):

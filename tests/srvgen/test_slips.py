@@ -114,6 +114,12 @@ def test_one_slip_is_one_error_with_a_hint(line, column, hint):
     assert problem.hint.startswith(hint) if hint else not problem.hint
 
 
+def test_a_line_that_is_indented_too_has_its_other_mistakes_reported_as_well():
+    indented, typed = problems_of("    int a\n")
+    assert (indented.column, indented.hint) == (1, "only comments may be indented")
+    assert (typed.column, typed.hint) == (5, "did you mean int32?")
+
+
 @pytest.mark.parametrize("line", ["----", "-- -", "___", "===", "\u2014", " --- "])
 def test_what_was_meant_as_the_separator_of_a_service_is_one_error(line):
     (problem,) = problems_of(f"int32 a\n{line}\nint32 b\n", "srv")
