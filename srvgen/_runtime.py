@@ -342,8 +342,8 @@ def check_length(values: Sized, path: str, least: int, most: int | None) -> None
     """Refuse fewer than `least` or more than `most` elements."""
     count = len(values)
     if count < least or (most is not None and count > most):
-        bound = least if least == most else f"at most {most}"
-        raise FieldError(path, f"expected {bound} elements, got {count}")
+        bound, plural = least if least == most else f"at most {most}", "" if most == 1 else "s"
+        raise FieldError(path, f"expected {bound} element{plural}, got {count}")
 
 
 def to_list(values: Any, path: str, least: int = 0, most: int | None = None) -> list[Any]:

@@ -146,7 +146,8 @@ def _check_count(count: int, field_type: FieldType) -> None:
     if size is None or count == size or (field_type.is_upper_bound and count < size):
         return
     limit = "at most" if field_type.is_upper_bound else "exactly"
-    raise Mistake(f"expected {limit} {size} elements for {field_type}, got {count}")
+    plural = "" if size == 1 else "s"
+    raise Mistake(f"expected {limit} {size} element{plural} for {field_type}, got {count}")
 
 
 def _elements(text: str, field_type: FieldType) -> list[tuple[int, str]]:

@@ -54,7 +54,7 @@ def parse_srv(text: str, package: str, name: str, *, path: str = "") -> ServiceD
         DefinitionError: as `parse_msg`.
     """
     file = _File(text, package, path)
-    file.check_names(name, "srv", "_Request")
+    file.check_names(name, "srv", "_Request", "_Response")
     request, response = file.split("srv", "service", ("request", "response"))
     service = ServiceDef(
         package,
@@ -73,7 +73,7 @@ def parse_action(text: str, package: str, name: str, *, path: str = "") -> Actio
         DefinitionError: as `parse_msg`.
     """
     file = _File(text, package, path)
-    file.check_names(name, "action", "_Goal")
+    file.check_names(name, "action", "_Goal", "_Result", "_Feedback")
     goal, result, feedback = file.split("action", "action", ("goal", "result", "feedback"))
     action = ActionDef(
         package,
@@ -154,7 +154,7 @@ class _File:
         error.readable = readable
         raise error
 
-    def check_names(self, name: str, kind: Kind, suffix: str = "") -> None:
+    def check_names(self, name: str, kind: Kind, *suffixes: str) -> None:
         """Note what is wrong with the package's name and with the type's (from the file's)."""
         if not is_package_name(self.package):
             meant = snake_case(self.package)
@@ -162,7 +162,7 @@ class _File:
                 f"expected a package name ({LOWER_RULE}), got {self.package!r}",
                 hint=f"rename the package to {meant}" if is_package_name(meant) else "",
             )
-        if not is_message_name(name + suffix):
+        if not all(is_message_name(name + suffix) for suffix in suffixes or ("",)):
             meant = camel_case(name.removesuffix(".srv").removesuffix(".msg"))
             self.problem(
                 f"expected a type name ({MESSAGE_RULE}) as the file's name, got {name!r}",

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import unicodedata
 from collections.abc import Collection, Iterable, Iterator
 from graphlib import CycleError, TopologicalSorter
@@ -14,6 +15,7 @@ from .model import Constant, Definition, Field, sections
 from .slips import CURLY
 
 _STRINGS = ("string", "wstring")
+_FLOAT32_MAX = 3.4028234663852886e38
 _STRANGE = CURLY + "\N{NO-BREAK SPACE}\N{ZERO WIDTH SPACE}"
 
 
@@ -103,7 +105,10 @@ def package_cycle(definitions: Iterable[Definition]) -> list[str]:
 
 def _doubts(one: Field | Constant, line: str) -> Iterator[tuple[int, str, str]]:
     """Offset, sentence and hint for each doubt about one line."""
-    if (one.type if isinstance(one, Constant) else one.type.base) not in _STRINGS:
+    base = one.type if isinstance(one, Constant) else one.type.base
+    if base == "float32":
+        yield from _overflows(one)
+    if base not in _STRINGS:
         return
     code, mark, comment = line.partition("#")
     start = one.column - 1 + len(one.name)
@@ -124,6 +129,15 @@ def _doubts(one: Field | Constant, line: str) -> Iterator[tuple[int, str, str]]:
     at = code.find("//", start)
     if at > 0 and code[at - 1].isspace() and not value.startswith(("'", '"', "[")):
         yield at, "expected a comment to begin with '#', got '//' as a part of the value", ""
+
+
+def _overflows(one: Field | Constant) -> Iterator[tuple[int, str, str]]:
+    """ROS takes such a value; but no message that holds it can be sent."""
+    value = one.value if isinstance(one, Constant) else one.default
+    for number in value if isinstance(value, (list, tuple)) else (value,):
+        if isinstance(number, float) and _FLOAT32_MAX < abs(number) < math.inf:
+            problem = f"expected a float32 up to {_FLOAT32_MAX:.7g}, got {number:g}"
+            yield one.column - 1, problem, "float64 has room for it"
 
 
 def _warning(

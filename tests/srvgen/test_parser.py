@@ -205,3 +205,19 @@ def test_lines_beyond_the_last_problem_that_is_reported_are_not_explained(monkey
     with pytest.raises(DefinitionErrors) as caught:
         parse_srv("bad\n" * limits.PROBLEMS + "---\n" + "bad\n" * 5_000, "demo_msgs", "Ask")
     assert len(explained) == len(caught.value.problems) == limits.PROBLEMS
+
+
+@pytest.mark.parametrize(
+    ("parse", "name"),
+    [
+        (parse_srv, "Foo_Request"),
+        (parse_srv, "Foo_Response"),
+        (parse_action, "Foo_Goal"),
+        (parse_action, "Foo_Result"),
+        (parse_action, "Foo_Feedback"),
+    ],
+)
+def test_a_name_that_an_implied_type_would_double_is_refused(parse, name):
+    text = "---\n" if parse is parse_srv else "---\n---\n"
+    with pytest.raises(DefinitionError, match="expected a type name"):
+        parse(text, "pkg", name)

@@ -145,3 +145,18 @@ def test_packages_that_need_each_other_are_an_error_though_their_types_do_not(ch
     code, _, err = check("a_msgs", "b_msgs")
     assert code == 1
     assert err == "expected packages that can be ordered, got a_msgs → b_msgs → a_msgs\n"
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["float32 a 1e39", "float32 A=-1e39", "float32[] a [1.0, 1e39]", "float32[2] a [0, 1e39]"],
+)
+def test_a_number_that_no_float32_holds_is_told(check, line):
+    assert "expected a float32 up to 3.402823e+38" in "".join(warned(check, line))
+
+
+@pytest.mark.parametrize(
+    "line", ["float32 a 3.4028234663852886e38", "float32 a inf", "float64 a 1e39"]
+)
+def test_a_number_that_its_type_holds_is_not_told(check, line):
+    assert warned(check, line) == []
