@@ -5,33 +5,23 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextvars import ContextVar
 
+import msgspec
 
-class CallInfo:
-    """One call, as its callback sees it.
 
-    Attributes:
-        service: the service's absolute name. caller: the calling node's or program's name.
-        number: counts the calls of this server; it stands in the log beside a failure.
-        deadline: instant on the event loop's clock, or None.
-        cancelled: True once the caller gave up; plain and threaded callbacks may look now and then.
-    """
+class CallInfo(msgspec.Struct, eq=False):
+    """One call, as its callback sees it."""
 
-    __slots__ = ("_clock", "caller", "cancelled", "deadline", "number", "service")
-
-    def __init__(
-        self,
-        service: str,
-        caller: str,
-        number: int,
-        deadline: float | None,
-        clock: Callable[[], float],
-    ) -> None:
-        self.service = service
-        self.caller = caller
-        self.number = number
-        self.deadline = deadline
-        self.cancelled = False
-        self._clock = clock
+    service: str
+    """The service's absolute name."""
+    caller: str
+    """The calling node's or program's name."""
+    number: int
+    """Counts the calls of this server; it stands in the log beside a failure."""
+    deadline: float | None
+    """Instant on the event loop's clock, or None."""
+    _clock: Callable[[], float]
+    cancelled: bool
+    """True once the caller gave up; plain and threaded callbacks may look now and then."""
 
     def time_left(self) -> float | None:
         """Seconds until the caller stops waiting (never below 0.0), None without a deadline."""

@@ -5,11 +5,8 @@ from __future__ import annotations
 import asyncio
 import math
 import random
-import sys
-import warnings
-from collections.abc import Coroutine, Generator
-from types import CodeType, TracebackType
-from typing import Any
+from enum import Enum
+from typing import Any, Final
 
 from taskrpc.errors import (
     Code,
@@ -24,18 +21,21 @@ from taskrpc.errors import (
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Mode, Transport
 from taskrpc.transport.codec import ServiceType
+from taskrpc.transport.timers import clock_of
 
 DEFAULT_TIMEOUT = 10.0
 
 
-class Unset:
+class Unset(Enum):
     """Says that an argument was not given, where None means something."""
+
+    UNSET = "UNSET"
 
     def __repr__(self) -> str:
         return "UNSET"
 
 
-UNSET = Unset()
+UNSET: Final = Unset.UNSET
 
 
 class Client:
@@ -56,10 +56,11 @@ class Client:
     ) -> None:
         self.srv_type = srv_type
         self.service_name = name
-        self._timeout = timeout
+        self._timeout = _checked(timeout)
         self._retry = retry
         self._budget = RetryBudget()
         self._loop = asyncio.get_running_loop()
+        self._now = clock_of(self._loop)
         self._channel = transport.channel(name, srv_type, node)
 
     def service_is_ready(self) -> bool:
@@ -71,16 +72,16 @@ class Client:
         deadline = None if timeout is None else self._loop.time() + timeout
         return await self._channel.wait(deadline)
 
-    def call(
+    async def call(
         self,
         request: Any,
         timeout: float | Unset | None = UNSET,
         retry: RetryPolicy | Unset | None = UNSET,
-    ) -> Call:
+    ) -> Any:
         """Call the service; `await` yields the response.
 
         `timeout` is in seconds and covers everything: finding the service, waiting, retries.
-        Nothing is sent before the call is awaited; one that never is is reported.
+        Nothing is sent before the call is awaited.
 
         Raises:
             ServiceUnavailable: nobody offers the service (with `retry`: until the deadline).
@@ -88,7 +89,16 @@ class Client:
             InvalidRequest: a value does not fit its field.
             TypeMismatch, ServerBusy, HandlerFailed, OutcomeUnknown, …: see `taskrpc.errors`.
         """
-        return Call(self, request, timeout, retry)
+        deadline = self._deadline(timeout)
+        policy = self._retry if retry is UNSET else retry
+        if policy is not None or not self._channel.ready:
+            return await self._persist(request, deadline, policy)
+        call = self._channel.send(request, deadline)
+        try:  # as in `_once`: one more coroutine would cost a tenth of the call
+            return await call.future
+        except asyncio.CancelledError:
+            call.give_up()
+            raise
 
     def call_async(
         self,
@@ -101,36 +111,21 @@ class Client:
         Cancelling the future cancels the call.
         """
         deadline = self._deadline(timeout)
-        policy = self._policy(retry)
-        if policy is None and self._channel.ready and not self._is_over(deadline):
-            return self._sent(request, deadline)
-        return self._loop.create_task(self._persist(request, deadline, policy))
-
-    def destroy(self) -> None:
-        """Forget the service; calls in flight still get their answers."""
-        self._channel.close()
-
-    def start(
-        self,
-        request: Any,
-        timeout: float | Unset | None,
-        retry: RetryPolicy | Unset | None,
-    ) -> Generator[Any, None, Any]:
-        """What `await call(...)` runs."""
-        deadline = self._deadline(timeout)
-        policy = self._policy(retry)
-        if policy is None and self._channel.ready and not self._is_over(deadline):
-            # Straight to the future: a coroutine in between would cost a tenth of the call.
-            return self._channel.send(request, deadline).__await__()
-        return self._persist(request, deadline, policy).__await__()
-
-    def _sent(self, request: Any, deadline: float | None) -> asyncio.Future[Any]:
+        policy = self._retry if retry is UNSET else retry
+        if policy is not None or not self._channel.ready:
+            return self._loop.create_task(self._persist(request, deadline, policy))
         try:
-            return self._channel.send(request, deadline)
+            call = self._channel.send(request, deadline)
         except InvalidRequest as error:
             failed = self._loop.create_future()
             failed.set_exception(error)
             return failed
+        call.future.add_done_callback(call.give_up)
+        return call.future
+
+    def destroy(self) -> None:
+        """Forget the service; calls in flight still get their answers."""
+        self._channel.close()
 
     async def _persist(
         self, request: Any, deadline: float | None, policy: RetryPolicy | None
@@ -141,7 +136,7 @@ class Client:
             attempt += 1
             try:
                 await self._find(deadline, policy)
-                response = await self._channel.send(request, deadline)
+                response = await self._once(request, deadline)
             except TaskRpcError as error:
                 wait = self._wait_before_retry(error, attempt, deadline, policy)
                 if wait is None:
@@ -150,6 +145,14 @@ class Client:
             else:
                 self._budget.earn()
                 return response
+
+    async def _once(self, request: Any, deadline: float | None) -> Any:
+        call = self._channel.send(request, deadline)
+        try:
+            return await call.future
+        except asyncio.CancelledError:
+            call.give_up()
+            raise
 
     async def _find(self, deadline: float | None, policy: RetryPolicy | None) -> None:
         if self._is_over(deadline):
@@ -185,78 +188,16 @@ class Client:
         return isinstance(error, ServiceUnavailable)
 
     def _deadline(self, timeout: float | Unset | None) -> float | None:
-        span = self._timeout if isinstance(timeout, Unset) else timeout
-        return None if span is None else self._loop.time() + _checked(span)
-
-    def _policy(self, retry: RetryPolicy | Unset | None) -> RetryPolicy | None:
-        return self._retry if isinstance(retry, Unset) else retry
+        span = self._timeout if timeout is UNSET else _checked(timeout)
+        return None if span is None else self._now() + span
 
     def _is_over(self, deadline: float | None) -> bool:
         return deadline is not None and deadline <= self._loop.time()
 
 
-class Call(Coroutine[Any, Any, Any]):
-    """A call that runs when it is awaited; it can stand wherever a coroutine can."""
-
-    __slots__ = ("_awaited", "_client", "_code", "_generator", "_options", "_position", "_request")
-
-    def __init__(
-        self,
-        client: Client,
-        request: Any,
-        timeout: float | Unset | None,
-        retry: RetryPolicy | Unset | None,
-    ) -> None:
-        self._client = client
-        self._request = request
-        self._options = timeout, retry
-        self._awaited = False
-        self._generator: Generator[Any, Any, Any] | None = None
-        frame = sys._getframe(2)
-        self._code, self._position = frame.f_code, frame.f_lasti
-
-    def __await__(self) -> Generator[Any, None, Any]:
-        if self._awaited:
-            raise RuntimeError("a call can be awaited only once; make a new one")
-        self._awaited = True
-        return self._client.start(self._request, *self._options)
-
-    def __getattr__(self, name: str) -> Any:
-        raise AttributeError(f"a call has no {name!r}; `await` it first, its response may have one")
-
-    def send(self, value: Any) -> Any:
-        """Step the call, as the event loop does with coroutines."""
-        return self._steps().send(value)
-
-    def throw(
-        self,
-        typ: Any,
-        val: Any = None,
-        tb: TracebackType | None = None,
-    ) -> Any:
-        """Raise an error inside the call, as the event loop does to cancel."""
-        self._awaited = True
-        return self._steps().throw(typ if val is None else val)
-
-    def close(self) -> None:
-        """Drop the call."""
-        self._awaited = True
-        if self._generator is not None:
-            self._generator.close()
-
-    def _steps(self) -> Generator[Any, Any, Any]:
-        if self._generator is None:
-            self._generator = _generator(self)
-        return self._generator
-
-    def __del__(self) -> None:
-        if not self._awaited:
-            where = f"{self._code.co_filename}:{_line(self._code, self._position)}"
-            message = f"a call of {self._client.service_name} was never awaited, made at {where}"
-            warnings.warn(message, RuntimeWarning, stacklevel=2, source=self)
-
-
-def _checked(timeout: float) -> float:
+def _checked(timeout: float | None) -> float | None:
+    if timeout is None:
+        return None
     try:
         finite = math.isfinite(timeout)
     except TypeError:
@@ -264,18 +205,6 @@ def _checked(timeout: float) -> float:
     if not finite:
         raise ValueError(f"timeout: expected seconds, or None for no deadline, got {timeout!r}")
     return timeout
-
-
-def _generator(call: Call) -> Generator[Any, Any, Any]:
-    return (yield from call.__await__())
-
-
-def _line(code: CodeType, position: int) -> int:
-    # Found only when it must be told: asking the frame at each call would cost more than the call.
-    for start, end, line in code.co_lines():
-        if start <= position < end and line is not None:
-            return line
-    return code.co_firstlineno
 
 
 def _asks_for_retry(error: TaskRpcError) -> bool:

@@ -1,83 +1,46 @@
-"""One coarse timer wheel for all deadlines: never early, at most one tick late, O(1) to forget."""
+"""When to look for calls whose deadline has passed: never early, at most one tick late.
+
+A timer a call costs a third of the call, an entry in a timer wheel a twentieth. Here a new call
+compares two numbers, and an answered one does nothing: who holds the open calls looks through
+them when the earliest deadline that was ever told is due.
+"""
 
 from __future__ import annotations
 
-import heapq
 import math
-from typing import Generic, TypeVar
-
-Item = TypeVar("Item")
 
 TICK = 0.005
-"""Seconds between two turns of the wheel."""
+"""Seconds by which a call may learn late that its time is over."""
 
 _RESOLUTION = 1e-9  # an event loop's clock may stand so far before the instant that it woke for
-_EMPTY_KEPT = 1024
+_COST = 1e-6
+"""Seconds of rest for each call that was looked through: thousands of them must not fill a tick."""
 
 
-class DeadlineWheel(Generic[Item]):
-    """Items by the tick in which they expire; the caller brings the clock.
+class Lookout:
+    """Says when to look again; the caller brings the clock, the timer and the calls."""
 
-    A timer a call costs a third of the call; a dictionary entry costs next to nothing, and a
-    forgotten one keeps nothing alive.
-    """
+    __slots__ = ("at", "threshold")
 
-    def __init__(self, tick: float = TICK) -> None:
-        self._tick = tick
-        self._slots: dict[int, dict[Item, None]] = {}
-        self._order: list[int] = []
-        self._empty = 0
+    def __init__(self) -> None:
+        self.at = math.inf
+        """The instant of the next look; none is planned while it is infinite."""
+        self.threshold = math.inf
+        """Deadlines below must be told; those from here on are looked at in time anyway."""
 
-    def __len__(self) -> int:
-        return sum(map(len, self._slots.values()))
+    def expect(self, deadline: float) -> None:
+        """Plan a look at a deadline."""
+        self.at = deadline
+        self.threshold = deadline - TICK
 
-    def add(self, deadline: float, item: Item) -> int:
-        """Remember an item until `deadline` (a finite instant of the caller's clock, in seconds).
-
-        Returns the slot, which `discard` wants back.
-        """
-        slot = math.ceil(deadline / self._tick)
-        items = self._slots.get(slot)
-        if items is None:
-            self._slots[slot] = {item: None}
-            heapq.heappush(self._order, slot)
+    def looked(self, now: float, earliest: float, calls: int) -> None:
+        """After a look at so many calls; `earliest` is the first deadline of what is left."""
+        if earliest == math.inf:
+            self.at = self.threshold = math.inf
         else:
-            if not items:
-                self._empty -= 1
-            items[item] = None
-        return slot
+            self.expect(max(earliest, now + max(TICK, calls * _COST)))
 
-    def discard(self, slot: int, item: Item) -> None:
-        """Forget an item before its deadline; unknown items are no error."""
-        items = self._slots.get(slot)
-        if not items or item not in items:
-            return
-        del items[item]
-        if not items:
-            # Kept for the next call of the same tick, but not without end.
-            self._empty += 1
-            if self._empty > _EMPTY_KEPT and 2 * self._empty > len(self._slots):
-                self._drop_empty()
 
-    def next_due(self) -> float | None:
-        """The instant at which `expire` has something to do, or None."""
-        while self._order and not self._slots[self._order[0]]:
-            self._take_first()
-        return self._order[0] * self._tick if self._order else None
-
-    def expire(self, now: float) -> list[Item]:
-        """Take out every item whose deadline has passed, the earliest tick first."""
-        expired: list[Item] = []
-        while self._order and self._order[0] * self._tick <= now + _RESOLUTION:
-            expired += self._take_first()
-        return expired
-
-    def _take_first(self) -> dict[Item, None]:
-        items = self._slots.pop(heapq.heappop(self._order))
-        self._empty -= not items
-        return items
-
-    def _drop_empty(self) -> None:
-        self._slots = {slot: items for slot, items in self._slots.items() if items}
-        self._order = sorted(self._slots)
-        self._empty = 0
+def is_over(deadline: float, now: float) -> bool:
+    """Whether a deadline has passed."""
+    return deadline <= now + _RESOLUTION

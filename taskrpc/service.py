@@ -7,10 +7,9 @@ import contextvars
 import inspect
 import logging
 from collections import deque
-from collections.abc import Awaitable, Callable, Coroutine, Generator
+from collections.abc import Awaitable, Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from types import TracebackType
 from typing import Any, TypeAlias
 
 from taskrpc.callinfo import answering
@@ -22,9 +21,11 @@ from taskrpc.errors import (
     ServerBusy,
     ServiceUnavailable,
 )
+from taskrpc.stepping import Stepper
 from taskrpc.transport.base import IncomingCall, Mode, Offer, Transport
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.serving import answer_unexpected
+from taskrpc.transport.timers import clock_of
 
 log = logging.getLogger("taskrpc.server")
 
@@ -65,6 +66,9 @@ class Service:
         self._waiting: deque[IncomingCall] = deque()
         self._jobs: dict[asyncio.Future[Any], IncomingCall] = {}
         self._loop = asyncio.get_running_loop()
+        self._now = clock_of(self._loop)
+        self._stepper = Stepper(self._loop, self._held_loop)
+        self._response = srv_type.Response
         self._destroyed = False
         self.finished: asyncio.Future[None] = self._loop.create_future()
         """Done once the service is destroyed and has answered its last call."""
@@ -98,8 +102,7 @@ class Service:
         if self._destroyed:
             call.fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))
         elif self._running < self._concurrency and not self._waiting:
-            if not _is_over(call):
-                self._start(call)
+            self._start(call)
         elif len(self._waiting) < QUEUE_LIMIT:
             call.on_cancel = partial(self._leave_queue, call)
             self._waiting.append(call)
@@ -107,37 +110,53 @@ class Service:
             message = f"{self.service_name} has {QUEUE_LIMIT} calls waiting"
             call.fail(ServerBusy(message, retry_after=RETRY_AFTER))
 
-    def _start(self, call: IncomingCall) -> None:
+    def _start(self, call: IncomingCall) -> bool:
+        """Run a call; False where its deadline passed before it could begin."""
+        began = self._now()
+        if call.deadline is not None and call.deadline <= began:
+            problem = "the deadline passed before the call began"
+            call.fail(DeadlineExceeded(problem, not_executed=True))
+            return False
         call.started = True
         call.on_cancel = None
         self._running += 1
         if self._threads is not None:
-            self._run_in_thread(self._threads, call, self.srv_type.Response())
-            return
+            self._run_in_thread(self._threads, call, self._response())
+            return True
         token = answering.set(call)
-        began = self._loop.time()
         try:
-            result = self._callback(call.request, self.srv_type.Response())
-            if hasattr(result, "__await__"):
-                self._run_in_task(call, result)
-                return
+            result = self._callback(call.request, self._response())
+            if result.__class__ is not self._response and hasattr(result, "__await__"):
+                if self._run_async(call, result):
+                    return True
+            else:
+                self._returned(call, result)
         except BaseException as error:
             self._raised(call, error)
             if isinstance(error, SystemExit | KeyboardInterrupt):
                 raise
-        else:
-            self._returned(call, result)
         finally:
             answering.reset(token)
-            self._held_loop(self._loop.time() - began)
-        self._finished()
+            if (held := self._now() - began) > HOLDS_LOOP_AFTER:
+                self._held_loop(held)
+        self._running -= 1
+        if self._waiting or self._destroyed:
+            self._finished()
+        return True
 
-    def _run_in_task(self, call: IncomingCall, result: Awaitable[Any]) -> None:
-        if inspect.iscoroutine(result):
-            result = _Timed(result, self._loop, self._held_loop)
-        task = asyncio.ensure_future(result, loop=self._loop)
-        call.on_cancel = task.cancel
-        self._await(task, call)
+    def _run_async(self, call: IncomingCall, result: Awaitable[Any]) -> bool:
+        """Run an awaitable; returns whether a task carries it on."""
+        if not inspect.iscoroutine(result):
+            job = asyncio.ensure_future(result, loop=self._loop)
+        else:
+            try:
+                job = self._stepper.step(partial(answering.set, call), result)
+            except StopIteration as done:
+                self._returned(call, done.value)
+                return False
+        call.on_cancel = job.cancel
+        self._await(job, call)
+        return True
 
     def _run_in_thread(
         self, threads: ThreadPoolExecutor, call: IncomingCall, response: Any
@@ -163,18 +182,19 @@ class Service:
             self._raised(call, error)
         else:
             self._returned(call, done.result())
+        self._running -= 1
         self._finished()
 
     def _returned(self, call: IncomingCall, response: Any) -> None:
-        if response is None:
-            name = getattr(self._callback, "__qualname__", "the callback")
-            problem = f"{name} returned None; a service callback must `return response`"
-            answer_unexpected(call, TypeError(problem))
-            return
         try:
             call.reply(response)
         except Exception as error:
-            answer_unexpected(call, ValueError(f"the response cannot be sent: {error}"))
+            problem: Exception = ValueError(f"the response cannot be sent: {error}")
+            if response is None:
+                name = getattr(self._callback, "__qualname__", "the callback")
+                text = f"{name} returned None; a service callback must `return response`"
+                problem = TypeError(text)
+            answer_unexpected(call, problem)
 
     def _raised(self, call: IncomingCall, error: BaseException) -> None:
         if isinstance(error, HandlerError):
@@ -183,7 +203,6 @@ class Service:
             answer_unexpected(call, error)
 
     def _finished(self) -> None:
-        self._running -= 1
         if self._waiting:
             # Not from here: a chain of short calls would grow the stack and starve the loop.
             self._loop.call_soon(self._start_waiting)
@@ -192,9 +211,7 @@ class Service:
 
     def _start_waiting(self) -> None:
         while self._waiting and self._running < self._concurrency:
-            call = self._waiting.popleft()
-            if not _is_over(call):
-                self._start(call)
+            if self._start(self._waiting.popleft()):
                 return
         self._finish_if_idle()
 
@@ -204,6 +221,7 @@ class Service:
 
     def _finish_if_idle(self) -> None:
         if self._destroyed and not self._running and not self._waiting:
+            self._stepper.close()
             if not self.finished.done():
                 self.finished.set_result(None)
             if self._threads is not None:
@@ -218,46 +236,6 @@ class Service:
                 self.service_name,
                 seconds,
             )
-
-
-class _Timed(Coroutine[Any, Any, Any]):
-    """A callback's coroutine that tells how long each of its steps held the loop."""
-
-    __slots__ = ("_coroutine", "_held", "_now")
-
-    def __init__(
-        self,
-        coroutine: Coroutine[Any, Any, Any],
-        loop: asyncio.AbstractEventLoop,
-        held: Callable[[float], None],
-    ) -> None:
-        self._coroutine = coroutine
-        self._now = loop.time
-        self._held = held
-
-    def __await__(self) -> Generator[Any, Any, Any]:
-        return self._coroutine.__await__()
-
-    def send(self, value: Any) -> Any:
-        began = self._now()
-        try:
-            return self._coroutine.send(value)
-        finally:
-            self._held(self._now() - began)
-
-    def throw(self, typ: Any, val: Any = None, tb: TracebackType | None = None) -> Any:
-        return self._coroutine.throw(typ if val is None else val)
-
-    def close(self) -> None:
-        self._coroutine.close()
-
-
-def _is_over(call: IncomingCall) -> bool:
-    """Refuse a call whose deadline passed before it began; the wheel may be a tick behind."""
-    if call.time_left() != 0.0:
-        return False
-    call.fail(DeadlineExceeded("the deadline passed before the call began", not_executed=True))
-    return True
 
 
 def _threads(name: str, concurrency: int) -> ThreadPoolExecutor:

@@ -60,7 +60,7 @@ class Remote:
         try:
             deadline = endpoint.loop.time() + PATIENCE
             connection = await endpoint.dialler.connection(network.peers()[0], deadline)
-            found: Listing = await connection.resolve(Resolve(""), deadline)
+            found: Listing = await connection.resolve(Resolve(""), deadline).future
             return found
         except AuthenticationFailed as error:
             hint = f"give the secret of {place} with --token-file or TASKRPC_TOKEN"

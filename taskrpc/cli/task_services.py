@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import AsyncGenerator, Callable
 from typing import Any, NamedTuple
 
@@ -39,6 +40,8 @@ _TYPES = {
     "/stop": "taskrpc_interfaces/srv/StopRobot",
 }
 _WATCH_SECONDS = 20.0  # how long the server may keep a watcher waiting; it hears of an end at once
+_ENDING = 0.5
+"""Seconds in which a server that said it ends may still answer: not asked again before."""
 
 
 class TaskRefused(TaskRpcError):
@@ -168,6 +171,7 @@ class TaskServices:
 
     async def _wait_for_return(self, persist: bool) -> None:
         self._note("the task server is gone; waiting for it to come back...")
+        await asyncio.sleep(_ENDING)
         patience = None if persist else self._timeout
         if not await self._client("/watch").wait_for_service(patience):
             gone = f"{self.service} did not come back within {patience:g} s"

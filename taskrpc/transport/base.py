@@ -26,10 +26,8 @@ class Mode(IntEnum):
     EXACTLY_ONCE = 2
 
 
-class IncomingCall(CallInfo):
+class IncomingCall(CallInfo, eq=False):
     """A call that arrived: `request`, and exactly one of `reply` and `fail` to end it."""
-
-    __slots__ = ("on_cancel", "request", "started")
 
     request: Any
     on_cancel: Callable[[], object] | None
@@ -71,6 +69,17 @@ class Offer:
     """Whether other processes may offer the same name."""
 
 
+class SentCall(Protocol):
+    """A call that was sent over a channel."""
+
+    future: asyncio.Future[Any]
+    """Yields the response, or an error. Its class is asyncio's own, which awaits fastest; whoever
+    cancels it must say so to `give_up`."""
+
+    def give_up(self, future: asyncio.Future[Any] | None = None) -> None:
+        """Tell the server that nobody waits, if the future was cancelled."""
+
+
 class Channel(Protocol):
     """A client's way to one service, kept open over reconnects."""
 
@@ -96,11 +105,11 @@ class Channel(Protocol):
     async def wait(self, deadline: float | None) -> bool:
         """Wait until the service is there; False at the deadline or once closed."""
 
-    def send(self, request: Any, deadline: float | None) -> asyncio.Future[Any]:
-        """Send a request over a ready channel; the future yields the response or an error.
+    def send(self, request: Any, deadline: float | None) -> SentCall:
+        """Send a request over a ready channel.
 
         A call that the server certainly did not begin, since it ends or withdrew the service, moves
-        to another server unseen. Cancelling the future cancels the call.
+        to another server unseen.
 
         Raises InvalidRequest for a request that cannot be sent.
         """

@@ -16,7 +16,7 @@ from taskrpc.errors import (
 )
 from taskrpc.retry import reconnect_delay
 from taskrpc.transport.base import Mode
-from taskrpc.transport.calling import CallFuture, CallingConnection
+from taskrpc.transport.calling import CallingConnection, OpenCall
 from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.transport.dialling import Dialler
 from taskrpc.transport.network import Address, Network
@@ -48,8 +48,8 @@ class RemoteChannel:
         self.mode = Mode.AT_MOST_ONCE
         self._endpoint = endpoint
         self._named = named
-        self._request = codec_of(srv_type.Request)
-        self._response = codec_of(srv_type.Response)
+        self._encode = codec_of(srv_type.Request).encode
+        self._decode = codec_of(srv_type.Response).decode
         self._connection: CallingConnection | None = None
         self._method = 0
         self._epoch = 0
@@ -63,7 +63,7 @@ class RemoteChannel:
     def ready(self) -> bool:
         """Whether `send` can be used now."""
         connection = self._connection
-        return connection is not None and connection.epoch == self._epoch and connection.is_usable
+        return connection is not None and connection.epoch == self._epoch
 
     @property
     def offered(self) -> bool:
@@ -72,12 +72,16 @@ class RemoteChannel:
             return not self._closed
         return any(each.surely_offers for each in self._locate())
 
-    def send(self, request: Any, deadline: float | None) -> CallFuture:
+    def send(self, request: Any, deadline: float | None) -> OpenCall:
         """Send a request."""
         connection = self._connection
         assert connection is not None, "send() needs a ready channel"
-        body = self._request.encode(request)
-        return connection.call(self._method, body, self._response.decode, deadline, self._move)
+        body = self._encode(request)
+        future: asyncio.Future[Any] = asyncio.Future(loop=self._endpoint.loop)
+        decode, move = self._decode, self._move
+        call = OpenCall(future, connection, decode, deadline, self._method, body, move)
+        connection.begin(call)
+        return call
 
     async def connect(self, deadline: float | None) -> None:
         """Find the service and reach it."""
@@ -162,22 +166,25 @@ class RemoteChannel:
         epoch = connection.epoch
         named = self._named
         question = Resolve(named.name, named.type_hash, named.node)
-        resolved = await connection.resolve(question, endpoint.loop.time() + RESOLVE_TIMEOUT)
+        asked = connection.resolve(question, endpoint.loop.time() + RESOLVE_TIMEOUT)
+        resolved = await asked.future
         self._connection, self._method, self._epoch = connection, resolved.method, epoch
         known = resolved.mode in tuple(Mode)
         self.mode = Mode(resolved.mode) if known else Mode.AT_MOST_ONCE
 
-    def _move(self, call: CallFuture) -> None:
+    def _move(self, call: OpenCall) -> None:
         """Send a refused call to whoever offers the service now."""
         task = self._endpoint.loop.create_task(self._moved(call))
         self._moves.add(task)  # the loop itself would let it vanish
         task.add_done_callback(self._moves.discard)
 
-    async def _moved(self, call: CallFuture) -> None:
+    async def _moved(self, call: OpenCall) -> None:
         try:
             await self.connect(call.deadline)
             assert self._connection is not None
-            self._connection.take(call, self._method)
+            if not call.future.done():
+                call.connection, call.method = self._connection, self._method
+                self._connection.begin(call)
         except TaskRpcError as error:
             call.failed(error)
 

@@ -6,7 +6,7 @@ import re
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any, Protocol, TypeVar
+from typing import Any, Protocol
 
 import msgspec
 
@@ -48,55 +48,62 @@ _PROBLEM = re.compile(r"^(.*?)(?: - at `\$(.*)`)?$", re.DOTALL)
 _HARMLESS = 2**24
 """Bytes of memory that a body may make msgspec fill with defaults."""
 
-Message = TypeVar("Message")
-
 
 class Codec:
-    """Encodes and decodes one message class; make one for each class and keep it."""
+    """Encodes and decodes one message class; make one for each class and keep it.
 
-    __slots__ = ("_cls", "_decode", "_harmless", "_header", "_long_header", "_shape")
+    `encode(message)` gives the body; it raises InvalidRequest for another type or a value out of
+    place. `decode(body)` gives the message; it raises InvalidRequest for a body of another class.
+    """
+
+    __slots__ = ("_cls", "_shape", "decode", "encode")
 
     def __init__(self, cls: type[MessageType]) -> None:
         self._cls = cls
-        self._decode = msgspec.msgpack.Decoder(cls).decode
-        width = cls._WIDTH
+        self._shape: Callable[[bytes], Any] | None = None
+        # Functions that find what they need in their own cells: every call goes through them.
+        self.encode: Callable[[Any], bytes] = self._encoder(cls)
+        self.decode: Callable[[bytes], Any] = self._decoder(cls)
+
+    def _encoder(self, cls: type[MessageType]) -> Callable[[Any], bytes]:
+        def encode(message: Any) -> bytes:
+            if message.__class__ is not cls:
+                raise InvalidRequest("", f"expected a {cls._TYPE}, got {_type_of(message)}")
+            try:
+                message._check()
+                return _encode(message)
+            except ValueError as error:
+                raise _invalid(error) from None
+
+        return encode
+
+    def _decoder(self, cls: type[MessageType]) -> Callable[[bytes], Any]:
+        decode_any = msgspec.msgpack.Decoder(cls).decode
+        # msgspec fills in what a short array leaves out; a body of the same definition has all.
+        header = _array_header(cls._WIDTH)
         # Every empty array in a sequence of messages makes msgspec fill in a whole message, so a
         # few bytes could take any amount of memory; in a short body they are too few for that.
         largest = _largest_element(cls)
-        self._harmless = _HARMLESS // largest if largest else sys.maxsize
-        self._shape: Callable[[bytes | bytearray], Any] | None = None
-        # msgspec fills in what a short array leaves out; a body of the same definition has all.
-        self._header = 0x90 | width if width < 16 else 0xDC
-        self._long_header = b"" if width < 16 else bytes((0xDC, width >> 8, width & 0xFF))
+        harmless = _HARMLESS // largest if largest else sys.maxsize
 
-    def encode(self, message: Any) -> bytes:
-        """The message's body. Raises InvalidRequest for another type or a value out of place."""
-        if message.__class__ is not self._cls:
-            raise InvalidRequest("", f"expected a {self._cls._TYPE}, got {_type_of(message)}")
-        try:
-            message._check()
-            return _encode(message)
-        except ValueError as error:
-            raise _invalid(error) from None
+        def decode(body: bytes) -> Any:
+            if not body.startswith(header):
+                problem = f"the body is not a {cls._TYPE} of {cls._WIDTH} fields"
+                raise InvalidRequest("", problem)
+            try:
+                if len(body) > harmless:
+                    self._check_shape(body)
+                message = decode_any(body)
+                message._check()
+            except msgspec.MsgspecError as error:
+                raise self._not_decoded(error) from None
+            except ValueError as error:
+                raise _invalid(error) from None
+            return message
 
-    def decode(self, body: bytes | bytearray) -> Any:
-        """The message in a body. Raises InvalidRequest when it is not one of this class."""
-        if not body or body[0] != self._header or not body.startswith(self._long_header):
-            raise InvalidRequest(
-                "", f"the body is not a {self._cls._TYPE} of {self._cls._WIDTH} fields"
-            )
-        try:
-            if len(body) > self._harmless:
-                self._check_shape(body)
-            message = self._decode(body)
-            message._check()
-        except msgspec.MsgspecError as error:
-            raise self._not_decoded(error) from None
-        except ValueError as error:
-            raise _invalid(error) from None
-        return message
+        return decode
 
-    def _check_shape(self, body: bytes | bytearray) -> None:
+    def _check_shape(self, body: bytes) -> None:
         if self._shape is None:
             self._shape = msgspec.msgpack.Decoder(_shape_of(self._cls)).decode
         self._shape(body)
@@ -106,6 +113,10 @@ class Codec:
         if found is None or not found[2]:
             return InvalidRequest("", str(error))
         return InvalidRequest(_field_path(self._cls, re.findall(r"\[(.*?)\]", found[2])), found[1])
+
+
+def _array_header(width: int) -> bytes:
+    return bytes((0x90 | width,)) if width < 16 else bytes((0xDC, width >> 8, width & 0xFF))
 
 
 def _field_path(cls: type[MessageType] | None, places: list[str]) -> str:

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from typing import Any, Protocol, cast
+import math
+from collections.abc import Callable, Iterable
+from typing import Any, ClassVar, Protocol, cast
 
 from taskrpc import platform
 from taskrpc.errors import ProtocolError, TaskRpcError
-from taskrpc.transport.timers import Deadlines
+from taskrpc.transport.timers import Deadlines, Expiring
 from taskrpc.wire.events import Closed, Event
-from taskrpc.wire.frames import LARGE
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.session import Session, State
 
@@ -34,7 +35,8 @@ class Owner(Protocol):
     """What the connections of one endpoint share."""
 
     loop: asyncio.AbstractEventLoop
-    deadlines: Deadlines
+    now: Callable[[], float]
+    """The loop's clock."""
     read_buffer: memoryview
 
     def connection_began(self, connection: Any) -> None:
@@ -47,19 +49,45 @@ class Owner(Protocol):
 class Connection(asyncio.BufferedProtocol):
     """Either end of a connection; subclasses say what the events mean."""
 
+    __slots__ = (
+        "_deadlines",
+        "_draining",
+        "_flush_planned",
+        "_gone",
+        "_handshake_timer",
+        "_lost",
+        "_read_buffer",
+        "_splitter",
+        "_watch",
+        "in_turn",
+        "look_before",
+        "owner",
+        "session",
+        "transport",
+        "why_closed",
+    )
+
+    handlers: ClassVar[dict[type[Event], Callable[[Any, Any], None]]]
+    """What to do with each event: a function of this class, taking the connection and the event."""
+
     def __init__(self, owner: Owner, me: Identity, *, is_client: bool) -> None:
         self.owner = owner
         self.session = Session(me, is_client=is_client)
         self.why_closed: TaskRpcError | None = None
-        self.gone: asyncio.Future[None] = owner.loop.create_future()
-        """Done when the connection has ended."""
-        self.peer_name = ""
-        """The peer's address, for logs."""
         self.transport: asyncio.Transport | None = None
-        self._in_turn = False
+        self._read_buffer = owner.read_buffer
+        self._splitter = self.session.splitter
+        self.in_turn = False
+        """Whether a read is being handled, after which all output is written at once."""
         self._flush_planned = False
+        self._draining = False
         self._watch = _Watch(owner.loop.time())
         self._handshake_timer: asyncio.TimerHandle | None = None
+        # Made when they are first wanted: most of thousands of idle connections need none.
+        self.look_before = math.inf
+        self._deadlines: Deadlines | None = None
+        self._gone: asyncio.Future[None] | None = None
+        self._lost = False
 
     # asyncio's side
 
@@ -67,7 +95,6 @@ class Connection(asyncio.BufferedProtocol):
         """The transport is there."""
         # Cast, not checked: uvloop's transports are no subclasses of asyncio's.
         self.transport = cast("asyncio.Transport", transport)
-        self.peer_name = _shown(transport.get_extra_info("peername"))
         if (sock := transport.get_extra_info("socket")) is not None:
             platform.drop_dead_peers(sock, DEAD_AFTER)
         loop = self.owner.loop
@@ -77,42 +104,49 @@ class Connection(asyncio.BufferedProtocol):
 
     def get_buffer(self, sizehint: int) -> memoryview:
         """Where to read into: the shared buffer, or a large body's own."""
-        return self.session.room() or self.owner.read_buffer
+        large = self._splitter.large
+        return self._read_buffer if large is None else large.room()
 
     def buffer_updated(self, nbytes: int) -> None:
         """Bytes were read."""
-        session = self.session
         self._watch.received += nbytes
-        self._in_turn = True
-        if session.room() is not None:
-            events = session.filled(nbytes)
+        if self._splitter.large is None:
+            events = self.session.feed(self._read_buffer[:nbytes].tobytes())
         else:
-            events = session.feed(bytes(self.owner.read_buffer[:nbytes]))
+            events = self.session.filled(nbytes)
+        self.in_turn = True
+        handlers = self.handlers
         try:
             for event in events:
-                self._happened(event)
+                handlers[event.__class__](self, event)
         finally:  # a callback that ends the program must not take the answers with it
-            self._in_turn = False
-            if session.has_output:
-                self.flush()
+            self.in_turn = False
+            self.handled()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The transport is gone."""
         self.handshake_over()
         self.transport = None
+        self._lost = True
+        if self._deadlines is not None:
+            self._deadlines.close()
         self.ended()
         self.owner.connection_ended(self)
-        if not self.gone.done():
-            self.gone.set_result(None)
+        if self._gone is not None and not self._gone.done():
+            self._gone.set_result(None)
 
     # Subclasses
 
-    def happened(self, event: Event) -> None:
-        """Something that only one of the two sides knows."""
+    def expiring(self) -> Iterable[Expiring]:
+        """The open calls, of which some may have a deadline."""
         raise NotImplementedError
 
     def ended(self) -> None:
         """The connection is gone; nothing more will come."""
+        raise NotImplementedError
+
+    def drained(self) -> None:
+        """Something was written after GOAWAY; perhaps it was the last answer."""
         raise NotImplementedError
 
     # Our side
@@ -124,6 +158,27 @@ class Connection(asyncio.BufferedProtocol):
             self._handshake_timer = None
 
     @property
+    def gone(self) -> asyncio.Future[None]:
+        """Done when the connection has ended."""
+        if self._gone is None:
+            self._gone = self.owner.loop.create_future()
+            if self._lost:
+                self._gone.set_result(None)
+        return self._gone
+
+    @property
+    def peer_name(self) -> str:
+        """The peer's address, for logs."""
+        transport = self.transport
+        return _shown(None if transport is None else transport.get_extra_info("peername"))
+
+    def watch(self, deadline: float) -> None:
+        """See to it that a call's deadline is looked for in time."""
+        if self._deadlines is None:
+            self._deadlines = Deadlines(self.owner.loop, self)
+        self._deadlines.watch(deadline)
+
+    @property
     def is_open(self) -> bool:
         """Whether calls may begin on this connection."""
         return self.session.state is State.OPEN and self.transport is not None
@@ -131,26 +186,20 @@ class Connection(asyncio.BufferedProtocol):
     def flush(self) -> None:
         """Write what the session has to say."""
         self._flush_planned = False
-        out = self.session.take()
         transport = self.transport
-        if not out or transport is None:
-            return
-        self._watch.written += sum(map(len, out))
-        small: list[bytes | bytearray] = []
-        for piece in out:
-            if len(piece) < LARGE:
-                small.append(piece)
-                continue
-            # Joining would copy megabytes; the header before and the body go out one by one.
-            transport.write(b"".join(small))
-            transport.write(piece)
-            small.clear()
-        if small:
-            transport.write(small[0] if len(small) == 1 else b"".join(small))
+        for piece in self.session.take():
+            if transport is not None:
+                self._watch.written += len(piece)
+                transport.write(piece)
+        if self._draining:
+            self.drained()
+
+    # What follows after all events of a read; subclasses may have more to do than to answer.
+    handled = flush
 
     def flush_soon(self) -> None:
         """Write at the end of this turn of the loop, together with whatever else comes."""
-        if not self._in_turn and not self._flush_planned:
+        if not self.in_turn and not self._flush_planned:
             self._flush_planned = True
             self.owner.loop.call_soon(self.flush)
 
@@ -182,11 +231,8 @@ class Connection(asyncio.BufferedProtocol):
             self.session.ping(self._watch.received & 0xFFFFFFFF)
             self.flush()
 
-    def _happened(self, event: Event) -> None:
-        if isinstance(event, Closed):
-            self._refuse(event.error)
-        else:
-            self.happened(event)
+    def _closed(self, event: Closed) -> None:
+        self._refuse(event.error)
 
     def _refuse(self, error: TaskRpcError) -> None:
         if not self.session.is_client:
@@ -200,6 +246,8 @@ class Connection(asyncio.BufferedProtocol):
 
 class _Watch:
     """Counts what a connection moves, for `Connection.tick`."""
+
+    __slots__ = ("_began", "_heard", "_moved_before", "_received_before", "received", "written")
 
     def __init__(self, now: float) -> None:
         self.received = 0

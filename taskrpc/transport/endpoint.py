@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import itertools
 import logging
 import os
 import secrets
@@ -28,7 +29,7 @@ from taskrpc.transport.network import Address, Network
 from taskrpc.transport.news import News
 from taskrpc.transport.registry import Entry
 from taskrpc.transport.serving import ServingConnection
-from taskrpc.transport.timers import Deadlines
+from taskrpc.transport.timers import clock_of
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Endpoint as Named
 from taskrpc.wire.messages import Listing, Resolve
@@ -48,16 +49,16 @@ class Endpoint:
 
     def __init__(self, network: Network, forget: Callable[[], object] = lambda: None) -> None:
         self.loop = asyncio.get_running_loop()
+        self.now = clock_of(self.loop)
         self.network = network
         self.news = News(network)
         self.dialler = Dialler(network, self._caller)
-        self.deadlines = Deadlines(self.loop)
         self.read_buffer = memoryview(bytearray(READ_BUFFER))
         self.address = ""
         self.holders = 1
         self._id = secrets.token_bytes(16)
-        self._call_number = 0
-        self._offers: dict[int, Offer] = {}
+        self.call_numbers = itertools.count(1)
+        self.offers: dict[int, Offer] = {}
         self._methods: dict[str, int] = {}
         self._next_method = 1
         self._nodes: list[str] = []
@@ -83,16 +84,16 @@ class Endpoint:
     def offer(self, offer: Offer) -> None:
         """Take calls for a service."""
         if offer.name in self._methods:
-            node = self._offers[self._methods[offer.name]].node
+            node = self.offers[self._methods[offer.name]].node
             raise NameInUse(f"{offer.name} is already offered by the node {node} of this process")
         if not self.address:
             self.address = self.network.listen(self._accepted)
         method = self._methods[offer.name] = self._next_method
-        self._offers[method] = offer
+        self.offers[method] = offer
         try:
             self._publish(claim="" if offer.join else offer.name)
         except BaseException:
-            del self._methods[offer.name], self._offers[method]
+            del self._methods[offer.name], self.offers[method]
             raise
         self._next_method += 1
         self._advertise()
@@ -100,8 +101,8 @@ class Endpoint:
     def withdraw(self, offer: Offer) -> None:
         """Stop taking calls for a service."""
         method = self._methods.get(offer.name, 0)
-        if self._offers.get(method) is offer:
-            del self._methods[offer.name], self._offers[method]
+        if self.offers.get(method) is offer:
+            del self._methods[offer.name], self.offers[method]
             self._publish()
             self._advertise()
 
@@ -136,7 +137,8 @@ class Endpoint:
         for address in self.network.locate(name):
             try:
                 connection = await self.dialler.connection(address, deadline)
-                resolved = await connection.resolve(Resolve(name), deadline, definition=True)
+                asked = connection.resolve(Resolve(name), deadline, definition=True)
+                resolved = await asked.future
             except TaskRpcError as error:
                 if not isinstance(error, ServiceUnavailable):
                     problem = error
@@ -161,21 +163,11 @@ class Endpoint:
         for connection in self._connections():
             connection.abort(ConnectionLost("the node was destroyed"))
         await self._ends(CLOSE_TIMEOUT)
-        self.deadlines.close()
         if self._ticker is not None:
             self._ticker.cancel()
         self.network.close()
 
     # Host: what connections ask
-
-    def next_call_number(self) -> int:
-        """Counts the calls of this endpoint, for logs."""
-        self._call_number += 1
-        return self._call_number
-
-    def offer_of(self, method: int) -> Offer | None:
-        """The service behind a method id."""
-        return self._offers.get(method)
 
     def method_of(self, name: str) -> int:
         """The method id of a service, 0 if there is none."""
@@ -185,7 +177,7 @@ class Endpoint:
         """Everything that this process offers."""
         services = [
             Named(offer.name, offer.srv_type._TYPE, offer.srv_type._HASH, offer.node)
-            for offer in self._offers.values()
+            for offer in self.offers.values()
         ]
         return Listing(list(self._nodes), services, list(self._clients))
 
@@ -245,7 +237,7 @@ class Endpoint:
         deadline = self.loop.time() + LISTING_TIMEOUT
         try:
             connection = await self.dialler.connection(address, deadline)
-            listing = await connection.resolve(Resolve(""), deadline)
+            listing = await connection.resolve(Resolve(""), deadline).future
         except TaskRpcError as error:
             log.warning("%s: %s", address.place, error)
             return None

@@ -5,8 +5,11 @@ from __future__ import annotations
 import asyncio
 import logging
 import traceback
-from collections import deque
-from typing import Any, Protocol
+from collections.abc import Callable, Iterable
+from itertools import count
+from typing import Any, ClassVar, Protocol, cast
+
+import msgspec
 
 from taskrpc.errors import (
     Code,
@@ -22,7 +25,7 @@ from taskrpc.transport.base import IncomingCall, Offer
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.connection import Connection, Owner
 from taskrpc.wire import messages
-from taskrpc.wire.events import CancelReceived, Event, Ready, RequestReceived, ResolveReceived
+from taskrpc.wire.events import CancelReceived, Closed, Ready, RequestReceived, ResolveReceived
 from taskrpc.wire.frames import LARGE, NO_DEADLINE
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Listing, Resolved
@@ -40,11 +43,10 @@ of its still unread, would reset the connection and could destroy our last words
 class Host(Owner, Protocol):
     """What a process offers, as far as its connections ask."""
 
-    def next_call_number(self) -> int:
-        """Counts calls, for logs."""
-
-    def offer_of(self, method: int) -> Offer | None:
-        """The service behind a method id."""
+    call_numbers: count[int]
+    """Counts calls, for logs."""
+    offers: dict[int, Offer]
+    """The services by their method ids."""
 
     def method_of(self, name: str) -> int:
         """The method id of a service, 0 if there is none."""
@@ -53,47 +55,33 @@ class Host(Owner, Protocol):
         """Everything that this process offers."""
 
 
-class ServedCall(IncomingCall):
+class ServedCall(IncomingCall, eq=False):
     """A call that came over a connection."""
 
-    __slots__ = ("_arrived", "_connection", "_slot", "call_id", "offer")
-
-    def __init__(
-        self,
-        connection: ServingConnection,
-        offer: Offer,
-        call_id: int,
-        arrived: float,
-        deadline: float | None,
-        caller: str,
-    ) -> None:
-        host = connection.host
-        self._arrived = arrived
-        super().__init__(offer.name, caller, host.next_call_number(), deadline, host.loop.time)
-        self._connection = connection
-        self.offer = offer
-        self.call_id = call_id
-        self.on_cancel = None
-        self.started = False
-        self._slot = host.deadlines.add(deadline, self) if deadline is not None else 0
+    connection: ServingConnection
+    route: Route
+    call_id: int
+    arrived: float
 
     def reply(self, response: Any) -> None:
         """Answer with a response message."""
-        body = codec_of(self.offer.srv_type.Response).encode(response)
-        limit = self._connection.session.body_limit
-        if len(body) > limit:
-            raise InvalidRequest("", f"a response of {len(body)} bytes; the caller accepts {limit}")
-        if self._ended():
-            spent = self._connection.host.loop.time() - self._arrived
-            self._connection.session.respond(self.call_id, body, round(spent * 1e6))
+        connection = self.connection
+        body = self.route.encode(response)
+        session = connection.session
+        if len(body) > session.body_limit:
+            raise self._too_large(len(body))
+        spent = int((connection.host.now() - self.arrived) * 1e6 + 0.5) & 0xFFFFFFFF
+        if session.respond(self.call_id, body, spent):
             # Large answers are not collected: the caller that does not read them must be noticed.
-            self._connection.flush_soon() if len(body) < LARGE else self._connection.flush()
+            if len(body) >= LARGE:
+                connection.flush()
+            elif not connection.in_turn:
+                connection.flush_soon()
 
     def fail(self, error: TaskRpcError) -> None:
         """Answer with an error."""
-        if self._ended():
-            self._connection.session.fail(self.call_id, error)
-            self._connection.flush_soon()
+        if self.connection.session.fail(self.call_id, error):
+            self.connection.flush_soon()
 
     def expired(self) -> None:
         """The caller's deadline passed."""
@@ -101,27 +89,44 @@ class ServedCall(IncomingCall):
         unstarted = None if self.started else True
         self.fail(DeadlineExceeded("no answer by the deadline", not_executed=unstarted))
 
-    def _ended(self) -> bool:
-        if self.deadline is not None:
-            self._connection.host.deadlines.discard(self._slot, self)
-        return self._connection.calls.pop(self.call_id, None) is not None
+    def _too_large(self, size: int) -> InvalidRequest:
+        limit = self.connection.session.body_limit
+        return InvalidRequest("", f"a response of {size} bytes; the caller accepts {limit}")
+
+
+class Route(msgspec.Struct, frozen=True, eq=False):
+    """What a method id of a connection stands for: a service, called for one node of the peer."""
+
+    method: int
+    offer: Offer
+    caller: str
+    decode: Callable[[bytes], Any]
+    encode: Callable[[Any], bytes]
 
 
 class ServingConnection(Connection):
     """A connection on which we are called."""
 
+    __slots__ = (
+        "_handles",
+        "_held",
+        "_linger",
+        "_routes",
+        "_writing_paused",
+        "caller",
+        "host",
+    )
+
     def __init__(self, host: Host, me: Identity) -> None:
         super().__init__(host, me, is_client=False)
         self.host = host
         self.caller = ""
-        self.calls: dict[int, ServedCall] = {}
-        self._draining = False
         self._linger: asyncio.TimerHandle | None = None
         self._writing_paused = False
-        self._held: deque[ServedCall] = deque()
+        self._held: list[ServedCall] | None = None
         # Several nodes of a program share a connection: a method id means a service and a caller.
         self._handles: dict[tuple[int, str], int] = {}
-        self._meanings: dict[int, tuple[int, str]] = {}
+        self._routes: dict[int, Route] = {}
 
     def pause_writing(self) -> None:
         """The caller reads slower than we answer: begin no more calls of it for now."""
@@ -134,32 +139,24 @@ class ServingConnection(Connection):
         self._writing_paused = False
         if self.transport is not None and not self.transport.is_closing():
             self.transport.resume_reading()
-        while self._held and not self._writing_paused:
-            call = self._held.popleft()
-            if call.call_id in self.calls:
-                call.offer.serve(call)
+        held, self._held = self._held or [], None
+        for index, call in enumerate(held):
+            if self._writing_paused:
+                self._held = held[index:] + (self._held or [])
+                break
+            if not call.cancelled:
+                call.route.offer.serve(call)
 
-    def happened(self, event: Event) -> None:
-        """Serve a request."""
-        match event:
-            case RequestReceived():
-                self._serve(event)
-            case ResolveReceived():
-                self._resolve(event)
-            case CancelReceived():
-                self._cancel(event.call_id)
-            case Ready():
-                self.handshake_over()
-                self.caller = event.peer.name
+    def expiring(self) -> Iterable[ServedCall]:
+        """The calls that we have not answered."""
+        return cast("list[ServedCall]", self.session.open_tickets())
 
     def ended(self) -> None:
         """The caller is gone: what still runs for it is cancelled."""
         if self._linger is not None:
             self._linger.cancel()
-        self.session.lost()
-        for call in list(self.calls.values()):
+        for call in self.session.lost():
             call.cancel()
-            call.fail(TaskRpcError("the caller is gone"))
 
     def drain(self) -> None:
         """Take no new calls; close once those in flight are answered."""
@@ -167,48 +164,72 @@ class ServingConnection(Connection):
         self.session.drain()
         self.flush()
 
-    def flush(self) -> None:
-        """Write what the session has to say; a drained connection closes after its last answer."""
-        super().flush()
-        if self._draining and self._linger is None and not self.session.serving:
+    def drained(self) -> None:
+        """Close after the last answer."""
+        if self._linger is None and not self.session.in_flight:
             in_talk = self.session.state is State.DRAINING
             self._linger = self.owner.loop.call_later(LINGER if in_talk else 0.0, self.close)
 
-    def _serve(self, event: RequestReceived) -> None:
-        method, caller = self._meanings.get(event.method, (0, ""))
-        offer = self.host.offer_of(method)
-        if offer is None:
+    def _requested(self, event: RequestReceived) -> None:
+        host, session = self.host, self.session
+        route = self._routes.get(event.method)
+        if route is None or route.method not in host.offers:
             gone = ServiceUnavailable("the service is no longer offered here")
-            self.session.fail(event.call_id, gone)
+            session.fail(event.call_id, gone)
             return
-        now = self.host.loop.time()
-        deadline = None if event.time_left == NO_DEADLINE else now + event.time_left / 1000
         try:
-            request = codec_of(offer.srv_type.Request).decode(event.body)
+            request = route.decode(event.body)
         except InvalidRequest as error:
-            self.session.fail(event.call_id, error)
+            session.fail(event.call_id, error)
             return
-        call = ServedCall(self, offer, event.call_id, now, deadline, caller)
-        call.request = request
-        self.calls[event.call_id] = call
+        event.body = b""  # the message stands for it, as long as the call is open
+        now = host.now()
+        deadline = None
+        if event.time_left != NO_DEADLINE:
+            deadline = now + event.time_left / 1000
+            if deadline < self.look_before:
+                self.watch(deadline)
+        call = event.ticket = ServedCall(
+            route.offer.name,
+            route.caller,
+            next(host.call_numbers),
+            deadline,
+            host.now,
+            False,  # cancelled
+            request,
+            None,  # on_cancel
+            False,  # started
+            self,
+            route,
+            event.call_id,
+            now,
+        )
         if self._writing_paused:
-            self._held.append(call)
+            self._hold(call)
         else:
-            offer.serve(call)
+            route.offer.serve(call)
 
-    def _cancel(self, call_id: int) -> None:
-        call = self.calls.get(call_id)
-        if call is not None:
-            call.cancel()
-            call.fail(TaskRpcError("cancelled by the caller"))
+    def _hold(self, call: ServedCall) -> None:
+        if self._held is None:
+            self._held = []
+        self._held.append(call)
 
-    def _resolve(self, event: ResolveReceived) -> None:
+    def _cancelled(self, event: CancelReceived) -> None:
+        if event.ticket is not None:
+            event.ticket.cancel()
+            event.ticket.fail(TaskRpcError("cancelled by the caller"))
+
+    def _opened(self, event: Ready) -> None:
+        self.handshake_over()
+        self.caller = event.peer.name
+
+    def _resolved(self, event: ResolveReceived) -> None:
         question = event.question
         if not question.name:
             self.session.respond(event.call_id, messages.encode(self.host.listing()))
             return
         method = self.host.method_of(question.name)
-        offer = self.host.offer_of(method)
+        offer = self.host.offers.get(method)
         if offer is None:
             error: TaskRpcError = ServiceUnavailable(f"no service {question.name} here")
             self.session.fail(event.call_id, error)
@@ -220,16 +241,25 @@ class ServingConnection(Connection):
             self.session.fail(event.call_id, error)
             self.drain()
         else:
-            handle = self._handle(method, question.caller or self.caller)
-            body = _resolved(handle, offer, with_definition=event.with_definition)
+            handle = self._handle(method, offer, question.caller or self.caller)
+            body = _answer(handle, offer, with_definition=event.with_definition)
             self.session.respond(event.call_id, messages.encode(body))
 
-    def _handle(self, method: int, caller: str) -> int:
+    def _handle(self, method: int, offer: Offer, caller: str) -> int:
         """The number by which this peer calls a service for one of its nodes."""
-        meaning = method, caller
-        handle = self._handles.setdefault(meaning, len(self._handles) + 1)
-        self._meanings[handle] = meaning
+        handle = self._handles.setdefault((method, caller), len(self._handles) + 1)
+        if handle not in self._routes:
+            request, response = codec_of(offer.srv_type.Request), codec_of(offer.srv_type.Response)
+            self._routes[handle] = Route(method, offer, caller, request.decode, response.encode)
         return handle
+
+    handlers: ClassVar = {
+        RequestReceived: _requested,
+        ResolveReceived: _resolved,
+        CancelReceived: _cancelled,
+        Ready: _opened,
+        Closed: Connection._closed,
+    }
 
 
 def mismatch(question: messages.Resolve, offer: Offer) -> TypeMismatch:
@@ -249,7 +279,7 @@ def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
     call.fail(HandlerFailed(Code.INTERNAL, message))
 
 
-def _resolved(handle: int, offer: Offer, *, with_definition: bool) -> Resolved:
+def _answer(handle: int, offer: Offer, *, with_definition: bool) -> Resolved:
     srv_type = offer.srv_type
     text = srv_type._DEFINITION if with_definition else ""
     return Resolved(handle, int(offer.mode), srv_type._TYPE, srv_type._HASH, text)

@@ -1,39 +1,56 @@
-"""The deadline wheel on an event loop: one timer for all calls of an endpoint."""
+"""The lookout for deadlines on an event loop: one timer for all calls of a connection."""
 
 from __future__ import annotations
 
 import asyncio
+import math
+import time
+from collections.abc import Callable, Iterable
 from typing import Protocol
 
-from taskrpc.deadline import DeadlineWheel
+from taskrpc.deadline import Lookout, is_over
+
+
+def clock_of(loop: asyncio.AbstractEventLoop) -> Callable[[], float]:
+    """What `loop.time` reads, without asyncio's wrapper, which costs twice the reading."""
+    own = getattr(type(loop), "time", None) is asyncio.BaseEventLoop.time
+    return time.monotonic if own else loop.time
 
 
 class Expiring(Protocol):
-    """What can be given a deadline."""
+    """A call that may have a deadline."""
+
+    deadline: float | None
 
     def expired(self) -> None:
         """The deadline has passed."""
 
 
-class Deadlines:
-    """Calls `expired()` on items whose deadline passes: never early, at most a tick late."""
+class Holder(Protocol):
+    """Whoever has open calls."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+    look_before: float
+    """Deadlines below must be told to `watch`; infinite while there is none."""
+
+    def expiring(self) -> Iterable[Expiring]:
+        """The open calls."""
+
+
+class Deadlines:
+    """Calls `expired()` on a holder's open calls whose deadline has passed, with one timer."""
+
+    __slots__ = ("_holder", "_lookout", "_loop", "_timer")
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, holder: Holder) -> None:
         self._loop = loop
-        self._wheel: DeadlineWheel[Expiring] = DeadlineWheel()
+        self._holder = holder
+        self._lookout = Lookout()
         self._timer: asyncio.TimerHandle | None = None
 
-    def add(self, deadline: float, item: Expiring) -> int:
-        """Watch an item; returns the slot that `discard` wants."""
-        slot = self._wheel.add(deadline, item)
-        # The timer may stand later than the wheel's tick for this deadline, never earlier.
-        if self._timer is None or deadline < self._timer.when():
-            self._arm()
-        return slot
-
-    def discard(self, slot: int, item: Expiring) -> None:
-        """Stop watching an item."""
-        self._wheel.discard(slot, item)
+    def watch(self, deadline: float) -> None:
+        """Look at the open calls when this deadline passes."""
+        self._lookout.expect(deadline)
+        self._arm()
 
     def close(self) -> None:
         """Stop the timer."""
@@ -43,13 +60,18 @@ class Deadlines:
 
     def _arm(self) -> None:
         self.close()
-        due = self._wheel.next_due()
-        if due is not None:
-            self._timer = self._loop.call_at(due, self._turn)
+        self._holder.look_before = self._lookout.threshold
+        if self._lookout.at != math.inf:
+            self._timer = self._loop.call_at(self._lookout.at, self._look)
 
-    def _turn(self) -> None:
+    def _look(self) -> None:
         self._timer = None
-        for item in self._wheel.expire(self._loop.time()):
-            item.expired()
-        if self._timer is None:
-            self._arm()
+        now = self._loop.time()
+        open_calls = self._holder.expiring()
+        calls = [(call.deadline, call) for call in open_calls if call.deadline is not None]
+        left = [deadline for deadline, _ in calls if not is_over(deadline, now)]
+        self._lookout.looked(now, min(left, default=math.inf), len(calls))
+        self._arm()
+        for deadline, call in calls:
+            if is_over(deadline, now):
+                call.expired()

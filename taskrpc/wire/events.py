@@ -20,7 +20,7 @@ class Ready(msgspec.Struct, gc=False):
     peer: Peer
 
 
-class RequestReceived(msgspec.Struct, gc=False):
+class RequestReceived(msgspec.Struct):
     """The peer called method `method`; answer with `respond` or `fail`."""
 
     call_id: int
@@ -29,20 +29,28 @@ class RequestReceived(msgspec.Struct, gc=False):
     time_left: int
     """Milliseconds, `NO_DEADLINE` without a deadline."""
     body: Body
+    size: int
+    """Bytes of the body, which count as in flight until the answer."""
+    ticket: Any = None
+    """Whatever the one who answers wants to find again, as long as the call is open."""
 
 
-class ResolveReceived(msgspec.Struct, gc=False):
+class ResolveReceived(msgspec.Struct):
     """The peer asks for a service, or with an empty name for a listing."""
 
     call_id: int
     question: messages.Resolve
     with_definition: bool
+    size: int
+    ticket: Any = None
 
 
 class CancelReceived(msgspec.Struct, gc=False):
     """The peer gave up a call; it still awaits its terminal frame."""
 
     call_id: int
+    ticket: Any
+    """The request's."""
 
 
 class Answered(msgspec.Struct, gc=False):

@@ -14,8 +14,10 @@ MAGIC = b"TRPC"
 HEADER = struct.Struct("<IBBHII")
 """length of what follows this field, type, flags, method, call_id, arg."""
 
+SIZE_OF_EMPTY = HEADER.size - 4
+"""A header's length field, where no body follows."""
 _HEADER_SIZE = HEADER.size
-_AFTER_LENGTH = _HEADER_SIZE - 4
+_unpack = HEADER.unpack_from
 NO_DEADLINE = 0xFFFFFFFF
 LARGE = 65_536
 """From this size on a body is collected in, and sent from, a buffer of its own."""
@@ -62,12 +64,12 @@ def pack_frame(
     type_: int, flags: int, method: int, call_id: int, arg: int, body: bytes = b""
 ) -> bytes:
     """One frame as bytes."""
-    return HEADER.pack(_AFTER_LENGTH + len(body), type_, flags, method, call_id, arg) + body
+    return HEADER.pack(SIZE_OF_EMPTY + len(body), type_, flags, method, call_id, arg) + body
 
 
 def pack_header(type_: int, flags: int, method: int, call_id: int, arg: int, size: int) -> bytes:
     """A frame's header alone, for a body of `size` bytes that is written separately."""
-    return HEADER.pack(_AFTER_LENGTH + size, type_, flags, method, call_id, arg)
+    return HEADER.pack(SIZE_OF_EMPTY + size, type_, flags, method, call_id, arg)
 
 
 class Splitter:
@@ -78,32 +80,29 @@ class Splitter:
     bytes arrive, never for an announcement: at most twice what came, and `LARGE`.
     """
 
+    __slots__ = ("_tail", "error", "large", "limit")
+
     def __init__(self, limit: int) -> None:
         self.limit = limit
         self.error: ProtocolError | None = None
         """Why no frame can follow those that were returned, once a length is not valid."""
+        self.large: LargeBody | None = None
+        """The large body that is arriving: its `room()` may be written to directly, then `filled`
+        is called instead of `feed`."""
         self._tail = b""
-        self._large: _LargeBody | None = None
 
     @property
     def mid_frame(self) -> bool:
         """Whether a frame has begun and not ended."""
-        return bool(self._tail) or self._large is not None
-
-    def room(self) -> memoryview | None:
-        """Where the next part of a large body may be received directly, or None.
-
-        After writing n bytes there, call `filled(n)` instead of `feed`.
-        """
-        return None if self._large is None else self._large.room()
+        return bool(self._tail) or self.large is not None
 
     def filled(self, count: int) -> list[Frame]:
-        """Say that `count` bytes were written to `room()`; returns the frame once it is whole."""
-        large = self._large
-        assert large is not None, "filled() without room()"
+        """Say that `count` bytes were written to `large`; returns the frame once it is whole."""
+        large = self.large
+        assert large is not None, "filled() without a large body"
         if not large.filled(count):
             return []
-        self._large = None
+        self.large = None
         return [(*large.header, large.joined())]
 
     def feed(self, data: bytes) -> list[Frame]:
@@ -112,37 +111,38 @@ class Splitter:
         Look at `error` afterwards: what came before a bad length is returned all the same, so that
         the cuts of the stream make no difference.
         """
-        if self._large is not None:
+        if self.large is not None:
             return self._feed_large(data)
         if self._tail:
             data = self._tail + data
             self._tail = b""
         self.error = None
         frames: list[Frame] = []
-        offset, size, unpack = 0, len(data), HEADER.unpack_from
-        while size - offset >= _HEADER_SIZE:
-            length, type_, flags, method, call_id, arg = unpack(data, offset)
-            body = offset + _HEADER_SIZE
-            end = body + length - _AFTER_LENGTH
-            if not 0 <= end - body <= self.limit:
+        start, size, longest = 0, len(data), self.limit
+        while size - start >= _HEADER_SIZE:
+            length, type_, flags, method, call_id, arg = _unpack(data, start)
+            length -= SIZE_OF_EMPTY
+            if not 0 <= length <= longest:
                 self.error = self._bad_length(length)
                 break
+            body = start + _HEADER_SIZE
+            end = body + length
             if end > size:
-                if end - body >= LARGE:
-                    header = (type_, flags, method, call_id, arg)
-                    self._large = _LargeBody(header, end - body, data[body:])
-                    return frames
-                break
+                if length < LARGE:
+                    break
+                self.large = LargeBody((type_, flags, method, call_id, arg), length, data[body:])
+                return frames
             frames.append((type_, flags, method, call_id, arg, data[body:end]))
-            offset = end
-        self._tail = data[offset:]
+            start = end
+        if start != size:
+            self._tail = data[start:]
         return frames
 
     def _feed_large(self, data: bytes) -> list[Frame]:
         frames: list[Frame] = []
         offset = 0
-        while self._large is not None and offset < len(data):
-            room = self._large.room()
+        while self.large is not None and offset < len(data):
+            room = self.large.room()
             count = min(len(room), len(data) - offset)
             room[:count] = data[offset : offset + count]
             offset += count
@@ -150,14 +150,13 @@ class Splitter:
         return frames + self.feed(data[offset:]) if offset < len(data) else frames
 
     def _bad_length(self, length: int) -> ProtocolError:
-        if length < _AFTER_LENGTH:
-            return ProtocolError(f"a frame's length is {length}, shorter than its own header")
-        return ProtocolError(
-            f"a frame of {length - _AFTER_LENGTH} bytes; at most {self.limit} are accepted"
-        )
+        if length < 0:
+            told = length + SIZE_OF_EMPTY
+            return ProtocolError(f"a frame's length is {told}, shorter than its own header")
+        return ProtocolError(f"a frame of {length} bytes; at most {self.limit} are accepted")
 
 
-class _LargeBody:
+class LargeBody:
     """A body that arrives in parts, each as large as all before it.
 
     One buffer of the announced size would be simpler, and would let sixteen bytes of a header take

@@ -29,8 +29,10 @@ from taskrpc.wire.events import (
 )
 from taskrpc.wire.frames import (
     FIRST_OPTIONAL_TYPE,
+    HEADER,
     LARGE,
     MAGIC,
+    SIZE_OF_EMPTY,
     Frame,
     FrameType,
     Splitter,
@@ -56,57 +58,82 @@ class State(Enum):
     CLOSED = "closed"
 
 
+# Looking a member up in its class costs as much as packing a header.
+_HANDSHAKE, _OPEN, _DRAINING, _CLOSED = State
+_REQUEST, _RESPONSE = int(FrameType.REQUEST), int(FrameType.RESPONSE)
+_pack = HEADER.pack
+
+
 class Session:
     """One connection, seen from one of its ends."""
+
+    __slots__ = (
+        "_bytes_in_flight",
+        "_handshake",
+        "_head",
+        "_large_out",
+        "_limits",
+        "_magic_seen",
+        "_open_calls",
+        "_out",
+        "_their_limits",
+        "body_limit",
+        "is_client",
+        "last_call_id",
+        "splitter",
+        "state",
+    )
 
     def __init__(self, me: Identity, *, is_client: bool) -> None:
         self.state = State.HANDSHAKE
         self.is_client = is_client
         self.last_call_id = 0
         """The newest call id: ours as a client, accepted as a server."""
+        self._handshake: ClientHandshake | ServerHandshake | None
         self._handshake = ClientHandshake(me) if is_client else ServerHandshake(me)
         self._limits = DEFAULT_LIMITS if is_client else me.limits
         self._their_limits = DEFAULT_LIMITS
-        self._splitter = Splitter(HANDSHAKE_LIMIT)
+        self.body_limit = DEFAULT_LIMITS.body
+        """Bytes of the largest body that the peer accepts."""
+        self.splitter = Splitter(HANDSHAKE_LIMIT)
         self._magic_seen = is_client
         self._head = b""
-        self._pending: dict[int, tuple[Any, int]] = {}
-        self._serving: dict[int, int] = {}
+        # A client keeps (ticket, size) for its calls, a server the requests that it owes answers.
+        self._open_calls: dict[int, Any] = {}
         self._bytes_in_flight = 0
         self._out: list[Body] = []
+        self._large_out = False
         if isinstance(self._handshake, ClientHandshake):
             self._out.append(self._handshake.start())
 
     # Bytes in, events out
 
-    def room(self) -> memoryview | None:
-        """Where the rest of a large body may be received directly; see `Splitter.room`."""
-        return None if self.state is State.CLOSED else self._splitter.room()
-
     def filled(self, count: int) -> list[Event]:
-        """Say that `count` bytes were written to `room()`; returns what happened."""
-        return [] if self.state is State.CLOSED else self._handled(self._splitter.filled(count))
+        """Say that `count` bytes were written to `splitter.large`; returns what happened."""
+        return [] if self.state is _CLOSED else self._handled(self.splitter.filled(count))
 
     def feed(self, data: bytes) -> list[Event]:
         """Take the next bytes from the peer; returns what happened.
 
         A peer that breaks the protocol yields `Closed` as the last event; nothing is read after it.
         """
-        if self.state is State.CLOSED:
+        if self.state is _OPEN:
+            return self._handled(self.splitter.feed(data))
+        if self.state is _CLOSED:
             return []
+        if self._handshake is None:
+            return self._handled(self.splitter.feed(data))
         try:
             if not self._magic_seen:
                 data = self._after_magic(data)
-            if self.state is State.HANDSHAKE:
-                return self._feed_handshake(data)
-            return self._handled(self._splitter.feed(data))
+            return self._feed_handshake(self._handshake, data)
         except TaskRpcError as error:
             return [self._closed(error)]
 
     @property
     def mid_frame(self) -> bool:
         """Whether a frame from the peer has begun and not ended."""
-        return self._splitter.mid_frame
+        return self.splitter.mid_frame
 
     # Bytes out
 
@@ -116,96 +143,114 @@ class Session:
         return bool(self._out)
 
     def take(self) -> list[Body]:
-        """What must be written to the peer now, in order; asks for it to be written once."""
-        out, self._out = self._out, []
-        return out
+        """What must be written to the peer now, in as few pieces as is good.
+
+        Small frames are joined; joining would copy a large body, so that it is a piece of its own.
+        """
+        out = self._out
+        if not out:
+            return out
+        self._out = []
+        if self._large_out:
+            self._large_out = False
+            return _with_small_joined(out)
+        return out if len(out) == 1 else [b"".join(out)]
 
     # The calling side
 
     @property
     def in_flight(self) -> int:
         """Calls of ours without a terminal frame."""
-        return len(self._pending)
+        return len(self._open_calls)
 
     def can_send(self, size: int) -> bool:
         """Whether a request of `size` bytes fits into the peer's limits now."""
-        limits = self._their_limits
-        return (
-            self.state is State.OPEN
-            and len(self._pending) < limits.calls
-            and (not self._pending or self._bytes_in_flight + size <= limits.bytes)
+        limits, open_calls = self._their_limits, self._open_calls
+        return self.state is _OPEN and (
+            not open_calls
+            or (len(open_calls) < limits.calls and self._bytes_in_flight + size <= limits.bytes)
         )
-
-    @property
-    def body_limit(self) -> int:
-        """Bytes of the largest body that the peer accepts."""
-        return self._their_limits.body
 
     def request(self, ticket: Any, method: int, body: Body, time_left: int, flags: int = 0) -> int:
         """Send a request; `ticket` comes back with the answer. Returns the call id.
 
         The caller has asked `can_send` before.
         """
-        call_id = self._next_call_id(ticket, len(body))
-        self._send(FrameType.REQUEST, flags, method, call_id, time_left, body)
+        size = len(body)
+        self.last_call_id = call_id = self.last_call_id + 1
+        self._open_calls[call_id] = (ticket, size)
+        self._bytes_in_flight += size
+        if size < LARGE:
+            header = _pack(SIZE_OF_EMPTY + size, _REQUEST, flags, method, call_id, time_left)
+            self._out.append(header + body)
+        else:
+            self._send(_REQUEST, flags, method, call_id, time_left, body)
         return call_id
 
     def resolve(self, ticket: Any, question: messages.Resolve, *, definition: bool = False) -> int:
         """Ask for a service, or for a listing; `ticket` comes back with the answer."""
         body = messages.encode(question)
-        call_id = self._next_call_id(ticket, len(body))
+        self.last_call_id = call_id = self.last_call_id + 1
+        self._open_calls[call_id] = (ticket, len(body))
+        self._bytes_in_flight += len(body)
         self._send(FrameType.RESOLVE, 0, 0, call_id, int(definition), body)
         return call_id
 
     def cancel(self, call_id: int) -> None:
         """Give up a call: its answer will be dropped, the peer is told to stop."""
-        held = self._pending.get(call_id)
+        held = self._open_calls.get(call_id)
         if held is not None and held[0] is not None:
-            self._pending[call_id] = (None, held[1])
+            self._open_calls[call_id] = (None, held[1])
             self._send(FrameType.CANCEL, 0, 0, call_id, 0, b"")
 
-    def lost(self) -> list[tuple[Any, OutcomeUnknown]]:
-        """The connection is gone: every ticket without an answer, with what to tell its owner."""
+    def open_tickets(self) -> list[Any]:
+        """The tickets of all calls that are in flight and not given up."""
+        calls = self._open_calls.values()
+        tickets = [call[0] for call in calls] if self.is_client else [call.ticket for call in calls]
+        return [ticket for ticket in tickets if ticket is not None]
+
+    def lost(self) -> list[Any]:
+        """The connection is gone: every ticket without an answer; see `unknown_error`."""
+        tickets = self.open_tickets()
         self.state = State.CLOSED
-        pending, self._pending = self._pending, {}
-        return [
-            (
-                ticket,
-                OutcomeUnknown(
-                    "the connection was lost before the answer came; the call may have run"
-                ),
-            )
-            for ticket, _ in pending.values()
-            if ticket is not None
-        ]
+        self._open_calls = {}
+        return tickets
 
     # The answering side
 
-    @property
-    def serving(self) -> int:
-        """Calls of the peer's that we have not answered."""
-        return len(self._serving)
+    def respond(self, call_id: int, body: Body, server_time: int = 0) -> bool:
+        """Answer a call, which took so many microseconds; False when it has its answer."""
+        request = self._open_calls.pop(call_id, None)
+        if request is None:
+            return False
+        size = len(body)
+        self._bytes_in_flight -= request.size
+        if size < LARGE and self.state is not _CLOSED:
+            header = _pack(SIZE_OF_EMPTY + size, _RESPONSE, 0, 0, call_id, server_time)
+            self._out.append(header + body)
+        else:
+            self._send(_RESPONSE, 0, 0, call_id, server_time, body)
+        return True
 
-    def respond(self, call_id: int, body: Body, server_time: int = 0) -> None:
-        """Answer a call."""
-        if self._done(call_id):
-            self._send(FrameType.RESPONSE, 0, 0, call_id, min(server_time, 0xFFFFFFFF), body)
-
-    def fail(self, call_id: int, error: TaskRpcError) -> None:
-        """Answer a call with an error."""
-        if self._done(call_id):
-            wire = status.to_wire(error)
-            arg = wire.code << 16 | wire.retry_after
-            self._send(FrameType.ERROR, wire.flags, 0, call_id, arg, wire.body)
+    def fail(self, call_id: int, error: TaskRpcError) -> bool:
+        """Answer a call with an error; False when it has its answer."""
+        request = self._open_calls.pop(call_id, None)
+        if request is None:
+            return False
+        self._bytes_in_flight -= request.size
+        wire = status.to_wire(error)
+        arg = wire.code << 16 | wire.retry_after
+        self._send(FrameType.ERROR, wire.flags, 0, call_id, arg, wire.body)
+        return True
 
     def advertise(self) -> None:
         """Tell the peer that our services changed."""
-        if self.state is State.OPEN:
+        if self.state is _OPEN:
             self._send(FrameType.ADVERTISE, 0, 0, 0, 0, b"")
 
     def drain(self) -> None:
         """Take no new calls; those in flight are still answered."""
-        if self.state is State.OPEN:
+        if self.state is _OPEN:
             self.state = State.DRAINING
             self._send(FrameType.GOAWAY, 0, 0, 0, self.last_call_id, b"")
 
@@ -228,23 +273,25 @@ class Session:
         self._magic_seen = True
         return self._head[len(MAGIC) :]
 
-    def _feed_handshake(self, data: bytes) -> list[Event]:
-        frames = self._splitter.feed(data)
+    def _feed_handshake(
+        self, handshake: ClientHandshake | ServerHandshake, data: bytes
+    ) -> list[Event]:
+        frames = self.splitter.feed(data)
         for index, frame in enumerate(frames):
             if frame[0] < FIRST_OPTIONAL_TYPE:
-                self._shake_hands(frame)
-            if self._handshake.peer is not None:
-                ready = self._open(self._handshake.peer)
+                self._shake_hands(handshake, frame)
+            if handshake.peer is not None:
+                ready = self._open(handshake.peer)
                 # What came behind the handshake was measured by the handshake's small limit.
-                rest = frames[index + 1 :] + self._splitter.feed(b"")
+                rest = frames[index + 1 :] + self.splitter.feed(b"")
                 return [ready, *self._handled(rest)]
-        if self._splitter.error is not None:
-            raise self._splitter.error
+        if self.splitter.error is not None:
+            raise self.splitter.error
         return []
 
-    def _shake_hands(self, frame: Frame) -> None:
+    def _shake_hands(self, handshake: ClientHandshake | ServerHandshake, frame: Frame) -> None:
         try:
-            answer = self._handshake.receive(frame)
+            answer = handshake.receive(frame)
         except TaskRpcError as error:
             if not self.is_client:
                 self._out.append(refusal(error))
@@ -254,49 +301,73 @@ class Session:
 
     def _open(self, peer: Peer) -> Ready:
         self.state = State.OPEN
+        self._handshake = None
         self._their_limits = peer.limits
-        self._splitter.limit = self._limits.body
+        self.body_limit = peer.limits.body
+        self.splitter.limit = self._limits.body
         return Ready(peer)
 
     def _handled(self, frames: list[Frame]) -> list[Event]:
         events: list[Event] = []
-        for frame in frames:
-            try:
-                event = self._handle(*frame)
-            except TaskRpcError as error:
-                events.append(self._closed(error))
-                break
-            if event is not None:
-                events.append(event)
+        event: Event | None
+        try:
+            for type_, flags, method, call_id, arg, body in frames:
+                if type_ == _REQUEST:
+                    event = self._on_request(call_id, method, flags, arg, body)
+                elif type_ == _RESPONSE:
+                    ticket = self._settled(call_id)
+                    event = None if ticket is None else Answered(ticket, body, arg)
+                else:
+                    event = self._on_control(type_, flags, call_id, arg, body)
+                if event is not None:
+                    events.append(event)
+        except TaskRpcError as error:
+            events.append(self._closed(error))
         else:
-            if self._splitter.error is not None:
-                events.append(self._closed(self._splitter.error))
+            if self.splitter.error is not None:
+                events.append(self._closed(self.splitter.error))
         return events
 
-    def _handle(
-        self, type_: int, flags: int, method: int, call_id: int, arg: int, body: Body
-    ) -> Event | None:
-        if type_ == FrameType.REQUEST:
-            self._check_load(len(body))
-            accepted = self._accept(call_id, len(body))
-            return RequestReceived(call_id, method, flags, arg, body) if accepted else None
-        if type_ == FrameType.RESPONSE:
-            ticket = self._settled(call_id)
-            return None if ticket is None else Answered(ticket, body, arg)
-        return self._handle_control(type_, flags, call_id, arg, body)
+    def _on_request(
+        self, call_id: int, method: int, flags: int, arg: int, body: Body
+    ) -> RequestReceived | None:
+        size, open_calls, limits = len(body), self._open_calls, self._limits
+        # Only requests: questions are answered at once, and clients ask without counting.
+        if open_calls and (
+            len(open_calls) >= limits.calls or self._bytes_in_flight + size > limits.bytes
+        ):
+            raise self._overload()
+        if self.is_client or call_id <= self.last_call_id or self.state is _DRAINING:
+            self._refuse(call_id)
+            return None
+        self.last_call_id = call_id
+        self._bytes_in_flight += size
+        request = RequestReceived(call_id, method, flags, arg, body, size)
+        open_calls[call_id] = request
+        return request
 
-    def _handle_control(
+    def _on_resolve(self, call_id: int, arg: int, body: Body) -> ResolveReceived | None:
+        question = messages.decode_resolve(body)
+        if self.is_client or call_id <= self.last_call_id or self.state is _DRAINING:
+            self._refuse(call_id)
+            return None
+        self.last_call_id = call_id
+        self._bytes_in_flight += len(body)
+        resolve = ResolveReceived(call_id, question, bool(arg), len(body))
+        self._open_calls[call_id] = resolve
+        return resolve
+
+    def _on_control(
         self, type_: int, flags: int, call_id: int, arg: int, body: Body
     ) -> Event | None:
         match type_:
             case FrameType.ERROR:
                 return self._on_error(flags, call_id, arg, body)
             case FrameType.RESOLVE:
-                question = messages.decode_resolve(body)
-                accepted = self._accept(call_id, len(body))
-                return ResolveReceived(call_id, question, bool(arg)) if accepted else None
-            case FrameType.CANCEL:
-                return CancelReceived(call_id) if call_id in self._serving else None
+                return self._on_resolve(call_id, arg, body)
+            case FrameType.CANCEL if not self.is_client:
+                request = self._open_calls.get(call_id)
+                return None if request is None else CancelReceived(call_id, request.ticket)
             case FrameType.PING:
                 self._send(FrameType.PONG, 0, 0, 0, arg, b"")
             case FrameType.ADVERTISE | FrameType.GOAWAY if not self.is_client:
@@ -311,42 +382,21 @@ class Session:
                 raise ProtocolError(f"frame type {type_} is not part of this protocol")
         return None
 
-    def _check_load(self, size: int) -> None:
-        # Only requests: questions are answered at once, and clients ask without counting.
+    def _overload(self) -> ProtocolError:
         limits = self._limits
-        if len(self._serving) >= limits.calls:
-            raise ProtocolError(f"more than {limits.calls} calls in flight on one connection")
-        if self._serving and self._bytes_in_flight + size > limits.bytes:
-            raise ProtocolError(f"more than {limits.bytes} bytes in flight on one connection")
+        if len(self._open_calls) >= limits.calls:
+            return ProtocolError(f"more than {limits.calls} calls in flight on one connection")
+        return ProtocolError(f"more than {limits.bytes} bytes in flight on one connection")
 
-    def _accept(self, call_id: int, size: int) -> bool:
+    def _refuse(self, call_id: int) -> None:
+        """Drop a call that crossed our GOAWAY, which tells that it never began; refuse others."""
         if self.is_client:
             raise ProtocolError("a server may not call")
         if call_id <= self.last_call_id:
             raise ProtocolError(f"call id {call_id} came after {self.last_call_id}")
-        if self.state is State.DRAINING:
-            # It crossed our GOAWAY, which tells the caller that it never began.
-            return False
-        self.last_call_id = call_id
-        self._serving[call_id] = size
-        self._bytes_in_flight += size
-        return True
-
-    def _done(self, call_id: int) -> bool:
-        size = self._serving.pop(call_id, None)
-        if size is None:
-            return False
-        self._bytes_in_flight -= size
-        return self.state is not State.CLOSED
-
-    def _next_call_id(self, ticket: Any, size: int) -> int:
-        self.last_call_id = call_id = self.last_call_id + 1
-        self._pending[call_id] = (ticket, size)
-        self._bytes_in_flight += size
-        return call_id
 
     def _settled(self, call_id: int) -> Any:
-        held = self._pending.pop(call_id, None)
+        held = self._open_calls.pop(call_id, None) if self.is_client else None
         if held is None:
             raise ProtocolError(f"an answer to call {call_id}, which is not in flight")
         self._bytes_in_flight -= held[1]
@@ -360,10 +410,10 @@ class Session:
         return None if ticket is None else Failed(ticket, error)
 
     def _on_goaway(self, last_accepted: int) -> Draining:
-        if self.state is State.OPEN:
+        if self.state is _OPEN:
             self.state = State.DRAINING
-        never_begun = [call_id for call_id in self._pending if call_id > last_accepted]
-        refused = [self._pending.pop(call_id)[0] for call_id in never_begun]
+        never_begun = [call_id for call_id in self._open_calls if call_id > last_accepted]
+        refused = [self._open_calls.pop(call_id)[0] for call_id in never_begun]
         return Draining([ticket for ticket in refused if ticket is not None])
 
     def _closed(self, error: TaskRpcError) -> Closed:
@@ -373,11 +423,33 @@ class Session:
     def _send(
         self, type_: int, flags: int, method: int, call_id: int, arg: int, body: Body
     ) -> None:
-        if len(body) < LARGE:
+        if self.state is _CLOSED:
+            return
+        size = len(body)
+        if size < LARGE:
             self._out.append(pack_frame(type_, flags, method, call_id, arg, body))
         else:
-            self._out.append(pack_header(type_, flags, method, call_id, arg, len(body)))
-            self._out.append(body)
+            self._out += pack_header(type_, flags, method, call_id, arg, size), body
+            self._large_out = True
+
+
+def _with_small_joined(out: list[Body]) -> list[Body]:
+    pieces: list[Body] = []
+    small: list[Body] = []
+    for piece in out:
+        if len(piece) < LARGE:
+            small.append(piece)
+        else:
+            pieces += b"".join(small), piece
+            small.clear()
+    if small:
+        pieces.append(b"".join(small))
+    return pieces
+
+
+def unknown_error() -> OutcomeUnknown:
+    """What the owner of a call learns that was in flight when its connection was lost."""
+    return OutcomeUnknown("the connection was lost before the answer came; the call may have run")
 
 
 def refused_error() -> ConnectionLost:

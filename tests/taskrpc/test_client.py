@@ -3,7 +3,6 @@
 import asyncio
 import inspect
 import itertools
-import warnings
 
 import pytest
 
@@ -128,14 +127,3 @@ async def test_a_call_is_awaitable_to_every_tool_that_asks(node):
     assert inspect.isawaitable(call)
     assert asyncio.iscoroutine(call)
     assert (await call).sum == 3
-
-
-async def test_a_call_that_is_closed_or_thrown_into_counts_as_dealt_with(node):
-    client = node.create_client(Add, "add")
-    with warnings.catch_warnings():
-        warnings.simplefilter("error")
-        client.call(ask()).close()
-        with pytest.raises(ValueError, match="stop"):
-            client.call(ask()).throw(ValueError("stop"))
-        with pytest.raises(ValueError, match="stop"):
-            client.call(ask()).throw(ValueError, ValueError("stop"), None)

@@ -23,13 +23,8 @@ class FakeTransport:
         pass
 
 
-class FakeCall(IncomingCall):
-    def __init__(self, number, deadline=None):
-        super().__init__("/x", "/me", number, deadline, asyncio.get_running_loop().time)
-        self.request = Add.Request(a=number)
-        self.on_cancel = None
-        self.started = False
-        self.ends = []
+class Fake(IncomingCall, eq=False):
+    ends: list
 
     def reply(self, response):
         self.ends.append(response)
@@ -38,6 +33,12 @@ class FakeCall(IncomingCall):
         # A terminal frame goes out once; later ones find the call answered, as on a connection.
         if not self.ends:
             self.ends.append(error)
+
+
+def FakeCall(number, deadline=None):
+    clock = asyncio.get_running_loop().time
+    request = Add.Request(a=number)
+    return Fake("/x", "/me", number, deadline, clock, False, request, None, False, [])
 
 
 def service(callback, **options):
@@ -212,7 +213,12 @@ async def test_a_callback_that_ends_the_program_answers_its_caller_first():
         service = node.create_service(Add, "leave", leave)
         answers = []
         call = SimpleNamespace(
-            request=ask(), number=1, service="/leave", caller="/c", fail=answers.append
+            request=ask(),
+            number=1,
+            service="/leave",
+            caller="/c",
+            deadline=None,
+            fail=answers.append,
         )
         with pytest.raises(SystemExit):
             service._start(call)

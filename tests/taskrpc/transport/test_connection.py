@@ -94,12 +94,13 @@ async def test_a_peer_that_dribbles_below_the_rate_is_cut_off(server, node):
     assert asyncio.get_running_loop().time() - began < 12.5
 
 
-async def test_a_slow_peer_above_the_rate_is_served(server, node):
+async def test_a_slow_peer_above_the_rate_is_served(server, node, monkeypatch):
     client, slow = await connected(node)
-    slow.session.ping = lambda nonce: None  # it would stand inside the frame that we write
+    # A ping would stand inside the frame that we write.
+    monkeypatch.setattr(type(slow.session), "ping", lambda self, nonce: None)
     body = b"\x92\x01\x02"
     slow.session.last_call_id += 1
-    slow.session._pending[slow.session.last_call_id] = (None, 0)
+    slow.session._open_calls[slow.session.last_call_id] = (None, 0)
     frame = pack_header(FrameType.REQUEST, 0, 1, slow.session.last_call_id, 0xFFFFFFFF, 100_000)
     frame += body + bytes(100_000 - len(body))
     for start in range(0, len(frame), 2000):
@@ -221,9 +222,8 @@ async def test_an_answer_that_is_no_message_is_one_clear_error(server, node):
     serving = next(iter(server._transport._served))
     for body in (b"", b"\x91\xa1x", b"\xc1", b"\x92\x01\x02"):
         call = client.call_async(ask())
-        await until(lambda: serving.calls)
-        (served,) = serving.calls.values()
-        serving.calls.clear()
+        await until(lambda: serving.session.in_flight)
+        (served,) = serving.session.open_tickets()
         serving.session.respond(served.call_id, body)
         serving.flush()
         error = await outcome(call)
@@ -239,7 +239,7 @@ async def test_a_listing_that_is_no_listing_is_one_clear_error(server, node, mon
     _, connection = await connected(node)
     with monkeypatch.context() as patch:
         patch.setattr(server._transport, "listing", lambda: 42)
-        error = await outcome(connection.resolve(Resolve(""), None))
+        error = await outcome(connection.resolve(Resolve(""), None).future)
     assert "the server's answer is not valid" in str(error)
 
 

@@ -264,15 +264,13 @@ async def test_the_callers_end_cancels_what_runs_for_it(net):
 # A call as an awaitable
 
 
-async def test_a_call_never_awaited_is_reported_with_its_line(net):
+async def test_a_call_never_awaited_is_reported(net):
     _, client = await served(net)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always")
-        line = test_a_call_never_awaited_is_reported_with_its_line.__code__.co_firstlineno + 5
         client.call(ask())
         gc.collect()
-    messages = [str(each.message) for each in caught]
-    assert messages == [f"a call of /add was never awaited, made at {__file__}:{line}"]
+    assert [str(each.message) for each in caught] == ["coroutine 'Client.call' was never awaited"]
 
 
 async def test_a_call_stands_wherever_a_coroutine_can(net):
@@ -297,7 +295,7 @@ async def test_a_call_may_be_awaited_only_once(net):
     _, client = await served(net)
     call = client.call(ask(1, 1))
     await call
-    with pytest.raises(RuntimeError, match="only once"):
+    with pytest.raises(RuntimeError, match="already awaited"):
         await call
 
 

@@ -134,12 +134,10 @@ async def test_an_invalid_request_names_the_field_and_is_not_sent(net):
 async def test_the_server_checks_for_itself(net, monkeypatch):
     gate = Gate()
     _, client = await served(net, gate)
-    encode = client._channel._request.__class__.encode
-    body = b"\x92\x01\xa1x"  # [1, "x"]
-    monkeypatch.setattr(client._channel._request.__class__, "encode", lambda *_: body)
-    with pytest.raises(taskrpc.InvalidRequest) as caught:
-        await client.call(ask())
-    monkeypatch.setattr(client._channel._request.__class__, "encode", encode)
+    with monkeypatch.context() as patch:
+        patch.setattr(client._channel, "_encode", lambda request: b"\x92\x01\xa1x")  # [1, "x"]
+        with pytest.raises(taskrpc.InvalidRequest) as caught:
+            await client.call(ask())
     assert caught.value.path == "b"
     assert caught.value.not_executed
     assert not gate.started

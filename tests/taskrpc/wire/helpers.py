@@ -65,7 +65,8 @@ def receive(end: Session, data: bytes, piece: int = 65_536) -> list[Event]:
     """Give bytes to a session as a transport does: large bodies straight into their room."""
     events: list[Event] = []
     while data:
-        room = end.room()
+        large = end.splitter.large
+        room = None if large is None else large.room()
         count = min(piece, len(data)) if room is None else min(piece, len(data), len(room))
         if room is None:
             events += end.feed(data[:count])

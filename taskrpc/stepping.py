@@ -1,0 +1,146 @@
+"""Runs coroutines, and makes a task of one only if it suspends.
+
+A task costs more than all the rest of a call, and most callbacks never wait for anything. But
+`asyncio.timeout`, task groups and others ask for the current task before anything has suspended.
+So a spare task stands by: it is the current one while a coroutine takes its first step, and where
+that was not the last, it is the one that carries the coroutine on.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from asyncio import _enter_task, _leave_task  # for those who run steps themselves, says asyncio
+from collections.abc import Callable, Coroutine, Generator
+from contextvars import Context, copy_context
+from typing import Any
+
+
+class Stepper:
+    """Takes the first step of coroutines on one event loop.
+
+    `held` is told how many seconds each later step kept the loop.
+    """
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, held: Callable[[float], None]) -> None:
+        self._loop = loop
+        self._held = held
+        self._spare: _Spare | None = None
+
+    def step(self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]) -> Any:
+        """Run a coroutine up to its first suspension; returns the task that carries it on.
+
+        `prepare` is called before, in the context of the coroutine. Raises StopIteration with the
+        value of a coroutine that returned, or what it raised.
+        """
+        spare = self._spare
+        if spare is None or spare.task.done():
+            spare = self._spare = _Spare(self._loop, self._held)
+        try:
+            _enter_task(self._loop, spare.task)
+        except RuntimeError:  # somebody's task is running, and calls us
+            return self._in_task(prepare, coroutine)
+        try:
+            waits_for = spare.context.run(_first_step, prepare, coroutine)
+        except BaseException:
+            if len(spare.context) != spare.variables:
+                self.close()  # what one coroutine sets must not be seen by the next
+            raise
+        finally:
+            _leave_task(self._loop, spare.task)
+        self._spare = None
+        spare.carry_on(coroutine, waits_for)
+        return spare.task
+
+    def close(self) -> None:
+        """Let the spare task end."""
+        if self._spare is not None:
+            self._spare.task.cancel()
+            self._spare = None
+
+    def _in_task(
+        self, prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]
+    ) -> asyncio.Task[Any]:
+        context = copy_context()
+        context.run(prepare)
+        return self._loop.create_task(coroutine, context=context)
+
+
+def _first_step(prepare: Callable[[], object], coroutine: Coroutine[Any, Any, Any]) -> Any:
+    prepare()
+    return coroutine.send(None)
+
+
+class _Spare:
+    """A task that waits until it is given a coroutine which has taken its first step."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop, held: Callable[[float], None]) -> None:
+        self.context: Context = copy_context()
+        self._loop = loop
+        self._held = held
+        self._given: asyncio.Future[None] = loop.create_future()
+        self._rest: _Rest | None = None
+        self.task: asyncio.Task[Any] = loop.create_task(self._main(), context=self.context)
+        self.variables = len(self.context)
+
+    def carry_on(self, coroutine: Coroutine[Any, Any, Any], waits_for: Any) -> None:
+        """Run the coroutine to its end; `waits_for` is what its first step yielded."""
+        self._rest = _Rest(coroutine, waits_for, self._loop.time, self._held)
+        if not self._given.done():
+            self._given.set_result(None)
+
+    async def _main(self) -> Any:
+        try:
+            await self._given
+        except asyncio.CancelledError:
+            if self._rest is None:
+                raise
+            self._rest.cancel()
+        assert self._rest is not None
+        return await self._rest
+
+
+class _Rest:
+    """What is left of a coroutine after its first step, as something that a task can await."""
+
+    def __init__(
+        self,
+        coroutine: Coroutine[Any, Any, Any],
+        waits_for: Any,
+        now: Callable[[], float],
+        held: Callable[[float], None],
+    ) -> None:
+        self._coroutine = coroutine
+        self._waits_for = waits_for
+        self._now = now
+        self._held = held
+        self._cancelled = False
+
+    def cancel(self) -> None:
+        """Cancel before the task has taken over, as the task itself would do it."""
+        if self._waits_for is None or not self._waits_for.cancel():
+            self._cancelled = True
+
+    def __await__(self) -> Generator[Any, Any, Any]:
+        error: BaseException | None = asyncio.CancelledError() if self._cancelled else None
+        waits_for = self._waits_for
+        value = None
+        while True:
+            if error is None:
+                try:
+                    value = yield waits_for
+                except GeneratorExit:
+                    self._coroutine.close()
+                    raise
+                except BaseException as caught:
+                    error = caught
+            began = self._now()
+            try:
+                if error is None:
+                    waits_for = self._coroutine.send(value)
+                else:
+                    thrown, error = error, None
+                    waits_for = self._coroutine.throw(thrown)
+            except StopIteration as done:
+                return done.value
+            finally:
+                self._held(self._now() - began)
