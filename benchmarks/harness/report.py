@@ -1,0 +1,185 @@
+"""RESULTS.md: what was measured, where, and what came out."""
+
+from __future__ import annotations
+
+import statistics
+from collections.abc import Iterable
+
+from benchmarks.contenders import BASELINE, CONTENDERS
+from benchmarks.harness.goals import GOALS, LOOPS, Goal
+from benchmarks.harness.results import Results
+from benchmarks.harness.tables import TIMES, UNKNOWN, duration, ratio, significant, spread, table
+from benchmarks.harness.workloads import IN_FLIGHT, PAYLOADS, Workload, size
+
+_METHOD = """\
+- Client and server are two processes (of the memory contender: one), which stay up for all rounds.
+  Each contender adds two integers, encoded and decoded as its users would, and echoes bytes; the
+  raw ones only send bytes to and fro.
+- **Every ratio is to the baseline, in the same round**: an `asyncio.Protocol` that echoes frames
+  with four bytes of length, on asyncio's own loop. It is measured anew before every fourth turn.
+  Tables show the median of the rounds' ratios, in brackets the least and the greatest.
+- In each round everybody's turn comes once, in another order each time, after a warm-up.
+- What counts is measured with both processes pinned to **one core**. Unpinned, a call's latency is
+  whatever the wake-up of another core costs: often two values far apart, by the system's mood.
+- In flight: so many loops at a time, each making one call after the other; threads where the
+  contender blocks. CPU is that of all processes of a contender, a third one's included."""
+
+
+_UNMEASURED = "Not measured: an exactly-once call, because services cannot ask for it yet."
+
+
+def report(results: Results) -> str:
+    """The contents of RESULTS.md."""
+    parts = [
+        "# Results",
+        "Made by `make bench` (`python benchmarks/run.py`), never by hand."
+        " All numbers: [results.json](results.json).",
+        "![latency and calls per second, relative to raw asyncio](latency.svg)",
+        _about(results),
+        "## Goals",
+        _goals(results),
+        _UNMEASURED,
+        f"## {'One core' if results.pinned else 'Any core'}",
+        _calls(results, pinned=results.pinned),
+        *(["## Any core", _calls(results, pinned=False)] if results.pinned else []),
+        "## Payloads",
+        _payloads(results),
+        "## Idle connections",
+        _idle(results),
+        "## Start-up",
+        _start_up(results),
+        "## Method",
+        _METHOD,
+        "## Versions",
+        _versions(results),
+    ]
+    return "\n\n".join(parts) + "\n"
+
+
+def _about(results: Results) -> str:
+    about = results.about
+    return (
+        f"{about['date']}, {about['cpu']}, {about['cores']} cores, {about['system']},"
+        f" {about['python']}, commit {about['commit'] or 'unknown'};"
+        f" {about['rounds']} rounds, {about['seconds']:g} s a measurement."
+        + (" **A quick run: too short to quote.**" if about["quick"] else "")
+    )
+
+
+def _goals(results: Results) -> str:
+    head = [f"{TIMES} raw asyncio", "goal", "asyncio", "goal", "uvloop"]
+    rows = [
+        [goal.text, *(cell for loop in range(len(LOOPS)) for cell in _goal(goal, loop, results))]
+        for goal in GOALS
+    ]
+    return table(head, rows)
+
+
+def _goal(goal: Goal, loop: int, results: Results) -> tuple[str, str]:
+    limit = f"{'≤' if goal.at_most else '≥'} {goal.limits[loop]:g}"
+    value = goal.measured(results, LOOPS[loop])
+    if value is None:
+        return limit, "not measured"
+    verdict = "met" if goal.is_met(value, loop) else "**not met**"
+    return limit, f"{value:.2f}, {verdict}"
+
+
+def _names(results: Results) -> list[str]:
+    return [each.name for each in CONTENDERS if each.name not in results.left_out]
+
+
+def _calls(results: Results, *, pinned: bool) -> str:
+    head = ["AddTwoInts", "p50", f"p50 {TIMES}", f"p99 {TIMES}"]
+    head += [f"calls/s at {count}" for count in IN_FLIGHT] + [f"CPU at 64 {TIMES}"]
+    return table(head, [_call_row(results, name, pinned=pinned) for name in _names(results)])
+
+
+def _call_row(results: Results, name: str, *, pinned: bool) -> list[str]:
+    one, many = Workload(pinned), Workload(pinned, in_flight=64)
+    latency = results.figure(one, name, "p50")
+    rates = [results.figure(Workload(pinned, count), name, "rate") for count in IN_FLIGHT]
+    return [
+        name,
+        duration(latency.value) if latency else UNKNOWN,
+        spread(latency),
+        ratio(results.figure(one, name, "p99")),
+        *(
+            f"{significant(rate.value)} ({ratio(rate)} {TIMES})" if rate else UNKNOWN
+            for rate in rates
+        ),
+        ratio(results.figure(many, name, "cpu")),
+    ]
+
+
+def _payloads(results: Results) -> str:
+    head = ["echo, MB/s one way", *map(size, PAYLOADS)]
+    return table(head, [_payload_row(results, name) for name in _names(results)])
+
+
+def _payload_row(results: Results, name: str) -> list[str]:
+    cells = [name]
+    for payload in PAYLOADS:
+        found = results.figure(Workload(results.pinned, payload=payload), name, "rate")
+        rate = (
+            f"{significant(found.value * payload / 1e6)} ({ratio(found)} {TIMES})"
+            if found
+            else UNKNOWN
+        )
+        cells.append(rate)
+    return cells
+
+
+def _idle(results: Results) -> str:
+    head = [
+        "64 in flight",
+        "idle",
+        "bytes a connection",
+        "p50",
+        "p99",
+        f"p99 {TIMES} its own without",
+    ]
+    rows = [
+        [name, f"{count:,}", *_idle_cells(results, name, count)]
+        for name, held in results.idle.items()
+        for count in held
+    ]
+    return table(head, rows) if rows else "Not measured."
+
+
+def _idle_cells(results: Results, name: str, count: int) -> list[str]:
+    each = results.idle_bytes(name, count)
+    p50, p99 = (results.idle_figure(name, count, measure) for measure in ("p50", "p99"))
+    return [
+        f"{each:,.0f}" if each is not None else UNKNOWN,
+        duration(p50.value) if p50 else UNKNOWN,
+        duration(p99.value) if p99 else UNKNOWN,
+        spread(p99) if count else UNKNOWN,
+    ]
+
+
+def _start_up(results: Results) -> str:
+    figures = {name: results.start_figure(name, BASELINE.name) for name in results.start_up}
+    known = {name: found for name, found in figures.items() if found}
+    servers = [
+        [name, duration(known[name].value), spread(known[name])]
+        for name in sorted(known, key=lambda name: known[name].value)
+    ]
+    commands = [
+        [f"`{name}`", duration(statistics.median(seconds))]
+        for name, seconds in results.commands.items()
+    ]
+    return "\n\n".join(
+        [
+            table(["start of a server to its first answer", "", f"{TIMES} raw asyncio"], servers),
+            table(["command line, to its end", ""], commands),
+        ]
+    )
+
+
+def _versions(results: Results) -> str:
+    known = ", ".join(f"{name} {version}" for name, version in sorted(results.versions.items()))
+    return "\n".join([known + ".", *_left_out(results.left_out.items())])
+
+
+def _left_out(items: Iterable[tuple[str, str]]) -> list[str]:
+    return [f"\nLeft out: {name} ({why})." for name, why in items]

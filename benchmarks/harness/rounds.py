@@ -1,0 +1,87 @@
+"""The rounds: everybody's turn in changing order, and the baseline's again and again between."""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Callable, Sequence
+
+from benchmarks.contenders import BASELINE
+from benchmarks.harness.processes import ChildFailed, Pair, all_cores
+from benchmarks.harness.results import Results
+from benchmarks.harness.workloads import Workload
+
+_TURNS = 4
+"""Turns for which one measurement of the baseline counts: a machine's speed drifts."""
+
+Say = Callable[[str], None]
+
+
+class Field:
+    """The contenders that are still in the race."""
+
+    def __init__(self, pairs: Sequence[Pair], results: Results) -> None:
+        self.pairs = list(pairs)
+        self._results = results
+
+    @property
+    def baseline(self) -> Pair:
+        """The baseline's processes."""
+        return next(pair for pair in self.pairs if pair.contender is BASELINE)
+
+    def others(self, seed: int) -> list[Pair]:
+        """All but the baseline, in an order of the round's own."""
+        pairs = [pair for pair in self.pairs if pair.contender is not BASELINE]
+        random.Random(seed).shuffle(pairs)
+        return pairs
+
+    def drop(self, pair: Pair, why: ChildFailed) -> None:
+        """Go on without a contender whose process failed; the baseline's failure ends the run."""
+        if pair.contender is BASELINE:
+            raise why
+        pair.close()
+        self.pairs.remove(pair)
+        self._results.left_out[pair.contender.name] = str(why)
+
+
+def run_round(
+    number: int, field: Field, workload: Workload, *, seconds: float, results: Results
+) -> None:
+    """Measure one workload once for everybody."""
+    cores = all_cores()
+    if workload.pinned:
+        cores = {max(cores)}
+    baseline = {}
+    for turn, pair in enumerate(field.others(number)):
+        if turn % _TURNS == 0:
+            baseline = _measured(field.baseline, workload, cores, seconds)
+            if turn == 0:
+                results.add(workload, BASELINE.name, baseline, baseline)
+        if workload.suits(pair.contender):
+            try:
+                sample = _measured(pair, workload, cores, seconds)
+            except ChildFailed as error:
+                field.drop(pair, error)
+            else:
+                results.add(workload, pair.contender.name, sample, baseline)
+
+
+def _measured(pair: Pair, workload: Workload, cores: set[int], seconds: float) -> dict[str, float]:
+    pair.pin(cores)
+    return pair.measure(payload=workload.payload, in_flight=workload.in_flight, seconds=seconds)
+
+
+def run_rounds(
+    field: Field,
+    workloads: Sequence[Workload],
+    *,
+    rounds: int,
+    seconds: float,
+    results: Results,
+    say: Say,
+) -> None:
+    """Measure everything. Payloads take part in every other round: theirs take longest."""
+    for number in range(rounds):
+        say(f"round {number + 1} of {rounds}")
+        for workload in workloads:
+            if not (workload.payload and number % 2):
+                run_round(number, field, workload, seconds=seconds, results=results)

@@ -1,0 +1,43 @@
+"""How long it takes until a server answers, and a command line returns."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+
+from benchmarks.harness.processes import ChildFailed, Pair
+from benchmarks.harness.results import Results
+from benchmarks.harness.rounds import Field
+
+_COMMANDS = {
+    "python -c pass": ["-c", "pass"],
+    'python -c "import asyncio"': ["-c", "import asyncio"],
+    "taskrpc --help": ["-m", "taskrpc", "--help"],
+    "taskrpc-call /add a=1 b=2": ["-m", "taskrpc.cli.call", "/add", "a=1", "b=2"],
+}
+
+
+def measure_start_up(field: Field, *, rounds: int, results: Results) -> None:
+    """Start everybody's server anew, by turns; the client is there already and waits for it."""
+    for number in range(rounds):
+        for pair in [field.baseline, *field.others(number)]:
+            if not pair.contender.one_process:
+                try:
+                    seconds = pair.restart()
+                except ChildFailed as error:
+                    field.drop(pair, error)
+                    results.start_up.pop(pair.contender.name, None)
+                else:
+                    results.start_up.setdefault(pair.contender.name, []).append(seconds)
+
+
+def measure_commands(server: Pair, *, rounds: int, results: Results) -> None:
+    """Run the command lines, one of which calls this server."""
+    for _ in range(rounds):
+        for name, arguments in _COMMANDS.items():
+            begin = time.perf_counter()
+            subprocess.run(
+                [sys.executable, *arguments], env=server.env, check=True, stdout=subprocess.DEVNULL
+            )
+            results.commands.setdefault(name, []).append(time.perf_counter() - begin)

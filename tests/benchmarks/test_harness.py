@@ -1,0 +1,86 @@
+"""The benchmark harness measures what it says, on real processes and in little time."""
+
+from __future__ import annotations
+
+import importlib.util
+import json
+import os
+import signal
+from xml.etree import ElementTree
+
+import pytest
+
+from benchmarks.contenders import BASELINE, CONTENDERS, contender
+from benchmarks.harness import plot
+from benchmarks.harness.processes import CAN_PIN, ChildFailed, Pair
+from benchmarks.harness.results import Idle, Results, figure
+from benchmarks.harness.run import Settings, run, write
+
+TINY = Settings(
+    rounds=1, seconds=0.01, idle_counts=(0, 30), idle_rounds=1, idle_seconds=0.01, quick=True
+)
+
+
+@pytest.mark.real_time
+def test_a_small_run_yields_tables_numbers_and_a_picture(tmp_path):
+    results = run([BASELINE, contender("taskrpc")], TINY)
+    write(results, tmp_path)
+
+    assert results.left_out == {}
+    report = (tmp_path / "RESULTS.md").read_text(encoding="utf-8")
+    for heading in ("Goals", "Payloads", "Idle connections", "Start-up", "Method", "Versions"):
+        assert f"## {heading}" in report
+    assert str(tmp_path) not in report
+    found = json.loads((tmp_path / "results.json").read_text(encoding="utf-8"))
+    calls = found["calls"][f"{'pinned' if CAN_PIN else 'free'}, AddTwoInts, 64 in flight"]
+    assert calls["raw asyncio"]["rate"]["ratios"] == [1.0]
+    assert calls["taskrpc"]["rate"]["values"][0] > 100
+    assert set(found["idle_connections"]["taskrpc"]) == {"0", "30"}
+    assert found["start_up"]["taskrpc"][0] > 0.01
+    ElementTree.fromstring((tmp_path / "latency.svg").read_text(encoding="utf-8"))
+
+
+@pytest.mark.real_time
+def test_a_server_that_died_is_said_and_does_not_hang():
+    with Pair(BASELINE) as pair:
+        pair.start()
+        assert pair.server is not None
+        os.kill(pair.server.pid, signal.SIGTERM)
+        with pytest.raises(ChildFailed, match="raw asyncio, server: ended with code"):
+            pair.usage()
+
+
+def test_ratios_are_taken_within_each_round():
+    found = figure([10.0, 40.0, 30.0], [10.0, 20.0, 10.0])
+    assert (found.value, found.ratio, found.low, found.high) == (30.0, 2.0, 1.0, 3.0)
+
+
+def test_memory_of_idle_connections_is_what_they_add():
+    held = {0: Idle([5e6]), 100: Idle([5.2e6])}
+    results = Results({}, idle={"taskrpc": held})
+    assert results.idle_bytes("taskrpc", 100) == pytest.approx(2000)
+    assert results.idle_bytes("taskrpc", 0) is None
+    assert results.idle_bytes("taskrpc", 200) is None
+
+
+def test_contenders_have_names_of_their_own_and_modules_that_exist():
+    names = [each.name for each in CONTENDERS]
+    assert len(set(names)) == len(names)
+    for each in CONTENDERS:
+        assert importlib.util.find_spec(f"benchmarks.contenders.{each.module}")
+
+
+def test_a_missing_library_is_named():
+    assert contender("taskrpc").missing() == []
+    absent = type(BASELINE)("x", "x", needs=("no_such_library",), programs=("no-such-program",))
+    assert absent.missing() == ["no_such_library", "no-such-program"]
+
+
+def test_bars_reach_from_the_baseline_to_the_ratio():
+    panels = [plot.Panel("latency", "less is better")]
+    rows = [plot.Row("half", (0.5,)), plot.Row("double", (2.0,)), plot.Row("unknown", (None,))]
+    drawn = ElementTree.fromstring(plot.bars("title", panels, rows, "a < b"))
+    bars = [each for each in drawn.iter() if each.get("class") == "peer"]
+    left, right = ((float(bar.get("x")), float(bar.get("width"))) for bar in bars)
+    assert left[0] + left[1] == pytest.approx(right[0], abs=0.2)
+    assert left[1] == pytest.approx(right[1], abs=0.2)
