@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import random
+import time
 from enum import Enum
 from typing import Any, Final
 
@@ -19,7 +20,7 @@ from taskrpc.errors import (
     TaskRpcError,
 )
 from taskrpc.retry import RetryBudget, RetryPolicy
-from taskrpc.transport.base import Mode, Transport
+from taskrpc.transport.base import Mode, Transport, WaitingThread
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.timers import clock_of
 
@@ -122,6 +123,24 @@ class Client:
             return failed
         call.future.add_done_callback(call.give_up)
         return call.future
+
+    def send_in_thread(
+        self,
+        request: Any,
+        timeout: float | Unset | None,
+        retry: RetryPolicy | Unset | None,
+    ) -> WaitingThread | None:
+        """Send the request from a thread that is not the loop's, where that can be done at once.
+
+        For the blocking front-end: in all other cases it returns None, and the loop must call.
+        """
+        span = self._timeout if timeout is UNSET else _checked(timeout)
+        policy = self._retry if retry is UNSET else retry
+        if policy is not None:
+            return None
+        # Not the loop's clock: uvloop's stands still while the loop sleeps.
+        deadline = None if span is None else time.monotonic() + span
+        return self._channel.send_in_thread(request, deadline)
 
     def destroy(self) -> None:
         """Forget the service; calls in flight still get their answers."""

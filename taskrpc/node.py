@@ -42,6 +42,9 @@ class Node:
             (`TASKRPC_TOKEN` where not given); processes of one user and machine need none.
     """
 
+    _threads = False
+    """Whether other threads than the event loop's call."""
+
     def __init__(
         self,
         name: str,
@@ -108,6 +111,7 @@ class Node:
                 peers=self._peers,
                 token=self._token,
                 tls=self._tls,
+                threads=self._threads,
             )
             self._transport.add_node(self.get_fully_qualified_name())
 

@@ -51,7 +51,7 @@ class Node:
         token: str | None = None,
     ) -> None:
         self._loop = _LoopThread.shared()
-        self._node = _node.Node(
+        self._node = _Node(
             name,
             namespace=namespace,
             transport=transport,
@@ -183,7 +183,8 @@ class Client:
         Raises WouldDeadlock when called on the event loop's own thread.
         """
         self._loop.refuse_own_thread("call()")
-        return _wait(self.call_async(request, timeout, retry))
+        sent = self._inner.send_in_thread(request, timeout, retry)
+        return _wait(self.call_async(request, timeout, retry)) if sent is None else sent.wait()
 
     def call_async(
         self,
@@ -220,6 +221,12 @@ class Client:
             return
         inner.add_done_callback(lambda done: _copy(done, outer))
         outer.add_done_callback(lambda _: self._loop.soon(inner.cancel))
+
+
+class _Node(_node.Node):
+    """The node that lives on the loop, and is used by other threads."""
+
+    _threads = True
 
 
 class _LoopThread:

@@ -80,6 +80,13 @@ class SentCall(Protocol):
         """Tell the server that nobody waits, if the future was cancelled."""
 
 
+class WaitingThread(Protocol):
+    """A call that a thread has sent and waits for."""
+
+    def wait(self) -> Any:
+        """Sleep until there is a response, and return it; raises the call's error."""
+
+
 class Channel(Protocol):
     """A client's way to one service, kept open over reconnects."""
 
@@ -110,6 +117,12 @@ class Channel(Protocol):
 
         A call that the server certainly did not begin, since it ends or withdrew the service, moves
         to another server unseen.
+
+        Raises InvalidRequest for a request that cannot be sent.
+        """
+
+    def send_in_thread(self, request: Any, deadline: float | None) -> WaitingThread | None:
+        """Send a request from another thread than the loop's; None where only the loop can.
 
         Raises InvalidRequest for a request that cannot be sent.
         """

@@ -32,8 +32,8 @@ MAX_MOVES = 8
 class OpenCall(msgspec.Struct, eq=False):
     """A call of ours: from sending, or waiting to be sent, to its answer."""
 
-    future: asyncio.Future[Any]
-    """Yields the decoded answer, or the error."""
+    future: Any
+    """Gets the decoded answer, or the error: an asyncio.Future, or a `Waiter` for a thread."""
     connection: CallingConnection
     decode: Callable[[Body], Any]
     deadline: float | None
@@ -120,6 +120,11 @@ class CallingConnection(Connection):
             self._waiting.append(call)
         else:
             self._send(call)
+
+    @property
+    def holds_back(self) -> bool:
+        """Whether a new call must wait behind others, or for a server that does not read."""
+        return self._writing_paused or bool(self._waiting)
 
     def resolve(
         self, question: messages.Resolve, deadline: float | None, *, definition: bool = False
@@ -237,12 +242,10 @@ class CallingConnection(Connection):
         session = self.session
         left = NO_DEADLINE
         if call.deadline is not None:
-            left = math.ceil((call.deadline - self.owner.now()) * 1000)
+            left = time_left(call.deadline, self.owner.now())
             if left <= 0:
                 call.expired()
                 return
-            if left >= NO_DEADLINE:
-                left = NO_DEADLINE - 1
         alone = not session.in_flight and not self.in_turn
         call.call_id = session.request(call, call.method, call.body, left)
         if call.call_id >= LAST_CALL_ID:
@@ -266,6 +269,12 @@ class CallingConnection(Connection):
         waiting, self._waiting = self._waiting, deque()
         for call in waiting:
             call.refused(error)
+
+
+def time_left(deadline: float, now: float) -> int:
+    """Milliseconds as a request tells them: rounded up, 0 or less once the deadline has passed."""
+    left = math.ceil((deadline - now) * 1000)
+    return left if left < NO_DEADLINE else NO_DEADLINE - 1
 
 
 def _bad_answer(error: Exception) -> TaskRpcError:

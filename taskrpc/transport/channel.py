@@ -21,6 +21,7 @@ from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.transport.dialling import Dialler
 from taskrpc.transport.network import Address, Network
 from taskrpc.transport.news import News
+from taskrpc.transport.threads import ThreadedConnection, Waiter
 from taskrpc.wire.messages import Endpoint as Named
 from taskrpc.wire.messages import Resolve
 
@@ -82,6 +83,17 @@ class RemoteChannel:
         call = OpenCall(future, connection, decode, deadline, self._method, body, move)
         connection.begin(call)
         return call
+
+    def send_in_thread(self, request: Any, deadline: float | None) -> Waiter | None:
+        """Send a request from another thread than the loop's; None where only the loop can."""
+        connection = self._connection
+        if not isinstance(connection, ThreadedConnection) or connection.epoch != self._epoch:
+            return None
+        waiter = Waiter()
+        body, decode, move = self._encode(request), self._decode, self._move
+        call = OpenCall(waiter, connection, decode, deadline, self._method, body, move)
+        waiter.call = call
+        return waiter if connection.begin_in_thread(call) else None
 
     async def connect(self, deadline: float | None) -> None:
         """Find the service and reach it."""

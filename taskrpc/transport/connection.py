@@ -197,6 +197,10 @@ class Connection(asyncio.BufferedProtocol):
     # What follows after all events of a read; subclasses may have more to do than to answer.
     handled = flush
 
+    def count_written(self, count: int) -> None:
+        """Bytes were written to the peer."""
+        self._watch.written += count
+
     def flush_soon(self) -> None:
         """Write at the end of this turn of the loop, together with whatever else comes."""
         if not self.in_turn and not self._flush_planned:

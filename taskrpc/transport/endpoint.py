@@ -29,6 +29,7 @@ from taskrpc.transport.network import Address, Network
 from taskrpc.transport.news import News
 from taskrpc.transport.registry import Entry
 from taskrpc.transport.serving import ServingConnection
+from taskrpc.transport.threads import ThreadedConnection
 from taskrpc.transport.timers import clock_of
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Endpoint as Named
@@ -44,10 +45,18 @@ CLOSE_TIMEOUT = 1.0
 class Endpoint:
     """The `Transport` that frames travel on; shared by the nodes of one loop and network.
 
-    `forget` is called when the last holder has gone and nobody may join any more.
+    `forget` is called when the last holder has gone and nobody may join any more. `threads` says
+    that other threads call too.
     """
 
-    def __init__(self, network: Network, forget: Callable[[], object] = lambda: None) -> None:
+    def __init__(
+        self,
+        network: Network,
+        forget: Callable[[], object] = lambda: None,
+        *,
+        threads: bool = False,
+    ) -> None:
+        self._calling = ThreadedConnection if threads else CallingConnection
         self.loop = asyncio.get_running_loop()
         self.now = clock_of(self.loop)
         self.network = network
@@ -201,7 +210,7 @@ class Endpoint:
 
     def _caller(self, address: Address) -> CallingConnection:
         name = self._nodes[0] if self._nodes else _script()
-        return CallingConnection(self, self._identity(address.token, name), self.news.pulse)
+        return self._calling(self, self._identity(address.token, name), self.news.pulse)
 
     def _accepted(self) -> ServingConnection:
         return ServingConnection(self, self._identity(self.network.token, ""))

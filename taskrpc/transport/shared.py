@@ -26,10 +26,13 @@ def shared_transport(
     peers: Sequence[str] | None,
     token: str | None,
     tls: Tls | None,
+    threads: bool = False,
 ) -> Transport:
     """The running loop's endpoint for these settings, made for the first who asks.
 
-    `release()` it when done. Raises TaskRpcError for an unknown name or wrong setting.
+    `release()` it when done. `threads` says that other threads than the loop's call.
+
+    Raises TaskRpcError for an unknown name or wrong setting.
     """
     domain = domain_id()
     where = tuple(environment_peers() if peers is None else _listed(peers))
@@ -40,7 +43,8 @@ def shared_transport(
         secret = token.encode() if token else None
         network = _network(name, domain, listen, where, secret, tls)
         # An endpoint holds its loop: one that stayed here would keep the loop alive for ever.
-        endpoints[key] = endpoint = Endpoint(network, lambda: endpoints.pop(key))
+        forget = lambda: endpoints.pop(key)  # noqa: E731
+        endpoints[key] = endpoint = Endpoint(network, forget, threads=threads)
     else:
         endpoint.holders += 1
     return endpoint

@@ -138,3 +138,101 @@ def test_ctrl_c_reaches_a_program_that_waits(tmp_path):
         [sys.executable, program], capture_output=True, text=True, timeout=30, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
+
+
+class Stingy:
+    """A socket that takes a few bytes of each message, or none, as a full one does."""
+
+    def __init__(self, socket, takes):
+        self.socket = socket
+        self.takes = takes
+        self.asked = 0
+
+    def send(self, data):
+        self.asked += 1
+        if self.takes == 0:
+            raise BlockingIOError
+        return self.socket.send(data[: self.takes])
+
+    def close(self):
+        self.socket.close()
+
+
+@pytest.mark.parametrize("takes", [0, 3, 17])
+def test_what_the_socket_does_not_take_at_once_is_sent_by_the_loop(node, takes):
+    node.create_service(AddTwoInts, "add", add, concurrency=4)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.wait_for_service(timeout=5)
+    connection = client._inner._channel._connection
+    connection._socket = stingy = Stingy(connection._socket, takes)
+    with ThreadPoolExecutor(8) as threads:
+        sums = threads.map(lambda n: client.call(AddTwoInts.Request(a=n, b=n)).sum, range(300))
+        assert list(sums) == [2 * n for n in range(300)]
+    assert stingy.asked > 10
+
+
+def test_a_caller_writes_to_the_socket_itself(node):
+    node.create_service(AddTwoInts, "add", add)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.wait_for_service(timeout=5)
+    connection = client._inner._channel._connection
+    connection._socket = stingy = Stingy(connection._socket, 10**6)
+    for n in range(20):
+        assert client.call(AddTwoInts.Request(a=n, b=n)).sum == 2 * n
+    assert stingy.asked == 20
+
+
+def test_calls_from_threads_and_from_the_loop_do_not_disturb_each_other(node):
+    node.create_service(AddTwoInts, "add", add, concurrency=8)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.wait_for_service(timeout=5)
+
+    def both(n):
+        later = client.call_async(AddTwoInts.Request(a=n, b=1))
+        now = client.call(AddTwoInts.Request(a=n, b=2))
+        return later.result(10).sum, now.sum
+
+    with ThreadPoolExecutor(8) as threads:
+        assert list(threads.map(both, range(300))) == [(n + 1, n + 2) for n in range(300)]
+    assert client._inner._channel._connection.session.in_flight == 0
+
+
+def test_a_thread_that_waits_learns_that_its_server_is_gone():
+    began, release = threading.Event(), threading.Event()
+
+    def stuck(request, response):
+        began.set()
+        release.wait(10)
+        return response
+
+    with taskrpc.sync.Node("caller") as caller, taskrpc.sync.Node("server") as server:
+        server.create_service(AddTwoInts, "stuck", stuck)
+        client = caller.create_client(AddTwoInts, "stuck")
+        assert client.wait_for_service(timeout=5)
+        with ThreadPoolExecutor(1) as threads:
+            waiting = threads.submit(client.call, AddTwoInts.Request(), timeout=30)
+            assert began.wait(10)
+            server.destroy()
+            with pytest.raises(taskrpc.OutcomeUnknown):
+                waiting.result(10)
+            release.set()
+
+
+def test_a_short_deadline_behind_a_long_one_is_kept(node):
+    release = threading.Event()
+
+    def stuck(request, response):
+        release.wait(10)
+        return response
+
+    node.create_service(AddTwoInts, "stuck", stuck, concurrency=2)
+    client = node.create_client(AddTwoInts, "stuck")
+    assert client.wait_for_service(timeout=5)
+    with ThreadPoolExecutor(1) as threads:
+        patient = threads.submit(client.call, AddTwoInts.Request(), timeout=30)
+        began = time.monotonic()
+        with pytest.raises(taskrpc.DeadlineExceeded):
+            client.call(AddTwoInts.Request(), timeout=0.1)
+        assert 0.1 <= time.monotonic() - began < 5
+        release.set()
+        patient.result(10)

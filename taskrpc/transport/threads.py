@@ -1,0 +1,193 @@
+"""Calls from other threads than the event loop's: sent by the caller itself, answered by the loop.
+
+Waking the loop to send for us, and going to sleep while it does, costs more than the call. So the
+caller's thread writes to the socket where nothing else waits to be written, under a lock that the
+loop takes too; only the answer comes by the loop, which wakes the caller directly.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import threading
+import time
+from collections.abc import Callable
+from typing import Any
+
+from taskrpc import platform
+from taskrpc.transport.calling import CallingConnection, OpenCall, time_left
+from taskrpc.transport.connection import Owner
+from taskrpc.wire.frames import LARGE, NO_DEADLINE
+from taskrpc.wire.handshake import Identity
+from taskrpc.wire.messages import Resolve
+
+_SLICE = 0.1
+"""Seconds of one wait on a lock: on Windows Ctrl-C does not reach a longer one before its end."""
+
+
+class Waiter:
+    """What an `OpenCall` has instead of a future, where a thread waits for the answer."""
+
+    __slots__ = ("_cancelled", "_done", "_error", "_result", "_sleep", "call")
+
+    call: OpenCall
+
+    def __init__(self) -> None:
+        self._sleep = threading.Lock()
+        self._sleep.acquire()
+        self._done = False
+        self._cancelled = False
+        self._result: Any = None
+        self._error: BaseException | None = None
+
+    def done(self) -> bool:
+        """Whether nobody waits any more."""
+        return self._done
+
+    def cancelled(self) -> bool:
+        """Whether the waiting thread gave up."""
+        return self._cancelled
+
+    def give_up(self) -> None:
+        """Drop the answer; the server is told that nobody waits."""
+        self._done = self._cancelled = True
+        self.call.connection.owner.loop.call_soon_threadsafe(self.call.give_up)
+
+    def set_result(self, result: Any) -> None:
+        """Wake the thread with an answer."""
+        self._result = result
+        self._done = True
+        self._sleep.release()
+
+    def set_exception(self, error: BaseException) -> None:
+        """Wake the thread with an error."""
+        self._error = error
+        self._done = True
+        self._sleep.release()
+
+    def wait(self) -> Any:
+        """Sleep until there is an answer; returns it, or raises the error."""
+        try:
+            if platform.WINDOWS:
+                while not self._sleep.acquire(timeout=_SLICE):
+                    pass
+            else:
+                self._sleep.acquire()
+        except BaseException:  # Ctrl-C
+            self.give_up()
+            raise
+        if self._error is not None:
+            raise self._error
+        return self._result
+
+
+class ThreadedConnection(CallingConnection):
+    """A calling connection of an event loop whose nodes are used by other threads."""
+
+    __slots__ = ("_mine", "_rest_is_written", "_socket")
+
+    def __init__(self, owner: Owner, me: Identity, on_advertised: Callable[[], object]) -> None:
+        self._mine = threading.RLock()
+        """Held by whoever touches the session, or writes."""
+        self._socket: socket.socket | None = None
+        self._rest_is_written = True
+        super().__init__(owner, me, on_advertised)
+
+    def begin_in_thread(self, call: OpenCall) -> bool:
+        """Send a call from the caller's thread; False where only the loop can begin it."""
+        session, deadline = self.session, call.deadline
+        with self._mine:
+            left = NO_DEADLINE if deadline is None else time_left(deadline, time.monotonic())
+            if left <= 0 or not self._is_free(len(call.body)):
+                return False
+            call.call_id = session.request(call, call.method, call.body, left)
+            self._write_here(b"".join(session.take()))
+        if deadline is not None and deadline < self.look_before:
+            self.owner.loop.call_soon_threadsafe(self.watch, deadline)
+        return True
+
+    # The loop's own ways to the session and to the socket
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        """The transport is there."""
+        found = transport.get_extra_info("socket")
+        if found is not None and transport.get_extra_info("sslcontext") is None:
+            self._socket = found.dup()
+        super().connection_made(transport)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        """The transport is gone."""
+        with self._mine:
+            if self._socket is not None:
+                self._socket.close()
+                self._socket = None
+            super().connection_lost(exc)
+
+    def buffer_updated(self, nbytes: int) -> None:
+        """Bytes were read."""
+        with self._mine:
+            super().buffer_updated(nbytes)
+
+    def begin(self, call: OpenCall) -> None:
+        """Send a call, or queue it."""
+        with self._mine:
+            super().begin(call)
+
+    def resolve(
+        self, question: Resolve, deadline: float | None, *, definition: bool = False
+    ) -> OpenCall:
+        """Ask for a service, or for a listing."""
+        with self._mine:
+            return super().resolve(question, deadline, definition=definition)
+
+    def forget(self, call: OpenCall) -> None:
+        """A caller gave up."""
+        with self._mine:
+            super().forget(call)
+
+    def tick(self, now: float) -> None:
+        """Look after the connection."""
+        with self._mine:
+            super().tick(now)
+
+    def flush(self) -> None:
+        """Write what the session has to say, unless an earlier rest must go first."""
+        with self._mine:
+            if self._rest_is_written:
+                super().flush()
+
+    def _is_free(self, size: int) -> bool:
+        """Whether a request may be written here and now: nothing waits to go before it."""
+        session, transport = self.session, self.transport
+        return (
+            self._socket is not None
+            and transport is not None
+            and size < LARGE
+            and size <= session.body_limit
+            and self._rest_is_written
+            and not self.holds_back
+            and not session.has_output
+            and session.can_send(size)
+            and not transport.get_write_buffer_size()
+        )
+
+    def _write_here(self, data: bytes) -> None:
+        assert self._socket is not None
+        self.count_written(len(data))
+        sent = 0
+        try:
+            sent = self._socket.send(data)
+        except BlockingIOError:
+            pass
+        except OSError:
+            return  # the loop is about to learn that the connection is gone
+        if sent < len(data):
+            self._rest_is_written = False
+            self.owner.loop.call_soon_threadsafe(self._write_rest, data[sent:])
+
+    def _write_rest(self, rest: bytes) -> None:
+        with self._mine:
+            self._rest_is_written = True
+            if self.transport is not None:
+                self.transport.write(rest)
+            self.flush()
