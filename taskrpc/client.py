@@ -136,10 +136,9 @@ class Client:
         """
         span = self._timeout if timeout is UNSET else _checked(timeout)
         policy = self._retry if retry is UNSET else retry
-        if policy is not None:
+        if policy is not None or self._now is not time.monotonic:  # another clock is the loop's own
             return None
-        # Not the loop's clock: uvloop's stands still while the loop sleeps.
-        deadline = None if span is None else time.monotonic() + span
+        deadline = None if span is None else self._now() + span
         return self._channel.send_in_thread(request, deadline)
 
     def destroy(self) -> None:
