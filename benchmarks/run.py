@@ -1,7 +1,7 @@
 """Measure taskrpc beside raw asyncio, an ideal RPC and others, on this machine.
 
-    python benchmarks/run.py              # 20 minutes; writes RESULTS.md beside this file
-    python benchmarks/run.py --quick      # 2 minutes: is everything there, does it work?
+    python benchmarks/run.py              # 15 minutes; writes RESULTS.md beside this file
+    python benchmarks/run.py --quick      # 1 minute: is everything there, does it work?
     python benchmarks/run.py --only taskrpc "taskrpc, uvloop" --out /tmp/bench
 
 Peers take part if they are installed (`pip install '.[bench]'`; nats-server by the system's own

@@ -2,7 +2,8 @@
 
 As everybody would write it first: `data_received`, one `transport.write` a frame, a future a call.
 With the option `unsplit` the server writes back whatever one read brought, frames or not: that is
-no server of anything, but shows what the writes of many frames cost.
+no server of anything, but shows what the writes of many frames cost. With `large-first` a megabyte
+went to and fro before anything is measured; see `benchmarks.harness.workloads.phases`.
 """
 
 from __future__ import annotations
@@ -15,6 +16,7 @@ from benchmarks.harness.contender import Announce, Caller
 
 _LENGTH = 4
 _TWO_INTS = bytes(16)
+_LARGE = 1024 * 1024
 
 
 class Framed(asyncio.Protocol):
@@ -91,4 +93,6 @@ async def connect(place: str, options: list[str]) -> Caller:
     host, port = place.split(":")
     loop = asyncio.get_running_loop()
     _, client = await loop.create_connection(_Client, host, int(port))
+    if "large-first" in options:
+        await client.call(bytes(_LARGE))
     return Caller(add=lambda a, b: client.call(_TWO_INTS), echo=client.call)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import time
+
 import rpyc
 from rpyc.utils.server import ThreadedServer
 
@@ -22,7 +24,16 @@ def serve(announce: Announce, options: list[str]) -> None:
     server.start()
 
 
+def _connected(host: str, port: int) -> rpyc.Connection:
+    """A connection; the server knows its port a little before it listens."""
+    while True:
+        try:
+            return rpyc.connect(host, port, config={"sync_request_timeout": 60})
+        except ConnectionRefusedError:
+            time.sleep(0.002)
+
+
 def connect(place: str, options: list[str]) -> Caller:
     host, port = place.split(":")
-    connection = rpyc.connect(host, int(port), config={"sync_request_timeout": 60})
+    connection = _connected(host, int(port))
     return Caller(connection.root.add, connection.root.echo)

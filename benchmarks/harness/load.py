@@ -6,11 +6,13 @@ import asyncio
 import inspect
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
 from benchmarks.harness.contender import TWO_INTS, Caller
+from benchmarks.harness.quantiles import quantile
 
 Sample = dict[str, float]
 """`calls`, and in seconds: `elapsed`, `p50`, `p99`, `cpu` (of the calling process)."""
@@ -55,12 +57,14 @@ class Load:
         await _settled(answer)
         return inspect.isawaitable(answer)
 
-    def _in_threads(self, data: bytes, in_flight: int, seconds: float) -> tuple[float, list[float]]:
+    def _in_threads(
+        self, data: bytes, in_flight: int, seconds: float
+    ) -> tuple[float, deque[float]]:
         if in_flight not in self._threads:
             self._threads[in_flight] = ThreadPoolExecutor(in_flight)
         barrier = threading.Barrier(in_flight + 1)
 
-        def work() -> list[float]:
+        def work() -> deque[float]:
             call = _call(self._callers_own(), data)
             barrier.wait()
             return _in_turn(call, seconds)
@@ -68,7 +72,7 @@ class Load:
         futures = [self._threads[in_flight].submit(work) for _ in range(in_flight)]
         barrier.wait()
         begin = time.perf_counter()
-        return begin, [each for future in futures for each in future.result()]
+        return begin, deque(each for future in futures for each in future.result())
 
     def _callers_own(self) -> Caller:
         if self._connect is None:
@@ -89,8 +93,8 @@ def _call(caller: Caller, data: bytes) -> Callable[[], Any]:
     return lambda: caller.add(*TWO_INTS)
 
 
-async def _in_tasks(call: Callable[[], Any], in_flight: int, seconds: float) -> list[float]:
-    took: list[float] = []
+async def _in_tasks(call: Callable[[], Any], in_flight: int, seconds: float) -> deque[float]:
+    took: deque[float] = deque()
     clock = time.perf_counter
     end = clock() + seconds
 
@@ -109,8 +113,8 @@ async def _in_tasks(call: Callable[[], Any], in_flight: int, seconds: float) -> 
     return took
 
 
-def _in_turn(call: Callable[[], Any], seconds: float) -> list[float]:
-    took = []
+def _in_turn(call: Callable[[], Any], seconds: float) -> deque[float]:
+    took: deque[float] = deque()
     clock = time.perf_counter
     begin = clock()
     end = begin + seconds
@@ -122,7 +126,5 @@ def _in_turn(call: Callable[[], Any], seconds: float) -> list[float]:
     return took
 
 
-def _summary(took: list[float]) -> Sample:
-    took.sort()
-    count = len(took)
-    return {"calls": count, "p50": took[count // 2], "p99": took[count * 99 // 100]}
+def _summary(took: deque[float]) -> Sample:
+    return {"calls": len(took), "p50": quantile(took, 0.5), "p99": quantile(took, 0.99)}

@@ -89,7 +89,7 @@ def _middle(row: int) -> float:
 
 def _ticks(low: float, high: float) -> list[float]:
     """Powers of ten within the range, and what lies between where they are few."""
-    steps = (1, 2, 5) if high - low < 2 else (1,)
+    steps = (1, 2, 5) if high - low < 2.5 else (1,)
     powers = range(math.floor(low), math.ceil(high) + 1)
     ticks = [step * 10.0**power for power in powers for step in steps]
     return [tick for tick in ticks if low - 1e-9 <= math.log10(tick) <= high + 1e-9]

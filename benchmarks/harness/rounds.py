@@ -72,16 +72,16 @@ def _measured(pair: Pair, workload: Workload, cores: set[int], seconds: float) -
 
 def run_rounds(
     field: Field,
-    workloads: Sequence[Workload],
+    phases: Sequence[Sequence[Workload]],
     *,
     rounds: int,
     seconds: float,
     results: Results,
     say: Say,
 ) -> None:
-    """Measure everything. Payloads take part in every other round: theirs take longest."""
-    for number in range(rounds):
-        say(f"round {number + 1} of {rounds}")
-        for workload in workloads:
-            if not (workload.payload and number % 2):
+    """Measure everything, phase by phase."""
+    for workloads in phases:
+        for number in range(rounds):
+            say(f"{workloads[0].what}: round {number + 1} of {rounds}")
+            for workload in workloads:
                 run_round(number, field, workload, seconds=seconds, results=results)

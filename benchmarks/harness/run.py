@@ -20,7 +20,7 @@ from benchmarks.harness.results import Results
 from benchmarks.harness.rounds import Field, run_rounds
 from benchmarks.harness.startup import measure_commands, measure_start_up
 from benchmarks.harness.versions import version_of
-from benchmarks.harness.workloads import Workload, workloads
+from benchmarks.harness.workloads import Workload, phases
 
 _PICTURED = (
     plot.Panel("latency of one call (p50)", "left of 1: faster"),
@@ -36,7 +36,7 @@ class Settings:
     seconds: float = 0.25
     """Of one measurement; its warm-up comes on top."""
     idle_counts: tuple[int, ...] = idle.COUNTS
-    idle_rounds: int = 3
+    idle_rounds: int = 5
     idle_seconds: float = 1.0
     quick: bool = False
 
@@ -60,7 +60,7 @@ def run(contenders: Sequence[Contender], settings: Settings) -> Results:
         field = Field(pairs, results)
         run_rounds(
             field,
-            workloads(can_pin=CAN_PIN),
+            phases(can_pin=CAN_PIN),
             rounds=settings.rounds,
             seconds=settings.seconds,
             results=results,

@@ -25,20 +25,30 @@ class Workload:
     @property
     def key(self) -> str:
         """Its name in the JSON file."""
-        what = f"echo of {size(self.payload)}" if self.payload else "AddTwoInts"
-        return f"{'pinned' if self.pinned else 'free'}, {what}, {self.in_flight} in flight"
+        where = "pinned" if self.pinned else "free"
+        return f"{where}, {self.what}, {self.in_flight} in flight"
+
+    @property
+    def what(self) -> str:
+        """What is called."""
+        return f"echo of {size(self.payload)}" if self.payload else "AddTwoInts"
 
     def suits(self, contender: Contender) -> bool:
         """Whether the contender can do it."""
         return self.in_flight <= contender.most_in_flight
 
 
-def workloads(*, can_pin: bool) -> list[Workload]:
-    """All that is measured here."""
+def phases(*, can_pin: bool) -> list[list[Workload]]:
+    """All that is measured here; the rounds of a phase are over before the next one begins.
+
+    A large message leaves its mark on a process: once glibc has freed one, it no longer gives the
+    memory of every read back to the system. Asyncio, which reads into 256 KiB of new memory each
+    time, is twice as fast from then on. So larger messages come after smaller ones.
+    """
     free = [Workload(pinned=False, in_flight=count) for count in IN_FLIGHT]
     pinned = [Workload(pinned=True, in_flight=count) for count in IN_FLIGHT] if can_pin else []
-    echoes = [Workload(pinned=can_pin, payload=payload) for payload in PAYLOADS]
-    return pinned + echoes + free
+    echoes = [[Workload(pinned=can_pin, payload=payload)] for payload in PAYLOADS]
+    return [pinned + free, *echoes]
 
 
 def size(count: int) -> str:

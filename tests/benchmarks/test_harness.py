@@ -9,10 +9,13 @@ import signal
 from xml.etree import ElementTree
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from benchmarks.contenders import BASELINE, CONTENDERS, contender
 from benchmarks.harness import plot
 from benchmarks.harness.processes import CAN_PIN, ChildFailed, Pair
+from benchmarks.harness.quantiles import quantile
 from benchmarks.harness.results import Idle, Results, figure
 from benchmarks.harness.run import Settings, run, write
 
@@ -53,6 +56,14 @@ def test_a_server_that_died_is_said_and_does_not_hang():
 def test_ratios_are_taken_within_each_round():
     found = figure([10.0, 40.0, 30.0], [10.0, 20.0, 10.0])
     assert (found.value, found.ratio, found.low, found.high) == (30.0, 2.0, 1.0, 3.0)
+
+
+@given(st.lists(st.floats(1e-6, 10), min_size=1), st.floats(0.001, 1))
+def test_a_quantile_is_the_least_value_that_the_share_does_not_exceed(values, share):
+    found = quantile(values, share)
+    assert found in values
+    assert sum(value <= found for value in values) >= share * len(values)
+    assert sum(value < found for value in values) < share * len(values)
 
 
 def test_memory_of_idle_connections_is_what_they_add():
