@@ -29,50 +29,50 @@ class Load:
         self._connect = connect
         self._threads: dict[int, ThreadPoolExecutor] = {}
         self._own = threading.local()
+        self._is_async = False
 
     async def check(self, *, typed: bool) -> None:
         """See that the contender does what it is measured for; raises RuntimeError if not."""
         caller = self._caller
+        data = bytes(range(256))
+        answer = caller.echo(data)
+        self._is_async = inspect.isawaitable(answer)
+        if caller.data_in(await _settled(answer)) != data:
+            raise RuntimeError("the echo is wrong")
         if typed and caller.sum_in(await _settled(caller.add(*TWO_INTS))) != sum(TWO_INTS):
             raise RuntimeError("the sum is wrong")
-        data = bytes(range(256))
-        if caller.data_in(await _settled(caller.echo(data))) != data:
-            raise RuntimeError("the echo is wrong")
 
     async def run(self, *, payload: int, in_flight: int, seconds: float) -> Sample:
         """Call for so long; `payload` bytes are echoed, with 0 two integers are added."""
         data = bytes(payload)
+        took: deque[float] = deque()
         begin, cpu = time.perf_counter(), time.process_time()
-        if await self._is_async(data):
-            took = await _in_tasks(_call(self._caller, data), in_flight, seconds)
+        if self._is_async:
+            await _in_tasks(_call(self._caller, data), in_flight, seconds, took)
         elif in_flight == 1:
-            took = _in_turn(_call(self._caller, data), seconds)
+            _in_turn(_call(self._caller, data), seconds, took)
         else:
-            begin, took = self._in_threads(data, in_flight, seconds)
+            begin = self._in_threads(data, in_flight, seconds, took)
         elapsed, cpu = time.perf_counter() - begin, time.process_time() - cpu
         return {"elapsed": elapsed, "cpu": cpu, **_summary(took)}
 
-    async def _is_async(self, data: bytes) -> bool:
-        answer = _call(self._caller, data)()
-        await _settled(answer)
-        return inspect.isawaitable(answer)
-
-    def _in_threads(
-        self, data: bytes, in_flight: int, seconds: float
-    ) -> tuple[float, deque[float]]:
+    def _in_threads(self, data: bytes, in_flight: int, seconds: float, took: deque[float]) -> float:
+        """Call in threads of their own; returns when they began, all of them connected."""
         if in_flight not in self._threads:
             self._threads[in_flight] = ThreadPoolExecutor(in_flight)
         barrier = threading.Barrier(in_flight + 1)
 
-        def work() -> deque[float]:
+        def work() -> None:
             call = _call(self._callers_own(), data)
             barrier.wait()
-            return _in_turn(call, seconds)
+            _in_turn(call, seconds, took)
 
         futures = [self._threads[in_flight].submit(work) for _ in range(in_flight)]
         barrier.wait()
         begin = time.perf_counter()
-        return begin, deque(each for future in futures for each in future.result())
+        for future in futures:
+            future.result()
+        return begin
 
     def _callers_own(self) -> Caller:
         if self._connect is None:
@@ -93,28 +93,29 @@ def _call(caller: Caller, data: bytes) -> Callable[[], Any]:
     return lambda: caller.add(*TWO_INTS)
 
 
-async def _in_tasks(call: Callable[[], Any], in_flight: int, seconds: float) -> deque[float]:
-    took: deque[float] = deque()
+async def _in_tasks(
+    call: Callable[[], Any], in_flight: int, seconds: float, took: deque[float]
+) -> None:
     clock = time.perf_counter
     end = clock() + seconds
 
     async def work() -> None:
-        now = 0.0
-        while now < end:
-            begin = now or clock()
+        begin = clock()
+        while True:
             await call()
             now = clock()
             took.append(now - begin)
+            if now >= end:
+                return
+            begin = now
 
     if in_flight == 1:
         await work()
     else:
         await asyncio.gather(*(work() for _ in range(in_flight)))
-    return took
 
 
-def _in_turn(call: Callable[[], Any], seconds: float) -> deque[float]:
-    took: deque[float] = deque()
+def _in_turn(call: Callable[[], Any], seconds: float, took: deque[float]) -> None:
     clock = time.perf_counter
     begin = clock()
     end = begin + seconds
@@ -123,7 +124,6 @@ def _in_turn(call: Callable[[], Any], seconds: float) -> deque[float]:
         now = clock()
         took.append(now - begin)
         begin = now
-    return took
 
 
 def _summary(took: deque[float]) -> Sample:

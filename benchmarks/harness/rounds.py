@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from benchmarks.contenders import BASELINE
 from benchmarks.harness.processes import ChildFailed, Pair, all_cores
 from benchmarks.harness.results import Results
-from benchmarks.harness.workloads import Workload
+from benchmarks.harness.workloads import IN_FLIGHT, Workload
 
 _TURNS = 4
 """Turns for which one measurement of the baseline counts: a machine's speed drifts."""
@@ -70,6 +70,16 @@ def _measured(pair: Pair, workload: Workload, cores: set[int], seconds: float) -
     return pair.measure(payload=workload.payload, in_flight=workload.in_flight, seconds=seconds)
 
 
+def _settle(field: Field, seconds: float) -> None:
+    """Load everybody once for nothing: a fresh heap is not yet what it stays."""
+    for pair in list(field.pairs):
+        try:
+            in_flight = min(IN_FLIGHT[-1], pair.contender.most_in_flight)
+            pair.measure(payload=0, in_flight=in_flight, seconds=seconds)
+        except ChildFailed as error:
+            field.drop(pair, error)
+
+
 def run_rounds(
     field: Field,
     phases: Sequence[Sequence[Workload]],
@@ -80,6 +90,7 @@ def run_rounds(
     say: Say,
 ) -> None:
     """Measure everything, phase by phase."""
+    _settle(field, seconds)
     for workloads in phases:
         for number in range(rounds):
             say(f"{workloads[0].what}: round {number + 1} of {rounds}")

@@ -10,22 +10,18 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from benchmarks.contenders import BASELINE
-from benchmarks.harness import idle, plot
+from benchmarks.harness import idle
 from benchmarks.harness.contender import Contender
 from benchmarks.harness.jsonfile import to_json
 from benchmarks.harness.machine import about
+from benchmarks.harness.picture import picture
 from benchmarks.harness.processes import CAN_PIN, ChildFailed, Pair
 from benchmarks.harness.report import report
 from benchmarks.harness.results import Results
 from benchmarks.harness.rounds import Field, run_rounds
 from benchmarks.harness.startup import measure_commands, measure_start_up
 from benchmarks.harness.versions import version_of
-from benchmarks.harness.workloads import Workload, phases
-
-_PICTURED = (
-    plot.Panel("latency of one call (p50)", "left of 1: faster"),
-    plot.Panel("calls per second, 64 in flight", "right of 1: more"),
-)
+from benchmarks.harness.workloads import phases
 
 
 @dataclass(frozen=True)
@@ -116,33 +112,6 @@ def write(results: Results, folder: Path) -> None:
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
         say(f"wrote {folder / name}")
-
-
-def picture(results: Results) -> str:
-    """The plot for README: latency and calls per second of everybody."""
-    columns = [
-        (Workload(results.pinned), "p50"),
-        (Workload(results.pinned, in_flight=64), "rate"),
-    ]
-    rows = []
-    for name in results.calls[columns[0][0].key]:
-        cells = [results.figure(workload, name, measure) for workload, measure in columns]
-        ratios = tuple(cell.ratio if cell else None for cell in cells)
-        rows.append(plot.Row(name, ratios, _kind(name)))
-    rows.sort(key=lambda row: row.ratios[0] or 0)
-    where = "one core" if results.pinned else "any core"
-    footnote = (
-        "blue: taskrpc; purple: limits, without what makes a call safe; grey: others."
-        f" {results.about['cpu']}, {results.about['python']}, {results.about['date']}"
-    )
-    title = f"AddTwoInts, relative to a raw asyncio echo (= 1), client and server on {where}"
-    return plot.bars(title, _PICTURED, rows, footnote)
-
-
-def _kind(name: str) -> str:
-    if name.startswith("taskrpc"):
-        return "ours"
-    return "limit" if name.startswith(("raw", "ideal")) else "peer"
 
 
 def _versions(contenders: Sequence[Contender]) -> dict[str, str]:

@@ -14,11 +14,24 @@ from hypothesis import strategies as st
 
 from benchmarks.contenders import BASELINE, CONTENDERS, contender
 from benchmarks.harness import plot
+from benchmarks.harness.goals import Goal
 from benchmarks.harness.processes import CAN_PIN, ChildFailed, Pair
 from benchmarks.harness.quantiles import quantile
+from benchmarks.harness.report import report
 from benchmarks.harness.results import Idle, Results, figure
 from benchmarks.harness.run import Settings, run, write
 
+ABOUT = {
+    "date": "2026-01-01",
+    "cpu": "a processor",
+    "cores": 2,
+    "system": "a system",
+    "python": "CPython 3",
+    "commit": "",
+    "rounds": 1,
+    "seconds": 1,
+    "quick": True,
+}
 TINY = Settings(
     rounds=1, seconds=0.01, idle_counts=(0, 30), idle_rounds=1, idle_seconds=0.01, quick=True
 )
@@ -64,6 +77,17 @@ def test_a_quantile_is_the_least_value_that_the_share_does_not_exceed(values, sh
     assert found in values
     assert sum(value <= found for value in values) >= share * len(values)
     assert sum(value < found for value in values) < share * len(values)
+
+
+def test_a_goal_is_met_at_its_limit_and_not_beyond():
+    at_most = Goal("p50", (0.5, 0.4), lambda results, loop: None)
+    at_least = Goal("calls/s", (2.0, 3.0), lambda results, loop: None, at_most=False)
+    assert [at_most.is_met(0.5, 0), at_most.is_met(0.5, 1)] == [True, False]
+    assert [at_least.is_met(2.0, 0), at_least.is_met(2.0, 1)] == [True, False]
+
+
+def test_what_was_not_measured_says_so():
+    assert "| p50, plain callback | ≤ 0.62 | not measured |" in report(Results(ABOUT))
 
 
 def test_memory_of_idle_connections_is_what_they_add():
