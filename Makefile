@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install test lint types layers check format demo clean
+.PHONY: install test lint types layers check format demo bench clean
 
 install:
 	$(PYTHON) -m venv $(VENV)
@@ -32,6 +32,10 @@ format:
 
 demo:
 	$(BIN)/taskrpc demo
+
+bench:
+	$(BIN)/pip install --quiet --editable '.[bench]'
+	$(BIN)/python benchmarks/run.py
 
 clean:
 	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -15,7 +15,7 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.retry import RetryPolicy
 from taskrpc.service import Callback, Service
 from taskrpc.transport.base import Mode, Transport
-from taskrpc.transport.registry import Entry
+from taskrpc.transport.entries import Entry
 from taskrpc.transport.shared import shared_transport
 from taskrpc.transport.tls import Tls
 

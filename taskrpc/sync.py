@@ -24,7 +24,7 @@ from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
 from taskrpc.errors import WouldDeadlock
 from taskrpc.retry import RetryPolicy
 from taskrpc.service import Callback, Service
-from taskrpc.transport.registry import Entry
+from taskrpc.transport.entries import Entry
 from taskrpc.transport.tls import Tls
 
 _Result = TypeVar("_Result")

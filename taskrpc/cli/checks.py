@@ -16,7 +16,7 @@ from taskrpc.cli import graph
 from taskrpc.cli.findings import Finding, note, ok, problem
 from taskrpc.cli.remote import HERE
 from taskrpc.errors import TaskRpcError
-from taskrpc.transport.registry import Entry
+from taskrpc.transport.entries import Entry
 from taskrpc.transport.tcp import domain_id, environment_peers
 from taskrpc.wire.messages import Endpoint
 

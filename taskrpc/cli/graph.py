@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 from taskrpc import names, platform
 from taskrpc.cli.remote import Remote
-from taskrpc.transport.registry import Entry, Registry
+from taskrpc.transport.entries import Entry
+from taskrpc.transport.registry import Registry
 from taskrpc.transport.tcp import domain_id
 from taskrpc.wire.messages import Listing
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from taskrpc import names
 from taskrpc.cli import graph
-from taskrpc.transport.registry import Entry
+from taskrpc.transport.entries import Entry
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,7 +12,7 @@ from taskrpc.cli.command import Exit, NotFound, hinted
 from taskrpc.cli.parsing import Commands, add_command, add_group, print_names
 
 if TYPE_CHECKING:
-    from taskrpc.transport.registry import Entry
+    from taskrpc.transport.entries import Entry
     from taskrpc.wire.messages import Endpoint
 
 

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 from taskrpc.callinfo import CallInfo
 from taskrpc.errors import TaskRpcError
 from taskrpc.transport.codec import ServiceType
-from taskrpc.transport.registry import Entry
+from taskrpc.transport.entries import Entry
 
 
 class Mode(IntEnum):

@@ -13,6 +13,8 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
+
 from taskrpc.errors import (
     ConnectionLost,
     NameInUse,
@@ -25,9 +27,9 @@ from taskrpc.transport.channel import RemoteChannel
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.connection import READ_BUFFER, Connection
 from taskrpc.transport.dialling import READY_TIMEOUT, Dialler
+from taskrpc.transport.entries import Change, Entry, Roster
 from taskrpc.transport.network import Address, Network
 from taskrpc.transport.news import News
-from taskrpc.transport.registry import Entry
 from taskrpc.transport.serving import ServingConnection
 from taskrpc.transport.threads import ThreadedConnection
 from taskrpc.transport.timers import clock_of
@@ -70,9 +72,8 @@ class Endpoint:
         self.offers: dict[int, Offer] = {}
         self._methods: dict[str, int] = {}
         self._next_method = 1
-        self._nodes: list[str] = []
-        self._clients: list[Named] = []
-        self._since = time.time()
+        about = Entry(pid=os.getpid(), script=_script(), folder=_folder(), since=time.time())
+        self._roster = Roster(about)
         self._served: set[ServingConnection] = set()
         self._ticker: asyncio.TimerHandle | None = None
         self._forget = forget
@@ -82,13 +83,11 @@ class Endpoint:
 
     def add_node(self, name: str) -> None:
         """Announce a node."""
-        self._nodes.append(name)
-        self._publish()
+        self._publish(Change(node=name))
 
     def remove_node(self, name: str) -> None:
         """Withdraw a node's announcement."""
-        self._nodes.remove(name)
-        self._publish()
+        self._publish(Change(node=name, gone=True))
 
     def offer(self, offer: Offer) -> None:
         """Take calls for a service."""
@@ -100,7 +99,7 @@ class Endpoint:
         method = self._methods[offer.name] = self._next_method
         self.offers[method] = offer
         try:
-            self._publish(claim="" if offer.join else offer.name)
+            self._publish(Change(service=_named(offer)), claim="" if offer.join else offer.name)
         except BaseException:
             del self._methods[offer.name], self.offers[method]
             raise
@@ -112,21 +111,18 @@ class Endpoint:
         method = self._methods.get(offer.name, 0)
         if self.offers.get(method) is offer:
             del self._methods[offer.name], self.offers[method]
-            self._publish()
+            self._publish(Change(service=_named(offer), gone=True))
             self._advertise()
 
     def channel(self, name: str, srv_type: ServiceType, node: str) -> RemoteChannel:
         """A way to call a service for a node."""
         named = Named(name, srv_type._TYPE, srv_type._HASH, node)
-        self._clients.append(named)
-        self._publish()
+        self._publish(Change(client=named))
         return RemoteChannel(self, named, srv_type)
 
     def channel_closed(self, named: Named) -> None:
         """A client is gone."""
-        with contextlib.suppress(ValueError):
-            self._clients.remove(named)
-            self._publish()
+        self._publish(Change(client=named, gone=True))
 
     # Transport: the graph
 
@@ -184,11 +180,8 @@ class Endpoint:
 
     def listing(self) -> Listing:
         """Everything that this process offers."""
-        services = [
-            Named(offer.name, offer.srv_type._TYPE, offer.srv_type._HASH, offer.node)
-            for offer in self.offers.values()
-        ]
-        return Listing(list(self._nodes), services, list(self._clients))
+        entry = self._roster.entry()
+        return Listing(list(entry.nodes), list(entry.services), list(entry.clients))
 
     def connection_began(self, connection: Connection) -> None:
         """A connection has its transport."""
@@ -209,7 +202,7 @@ class Endpoint:
     # Inside
 
     def _caller(self, address: Address) -> CallingConnection:
-        name = self._nodes[0] if self._nodes else _script()
+        name = self._roster.first_node or _script()
         return self._calling(self, self._identity(address.token, name), self.news.pulse)
 
     def _accepted(self) -> ServingConnection:
@@ -219,23 +212,17 @@ class Endpoint:
         nonce = secrets.token_bytes(16)
         return Identity(self._id, nonce, token, self.network.domain, name)
 
-    def _publish(self, *, claim: str = "") -> None:
+    def _publish(self, change: Change, *, claim: str = "") -> None:
         if self._closed:
             return
-        listing = self.listing()
-        entry = Entry(
-            pid=os.getpid(),
-            script=_script(),
-            folder=_folder(),
-            since=self._since,
-            address=self.address,
-            token=self.network.token.hex() if self.address else "",
-            certificate=self.network.certificate if self.address else "",
-            nodes=tuple(listing.nodes),
-            services=tuple(listing.services),
-            clients=tuple(listing.clients),
-        )
-        self.network.publish(entry, claim=claim)
+        if self.address != self._roster.about.address:
+            change = msgspec.structs.replace(
+                change,
+                address=self.address,
+                token=self.network.token.hex(),
+                certificate=self.network.certificate,
+            )
+        self.network.publish(self._roster, change, claim=claim)
 
     def _advertise(self) -> None:
         for connection in self._served:
@@ -278,6 +265,10 @@ class Endpoint:
             connection.tick(now)
         if connections:
             self._ticker = self.loop.call_later(TICK, self._tick)
+
+
+def _named(offer: Offer) -> Named:
+    return Named(offer.name, offer.srv_type._TYPE, offer.srv_type._HASH, offer.node)
 
 
 def _script() -> str:

@@ -13,8 +13,8 @@ from collections import deque
 from typing import Any
 
 from taskrpc.errors import NameInUse
+from taskrpc.transport.entries import Change, Entry, Roster
 from taskrpc.transport.network import Address, Factory
-from taskrpc.transport.registry import Entry
 
 HIGH_WATER, LOW_WATER = 65_536, 16_384
 
@@ -24,7 +24,7 @@ class Hub:
 
     def __init__(self) -> None:
         self.token = secrets.token_bytes(32)
-        self.entries: dict[MemoryNetwork, Entry] = {}
+        self.rosters: dict[MemoryNetwork, Roster] = {}
         self.listeners: dict[str, Factory] = {}
         self.revision = 0
         self.names = 0
@@ -78,25 +78,26 @@ class MemoryNetwork:
         join(client, server, address.place)
         return client
 
-    def publish(self, entry: Entry, *, claim: str = "") -> None:
-        """Tell everybody in this loop what this endpoint has."""
-        for network, other in self._hub.entries.items():
+    def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
+        """Tell everybody in this loop of a change to what this endpoint has."""
+        for network, other in self._hub.rosters.items():
             if claim and network is not self and other.offers(claim):
                 raise NameInUse(f"{claim} is already offered by another node of this program")
-        self._hub.entries[self] = entry
+        roster.apply(change)
+        self._hub.rosters[self] = roster
         self._hub.changed()
 
     def locate(self, service: str) -> list[Address]:
         """Whom to ask for a service."""
         return [
-            Address(entry.address, self.token, surely_offers=True)
-            for entry in self._hub.entries.values()
-            if entry.address and entry.offers(service)
+            Address(roster.about.address, self.token, surely_offers=True)
+            for roster in self._hub.rosters.values()
+            if roster.about.address and roster.offers(service)
         ]
 
     def entries(self) -> list[Entry]:
         """What every endpoint of this loop has."""
-        return list(self._hub.entries.values())
+        return [roster.entry() for roster in self._hub.rosters.values()]
 
     def peers(self) -> list[Address]:
         """Nobody: everybody is in the hub."""
@@ -117,7 +118,7 @@ class MemoryNetwork:
 
     def close(self) -> None:
         """Leave the hub."""
-        self._hub.entries.pop(self, None)
+        self._hub.rosters.pop(self, None)
         self._hub.changed()
 
 

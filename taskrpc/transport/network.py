@@ -7,7 +7,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
-from taskrpc.transport.registry import Entry
+from taskrpc.transport.entries import Change, Entry, Roster
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,8 +41,11 @@ class Network(Protocol):
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect. Raises OSError."""
 
-    def publish(self, entry: Entry, *, claim: str = "") -> None:
-        """Tell everybody what this process has; raises NameInUse if `claim` is taken."""
+    def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
+        """Tell everybody of a change to what this process has; the roster takes note of it.
+
+        Raises NameInUse, and nothing has changed, if another process offers the service `claim`.
+        """
 
     def locate(self, service: str) -> list[Address]:
         """Whom to ask for a service, the surest first."""

@@ -2,7 +2,7 @@
 
 Every process writes what it offers, and holds an operating-system lock on its file while it lives.
 A file without a lock is left over from a process that died: it is never believed, and whoever sees
-it removes it. Contents begin with a checksum, so that a reader never believes half a line.
+it removes it.
 """
 
 from __future__ import annotations
@@ -11,49 +11,13 @@ import contextlib
 import os
 import time
 import weakref
-import zlib
 from collections.abc import Iterator
 from pathlib import Path
 
-import msgspec
-
 from taskrpc import platform
 from taskrpc.errors import NameInUse
-from taskrpc.wire.messages import Endpoint
-
-
-class Entry(msgspec.Struct, frozen=True):
-    """What one process says of itself."""
-
-    pid: int
-    script: str
-    folder: str
-    since: float
-    """Seconds since the epoch."""
-    address: str = ""
-    """`host:port`, empty for a process that only calls."""
-    token: str = ""
-    """Hexadecimal; what a caller of `address` must prove to know."""
-    certificate: str = ""
-    """PEM; what a caller of `address` must be shown, "" where it is a plain connection."""
-    nodes: tuple[str, ...] = ()
-    services: tuple[Endpoint, ...] = ()
-    clients: tuple[Endpoint, ...] = ()
-
-    def __repr__(self) -> str:
-        # Without the token: what is printed ends in logs.
-        return f"Entry(pid={self.pid}, script={self.script!r}, address={self.address!r})"
-
-    def offers(self, service: str) -> bool:
-        """Whether the process offers a service of this absolute name."""
-        return any(endpoint.name == service for endpoint in self.services)
-
-
-_TIME_STEP = 1000
-"""Nanoseconds that every file system can tell apart."""
-
-_encode = msgspec.json.Encoder().encode
-_decode = msgspec.json.Decoder(Entry).decode
+from taskrpc.transport.entries import Change, Entry, Roster
+from taskrpc.transport.journal import Journal, JournalReader
 
 
 class Registry:
@@ -63,37 +27,41 @@ class Registry:
         self._folder = platform.private_dir(platform.runtime_dir() / f"domain_{domain}")
         self._lock = self._folder / "lock"
         self._path = self._folder / f"{os.getpid()}-{id(self):x}-{time.time_ns():x}.json"
-        self._descriptor = -1
-        self._written = 0
-        self._cache: dict[Path, tuple[tuple[int, int], Entry]] = {}
+        self._journal: Journal | None = None
+        self._mine: Roster | None = None
+        self._readers: dict[Path, tuple[tuple[int, int], JournalReader]] = {}
         _open_registries.add(self)
 
-    def publish(self, entry: Entry, *, claim: str = "") -> None:
-        """Write or rewrite this process's entry.
+    def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
+        """Tell everybody of a change to what this process has; the roster takes note of it.
 
         `claim` names a service that nobody else may offer; raises NameInUse when somebody does.
         """
         with platform.locked(self._lock):
             if claim:
                 self._refuse_second(claim)
-            if self._descriptor < 0:
-                self._descriptor = self._created()
-            self._write(entry)
+            if self._journal is None:
+                self._journal = Journal(self._path)
+            self._journal.write(roster, change)
+            self._mine = roster
+
+    def rosters(self) -> list[Roster]:
+        """What all living processes have, this one included, oldest first."""
+        found, unclear = [] if self._mine is None else [self._mine], []
+        for path in self._others():
+            with contextlib.suppress(OSError), self._opened(path) as descriptor:
+                roster = self._read(path, descriptor) if platform.is_locked(descriptor) else None
+                if roster is None:
+                    unclear.append(path)
+                else:
+                    found.append(roster)
+        if unclear:
+            found += self._second_look(unclear)
+        return sorted(found, key=lambda roster: roster.about.since)
 
     def entries(self) -> list[Entry]:
         """The entries of all living processes, this one included, oldest first."""
-        found, unclear = [], []
-        for path in self._files():
-            with contextlib.suppress(OSError), self._opened(path) as descriptor:
-                alive = self._is_alive(path, descriptor)
-                entry = self._parsed(path, descriptor) if alive else None
-                if entry is None:
-                    unclear.append(path)
-                else:
-                    found.append(entry)
-        if unclear:
-            found += self._second_look(unclear)
-        return sorted(found, key=lambda entry: entry.since)
+        return [roster.entry() for roster in self.rosters()]
 
     def signature(self) -> tuple[tuple[str, int], ...]:
         """A value that changes when any entry may have changed; cheap enough to poll."""
@@ -105,7 +73,7 @@ class Registry:
 
     def close(self) -> None:
         """Remove this process's entry."""
-        if self._descriptor >= 0:
+        if self._journal is not None:
             with contextlib.suppress(OSError):
                 if platform.WINDOWS:
                     self.abandon()
@@ -114,33 +82,24 @@ class Registry:
 
     def abandon(self) -> None:
         """Close the file without removing it (a forked child's duty: the entry is its parent's)."""
-        descriptor, self._descriptor = self._descriptor, -1
-        if descriptor >= 0:
-            os.close(descriptor)
-
-    def _created(self) -> int:
-        descriptor = platform.open_private(self._path)
-        platform.lock(descriptor)
-        return descriptor
+        journal, self._journal, self._mine = self._journal, None, None
+        if journal is not None:
+            journal.close()
 
     def _refuse_second(self, claim: str) -> None:
-        for path in self._files():
+        for path in self._others():
             with contextlib.suppress(OSError), self._opened(path) as descriptor:
-                if path == self._path or not self._is_alive(path, descriptor):
+                if not platform.is_locked(descriptor):
                     continue
-                entry = self._parsed(path, descriptor)
-                if entry is not None and entry.offers(claim):
-                    raise NameInUse(_second_server(claim, entry))
+                roster = self._read(path, descriptor)
+                if roster is not None and roster.offers(claim):
+                    raise NameInUse(_second_server(claim, roster.about))
 
-    def _write(self, entry: Entry) -> None:
-        data = _encode(entry)
-        line = b"%08x %s\n" % (zlib.crc32(data), data)
-        os.lseek(self._descriptor, 0, os.SEEK_SET)
-        os.write(self._descriptor, line)
-        os.ftruncate(self._descriptor, len(line))
-        # Two writes within one tick of the system's clock must still look different.
-        self._written = max(time.time_ns(), self._written + _TIME_STEP)
-        os.utime(self._path, ns=(self._written, self._written))
+    def _others(self) -> list[Path]:
+        paths = [path for path in self._files() if path != self._path]
+        if len(self._readers) > len(paths):
+            self._readers = {path: self._readers[path] for path in paths if path in self._readers}
+        return paths
 
     def _files(self) -> Iterator[Path]:
         with contextlib.suppress(OSError), os.scandir(self._folder) as found:
@@ -157,44 +116,29 @@ class Registry:
         finally:
             os.close(descriptor)
 
-    def _parsed(self, path: Path, descriptor: int) -> Entry | None:
+    def _read(self, path: Path, descriptor: int) -> Roster | None:
         status = os.fstat(descriptor)
         sign = (status.st_mtime_ns, status.st_size)
-        if path in self._cache and self._cache[path][0] == sign:
-            return self._cache[path][1]
-        entry = _entry_in(os.read(descriptor, status.st_size))
-        if entry is not None:
-            self._cache[path] = (sign, entry)
-        return entry
+        known, reader = self._readers.get(path) or (None, JournalReader())
+        if known != sign or reader.roster is None:
+            reader.read(descriptor)
+            self._readers[path] = sign, reader
+        return reader.roster
 
-    def _is_alive(self, path: Path, descriptor: int) -> bool:
-        return path == self._path or platform.is_locked(descriptor)
-
-    def _second_look(self, paths: list[Path]) -> list[Entry]:
-        """The entries that were only just being made or written; the dead ones' are removed."""
+    def _second_look(self, paths: list[Path]) -> list[Roster]:
+        """Those that were only just being made or written; the dead ones' files are removed."""
         found = []
         with platform.locked(self._lock):
             for path in paths:
                 with contextlib.suppress(OSError):
                     with self._opened(path) as descriptor:
-                        alive = self._is_alive(path, descriptor)
-                        entry = self._parsed(path, descriptor)
+                        alive = platform.is_locked(descriptor)
+                        roster = self._read(path, descriptor)
                     if not alive:
-                        self._cache.pop(path, None)
                         path.unlink()
-                    elif entry is not None:
-                        found.append(entry)
+                    elif roster is not None:
+                        found.append(roster)
         return found
-
-
-def _entry_in(data: bytes) -> Entry | None:
-    checksum, _, text = data.partition(b"\n")[0].partition(b" ")
-    if checksum != b"%08x" % zlib.crc32(text):
-        return None
-    try:
-        return _decode(text)
-    except msgspec.MsgspecError:
-        return None
 
 
 def _second_server(name: str, entry: Entry) -> str:

@@ -13,8 +13,9 @@ from collections.abc import Sequence
 
 from taskrpc.errors import AuthenticationFailed, CannotListen, TaskRpcError
 from taskrpc.transport.connection import HANDSHAKE_TIMEOUT
+from taskrpc.transport.entries import Change, Entry, Roster
 from taskrpc.transport.network import Address, Factory
-from taskrpc.transport.registry import Entry, Registry
+from taskrpc.transport.registry import Registry
 from taskrpc.transport.tls import Tls, pinned_context, shown_certificate
 
 log = logging.getLogger("taskrpc.transport")
@@ -84,19 +85,18 @@ class TcpNetwork:
         _, protocol = await loop.create_connection(factory, host, port, ssl=context)
         return protocol
 
-    def publish(self, entry: Entry, *, claim: str = "") -> None:
-        """Tell everybody on this machine what this process has."""
-        self._registry.publish(entry, claim=claim)
+    def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
+        """Tell everybody on this machine of a change to what this process has."""
+        self._registry.publish(roster, change, claim=claim)
 
     def locate(self, service: str) -> list[Address]:
         """Whom to ask for a service."""
-        entries = self._registry.entries()
         if self._peers:
-            return self._with_tokens(entries)
+            return self.peers()
         return [
-            _address(entry, surely_offers=True)
-            for entry in entries
-            if entry.address and entry.offers(service)
+            _address(roster.about, surely_offers=True)
+            for roster in self._registry.rosters()
+            if roster.about.address and roster.offers(service)
         ]
 
     def entries(self) -> list[Entry]:
@@ -106,7 +106,13 @@ class TcpNetwork:
 
     def peers(self) -> list[Address]:
         """The processes that were named."""
-        return self._with_tokens(self._registry.entries()) if self._peers else []
+        if not self._peers:
+            return []
+        # A peer on this machine, of this user, is in the registry with all that it wants.
+        here = [_address(roster.about) for roster in self._registry.rosters()]
+        known = {each.place: each for each in here if each.place}
+        given = self._peer_token or b""
+        return [known.get(place) or Address(place, given) for place in self._peers]
 
     def mark(self) -> object:
         """What the registry looked like at most a moment ago."""
@@ -138,12 +144,6 @@ class TcpNetwork:
                 f"cannot listen at {host}: beyond this machine's own addresses (127.0.0.1,"
                 " localhost, ::1) a certificate (tls) and a token are needed"
             )
-
-    def _with_tokens(self, entries: Sequence[Entry]) -> list[Address]:
-        # A peer on this machine, of this user, is in the registry with all that it wants.
-        known = {each.place: each for each in map(_address, entries) if each.place}
-        given = self._peer_token or b""
-        return [known.get(place) or Address(place, given) for place in self._peers]
 
     def _context(self, address: Address) -> ssl.SSLContext | None:
         """TLS as the registry says; for peers elsewhere, as this node was told."""

@@ -1,0 +1,131 @@
+"""What a process says of itself: as a whole, and change by change."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import cached_property
+from typing import TypeVar
+
+import msgspec
+
+from taskrpc.wire.messages import Endpoint
+
+_Item = TypeVar("_Item", str, Endpoint)
+
+
+class Entry(msgspec.Struct, frozen=True, tag=True, dict=True):
+    """What one process says of itself."""
+
+    pid: int
+    script: str
+    folder: str
+    since: float
+    """Seconds since the epoch."""
+    address: str = ""
+    """`host:port`, empty for a process that only calls."""
+    token: str = ""
+    """Hexadecimal; what a caller of `address` must prove to know."""
+    certificate: str = ""
+    """PEM; what a caller of `address` must be shown, "" where it is a plain connection."""
+    nodes: tuple[str, ...] = ()
+    services: tuple[Endpoint, ...] = ()
+    clients: tuple[Endpoint, ...] = ()
+
+    def __repr__(self) -> str:
+        # Without the token: what is printed ends in logs.
+        return f"Entry(pid={self.pid}, script={self.script!r}, address={self.address!r})"
+
+    def offers(self, service: str) -> bool:
+        """Whether the process offers a service of this absolute name."""
+        return service in self._names
+
+    @cached_property
+    def _names(self) -> frozenset[str]:
+        return frozenset(endpoint.name for endpoint in self.services)
+
+
+class Change(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
+    """What came to a process, or went from it."""
+
+    node: str = ""
+    service: Endpoint | None = None
+    client: Endpoint | None = None
+    gone: bool = False
+    """Whether these went."""
+    address: str = ""
+    """From now on the process takes calls here, with this token and certificate."""
+    token: str = ""
+    certificate: str = ""
+
+
+class Roster:
+    """What one process has, kept up to date change by change, each in constant time."""
+
+    def __init__(self, entry: Entry) -> None:
+        self.about = entry
+        """Who and where the process is; its own lists say what was there at the beginning."""
+        self.services = {service.name: service for service in entry.services}
+        """By absolute name."""
+        self._nodes: dict[str, int] = {}
+        self._clients: dict[Endpoint, int] = {}
+        self._entry: Entry | None = entry
+        for node in entry.nodes:
+            _add(self._nodes, node)
+        for client in entry.clients:
+            _add(self._clients, client)
+
+    def apply(self, change: Change) -> None:
+        """Take note of a change."""
+        self._entry = None
+        if change.address:
+            self.about = msgspec.structs.replace(
+                self.about,
+                address=change.address,
+                token=change.token,
+                certificate=change.certificate,
+            )
+        count = _drop if change.gone else _add
+        if change.node:
+            count(self._nodes, change.node)
+        if change.client is not None:
+            count(self._clients, change.client)
+        if change.service is not None:
+            self.services.pop(change.service.name, None)
+            if not change.gone:
+                self.services[change.service.name] = change.service
+
+    @property
+    def first_node(self) -> str:
+        """The oldest of its nodes, "" where it has none."""
+        return next(iter(self._nodes), "")
+
+    def offers(self, service: str) -> bool:
+        """Whether the process offers a service of this absolute name."""
+        return service in self.services
+
+    def entry(self) -> Entry:
+        """All of it, as it is now."""
+        if self._entry is None:
+            self._entry = msgspec.structs.replace(
+                self.about,
+                nodes=tuple(_each(self._nodes)),
+                services=tuple(self.services.values()),
+                clients=tuple(_each(self._clients)),
+            )
+        return self._entry
+
+
+def _add(counts: dict[_Item, int], item: _Item) -> None:
+    counts[item] = counts.get(item, 0) + 1
+
+
+def _drop(counts: dict[_Item, int], item: _Item) -> None:
+    left = counts.pop(item, 0) - 1
+    if left > 0:
+        counts[item] = left
+
+
+def _each(counts: dict[_Item, int]) -> Iterator[_Item]:
+    for item, count in counts.items():
+        for _ in range(count):
+            yield item
