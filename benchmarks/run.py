@@ -2,7 +2,7 @@
 
     python benchmarks/run.py              # 15 minutes; writes RESULTS.md beside this file
     python benchmarks/run.py --quick      # 1 minute: is everything there, does it work?
-    python benchmarks/run.py --only taskrpc "taskrpc, uvloop" --out /tmp/bench
+    python benchmarks/run.py --only taskrpc "taskrpc, uvloop" --out results
 
 Peers take part if they are installed (`pip install '.[bench]'`; nats-server by the system's own
 means). For numbers to quote, leave the machine alone meanwhile.

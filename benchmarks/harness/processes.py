@@ -57,8 +57,10 @@ class Child:
         assert self._process.stdout is not None
         watchdog = threading.Timer(_PATIENCE, self._process.kill)
         watchdog.start()
-        line = self._process.stdout.readline()
-        watchdog.cancel()
+        try:
+            line = self._process.stdout.readline()
+        finally:
+            watchdog.cancel()
         if not line:
             raise ChildFailed(f"{self._what}: ended with code {self._process.wait()}")
         return json.loads(line)
