@@ -142,7 +142,7 @@ class _Client(_Peer):
 async def serve(announce: Announce, options: list[str]) -> None:
     server = await asyncio.get_running_loop().create_server(_Server, "127.0.0.1", 0)
     announce(f"127.0.0.1:{server.sockets[0].getsockname()[1]}")
-    await server.serve_forever()
+    await asyncio.get_running_loop().create_future()
 
 
 async def connect(place: str, options: list[str]) -> Caller:

@@ -86,7 +86,7 @@ async def serve(announce: Announce, options: list[str]) -> None:
     protocol = _Unsplit if "unsplit" in options else _Server
     server = await asyncio.get_running_loop().create_server(protocol, "127.0.0.1", 0)
     announce(f"127.0.0.1:{server.sockets[0].getsockname()[1]}")
-    await server.serve_forever()
+    await asyncio.get_running_loop().create_future()
 
 
 async def connect(place: str, options: list[str]) -> Caller:

@@ -21,6 +21,9 @@ from benchmarks.contenders import contender
 from benchmarks.harness.contender import Contender
 from benchmarks.harness.limits import open_files
 
+_GRACE = 2.0
+"""Seconds that a server has to clean up: some wait for clients that stay connected."""
+
 
 def main(role: str, name: str) -> None:
     """Run one role until the standard input ends."""
@@ -48,7 +51,12 @@ def _serve(chosen: Contender) -> None:
     async def serve() -> None:
         task = asyncio.ensure_future(module.serve(announce, options))
         loop = asyncio.get_running_loop()
-        ended = lambda: loop.call_soon_threadsafe(task.cancel)  # noqa: E731
+
+        def end() -> None:
+            task.cancel()
+            loop.call_later(_GRACE, _end)
+
+        ended = lambda: loop.call_soon_threadsafe(end)  # noqa: E731
         threading.Thread(target=_report_usage, args=[helpers, ended], daemon=True).start()
         with contextlib.suppress(asyncio.CancelledError):
             await task
