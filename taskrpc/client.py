@@ -6,6 +6,7 @@ import asyncio
 import math
 import random
 import time
+from collections.abc import Callable
 from enum import Enum
 from typing import Any, Final
 
@@ -42,7 +43,8 @@ UNSET: Final = Unset.UNSET
 class Client:
     """Calls one service; made by `Node.create_client`.
 
-    `timeout` (seconds, None for no deadline) and `retry` are the defaults of its calls.
+    `timeout` (seconds, None for no deadline) and `retry` are the defaults of its calls. `forget`
+    learns of its end.
     """
 
     def __init__(
@@ -54,6 +56,7 @@ class Client:
         *,
         timeout: float | None = DEFAULT_TIMEOUT,
         retry: RetryPolicy | None = None,
+        forget: Callable[[Client], object] = lambda _: None,
     ) -> None:
         self.srv_type = srv_type
         self.service_name = name
@@ -62,6 +65,7 @@ class Client:
         self._budget = RetryBudget()
         self._loop = asyncio.get_running_loop()
         self._now = clock_of(self._loop)
+        self._forget = forget
         self._channel = transport.channel(name, srv_type, node)
 
     def service_is_ready(self) -> bool:
@@ -144,6 +148,7 @@ class Client:
     def destroy(self) -> None:
         """Forget the service; calls in flight still get their answers."""
         self._channel.close()
+        self._forget(self)
 
     async def _persist(
         self, request: Any, deadline: float | None, policy: RetryPolicy | None

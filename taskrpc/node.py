@@ -62,8 +62,9 @@ class Node:
         self._listen, self._peers, self._tls = listen, peers, tls
         self._token = token or os.environ.get("TASKRPC_TOKEN")
         self._transport: Transport | None = None
-        self._services: list[Service] = []
-        self._clients: list[Client] = []
+        # Ordered sets: thousands may come and go.
+        self._services: dict[Service, None] = {}
+        self._clients: dict[Client, None] = {}
 
     # What it is
 
@@ -125,10 +126,9 @@ class Node:
             return
         for service in self._services:
             service.abandon()
-        for client in self._clients:
+        for client in list(self._clients):
             client.destroy()
         self._services.clear()
-        self._clients.clear()
         transport, self._transport = self._transport, None
         transport.remove_node(self.get_fully_qualified_name())
         await transport.release()
@@ -188,7 +188,8 @@ class Node:
             mode=Mode.IDEMPOTENT if idempotent else Mode.AT_MOST_ONCE,
             join=join,
         )
-        self._services.append(service)
+        self._services[service] = None
+        service.finished.add_done_callback(lambda _: self._services.pop(service, None))
         return service
 
     def create_client(
@@ -207,8 +208,9 @@ class Node:
             self.get_fully_qualified_name(),
             timeout=timeout,
             retry=retry,
+            forget=lambda client: self._clients.pop(client, None),
         )
-        self._clients.append(client)
+        self._clients[client] = None
         return client
 
     async def graph(self) -> list[Entry]:

@@ -96,7 +96,8 @@ class Registry:
                     raise NameInUse(_second_server(claim, roster.about))
 
     def _others(self) -> list[Path]:
-        paths = [path for path in self._files() if path != self._path]
+        mine = self._path if self._journal is not None else None
+        paths = [path for path in self._files() if path != mine]
         if len(self._readers) > len(paths):
             self._readers = {path: self._readers[path] for path in paths if path in self._readers}
         return paths

@@ -1,7 +1,9 @@
 """A node has a name, serves while it spins, and ends when, and only as far as, it is told."""
 
 import asyncio
+import gc
 import signal
+import weakref
 
 import pytest
 
@@ -172,3 +174,42 @@ def test_run_returns_what_its_coroutine_returns_and_leaves_no_loop():
 def test_the_fast_loop_is_uvloops_or_asyncios_own():
     factory = fast_loop()
     assert factory is None or factory.__module__.startswith("uvloop")
+
+
+@pytest.mark.parametrize("transport", ["memory", "tcp"])
+@pytest.mark.real_time
+async def test_what_is_destroyed_leaves_nothing_with_the_node(transport):
+    async def come_and_go(count):
+        for _ in range(count):
+            client = node.create_client(Add, "add")
+            service = node.create_service(Add, "sum", add)
+            client.destroy()
+            service.destroy()
+            gone.extend((weakref.ref(client), weakref.ref(service)))
+            await asyncio.sleep(0)
+
+    gone = []
+    async with taskrpc.Node("node", transport=transport) as node:
+        await come_and_go(5)
+        (before,) = await node.graph()
+        await come_and_go(50)
+        assert await node.graph() == [before]
+        assert (before.clients, before.services) == ((), ())
+        assert not node._clients
+        assert not node._services
+        del before
+        gc.collect()
+        assert [each for each in gone if each() is not None] == []
+
+
+async def test_a_service_that_still_answers_is_known_to_its_node_until_it_has():
+    gate = Gate()
+    async with memory("server") as server, memory() as node:
+        service = server.create_service(Add, "add", gate)
+        call = asyncio.ensure_future(node.create_client(Add, "add").call(ask(1, 2)))
+        await until(lambda: gate.started)
+        service.destroy()
+        assert list(server._services) == [service]
+        gate.opened.set()
+        await call
+        await until(lambda: not server._services)

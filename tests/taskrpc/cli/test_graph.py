@@ -9,7 +9,7 @@ from taskrpc import sync
 from taskrpc.cli import graph
 from taskrpc.cli.call import main as call_main
 from taskrpc.cli.main import main
-from taskrpc.transport.registry import Entry
+from taskrpc.transport.entries import Entry
 from taskrpc.wire.messages import Endpoint
 
 ADD = srvgen.load("example_interfaces/srv/AddTwoInts")

@@ -14,7 +14,7 @@ import pytest
 from taskrpc.cli.call import main as call_main
 from taskrpc.cli.main import main
 from taskrpc.cli.processes import Process
-from taskrpc.transport.registry import Entry
+from taskrpc.transport.entries import Entry
 from taskrpc.wire.messages import Endpoint
 
 pytestmark = pytest.mark.real_time

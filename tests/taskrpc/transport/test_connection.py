@@ -231,7 +231,7 @@ async def test_an_answer_that_is_no_message_is_one_clear_error(server, node):
         assert "the server's answer is not valid" in str(error)
         assert error.not_executed is False
         served.on_cancel()
-        await until(lambda: not server._services[-1]._jobs)
+        await until(lambda: not list(server._services)[-1]._jobs)
     assert len(gate.started) == 4
 
 

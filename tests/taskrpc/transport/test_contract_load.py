@@ -188,7 +188,7 @@ async def test_random_cancels_leave_nothing(net):
             call.cancel()
     await until(lambda: not connection.session.in_flight)
     serving = next(iter(server._transport._served))
-    await until(lambda: not server._services[0]._jobs)
+    await until(lambda: not next(iter(server._services))._jobs)
     assert not serving.session.in_flight
     assert not connection._waiting
     assert not list(serving.expiring())

@@ -26,7 +26,7 @@ from tests.taskrpc.transport.helpers import (
 async def test_a_service_withdrawn_and_offered_again_is_found_by_the_same_client(net):
     server, client = await served(net)
     for _ in range(3):
-        service = server._services[-1]
+        service = list(server._services)[-1]
         service.destroy()
         with pytest.raises(taskrpc.ServiceUnavailable, match="nobody offers /add"):
             await client.call(ask())
@@ -51,7 +51,7 @@ async def test_a_destroyed_service_answers_the_calls_that_had_arrived(net):
         server, client = await served(net, slow, name, **options)
         calls = [client.call_async(ask(n)) for n in range(5)]
         await asyncio.sleep(0.01)
-        server._services[-1].destroy()
+        list(server._services)[-1].destroy()
         assert [(await each).sum for each in calls] == [0, 1, 2, 3, 4]
 
 

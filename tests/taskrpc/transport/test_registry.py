@@ -14,7 +14,9 @@ import pytest
 
 import taskrpc
 from taskrpc import platform
-from taskrpc.transport.registry import Entry, Registry, _encode
+from taskrpc.transport.entries import Change, Entry, Roster
+from taskrpc.transport.journal import line_of
+from taskrpc.transport.registry import Registry
 from taskrpc.wire.messages import Endpoint
 
 ADD = Endpoint("/add", "example_interfaces/srv/AddTwoInts", "RIHS01_1", "/adder")
@@ -23,6 +25,11 @@ ADD = Endpoint("/add", "example_interfaces/srv/AddTwoInts", "RIHS01_1", "/adder"
 def entry(**fields):
     defaults = {"pid": os.getpid(), "script": "adder.py", "folder": "/home/me", "since": 1.0}
     return Entry(**{**defaults, **fields})
+
+
+def publish(registry, wanted, **options):
+    """The first thing that a process says of itself."""
+    registry.publish(Roster(wanted), Change(), **options)
 
 
 @pytest.fixture
@@ -45,21 +52,23 @@ def files(registry):
 
 def test_what_one_process_publishes_the_others_see(registry, other):
     mine = entry(services=(ADD,), address="127.0.0.1:7", token="ab")
-    registry.publish(mine)
+    roster = Roster(mine)
+    registry.publish(roster, Change())
     assert other.entries() == [mine]
-    changed = entry(nodes=("/a",))
-    registry.publish(changed)
+    registry.publish(roster, Change(node="/a"))
+    registry.publish(roster, Change(service=ADD, gone=True))
+    changed = entry(nodes=("/a",), address="127.0.0.1:7", token="ab")
     assert other.entries() == registry.entries() == [changed]
 
 
 def test_the_oldest_process_comes_first(registry, other):
-    registry.publish(entry(since=2.0))
-    other.publish(entry(since=1.0))
+    publish(registry, entry(since=2.0))
+    publish(other, entry(since=1.0))
     assert [each.since for each in registry.entries()] == [1.0, 2.0]
 
 
 def test_a_closed_registry_leaves_no_file(registry, other):
-    registry.publish(entry())
+    publish(registry, entry())
     registry.close()
     assert other.entries() == []
     assert files(other) == []
@@ -67,9 +76,11 @@ def test_a_closed_registry_leaves_no_file(registry, other):
 
 DIES = """
 import os, sys, time
-from taskrpc.transport.registry import Entry, Registry
+from taskrpc.transport.entries import Change, Entry, Roster
+from taskrpc.transport.registry import Registry
 registry = Registry(0)
-registry.publish(Entry(pid=os.getpid(), script="dead.py", folder="/", since=0.0))
+dead = Entry(pid=os.getpid(), script="dead.py", folder="/", since=0.0)
+registry.publish(Roster(dead), Change())
 print("there", flush=True)
 time.sleep(60)
 """
@@ -104,7 +115,7 @@ def test_a_forked_child_does_not_keep_its_dead_parents_entry_alive(registry):
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="there is no fork on Windows")
 @pytest.mark.filterwarnings("ignore:This process:DeprecationWarning")
 def test_a_forked_child_that_closes_leaves_its_parents_entry(registry, other):
-    registry.publish(entry())
+    publish(registry, entry())
     child = os.fork()
     if not child:
         registry.close()
@@ -114,7 +125,7 @@ def test_a_forked_child_that_closes_leaves_its_parents_entry(registry, other):
 
 
 def test_two_who_look_at_once_agree_about_the_living_and_the_dead(registry, other):
-    registry.publish(entry(services=(ADD,)))
+    publish(registry, entry(services=(ADD,)))
     left_over = registry._folder / "1-dead.json"
     problems = []
 
@@ -138,23 +149,27 @@ def test_two_who_look_at_once_agree_about_the_living_and_the_dead(registry, othe
 def test_a_reader_never_sees_half_an_entry(registry):
     """Neither torn contents nor a living process missing, while its entry grows and shrinks."""
     stop = threading.Event()
-    short, long = entry(), entry(nodes=tuple(f"/node{n}" for n in range(3000)))
-    registry.publish(short)
+    names = [f"/node{n}_{'x' * 50}" for n in range(300)]
+    roster = Roster(entry())
+    registry.publish(roster, Change())
 
     def write():
         while not stop.is_set():
-            registry.publish(long)
-            registry.publish(short)
+            for gone in (False, True):
+                for name in names:
+                    registry.publish(roster, Change(node=name, gone=gone))
 
     writer = threading.Thread(target=write)
     writer.start()
     reader = Registry(0)
     try:
-        seen = [reader.entries() for _ in range(300)]
+        for _ in range(300):
+            (seen,) = reader.entries()
+            assert list(seen.nodes) in (names[: len(seen.nodes)], names[-len(seen.nodes) :])
     finally:
         stop.set()
         writer.join()
-    assert all(each in ([short], [long]) for each in seen)
+    assert reader.entries() == registry.entries()
 
 
 @pytest.mark.parametrize(
@@ -163,11 +178,14 @@ def test_a_reader_never_sees_half_an_entry(registry):
         b"",
         b"\n",
         b"garbage",
-        b"00000000 {}\n",
-        b"%08x {}\n" % zlib.crc32(b"{}"),
+        b"00000000 1 {}\n",
+        b"%08x 1 {}\n" % zlib.crc32(b"1 {}"),
+        b"%08x one {}\n" % zlib.crc32(b"one {}"),
         b"%08x nonsense\n" % zlib.crc32(b"nonsense"),
         b"\xff" * 100,
-        b"%08x %s" % (zlib.crc32(_encode(entry())) ^ 1, _encode(entry())),
+        line_of(1, entry())[:-1],
+        line_of(1, entry()).replace(b"adder.py", b"other.py"),
+        line_of(1, Change(node="/a")),
     ],
 )
 def test_an_unreadable_entry_of_a_living_process_is_passed_over(registry, contents):
@@ -175,7 +193,7 @@ def test_an_unreadable_entry_of_a_living_process_is_passed_over(registry, conten
     descriptor = platform.open_private(path)
     platform.lock(descriptor)
     os.write(descriptor, contents)
-    registry.publish(entry())
+    publish(registry, entry())
     assert registry.entries() == [entry()]
     assert path.exists()
     os.close(descriptor)
@@ -184,7 +202,7 @@ def test_an_unreadable_entry_of_a_living_process_is_passed_over(registry, conten
 def test_two_hundred_processes_are_read_quickly():
     registries = [Registry(0) for _ in range(200)]
     for n, each in enumerate(registries):
-        each.publish(entry(since=float(n), services=(ADD,)))
+        publish(each, entry(since=float(n), services=(ADD,)))
     began = time.perf_counter()
     assert len(registries[0].entries()) == 200
     registries[0].signature()
@@ -194,43 +212,107 @@ def test_two_hundred_processes_are_read_quickly():
     assert Registry(0).entries() == []
 
 
-def test_every_change_changes_the_signature(registry, other):
+def test_every_change_changes_the_signature(registry, other, monkeypatch):
+    """Also where the system's clock stands still, and over many new entries of one length."""
+    monkeypatch.setattr(time, "time_ns", lambda: 10**18)
     seen = {other.signature()}
-    for n in range(20):
-        registry.publish(entry(nodes=(f"/n{n % 10}",)))
-        seen.add(other.signature())
+    roster = Roster(entry())
+    for _ in range(250):
+        for gone in (False, True):
+            registry.publish(roster, Change(node="/n", gone=gone))
+            seen.add(other.signature())
     registry.close()
     seen.add(other.signature())
-    assert len(seen) == 21  # an empty registry looks the same before and after
+    assert len(seen) == 501  # an empty registry looks the same before and after
+
+
+def test_readers_see_each_of_many_changes_at_once(registry, other):
+    roster = Roster(entry())
+    for n in range(300):
+        registry.publish(roster, Change(node="/n", client=ADD, gone=bool(n % 2)))
+        assert other.entries() == [roster.entry()]
+
+
+def test_of_two_who_claim_a_name_at_once_one_gets_it(registry):
+    """Each claim is an entry's first or one among many, in turns with another process's."""
+    wins = []
+
+    def claim(own):
+        roster = Roster(entry())
+        for n in range(60):
+            service = Endpoint(f"/s{n}", "a/srv/B", "RIHS01_1", "/a")
+            try:
+                own.publish(roster, Change(service=service), claim=service.name)
+            except taskrpc.NameInUse:
+                continue
+            wins.append(n)
+
+    registries = [Registry(0) for _ in range(3)]
+    threads = [threading.Thread(target=claim, args=(own,)) for own in registries]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(wins) == list(range(60))
+    offered = [service.name for each in registry.entries() for service in each.services]
+    assert sorted(offered) == sorted({f"/s{n}" for n in range(60)})
+    for own in registries:
+        own.close()
+
+
+def test_what_is_remembered_of_files_goes_with_them(registry):
+    for n in range(20):
+        passing = Registry(0)
+        publish(passing, entry(since=float(n)))
+        registry.entries()
+        passing.close()
+    registry.entries()
+    assert registry._readers == {}
+
+
+def test_what_is_written_for_a_service_does_not_grow_with_their_number(registry, monkeypatch):
+    written = []
+    write = os.write
+    monkeypatch.setattr(os, "write", lambda fd, data: written.append(len(data)) or write(fd, data))
+    roster = Roster(entry())
+
+    def spent(count):
+        written.clear()
+        for _ in range(count):
+            name = f"/s{len(roster.services)}"
+            registry.publish(roster, Change(service=Endpoint(name, "a/srv/B", "R", "/a")))
+        return sum(written) / count
+
+    first = spent(500)
+    assert spent(4000) < 2 * first
 
 
 def test_domains_do_not_see_each_other(registry):
-    registry.publish(entry())
+    publish(registry, entry())
     assert Registry(1).entries() == []
 
 
 def test_a_second_offer_of_a_name_is_refused_with_all_that_helps(registry, other):
-    registry.publish(entry(pid=4711, services=(ADD,), since=0.0))
+    publish(registry, entry(pid=4711, services=(ADD,), since=0.0))
     with pytest.raises(taskrpc.NameInUse) as caught:
-        other.publish(entry(), claim="/add")
+        publish(other, entry(), claim="/add")
     began = time.strftime("%H:%M:%S", time.localtime(0))
     assert str(caught.value) == (
         f"/add is already offered by adder.py (pid 4711, in /home/me, since {began}); end it with"
         " `taskrpc stop 4711`, or join it with --join (join=True)"
     )
-    other.publish(entry(), claim="/subtract")
-    registry.publish(entry(services=(ADD,)), claim="/add")  # one's own entry is no second
+    publish(other, entry(), claim="/subtract")
+    publish(registry, entry(services=(ADD,)), claim="/add")  # one's own entry is no second
 
 
 def test_a_dead_process_does_not_hold_a_name(registry):
-    data = _encode(entry(services=(ADD,)))
-    (registry._folder / "1-dead.json").write_bytes(b"%08x %s\n" % (zlib.crc32(data), data))
-    registry.publish(entry(services=(ADD,)), claim="/add")
+    (registry._folder / "1-dead.json").write_bytes(line_of(1, entry(services=(ADD,))))
+    publish(registry, entry(services=(ADD,)), claim="/add")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="modes are POSIX's")
 def test_folder_and_entry_are_the_users_alone(registry):
-    registry.publish(entry())
+    publish(registry, entry())
     for path in (registry._folder, registry._folder.parent):
         assert stat.S_IMODE(path.stat().st_mode) == 0o700
     assert stat.S_IMODE(registry._path.stat().st_mode) == 0o600
@@ -258,8 +340,7 @@ def test_a_folder_that_is_a_link_or_another_users_is_refused(tmp_path, monkeypat
 
 
 def test_a_link_in_the_folder_is_not_followed(registry, tmp_path):
-    data = _encode(entry(script="forged"))
-    (tmp_path / "forged").write_bytes(b"%08x %s\n" % (zlib.crc32(data), data))
+    (tmp_path / "forged").write_bytes(line_of(1, entry(script="forged")))
     link = registry._folder / "9-link.json"
     link.symlink_to(tmp_path / "forged")
     assert registry.entries() == []

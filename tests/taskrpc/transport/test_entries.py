@@ -1,0 +1,62 @@
+"""A roster kept up to date says what an entry made anew would say."""
+
+from collections import Counter
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taskrpc.transport.entries import Change, Entry, Roster
+from taskrpc.wire.messages import Endpoint
+
+ABOUT = Entry(pid=1, script="a.py", folder="/", since=1.0)
+NAMES = st.sampled_from("abc")
+
+
+def endpoint(name):
+    return Endpoint(f"/{name}", "a/srv/B", "R", "/n")
+
+
+@given(st.lists(st.tuples(st.sampled_from(["node", "client", "service"]), NAMES, st.booleans())))
+def test_what_came_and_has_not_gone_is_there_as_often_as_it_came(steps):
+    roster = Roster(ABOUT)
+    expected = {"node": Counter(), "client": Counter(), "service": Counter()}
+    for kind, name, gone in steps:
+        counts = expected[kind]
+        if gone and not counts[name]:
+            continue
+        counts[name] += -1 if gone else not (kind == "service" and counts[name])
+        item = name if kind == "node" else endpoint(name)
+        roster.apply(Change(**{kind: item}, gone=gone))
+    entry = roster.entry()
+    assert Counter(entry.nodes) == +expected["node"]
+    assert Counter(entry.clients) == Counter(map(endpoint, expected["client"].elements()))
+    assert Counter(entry.services) == Counter(map(endpoint, expected["service"].elements()))
+    assert Roster(entry).entry() == entry
+    for name in "abc":
+        offered = bool(expected["service"][name])
+        assert roster.offers(f"/{name}") == entry.offers(f"/{name}") == offered
+
+
+def test_an_entry_is_not_made_anew_while_nothing_changes():
+    roster = Roster(ABOUT)
+    roster.apply(Change(node="/a"))
+    assert roster.entry() is roster.entry()
+
+
+def test_a_roster_learns_where_its_process_takes_calls():
+    roster = Roster(ABOUT)
+    roster.apply(Change(address="127.0.0.1:7", token="ab", certificate="PEM"))
+    roster.apply(Change(node="/a"))
+    entry = roster.entry()
+    assert (entry.address, entry.token, entry.certificate) == ("127.0.0.1:7", "ab", "PEM")
+    assert "ab" not in repr(entry)
+
+
+def test_the_oldest_node_is_the_first_that_is_still_there():
+    roster = Roster(ABOUT)
+    assert roster.first_node == ""
+    for node in ("/a", "/b"):
+        roster.apply(Change(node=node))
+    assert roster.first_node == "/a"
+    roster.apply(Change(node="/a", gone=True))
+    assert roster.first_node == "/b"
