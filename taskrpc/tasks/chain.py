@@ -1,27 +1,24 @@
 """The queued tasks as one journey: how long each takes from where the one before it leaves off.
 
-Each priority is a level: its tasks sorted by arrival, with the sum of their seconds. So what lies
-ahead of a task that joins the end of a level is a sum over the levels, not over the tasks, and a
-task that leaves from the middle changes the plan of the one behind it, not of all.
+Each priority is a level: its tasks by arrival, weighed by their seconds. So what lies ahead of a
+task is a sum over some levels and a part of one, not over the tasks, and a task that leaves from
+the middle changes the plan of the one behind it, not of all.
 """
 
 from __future__ import annotations
 
-from bisect import bisect_left
 from collections.abc import Callable, Iterator
-from operator import attrgetter
 from typing import NamedTuple, TypeAlias
 
 from taskrpc.robot.protocol import Plan, Pose
 from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, Key, Task
+from taskrpc.tasks.sumtree import SumTree
 
 Planner: TypeAlias = Callable[[Task, Pose], Plan]
 """How long a task takes from a pose, and where it ends; must not raise."""
 
 RUNNING_KEY: Key = (-(PRIORITY_MAX + 1), 0)
 """The place of the task that the robot has in hand: before all that wait."""
-
-_by_arrival = attrgetter("task.arrival")
 
 
 class Shift(NamedTuple):
@@ -42,23 +39,6 @@ class _Link:
         self.plan = plan
 
 
-class _Level:
-    """The tasks of one priority, by arrival."""
-
-    __slots__ = ("links", "seconds")
-
-    def __init__(self) -> None:
-        self.links: list[_Link] = []
-        self.seconds = 0.0
-
-    def add_seconds(self, seconds: float) -> None:
-        # An empty level starts afresh, so that rounding errors do not pile up over the years.
-        self.seconds = self.seconds + seconds if self.links else 0.0
-
-    def index(self, arrival: int) -> int:
-        return bisect_left(self.links, arrival, key=_by_arrival)
-
-
 class Chain:
     """The queued tasks in the order of run, each planned from the end of the one before it.
 
@@ -70,99 +50,84 @@ class Chain:
     def __init__(self, plan: Planner, base: Pose) -> None:
         self._plan = plan
         self._base = base
-        self._levels = {p: _Level() for p in range(PRIORITY_MAX, PRIORITY_MIN - 1, -1)}
+        self._levels: dict[int, SumTree[_Link]] = {
+            p: SumTree() for p in range(PRIORITY_MAX, PRIORITY_MIN - 1, -1)
+        }
 
     def insert(self, task: Task) -> list[Shift]:
         """Add a task at its place and return by how much those behind it shift."""
-        level = self._levels[task.priority]
-        at = level.index(task.arrival)
-        before = self._before(task.priority, at)
+        before = self._before(task.priority, task.arrival)
         start = before.plan.end if before else self._base
         link = _Link(task, start, self._plan(task, start))
-        level.links.insert(at, link)
-        level.add_seconds(link.plan.seconds)
-        return self._shifts(task, link.plan.seconds, at + 1)
+        self._levels[task.priority].insert(task.arrival, link, link.plan.seconds)
+        return self._shifts(task, link.plan.seconds, link)
 
     def amend(self, task: Task) -> None:
         """Write a task anew that stands here, at the same place and with the same plan."""
-        level = self._levels[task.priority]
-        level.links[level.index(task.arrival)].task = task
+        self._levels[task.priority].find(task.arrival).task = task
 
     def remove(self, task: Task) -> list[Shift]:
         """Take a task out and return by how much those behind it shift."""
-        level = self._levels[task.priority]
-        at = level.index(task.arrival)
-        link = level.links.pop(at)
-        level.add_seconds(-link.plan.seconds)
-        return self._shifts(task, -link.plan.seconds, at)
+        link = self._levels[task.priority].remove(task.arrival)
+        return self._shifts(task, -link.plan.seconds, self._before(task.priority, task.arrival))
 
     def take_first(self) -> Plan:
         """Take the first task out, since its run begins, and return its plan.
 
         Nobody shifts: its seconds are still ahead of all others, as the running task's.
         """
-        level = next(level for level in self._levels.values() if level.links)
-        link = level.links.pop(0)
-        level.add_seconds(-link.plan.seconds)
-        self._base = link.plan.end
-        return link.plan
+        first = next(self._links_behind(RUNNING_KEY))
+        self._levels[first.task.priority].remove(first.task.arrival)
+        self._base = first.plan.end
+        return first.plan
 
     def rebase(self, base: Pose) -> list[Shift]:
         """Say anew where the robot will be when the first task begins."""
         self._base = base
-        return list(self._relink(PRIORITY_MAX, 0))
+        return list(self._relink(RUNNING_KEY, None))
 
     def seconds_through(self, task: Task) -> float:
-        """Seconds from the start of the first queued task to the end of this one.
-
-        The last of its priority is answered in constant time.
-        """
-        level = self._levels[task.priority]
-        higher = sum(self._levels[p].seconds for p in self._levels if p > task.priority)
-        at = level.index(task.arrival)
-        if at == len(level.links) - 1:
-            return higher + level.seconds
-        return higher + sum(link.plan.seconds for link in level.links[: at + 1])
+        """Seconds from the start of the first queued task to the end of this one."""
+        higher = sum(self._levels[p].weight for p in self._levels if p > task.priority)
+        return higher + self._levels[task.priority].weight_through(task.arrival)
 
     def walk(self, after: Key = RUNNING_KEY) -> Iterator[tuple[Task, float]]:
         """Iterate over the tasks behind a place, each with its `seconds_through`."""
         seconds = 0.0
         for priority, level in self._levels.items():
-            if (-priority, level.links[-1].task.arrival if level.links else 0) <= after:
-                seconds += level.seconds
-                continue
-            for link in level.links:
-                seconds += link.plan.seconds
-                if link.task.key > after:
-                    yield link.task, seconds
+            if -priority < after[0]:
+                seconds += level.weight
+            elif -priority == after[0]:
+                seconds += level.weight_through(after[1])
+        for link in self._links_behind(after):
+            seconds += link.plan.seconds
+            yield link.task, seconds
 
-    def _before(self, priority: int, at: int) -> _Link | None:
+    def _before(self, priority: int, arrival: int) -> _Link | None:
         """The link that stands before a place, None if that is the first."""
-        if at:
-            return self._levels[priority].links[at - 1]
+        if before := self._levels[priority].before(arrival):
+            return before
         higher = range(priority + 1, PRIORITY_MAX + 1)
-        return next((self._levels[p].links[-1] for p in higher if self._levels[p].links), None)
+        return next((self._levels[p].last() for p in higher if self._levels[p]), None)
 
-    def _links_from(self, priority: int, at: int) -> Iterator[tuple[_Level, _Link]]:
-        for lower in range(priority, PRIORITY_MIN - 1, -1):
-            level = self._levels[lower]
-            yield from ((level, level.links[i]) for i in range(at, len(level.links)))
-            at = 0
+    def _links_behind(self, key: Key) -> Iterator[_Link]:
+        for priority, level in self._levels.items():
+            if level and -priority >= key[0]:
+                yield from level.behind(key[1] if -priority == key[0] else -1)
 
-    def _shifts(self, task: Task, seconds: float, at: int) -> list[Shift]:
-        """What a task that came or went means for those behind it, who begin at a place."""
-        if next(self._links_from(task.priority, at), None) is None:
+    def _shifts(self, task: Task, seconds: float, before: _Link | None) -> list[Shift]:
+        """What a task that came or went means for those behind it, whom now a link precedes."""
+        if next(self._links_behind(task.key), None) is None:
             return []
-        return [Shift(task.key, seconds), *self._relink(task.priority, at)]
+        return [Shift(task.key, seconds), *self._relink(task.key, before)]
 
-    def _relink(self, priority: int, at: int) -> Iterator[Shift]:
-        """Plan anew from a place on, until a task ends where it ended before."""
-        before = self._before(priority, at)
-        for level, link in self._links_from(priority, at):
+    def _relink(self, key: Key, before: _Link | None) -> Iterator[Shift]:
+        """Plan anew behind a place, until a task ends where it ended before."""
+        for link in self._links_behind(key):
             start = before.plan.end if before else self._base
             if link.start == start:
                 return
             old, link.start, link.plan = link.plan, start, self._plan(link.task, start)
-            level.add_seconds(link.plan.seconds - old.seconds)
+            self._levels[link.task.priority].weigh(link.task.arrival, link.plan.seconds)
             yield Shift(before.task.key if before else RUNNING_KEY, link.plan.seconds - old.seconds)
             before = link
