@@ -25,7 +25,7 @@ from .mistake import Mistake
 from .model import Definition, MessageDef
 from .names import split_type_name
 from .render import Block, Import, Source, imports_of, render
-from .search import Search
+from .search import BUNDLED, Search
 from .typehash import Hasher, Resolve, hash_of
 
 _Stamp = tuple[Path, int, int]
@@ -77,13 +77,15 @@ def load(type_name: str) -> Any:
 
 
 def define(type_name: str, full_text: str) -> Any:
-    """The class of a type whose whole text is at hand, as a server hands it to its clients.
+    """The class of a type whose text is at hand: written here, or handed over by a server.
 
-    Gives the same class as `load` where the definitions are the same.
+    Gives the same class as `load` where the definitions are the same. No file is looked for: what
+    the text needs stands in it too, or in the packages that come with srvgen.
 
     Args:
         type_name: such as `example_interfaces/srv/AddTwoInts`.
-        full_text: the `_DEFINITION` of a service's class: its text and those of nested types.
+        full_text: as in a .srv file; texts of nested types may follow, as in the `_DEFINITION` of
+            a service's class.
 
     Raises:
         DefinitionError: a text is not a valid definition, or one is missing.
@@ -177,7 +179,8 @@ class _Given:
 
     def text(self, full_name: str) -> str:
         if full_name not in self._texts:
-            raise DefinitionError(f"expected the definition of {full_name} too, got none")
+            self._texts[full_name] = _bundled_text(full_name)
+            self._whole.clear()  # something was missing there; whoever is handed ours gets it all
         return self._texts[full_name]
 
     def load(self, full_name: str) -> Definition:
@@ -188,6 +191,14 @@ class _Given:
         """What was given for the definition itself, in whatever order; else put together."""
         name = definition.full_name
         return self._whole.get(name) or full_text(definition, self)
+
+
+def _bundled_text(full_name: str) -> str:
+    package, kind, name = split_type_name(full_name)
+    path = BUNDLED / package / kind / f"{name}.{kind}"
+    if not path.is_file():
+        raise DefinitionError(f"expected the definition of {full_name} too, got none")
+    return path.read_text(encoding="utf-8")
 
 
 class _Builder:

@@ -304,3 +304,15 @@ string LINE="one\ntwo"
     assert made().one == "tab\there"
     assert made().some == ["aA", "C:\\dir"]
     assert made.LINE == "one\ntwo"
+
+
+def test_a_text_written_in_a_program_needs_no_texts_of_the_standard_packages():
+    made = srvgen.define("mine/srv/Look", "geometry_msgs/Pose where\n---\nbool seen\n")
+    assert made.Request().where.orientation.w == 1.0
+    assert "service_msgs/msg/ServiceEventInfo" in made._DEFINITION
+    assert srvgen.define("mine/srv/Look", made._DEFINITION)._HASH == made._HASH
+
+
+def test_a_text_that_needs_what_is_neither_given_nor_bundled_is_refused():
+    with pytest.raises(srvgen.DefinitionError, match="expected the definition of other/msg/X too"):
+        srvgen.define("mine/msg/Y", "other/X x\n")
