@@ -7,8 +7,8 @@ the place behind which it counts; what it means for one task is worked out when 
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterator
-from itertools import takewhile
+from collections.abc import Iterator, Sequence
+from itertools import islice
 
 import msgspec
 
@@ -63,8 +63,8 @@ class EventLog:
 
     def since(self, number: int) -> list[Event]:
         """Return the remembered events from a mark on, oldest first."""
-        newest_first = takewhile(lambda event: event.number >= number, reversed(self._events))
-        return list(newest_first)[::-1]
+        older = len(self._events) - (self._next - number)
+        return list(islice(self._events, max(0, older), None))
 
     def remembers(self, number: int) -> bool:
         """Whether no event since this mark has been forgotten."""
@@ -97,13 +97,18 @@ class Promise:
         """From a mark of the log on, the task stands at another place."""
         self._places.append((number, key))
 
-    def concerns(self, event: Event) -> bool:
-        """Whether an event since the acceptance changes this task's estimate."""
-        if event.only:
-            return event.only == self.task_id
-        return event.after < next(
-            key for number, key in reversed(self._places) if number <= event.number
-        )
+    def among(self, events: Sequence[Event]) -> list[Event]:
+        """Those of these consecutive events since the acceptance that change its estimate."""
+        found: list[Event] = []
+        first = events[0].number if events else 0
+        ends = [number for number, _ in self._places[1:]] + [first + len(events)]
+        for (start, place), end in zip(self._places, ends, strict=True):
+            while_there = events[max(0, start - first) : max(0, end - first)]
+            found += [event for event in while_there if self._concerns(event, place)]
+        return found
+
+    def _concerns(self, event: Event, place: Key) -> bool:
+        return event.only == self.task_id if event.only else event.after < place
 
 
 def joined(changes: Iterator[EstimateChange], *, at_most: int) -> list[EstimateChange]:

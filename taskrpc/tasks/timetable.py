@@ -149,7 +149,7 @@ class Timetable:
         promise = self._promises.get(task_id)
         if promise is None:
             return []
-        events = [e for e in self.log.since(promise.number) if promise.concerns(e)]
+        events = promise.among(self.log.since(promise.number))
         changes = [EstimateChange(event.seconds, event.cause) for event in events]
         if not self.log.remembers(promise.number):
             late = now - promise.at + self.estimate(task_id, now) - promise.seconds
