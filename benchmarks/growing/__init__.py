@@ -1,0 +1,1 @@
+"""How taskrpc's costs grow with connections, services, queued tasks and payloads."""
