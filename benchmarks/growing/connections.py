@@ -58,10 +58,13 @@ async def _active(other: server.Server, size: int, seconds: float) -> dict[str, 
     entries = Registry(int(os.environ["ROS_DOMAIN_ID"])).entries()
     token = next(entry.token for entry in entries if entry.address == other.place)
     callers = [_Caller(bytes.fromhex(token)) for _ in range(size)]
+
+    async def connect(caller: _Caller) -> None:
+        await loop.create_connection(lambda: caller, host, int(port))
+        await caller.ready
+
     for start in range(0, size, _AT_A_TIME):
-        some = callers[start : start + _AT_A_TIME]
-        await asyncio.gather(*(loop.create_connection(lambda c=c: c, host, port) for c in some))
-        await asyncio.gather(*(caller.ready for caller in some))
+        await asyncio.gather(*map(connect, callers[start : start + _AT_A_TIME]))
     # Long enough for each connection to have several turns.
     end = time.perf_counter() + seconds + size / 1000
     began = time.perf_counter()

@@ -14,7 +14,7 @@ class Measure:
     name: str
     title: str
     unit: str
-    """`µs`, `bytes`, `calls/s` or `MB/s`."""
+    """`µs`, `bytes`, `times`, `calls/s` or `MB/s`."""
     limit: float = 0.3
     """The exponent that it may have: 0 is constant, 1 is linear. Logarithms fit to about 0.1."""
 

@@ -9,6 +9,7 @@ import sys
 from collections.abc import AsyncIterator
 
 import taskrpc
+from benchmarks.contenders import raw_asyncio
 from benchmarks.contenders.taskrpc_tcp import offer
 from benchmarks.harness import usage
 from benchmarks.harness.limits import open_files
@@ -30,11 +31,11 @@ class Server:
 
 
 @contextlib.asynccontextmanager
-async def started() -> AsyncIterator[Server]:
-    """A server that offers `add` and `echo`, as long as the block runs."""
+async def started(kind: str = "taskrpc") -> AsyncIterator[Server]:
+    """A server of `add` and `echo`, as long as the block runs; `raw` is bare asyncio's."""
     pipe = asyncio.subprocess.PIPE
     process = await asyncio.create_subprocess_exec(
-        sys.executable, "-m", __name__, stdin=pipe, stdout=pipe
+        sys.executable, "-m", __name__, kind, stdin=pipe, stdout=pipe
     )
     assert process.stdin is not None
     assert process.stdout is not None
@@ -43,6 +44,14 @@ async def started() -> AsyncIterator[Server]:
     finally:
         process.stdin.close()
         await process.wait()
+
+
+async def _serve_raw() -> None:
+    serving = asyncio.ensure_future(
+        raw_asyncio.serve(lambda place, *_: print(json.dumps(place), flush=True), [])
+    )
+    await asyncio.to_thread(sys.stdin.readline)
+    serving.cancel()
 
 
 async def _serve() -> None:
@@ -55,4 +64,4 @@ async def _serve() -> None:
 
 if __name__ == "__main__":
     open_files()
-    asyncio.run(_serve())
+    asyncio.run(_serve_raw() if sys.argv[1] == "raw" else _serve())
