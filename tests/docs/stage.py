@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import shlex
 import signal
 import subprocess
@@ -126,7 +127,7 @@ class Stage:
         """What programs of this page have announced in the registry."""
         entries = (self.folder.parent / "xdg_runtime_dir").rglob("*.json")
         found = sorted(path.read_text(encoding="utf-8") for path in entries)
-        return [entry for entry in found if '"services":[]' not in entry]
+        return [entry for entry in found if re.search(r'"services?":\[+"', entry)]
 
     def _is_settled(self) -> bool:
         """Whether nothing is being announced: a program offers its services one by one."""
