@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import importlib
-from collections.abc import Awaitable, Callable
+from collections.abc import Callable, Coroutine
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 from benchmarks.growing.curves import Measure
 
-Sample: TypeAlias = Callable[[int, float], Awaitable[dict[str, float]]]
+Sample: TypeAlias = Callable[[int, float], Coroutine[Any, Any, dict[str, float]]]
 
 _PER_PAYLOAD = 1.3
 """Linear, and some: what exceeds the processor's caches costs more a byte, in raw asyncio too."""
