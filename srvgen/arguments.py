@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import argparse
 import re
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import NoReturn, TypeAlias
-
-from .names import did_you_mean
+from typing import Any, NoReturn, TypeAlias
 
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
@@ -24,6 +21,8 @@ class Parser(argparse.ArgumentParser):
         """Print usage and message, with a hint, and exit with 2."""
         found = re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message)
         if found:
+            from .names import did_you_mean  # only a mistake needs it
+
             known = re.findall(r"[\w-]+", found[2])
             hint = did_you_mean(found[1], known) or f"choose from {', '.join(known)}"
             message = f"unknown command {found[1]!r}; {hint}"
@@ -35,7 +34,8 @@ def root() -> tuple[Parser, Commands]:
     parser = Parser(
         prog="srvgen", description="ROS 2 interface definitions in Python, without ROS."
     )
-    parser.add_argument("--version", action="version", version=f"srvgen {_version()}")
+    what = "show program's version number and exit"
+    parser.add_argument("--version", action=_Version, nargs=0, help=what)
     return parser, parser.add_subparsers(title="commands", metavar="COMMAND")
 
 
@@ -84,8 +84,15 @@ def _folder(text: str) -> Path:
     return path
 
 
-def _version() -> str:
-    try:
-        return version("taskrpc")
-    except PackageNotFoundError:
-        return "(not installed)"
+class _Version(argparse.Action):
+    """Prints the version, which no other command pays for finding."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            found = version("taskrpc")
+        except PackageNotFoundError:
+            found = "(not installed)"
+        print(f"srvgen {found}")
+        parser.exit()

@@ -16,7 +16,6 @@ from .fulltext import join_full_text
 from .implied import implied_types, references
 from .model import Definition, Field, MessageDef, sections
 from .names import is_package_name
-from .type_slips import ros1_hint
 
 T = TypeVar("T")
 
@@ -221,6 +220,8 @@ def _ros1_types(definition: Definition, place: _Place) -> Iterator[DefinitionErr
     for message in sections(definition):
         for field in message.fields:
             if field.type.package is None and field.type.base in ROS1_TIME_TYPES:
+                from .type_slips import ros1_hint  # only a mistake needs it
+
                 yield place.error(
                     field,
                     f"expected a type of ROS 2, got {field.type.base!r} of ROS 1",

@@ -6,8 +6,7 @@ from functools import lru_cache
 
 from .mistake import Mistake
 from .model import PRIMITIVES, FieldType
-from .names import LOWER_RULE, MESSAGE_RULE, bad_at, is_message_name, is_package_name
-from .type_slips import message_name_hint, type_hint, type_repair
+from .names import is_message_name, is_package_name
 
 ROS1_TIME_TYPES = {
     "time": "builtin_interfaces/Time",
@@ -70,28 +69,12 @@ def _base_type(text: str, package: str) -> FieldType:
 
 
 def _check_message_type(text: str, owner: str, name: str) -> None:
-    if "/" in owner or not owner:
-        raise Mistake(
-            f"expected a built-in type, 'Name' or 'package/Name', got {text!r}",
-            hint=type_hint(text),
-            repair=type_repair(text),
-        )
-    if "/" in text and not is_package_name(owner):
-        raise Mistake(
-            f"expected a package name ({LOWER_RULE}) before the '/', got {owner!r}",
-            bad_at(owner, "field"),
-            hint=type_hint(text),
-        )
-    if not is_message_name(name):
-        hint = type_hint(text)
-        # What is a built-in type's name in another language is wrong as a whole.
-        inside = 0 if hint else bad_at(name, "message")
-        raise Mistake(
-            f"expected a built-in type or the name of a message ({MESSAGE_RULE}), got {name!r}",
-            len(text) - len(name) + inside,
-            hint or message_name_hint(name),
-            type_repair(text),
-        )
+    is_path = "/" in text
+    has_owner = is_package_name(owner) if is_path else owner and "/" not in owner
+    if not has_owner or not is_message_name(name):
+        from .type_slips import no_message_type  # only a mistake needs it
+
+        raise no_message_type(text, owner, name)
 
 
 def _bound(text: str, start: int, end: int) -> int:

@@ -15,6 +15,9 @@ INTEGER_RANGES = {
 }
 """Smallest and greatest value of every integer type."""
 
+CURLY = "\u201c\u201d\u201e\u2018\u2019"
+"""The quotation marks of word processors, which quote nothing here."""
+
 _BOOLS = {"true": True, "1": True, "false": False, "0": False}
 _SPACES = re.compile(" +")
 _ESCAPE = re.compile(

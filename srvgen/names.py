@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable
 from typing import Literal, NamedTuple, cast, get_args
@@ -96,6 +95,8 @@ def split_type_name(text: str) -> TypeName:
 
 def near(name: str, known: Iterable[str]) -> list[str]:
     """The known names that a misspelt one most resembles, the best first, at most three."""
+    import difflib  # only a mistake needs it
+
     by_lower = {one.lower(): one for one in known}
     # What is as good as right should not be offered beside what only resembles it.
     for likeness in (0.92, 0.7):

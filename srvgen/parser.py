@@ -1,7 +1,8 @@
 """From the text of a .msg, .srv or .action file to its model.
 
 One pass reads each line; a line that does not fit is looked at again by `diagnosis`, so that a
-valid file pays nothing for good messages and a bad one gets all of them in one run.
+valid file pays nothing for good messages, not even their import, and a bad one gets all of them in
+one run.
 """
 
 from __future__ import annotations
@@ -11,7 +12,6 @@ from functools import cached_property
 from typing import Any, NamedTuple
 
 from . import limits
-from .diagnosis import mistakes_in_line
 from .errors import DefinitionError, DefinitionErrors
 from .fieldtypes import parse_type
 from .lines import SEPARATOR, leading_comments, read_comment, split_lines
@@ -28,7 +28,6 @@ from .names import (
     is_package_name,
     snake_case,
 )
-from .slips import looks_like_separator, separator_repair
 
 _BOM = "\N{ZERO WIDTH NO-BREAK SPACE}"
 
@@ -174,6 +173,8 @@ class _File:
         wanted = len(names) - 1
         found = [at for at, line in enumerate(self.lines) if line == SEPARATOR]
         if len(found) < wanted:
+            from .slips import looks_like_separator
+
             alike = [at for at, line in enumerate(self.lines) if looks_like_separator(line)]
             is_clear = len(alike) == wanted - len(found)
             self._report_missing(
@@ -204,6 +205,8 @@ class _File:
         *,
         is_clear: bool,
     ) -> None:
+        from .slips import separator_repair
+
         parts = f"{', '.join(names[:-1])} and {names[-1]}"
         count = "one line" if len(names) == 2 else "two lines"
         for at in alike:
@@ -273,6 +276,8 @@ class _File:
         try:
             return _read(code, self.package, number, comments)
         except Mistake:
+            from .diagnosis import mistakes_in_line
+
             for mistake in mistakes_in_line(code, self.package):
                 self.problem(
                     mistake.message, number, mistake.offset + 1, mistake.hint, mistake.repair

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterable
 from itertools import groupby
@@ -73,6 +72,8 @@ class Report:
         print(self._json(problem) if self._as_json else as_text(problem), file=sys.stderr)
 
     def _json(self, problem: DefinitionError) -> str:
+        import json
+
         fields = ("message", "path", "line", "column", "hint", "looked_in")
         given = {name: value for name in fields if (value := getattr(problem, name))}
         return json.dumps({problem.level: type(problem).__name__, **given})

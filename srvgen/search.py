@@ -13,7 +13,6 @@ from .closure import check_ros2_types, closure, full_text, whole_error
 from .errors import DefinitionError
 from .files import KINDS, read_definition, read_text
 from .implied import implied_types
-from .missing import name_hint, no_package, no_type
 from .model import Definition, Kind
 from .names import TypeName, is_package_name, split_type_name
 
@@ -206,6 +205,8 @@ class Search:
         return error
 
     def _name_hint(self, text: str) -> str:
+        from .missing import name_hint  # only a mistake needs it
+
         with self.one_look():
             return name_hint(text, self.packages(), self.interfaces)
 
@@ -270,6 +271,8 @@ class Search:
         return definition
 
     def _unknown(self, name: TypeName) -> DefinitionError:
+        from .missing import no_type
+
         with self.one_look():
             packages = self.packages()
             if name.package not in packages:
@@ -279,6 +282,8 @@ class Search:
             return error
 
     def _no_package(self, package: str, wanted: TypeName | None = None) -> DefinitionError:
+        from .missing import no_package
+
         roots = [root for root in self._roots() if root.is_dir()]
         error = no_package(package, self.packages(), roots, wanted)
         error.looked_in = _shown(roots)

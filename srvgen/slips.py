@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import unicodedata
 
+from .literals import CURLY
 from .mistake import Mistake, Repair
 from .names import is_constant_name, is_field_name, is_message_name, snake_case
 
@@ -27,7 +28,6 @@ _BEGINNINGS = {
     ("@",): "annotations belong to .idl files; leave this line out",
 }
 _SAMPLES = {"bool": "true", "string": '"text"', "wstring": '"text"'}
-CURLY = "\u201c\u201d\u201e\u2018\u2019"
 
 
 def bracket_repair(code: str) -> Repair | None:

@@ -7,12 +7,11 @@ import unicodedata
 from collections.abc import Collection, Iterable, Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
-from xml.etree import ElementTree
 
 from .errors import DefinitionWarning
 from .files import KINDS, read_text
+from .literals import CURLY
 from .model import Constant, Definition, Field, sections
-from .slips import CURLY
 
 _STRINGS = ("string", "wstring")
 _FLOAT32_MAX = 3.4028234663852886e38
@@ -73,6 +72,8 @@ def declared_packages(folder: Path) -> frozenset[str] | None:
     path = folder / "package.xml"
     if not path.is_file():
         return None
+    from xml.etree import ElementTree  # slow to load, and most files lie in no package with one
+
     try:
         root = ElementTree.parse(path).getroot()
     except (OSError, ElementTree.ParseError) as error:

@@ -8,6 +8,9 @@ from collections.abc import Sequence
 from .mistake import Mistake, Repair
 from .model import PRIMITIVES
 from .names import (
+    LOWER_RULE,
+    MESSAGE_RULE,
+    bad_at,
     camel_case,
     is_field_name,
     is_message_name,
@@ -76,6 +79,31 @@ _WORDS = {
 """C's types of several words: what they are here, and whether all compilers agree."""
 _ARRAYS = frozenset("array arrays list set sequence tuple vector".split())
 _MAPPINGS = frozenset("any dict dictionary json map mapping object record struct".split())
+
+
+def no_message_type(text: str, owner: str, name: str) -> Mistake:
+    """The mistake of a type whose package `owner` or `name` cannot be one."""
+    if "/" in owner or not owner:
+        return Mistake(
+            f"expected a built-in type, 'Name' or 'package/Name', got {text!r}",
+            hint=type_hint(text),
+            repair=type_repair(text),
+        )
+    if "/" in text and not is_package_name(owner):
+        return Mistake(
+            f"expected a package name ({LOWER_RULE}) before the '/', got {owner!r}",
+            bad_at(owner, "field"),
+            hint=type_hint(text),
+        )
+    hint = type_hint(text)
+    # What is a built-in type's name in another language is wrong as a whole.
+    inside = 0 if hint else bad_at(name, "message")
+    return Mistake(
+        f"expected a built-in type or the name of a message ({MESSAGE_RULE}), got {name!r}",
+        len(text) - len(name) + inside,
+        hint or message_name_hint(name),
+        type_repair(text),
+    )
 
 
 def type_repair(text: str) -> Repair | None:

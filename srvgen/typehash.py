@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable, Sequence
 from typing import Any
+
+from msgspec import json
 
 from .implied import implied_types, whole
 from .model import Definition, Field, FieldType, MessageDef
@@ -112,7 +113,9 @@ class Hasher:
 
     def _text(self, name: str) -> bytes:
         if name not in self._texts:
-            self._texts[name] = json.dumps(self.description(name), ensure_ascii=True).encode()
+            compact = json.encode(self.description(name))
+            # ROS 2 hashes what Python's json.dumps writes: one line, a space behind `,` and `:`.
+            self._texts[name] = json.format(compact, indent=0)
         return self._texts[name]
 
     def _needed(self, name: str) -> frozenset[str]:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from srvgen import limits, parser
+from srvgen import diagnosis, limits
 from srvgen.diagnosis import mistakes_in_line
 from srvgen.errors import DefinitionError, DefinitionErrors
 from srvgen.mistake import Mistake
@@ -201,7 +201,7 @@ def test_lines_beyond_the_last_problem_that_is_reported_are_not_explained(monkey
         explained.append(code)
         return mistakes_in_line(code, package)
 
-    monkeypatch.setattr(parser, "mistakes_in_line", mistakes)
+    monkeypatch.setattr(diagnosis, "mistakes_in_line", mistakes)
     with pytest.raises(DefinitionErrors) as caught:
         parse_srv("bad\n" * limits.PROBLEMS + "---\n" + "bad\n" * 5_000, "demo_msgs", "Ask")
     assert len(explained) == len(caught.value.problems) == limits.PROBLEMS
