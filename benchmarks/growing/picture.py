@@ -11,7 +11,7 @@ from benchmarks.harness.svg import Drawing
 from benchmarks.harness.tables import significant
 
 _WIDTH, _HEIGHT = 168, 96
-_LEFT, _GAP_X, _GAP_Y = 60, 66, 74
+_LEFT, _GAP_X, _GAP_Y = 64, 104, 74
 _TOP = 92
 _COLUMNS = 4
 _Place: TypeAlias = Callable[[float], float]
