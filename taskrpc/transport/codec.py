@@ -6,7 +6,7 @@ import re
 import sys
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any, Protocol
+from typing import Any, Protocol, cast, get_type_hints
 
 import msgspec
 
@@ -95,7 +95,7 @@ class Codec:
                     self._check_shape(body)
                 message = decode_any(body)
                 message._check()
-            except msgspec.MsgspecError as error:
+            except (msgspec.MsgspecError, RecursionError) as error:
                 raise self._not_decoded(error) from None
             except ValueError as error:
                 raise _invalid(error) from None
@@ -156,13 +156,15 @@ def _memory(value: Any) -> int:
 
 @cache
 def _shape_of(cls: type[MessageType]) -> type[msgspec.Struct]:
-    """A class of the same fields, all required, whose values stay as they are."""
+    """A class of the same fields, all required: it takes no more memory than what is sent."""
     fields: list[tuple[str, Any]] = []
-    for place, (name, type_) in enumerate(cls._FIELDS):
+    hints = get_type_hints(cls)
+    attributes = cast("Any", cls).__struct_fields__  # a keyword's has an underscore more
+    for place, ((name, type_), attribute) in enumerate(zip(cls._FIELDS, attributes, strict=True)):
         nested: Any = cls._NESTED.get(name)
-        inner = msgspec.Raw if nested is None else _shape_of(nested)
+        inner: Any = hints[attribute] if nested is None else _shape_of(nested)
         is_list = nested is not None and "[" in type_
-        fields.append((f"field_{place}", list[inner] if is_list else inner))  # type: ignore[valid-type]
+        fields.append((f"field_{place}", list[inner] if is_list else inner))
     return msgspec.defstruct(
         cls.__name__, fields, array_like=True, forbid_unknown_fields=True, gc=False
     )

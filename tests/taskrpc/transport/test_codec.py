@@ -149,3 +149,22 @@ def test_messages_of_many_fields_have_their_own_header():
 
 def test_a_codec_is_made_once():
     assert codec_of(Add.Request) is codec_of(Add.Request)
+
+
+def test_bodies_too_long_to_be_harmless_are_decoded_whatever_their_fields_are_called():
+    item = "uint8[100000] filler\nint32 from\nstring[] words\nfloat32[] numbers\nbyte level\n"
+    text = f"demo_msgs/Odd[] odds\n{'=' * 80}\nMSG: demo_msgs/msg/Odd\n{item}"
+    cls = srvgen.define("demo_msgs/msg/Odds", text)
+    odd = cls._NESTED["odds"]
+    codec = Codec(cls)
+    sent = cls(odds=[odd(from_=n, words=["a"], numbers=[1.5], level=b"\x07") for n in range(3)])
+    body = codec.encode(sent)
+    assert codec.decode(body) == sent
+    assert codec._shape is not None, "the body was not looked at"
+
+
+@pytest.mark.parametrize("nest", [b"\x91", b"\x81\x00"])
+def test_a_body_nested_without_end_is_refused_like_any_other(nest):
+    codec = Codec(srvgen.load("nav_msgs/msg/Path"))
+    with pytest.raises(taskrpc.InvalidRequest):
+        codec.decode(b"\x92\x92\x92\x00\x00" + nest * 200_000 + b"\x00\x90")
