@@ -128,7 +128,7 @@ class Client:
         call.future.add_done_callback(call.give_up)
         return call.future
 
-    def send_in_thread(
+    def _send_in_thread(
         self,
         request: Any,
         timeout: float | Unset | None,

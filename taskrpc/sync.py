@@ -183,7 +183,7 @@ class Client:
         Raises WouldDeadlock when called on the event loop's own thread.
         """
         self._loop.refuse_own_thread("call()")
-        sent = self._inner.send_in_thread(request, timeout, retry)
+        sent = self._inner._send_in_thread(request, timeout, retry)
         return _wait(self.call_async(request, timeout, retry)) if sent is None else sent.wait()
 
     def call_async(
