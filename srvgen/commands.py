@@ -6,6 +6,7 @@ import argparse
 from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from .closure import closure, whole_error
 from .errors import DefinitionError
@@ -15,12 +16,20 @@ from .report import Report
 from .search import Search
 from .sources import files_of, is_type_name, search_paths
 
+if TYPE_CHECKING:
+    from .fix import Fix
+
 
 def write_packages(options: argparse.Namespace, report: Report) -> None:
     """`srvgen generate`: write importable Python packages."""
+    search = _search_of_sources(options)
+    with search.one_look():
+        _generate(options, report, search)
+
+
+def _generate(options: argparse.Namespace, report: Report, search: Search) -> None:
     from .generate import generate, kept_types, write_tree
 
-    search = _search_of_sources(options)
     packages: dict[str, list[Definition]] = {}
     whole: set[str] = set()
     for source in options.sources:
@@ -57,7 +66,8 @@ def write_stubs(options: argparse.Namespace, report: Report) -> None:
     definitions, problems = whole_packages(options.names, search)
     for problem in problems:
         report.error(problem)
-    write_tree(stubs(definitions), options.out, search.is_missing, check=False)
+    with search.one_look():
+        write_tree(stubs(definitions), options.out, search.is_missing, check=False)
     packages = {name.split("/")[0] for name in definitions}
     types = f"{_counted(len(definitions), 'type')} of {_counted(len(packages), 'package')}"
     print(f"wrote stubs for {types} to {options.out}")
@@ -92,31 +102,36 @@ def _counted(count: int, noun: str) -> str:
 
 def fix(options: argparse.Namespace, report: Report) -> None:
     """`srvgen fix`: put right what has one right answer, and report the rest."""
-    from .fix import Fix, fix_file
+    from .fix import fix_file
 
     search = _search_of_sources(options)
     fixes: list[Fix] = []
-    for path in _files(options.sources, search, report):
-        try:
-            fix = fix_file(path, search.is_missing)
-            fixes.append(fix)
-            if not fix.is_needed:
-                continue
-            if options.dry_run:
-                print(*fix.diff(), sep="\n")
-            else:
-                fix.write()
-                renamed = f", now {fix.new_path}" if fix.new_path != path else ""
-                print(f"fixed {path}{renamed}")
-        except DefinitionError as error:
-            report.error(error)
-    for fix in fixes:
-        report.remember(fix.new_path)
-        try:
-            fix.check(search)
-        except DefinitionError as error:
-            # What would be written is not what is there, to which other problems would point.
-            report.error(error if options.dry_run else whole_error(error, search))
+    with search.one_look():
+        for path in _files(options.sources, search, report):
+            try:
+                fix = fix_file(path, search.is_missing)
+                fixes.append(fix)
+                if fix.is_needed:
+                    _apply(fix, path, dry_run=options.dry_run)
+            except DefinitionError as error:
+                report.error(error)
+    with search.one_look():  # files may have other names now
+        for fix in fixes:
+            report.remember(fix.new_path)
+            try:
+                fix.check(search)
+            except DefinitionError as error:
+                # What would be written is not what is there, to which other problems would point.
+                report.error(error if options.dry_run else whole_error(error, search))
+
+
+def _apply(fix: Fix, path: Path, *, dry_run: bool) -> None:
+    if dry_run:
+        print(*fix.diff(), sep="\n")
+        return
+    fix.write()
+    renamed = f", now {fix.new_path}" if fix.new_path != path else ""
+    print(f"fixed {path}{renamed}")
 
 
 def print_descriptions(options: argparse.Namespace, report: Report) -> None:

@@ -166,7 +166,10 @@ def _stale(package: Path, is_missing: Callable[[str], bool]) -> Iterator[Path]:
 
 def _made_from(path: Path) -> str:
     """The full name of the type that srvgen generated a module for, or ""."""
-    with path.open("rb") as file:
-        line = file.readline(1000).decode(errors="replace")
+    try:
+        with path.open("rb") as file:
+            line = file.readline(1000).decode(errors="replace")
+    except OSError:  # a folder, a link to nothing: nothing of ours
+        return ""
     found = re.match(rf'"""(\w+/\w+/\w+), {re.escape(GENERATED)}', line)
     return found[1] if found else ""

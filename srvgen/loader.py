@@ -43,7 +43,8 @@ _versions = count()
 class _Key(NamedTuple):
     """What makes two modules the same, however they came here."""
 
-    definition: Definition
+    definition: str
+    """Its repr: unlike the definition, it tells 0.0 and -0.0 apart, and knows nan again."""
     text: str
     nested: tuple[type, ...]
 
@@ -226,7 +227,7 @@ class _Builder:
         nested = {one.alias: self._class(one) for one in imports_of(definition)}
         text = "" if isinstance(definition, MessageDef) else self.text_of(definition)
         # A type that a server handed over is the very class that a program loaded itself.
-        key = _Key(definition, text, tuple(nested.values()))
+        key = _Key(repr(definition), text, tuple(nested.values()))
         module = _built.get(key)
         if module is None:
             module = _built[key] = _execute(render(definition, self._hasher, text), nested)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import logging
 import os
 import sys
+import threading
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -50,7 +51,16 @@ class Search:
     def __init__(self, paths: Sequence[Path | str] = ()) -> None:
         self.paths = [Path(path) for path in paths]
         self._parsed: dict[Path, tuple[tuple[int, int], Definition]] = {}
-        self._looked: _Looked | None = None
+        self._looks = threading.local()
+
+    @property
+    def _looked(self) -> _Looked | None:
+        # A thread's own: two that look at once must not leave each other's look behind.
+        return getattr(self._looks, "now", None)
+
+    @_looked.setter
+    def _looked(self, looked: _Looked | None) -> None:
+        self._looks.now = looked
 
     @contextmanager
     def one_look(self) -> Iterator[None]:

@@ -12,7 +12,9 @@ from .names import is_constant_name, is_field_name, is_message_name, snake_case
 _DASHES = "-\N{EM DASH}\N{EN DASH}\N{HYPHEN}\N{MINUS SIGN}\N{HORIZONTAL BAR}\N{FIGURE DASH}"
 _SEPARATOR_LOOKALIKE = re.compile(rf"\s*(?:[{_DASHES}]\s*)+(?:#.*)?|\s*(?:=+|_+|\*+)\s*")
 _BULLET = re.compile("\\s*[-*+\N{BULLET}\N{WHITE BULLET}\N{MIDDLE DOT}]\\s+|\\s*\N{BULLET}")
-_SPACED_BRACKETS = re.compile(r"([A-Za-z]\w*(?:/\w+|<=\d+)?) *\[ *(<=)? *(\d*) *\] +(?=\S)")
+_SPACED_BRACKETS = re.compile(
+    r"([A-Za-z]\w*(?:/\w+|<=\d+)?) *\[ *(?:(<=) *)?(?:(\d+) *)?\] +(?=\S)"
+)
 _SPACED_BOUND = re.compile(r"(w?string) *(<) *(=) *(\d+) +(?=\S)")
 _TYPE_SHAPE = re.compile(r"[A-Za-z][\w/]*(?:<=\d+)?(?:\[(?:<=)?\d*\])?")
 _FOREIGN_COMMENT = re.compile(r"(?<=\s)//")

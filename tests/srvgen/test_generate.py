@@ -15,6 +15,7 @@ import msgspec
 import pytest
 
 import srvgen
+from srvgen.cli import main
 from srvgen.errors import DefinitionError
 from srvgen.files import read_definition
 from srvgen.generate import generate, write_tree
@@ -318,3 +319,14 @@ def test_annotations_can_name_what_services_and_actions_hold(demo, tmp_path):
     )
     problems = [line.partition("user.py:")[2] for line in out.splitlines() if ": error:" in line]
     assert [line.partition(":")[0] for line in problems] == ["7"], out
+
+
+def test_what_is_no_module_of_ours_in_the_output_is_left_alone(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    Path("mine/msg").mkdir(parents=True)
+    Path("mine/msg/A.msg").write_text("int32 x\n")
+    Path("out/other/msg/_x.py").mkdir(parents=True)
+    Path("out/other/msg/_gone.py").symlink_to("nowhere")
+    assert main(["generate", "mine", "-o", "out"]) == 0
+    assert Path("out/other/msg/_x.py").is_dir()
+    assert Path("out/mine/msg/_a.py").is_file()

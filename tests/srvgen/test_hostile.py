@@ -307,3 +307,9 @@ def test_any_full_text_is_defined_or_refused(tail, head):
         srvgen.define("far_msgs/srv/Ask", head + tail)
     except DefinitionError:
         return
+
+
+def test_a_long_gap_after_a_bracket_takes_no_time_beyond_its_length():
+    """Three gaps that may each be empty made the time grow with the cube of the length."""
+    with pytest.raises(DefinitionError):
+        parse_msg("int32[" + " " * 200_000 + "x y\n", "p", "M")

@@ -316,3 +316,16 @@ def test_a_text_written_in_a_program_needs_no_texts_of_the_standard_packages():
 def test_a_text_that_needs_what_is_neither_given_nor_bundled_is_refused():
     with pytest.raises(srvgen.DefinitionError, match="expected the definition of other/msg/X too"):
         srvgen.define("mine/msg/Y", "other/X x\n")
+
+
+@pytest.mark.parametrize(("one", "other"), [("0.0", "-0.0"), ("1.0", "2.0")])
+def test_texts_whose_values_differ_have_classes_of_their_own(one, other):
+    classes = [srvgen.define("mine/msg/Signed", f"float64 x {each}\n") for each in (one, other)]
+    assert [repr(cls().x) for cls in classes] == [one, other]
+    assert classes[0] is not classes[1]
+
+
+def test_a_text_with_nan_has_one_class():
+    text = "float64 x nan\n"
+    first = srvgen.define("mine/msg/Nan", text)
+    assert srvgen.define("mine/msg/Nan", text) is first

@@ -3,6 +3,7 @@
 import logging
 import os
 import sys
+import threading
 from pathlib import Path
 
 import pytest
@@ -315,3 +316,27 @@ def test_one_look_sees_each_place_once_and_the_next_one_sees_what_is_new(workspa
         write(workspace, "one_msgs/msg/A", "int32 a")
         assert search.is_missing("one_msgs/msg/A")
     assert not search.is_missing("one_msgs/msg/A")
+
+
+def test_looks_of_several_threads_leave_nothing_behind(tmp_path):
+    """A look that stayed open would never see a file that is new."""
+    shared = Search([tmp_path])
+    inside, leave = threading.Barrier(2), threading.Barrier(2)
+
+    def first():
+        with shared.one_look():
+            inside.wait()
+            leave.wait()
+
+    thread = threading.Thread(target=first)
+    thread.start()
+    with shared.one_look():
+        inside.wait()
+        leave.wait()
+        thread.join()
+    assert shared._looked is None
+    put = tmp_path / "new_msgs" / "msg" / "New.msg"
+    assert shared.is_missing("new_msgs/msg/New")
+    put.parent.mkdir(parents=True)
+    put.write_text("int32 x\n")
+    assert not shared.is_missing("new_msgs/msg/New")
