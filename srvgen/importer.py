@@ -8,14 +8,17 @@ from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec
 from pathlib import Path
-from types import ModuleType
-from typing import Any, NoReturn
+from types import FrameType, ModuleType
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from .errors import DefinitionError
 from .files import KINDS
 from .loader import module_of, search, search_first
 from .names import did_you_mean, is_one_slip, is_package_name
 from .render_types import module_name
+
+if TYPE_CHECKING:
+    from .resources import FolderReader
 
 _TOO_SHORT_TO_GUESS = 4
 """Letters of a name that is one slip away from too many others."""
@@ -69,7 +72,7 @@ class _InterfaceFinder(MetaPathFinder):
             case [kind] if kind in KINDS:
                 return self._folder(fullname, path, package, kind)
             case [kind, module] if kind in KINDS and _is_ours(f"{package}.{kind}"):
-                return self._module(fullname, package, kind, module)
+                return self._module(fullname, path, package, kind, module)
         return None
 
     def _package(self, package: str) -> ModuleSpec | None:
@@ -78,10 +81,8 @@ class _InterfaceFinder(MetaPathFinder):
         real = self._real(package, None)
         if real is not None and real.loader is not None and real.origin is not None:
             return None
-        spec = ModuleSpec(package, _PackageLoader(), is_package=True)
-        # Python modules that lie in the same folder stay importable.
-        spec.submodule_search_locations = list(_locations(real))
-        return spec
+        # Python modules that lie in the same folder stay importable, other files readable.
+        return _spec(package, _PackageLoader(), _locations(real))
 
     def _folder(
         self, fullname: str, path: Sequence[str] | None, package: str, kind: str
@@ -90,13 +91,15 @@ class _InterfaceFinder(MetaPathFinder):
         if real is not None and real.origin is not None:
             return None
         names = _names(package, kind)
-        return ModuleSpec(fullname, _FolderLoader(names), is_package=True) if names else None
+        return _spec(fullname, _FolderLoader(names), _locations(real)) if names else None
 
-    def _module(self, fullname: str, package: str, kind: str, module: str) -> ModuleSpec | None:
+    def _module(
+        self, fullname: str, path: Sequence[str] | None, package: str, kind: str, module: str
+    ) -> ModuleSpec | None:
         for name in _names(package, kind):
             if module_name(name) == module:
                 return ModuleSpec(fullname, _ModuleLoader(f"{package}/{kind}/{name}"))
-        if module.startswith("_"):
+        if module.startswith("_") or not _is_importing() or self._real(fullname, path) is not None:
             return None
         if module in _names(package, kind):
             where = f"it is a class: from {package}.{kind} import {module}"
@@ -121,6 +124,8 @@ class _Guesser(MetaPathFinder):
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         package, _, rest = fullname.partition(".")
+        if not _is_importing():
+            return None
         if rest and _is_ours(package):
             for kind in KINDS:
                 if rest in _names(package, kind):
@@ -148,6 +153,13 @@ class _InterfaceLoader(Loader):
 
 class _PackageLoader(_InterfaceLoader):
     """Makes `example_interfaces`."""
+
+    def get_resource_reader(self, fullname: str) -> FolderReader | None:
+        """What `importlib.resources` reads beside the definitions, where there is a folder."""
+        from .resources import FolderReader  # it is seldom asked for, and slow to import
+
+        folders = sys.modules[fullname].__path__
+        return FolderReader(list(folders)) if folders else None
 
 
 class _FolderLoader(_InterfaceLoader):
@@ -180,6 +192,25 @@ class _ModuleLoader(_InterfaceLoader):
     def create_module(self, spec: ModuleSpec) -> ModuleType:
         """The loaded module itself, so that `load` and imports give one class."""
         return module_of(self.full_name)
+
+
+def _spec(fullname: str, loader: Loader, locations: Sequence[str]) -> ModuleSpec:
+    spec = ModuleSpec(fullname, loader, is_package=True)
+    spec.submodule_search_locations = list(locations)
+    return spec
+
+
+def _is_importing() -> bool:
+    """Whether a finder is asked by an `import`, which may be told what is wrong.
+
+    Others only ask whether there is such a module (`importlib.util.find_spec`), and must be told
+    that there is none.
+    """
+    frame: FrameType | None = sys._getframe(2)
+    while frame is not None and "importlib._bootstrap" not in frame.f_code.co_filename:
+        frame = frame.f_back
+    asked = frame.f_back if frame is not None else None
+    return asked is not None and asked.f_code.co_name == "_find_and_load_unlocked"
 
 
 def _no_interface(folder: str, name: str, known: Sequence[str]) -> str:

@@ -189,3 +189,45 @@ def test_other_imports_are_none_of_our_business(workspace):
     srvgen.install_import_hook(workspace)
     for name in ("json", "numpy", "numpy.core", "_private", "lecture_interfaces.other"):
         assert importer._finder.find_spec(name, None) is None
+
+
+@pytest.fixture
+def weather(tmp_path, monkeypatch):
+    """Definitions beside Python modules and other files, in a package without `__init__`."""
+    folder = tmp_path / "weather"
+    (folder / "msg").mkdir(parents=True)
+    (folder / "msg" / "Reading.msg").write_text("float64 celsius\n")
+    (folder / "msg" / "helper.py").write_text("ANSWER = 42\n")
+    (folder / "data.txt").write_text("dry")
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.syspath_prepend(str(tmp_path))
+    srvgen.install_import_hook()
+    yield folder
+    for name in [one for one in sys.modules if one.partition(".")[0] == "weather"]:
+        del sys.modules[name]
+
+
+def test_python_modules_beside_definitions_are_imported(weather):
+    assert importlib.import_module("weather.msg.helper").ANSWER == 42
+    assert importlib.import_module("weather.msg").Reading(celsius=1.5).celsius == 1.5
+
+
+def test_files_beside_definitions_are_read_as_resources(weather):
+    importlib.import_module("weather")
+    assert importlib.resources.files("weather").joinpath("data.txt").read_text() == "dry"
+
+
+@pytest.mark.parametrize(
+    "name", ["weathr", "weather.nope", "weather.msg.nope", "weather.msg.Redaing"]
+)
+def test_who_only_asks_for_a_module_is_told_that_there_is_none(weather, name):
+    assert importlib.util.find_spec(name) is None
+    with pytest.raises(ImportError):
+        importlib.import_module(name)
+
+
+def test_an_import_is_told_what_was_meant(weather):
+    with pytest.raises(ImportError, match="did you mean Reading"):
+        from weather.msg import Redaing  # noqa: F401
+    with pytest.raises(ModuleNotFoundError, match="did you mean weather"):
+        import weathr  # noqa: F401
