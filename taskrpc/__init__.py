@@ -6,10 +6,12 @@ for all.
 
 from __future__ import annotations
 
-import importlib
-from typing import TYPE_CHECKING, Any
+from importlib import import_module
 
+TYPE_CHECKING = False  # importing typing would cost `taskrpc --help` more than all its own files
 if TYPE_CHECKING:
+    from typing import Any
+
     from taskrpc.callinfo import CallInfo, current_call
     from taskrpc.client import Client
     from taskrpc.errors import (
@@ -114,10 +116,10 @@ __all__ = [
 def __getattr__(name: str) -> Any:
     home = _HOME_OF.get(name)
     if name in _MODULES:
-        return importlib.import_module(f"taskrpc.{name}")
+        return import_module(f"taskrpc.{name}")
     if home is None:
         raise AttributeError(f"module 'taskrpc' has no attribute {name!r}")
-    value = getattr(importlib.import_module(f"taskrpc.{home}"), name)
+    value = getattr(import_module(f"taskrpc.{home}"), name)
     globals()[name] = value
     return value
 

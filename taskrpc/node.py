@@ -7,17 +7,19 @@ import contextlib
 import os
 from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from types import TracebackType
-from typing import Any, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 from taskrpc import names, platform
 from taskrpc.client import DEFAULT_TIMEOUT, Client
 from taskrpc.errors import TaskRpcError
 from taskrpc.retry import RetryPolicy
-from taskrpc.service import Callback, Service
 from taskrpc.transport.base import Mode, Transport
 from taskrpc.transport.entries import Entry
 from taskrpc.transport.shared import shared_transport
 from taskrpc.transport.tls import Tls
+
+if TYPE_CHECKING:
+    from taskrpc.service import Callback, Service
 
 _Result = TypeVar("_Result")
 
@@ -177,6 +179,8 @@ class Node:
 
         Raises NameInUse, InvalidName, CannotListen.
         """
+        from taskrpc.service import Service  # with threads for callbacks; clients need none
+
         service = Service(
             self._started(),
             _service_type(srv_type),

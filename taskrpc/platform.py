@@ -4,17 +4,19 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
-import socket
 import stat
 import sys
-import tempfile
-import threading
 from collections.abc import Callable, Iterator
-from pathlib import Path
-from typing import Any
 
 from taskrpc.errors import TaskRpcError
+
+# Every command asks for a function or two of these; together, what they need would take most of
+# the time of `taskrpc --help`. Hence the imports inside.
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    import socket
+    from pathlib import Path
+    from typing import Any
 
 WINDOWS = sys.platform == "win32"
 _LOCK_OFFSET = 0x7FFF_0000  # far behind the contents: Windows forbids reading locked bytes
@@ -27,17 +29,27 @@ def runtime_dir() -> Path:
 
     Raises TaskRpcError when the folder is not ours alone.
     """
+    from pathlib import Path
+
     if xdg := os.environ.get("XDG_RUNTIME_DIR"):
         base = Path(xdg) / "taskrpc"
     elif WINDOWS:
-        base = Path(os.environ.get("LOCALAPPDATA") or tempfile.gettempdir()) / "taskrpc" / "run"
+        base = Path(os.environ.get("LOCALAPPDATA") or _temporary()) / "taskrpc" / "run"
     else:
-        base = Path(tempfile.gettempdir()) / f"taskrpc-{os.getuid()}"
+        base = Path(_temporary()) / f"taskrpc-{os.getuid()}"
     return private_dir(base)
+
+
+def _temporary() -> str:
+    import tempfile
+
+    return tempfile.gettempdir()
 
 
 def state_dir() -> Path:
     """The folder for what outlives its process, such as the task server's database."""
+    from pathlib import Path
+
     if xdg := os.environ.get("XDG_STATE_HOME"):
         base = Path(xdg) / "taskrpc"
     elif WINDOWS:
@@ -145,6 +157,8 @@ else:
 
 def drop_dead_peers(sock: socket.socket, seconds: float) -> None:
     """Let the kernel end a connection whose peer has not acknowledged for `seconds`."""
+    import socket
+
     with contextlib.suppress(OSError):
         if WINDOWS:
             sock.setsockopt(socket.IPPROTO_TCP, _TCP_MAXRT, int(seconds))
@@ -161,6 +175,9 @@ def stop_signals(stop: Callable[[int], object]) -> Iterator[None]:
     It is called on the main thread, between any two of its steps; threads other than that one
     cannot change signals, there nothing happens. Blocks may overlap: each one's `stop` is called.
     """
+    import signal
+    import threading
+
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -186,6 +203,8 @@ def _stop_all(number: int, _: object) -> None:
 
 
 def _stop_signals() -> list[int]:
+    import signal
+
     names = ("SIGINT", "SIGTERM", "SIGBREAK")
     return [getattr(signal, name) for name in names if hasattr(signal, name)]
 
@@ -202,6 +221,8 @@ def end_process(pid: int, *, at_once: bool = False) -> None:
 
     Raises ProcessLookupError when there is none.
     """
+    import signal
+
     if WINDOWS:
         # There SIGTERM is TerminateProcess; only Ctrl-Break can be asked for, and only of groups.
         os.kill(pid, signal.SIGTERM)

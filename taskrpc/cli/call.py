@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from taskrpc.cli.command import Exit, UsageError, run_main
 
+TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
     import argparse
 

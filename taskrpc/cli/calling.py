@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import json
 import math
 import sys
-from dataclasses import dataclass
 from typing import Any
+
+import msgspec
 
 import srvgen
 from taskrpc.cli import shells
@@ -34,8 +34,7 @@ POLL = 0.05
 """Seconds between two looks for a service that is not there yet."""
 
 
-@dataclass(frozen=True, slots=True)
-class Plan:
+class Plan(msgspec.Struct, frozen=True):
     """What a command line asks for."""
 
     service: str
@@ -102,6 +101,8 @@ class _Caller:
         except DeadlineExceeded as error:
             raise self._too_late(error) from None
         if self._plan.as_json:
+            import json
+
             print(json.dumps(_without_nan(srvgen.to_builtins(response))), flush=True)
         self._print(f"response:\n{response!r}\n")
 

@@ -11,7 +11,6 @@ import os
 import sys
 from collections.abc import Callable, Sequence
 from enum import IntEnum
-from typing import TypeVar
 
 from taskrpc.errors import (
     ConnectionLost,
@@ -21,7 +20,11 @@ from taskrpc.errors import (
     TaskRpcError,
 )
 
-Mistake = TypeVar("Mistake", bound=Exception)
+TYPE_CHECKING = False  # typing itself is heavy
+if TYPE_CHECKING:
+    from typing import TypeVar
+
+    Mistake = TypeVar("Mistake", bound=Exception)
 
 _GARBAGE = 100_000
 """Objects to make before Python looks for garbage."""

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import os
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
 
 from taskrpc import names, platform
 from taskrpc.cli.remote import Remote
@@ -14,17 +13,7 @@ from taskrpc.transport.registry import Registry
 from taskrpc.transport.tcp import domain_id
 from taskrpc.wire.messages import Listing
 
-if TYPE_CHECKING:
-    import argparse
-
 _SHOWN = 5
-
-
-def add_discovery(parser: argparse.ArgumentParser) -> None:
-    """Give a command ros2's options about its daemon, so that a habit does no harm."""
-    what = "as in ros2; changes nothing, since there is no daemon here"
-    parser.add_argument("--no-daemon", action="store_true", help=what)
-    parser.add_argument("--spin-time", metavar="SPIN_TIME", type=float, help=what)
 
 
 def look(remote: Remote) -> list[Entry]:

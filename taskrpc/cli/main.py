@@ -16,10 +16,10 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from typing import TYPE_CHECKING
 
 from taskrpc.cli.command import run_main
 
+TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
     from argparse import Namespace
 

@@ -10,7 +10,7 @@ from taskrpc import names
 from taskrpc.cli import graph, shells
 from taskrpc.cli.command import Exit, NotFound, hinted
 from taskrpc.cli.parsing import add_command, add_group, print_names
-from taskrpc.cli.remote import add_connect, remote_of
+from taskrpc.cli.remote import add_connect, add_discovery, remote_of
 from taskrpc.wire.messages import Endpoint
 
 _SECTIONS = (
@@ -39,7 +39,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     listing.set_defaults(run=_list)
     for command in (info, listing):
         add_connect(command)
-        graph.add_discovery(command)
+        add_discovery(command)
         command.add_argument("--json", action="store_true", help="Print JSON")
 
 

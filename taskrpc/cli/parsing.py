@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 from collections.abc import Callable, Sequence
-from typing import Any, NoReturn, TypeAlias
 
 from taskrpc.cli.command import Exit, UsageError
+
+TYPE_CHECKING = False  # typing itself is heavy
+if TYPE_CHECKING:
+    from typing import Any, NoReturn, TypeAlias
 
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
@@ -91,6 +93,8 @@ def print_names(names: Sequence[str], *, count: bool = False, as_json: bool = Fa
     if count:
         print(len(names))
     elif as_json:
+        import json
+
         print(json.dumps(names))
     else:
         for name in names:

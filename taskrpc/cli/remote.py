@@ -3,41 +3,48 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass, field
-from pathlib import Path
-from typing import TYPE_CHECKING
 
 from taskrpc.cli.command import hinted
 from taskrpc.errors import AuthenticationFailed, TaskRpcError
-from taskrpc.node import Node
-from taskrpc.transport.endpoint import Endpoint
-from taskrpc.transport.tcp import TcpNetwork, domain_id, environment_peers, split_place
-from taskrpc.transport.tls import Tls
-from taskrpc.wire.messages import Listing, Resolve
 
+# Whoever reads a command line needs only the options below. What it takes to call somebody, asyncio
+# above all, is imported by who calls.
+TYPE_CHECKING = False
 if TYPE_CHECKING:
     import argparse
+
+    from taskrpc.node import Node
+    from taskrpc.transport.tls import Tls
+    from taskrpc.wire.messages import Listing
 
 PATIENCE = 4.0
 """Seconds that a program gets to say what it has."""
 
 
-@dataclass(frozen=True, slots=True)
 class Remote:
-    """Where to call, and with what; by default the programs of this machine."""
+    """Where to call, and with what; by default the programs of this machine.
 
-    place: str = ""
-    """`host:port`, or empty."""
-    tls: Tls | None = None
-    token: str | None = field(default=None, repr=False)
+    Attributes:
+        place: `host:port`, or empty.
+        tls, token: as `Node` takes them.
+    """
+
+    def __init__(self, place: str = "", tls: Tls | None = None, token: str | None = None) -> None:
+        self.place = place
+        self.tls = tls
+        self.token = token
 
     @property
     def places(self) -> list[str]:
         """Every `host:port` to call; empty where the registry of this machine says whom."""
+        from taskrpc.transport.tcp import environment_peers
+
         return [self.place] if self.place else environment_peers()
 
     def node(self, *, transport: str = "tcp") -> Node:
         """A node for a command, whose name listings hide."""
+        from taskrpc.node import Node
+
         peers = [self.place] if self.place else None
         return Node(
             f"_taskrpc_cli_{os.getpid()}",
@@ -52,6 +59,10 @@ class Remote:
 
         Raises AuthenticationFailed, ProtocolError, ConnectionLost or what else the program said.
         """
+        from taskrpc.transport.endpoint import Endpoint
+        from taskrpc.transport.tcp import TcpNetwork, domain_id
+        from taskrpc.wire.messages import Resolve
+
         token = self.token or os.environ.get("TASKRPC_TOKEN") or ""
         network = TcpNetwork(
             domain=domain_id(), peers=[place], token=token.encode() or None, tls=self.tls
@@ -81,9 +92,18 @@ def add_connect(parser: argparse.ArgumentParser) -> None:
     add_secrets(group)
 
 
+def add_discovery(parser: argparse.ArgumentParser) -> None:
+    """Give a command ros2's options about its daemon, so that a habit does no harm."""
+    what = "as in ros2; changes nothing, since there is no daemon here"
+    parser.add_argument("--no-daemon", action="store_true", help=what)
+    parser.add_argument("--spin-time", metavar="SPIN_TIME", type=float, help=what)
+
+
 def place(text: str) -> str:
     """A `HOST:PORT` argument. Raises argparse's ArgumentTypeError."""
     from argparse import ArgumentTypeError
+
+    from taskrpc.transport.tcp import split_place
 
     try:
         split_place(text)
@@ -104,15 +124,24 @@ def add_secrets(group: argparse._ActionsContainer) -> None:
 
 def remote_of(options: argparse.Namespace) -> Remote:
     """Where the options say to call. Raises TaskRpcError for a secret that cannot be read."""
-    files = options.tls_cert, options.tls_key, options.tls_ca
-    tls = Tls(*files) if any(files) else None
     place = getattr(options, "connect", None) or ""  # a server's options have none
-    return Remote(place, tls, _token(options.token_file))
+    return Remote(place, _tls(options), _token(options.token_file))
+
+
+def _tls(options: argparse.Namespace) -> Tls | None:
+    files = options.tls_cert, options.tls_key, options.tls_ca
+    if not any(files):
+        return None
+    from taskrpc.transport.tls import Tls
+
+    return Tls(*files)
 
 
 def _token(file: str | None) -> str | None:
     if not file:
         return None
+    from pathlib import Path
+
     try:
         token = Path(file).read_text(encoding="utf-8").strip()
     except (OSError, UnicodeDecodeError) as error:

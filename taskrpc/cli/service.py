@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import json
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING
 
 from taskrpc.cli import call, shells
 from taskrpc.cli.command import Exit, NotFound, hinted
 from taskrpc.cli.parsing import Commands, add_command, add_group, print_names
 
+TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
     from taskrpc.transport.entries import Entry
     from taskrpc.wire.messages import Endpoint
@@ -76,8 +75,7 @@ def _add_list_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_common(parser: argparse.ArgumentParser) -> None:
-    from taskrpc.cli.graph import add_discovery
-    from taskrpc.cli.remote import add_connect
+    from taskrpc.cli.remote import add_connect, add_discovery
 
     add_connect(parser)
     add_discovery(parser)
@@ -91,6 +89,8 @@ def _list(options: argparse.Namespace) -> int:
     if options.count_services:
         print(len(found))
     elif options.json:
+        import json
+
         print(json.dumps([{"name": name, "types": types} for name, types in found.items()]))
     else:
         for name, types in found.items():
@@ -115,8 +115,7 @@ def _type(options: argparse.Namespace) -> int:
     types = graph.services(entries, hidden=True).get(name)
     if types is None:
         raise _unknown(options, name, entries)
-    print(json.dumps(types) if options.json else "\n".join(types))
-    return Exit.DONE
+    return print_names(types, as_json=options.json)
 
 
 def _info(options: argparse.Namespace) -> int:
@@ -134,6 +133,8 @@ def _info(options: argparse.Namespace) -> int:
         "Services count": count,
     }
     if options.json:
+        import json
+
         print(json.dumps({**summary, "Endpoints": found}))
         return Exit.DONE
     _print_facts(summary)

@@ -8,9 +8,10 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
 from enum import IntEnum
 from typing import Any, Protocol
+
+import msgspec
 
 from taskrpc.callinfo import CallInfo
 from taskrpc.errors import TaskRpcError
@@ -53,8 +54,7 @@ class IncomingCall(CallInfo, eq=False):
             self.on_cancel()
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Offer:
+class Offer(msgspec.Struct, frozen=True, eq=False):
     """A service that a node offers."""
 
     name: str

@@ -14,7 +14,8 @@ from __future__ import annotations
 
 import hashlib
 import hmac
-from dataclasses import dataclass, field
+
+import msgspec
 
 from taskrpc.errors import AuthenticationFailed, ProtocolError, TaskRpcError
 from taskrpc.wire import messages, status
@@ -22,23 +23,28 @@ from taskrpc.wire.frames import MAGIC, Frame, FrameType, pack_frame
 from taskrpc.wire.messages import DEFAULT_LIMITS, VERSION, Hello, HelloAck, Limits
 
 
-@dataclass(frozen=True, slots=True)
-class Identity:
+class Identity(msgspec.Struct, frozen=True):
     """What one side brings to a handshake. Ids and nonce are 16 random bytes each."""
 
     id: bytes
     """The client id, or the server's boot id."""
     nonce: bytes
     """Fresh for every connection."""
-    token: bytes = field(repr=False)
+    token: bytes
     domain: int = 0
     name: str = ""
     limits: Limits = DEFAULT_LIMITS
     """What this side accepts as a server; a client always accepts the defaults."""
 
+    def __repr__(self) -> str:
+        # Without the token: what is printed ends in logs.
+        return (
+            f"Identity(id={self.id!r}, nonce={self.nonce!r}, domain={self.domain},"
+            f" name={self.name!r}, limits={self.limits!r})"
+        )
 
-@dataclass(frozen=True, slots=True)
-class Peer:
+
+class Peer(msgspec.Struct, frozen=True):
     """What is known of the other side once the handshake is done."""
 
     id: bytes

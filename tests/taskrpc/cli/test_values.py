@@ -11,7 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import srvgen
-from taskrpc.cli.values import build_request, split_type
+from taskrpc.cli.values import build_request, simple_mapping, simple_value, split_type
+from taskrpc.cli.yaml_values import Reader, read_mapping
 from taskrpc.errors import InvalidRequest
 
 ADD = srvgen.load("example_interfaces/srv/AddTwoInts").Request
@@ -161,3 +162,48 @@ def test_broken_yaml_is_shown_with_a_caret():
         "    {a: 1\n"
         "         ^"
     )
+
+
+WORDS = st.from_regex(r"[-+]?[0-9a-zA-Z_./:+-]{0,8}", fullmatch=True) | st.sampled_from(
+    "0 -0 00 007 1_000 0x1F 0b1 -5 +5 1e3 1.5 -1.5 .5 5. 1:30 true True yes on off null ~ - -- a- "
+    "2001-01-01 2001-01-01T00 nan .nan .inf = <<".split()
+)
+TYPES = st.sampled_from(
+    "string wstring string<=5 bool byte char int8 int64 float32 float64".split()
+)
+
+
+@given(word=WORDS, type_=TYPES)
+def test_a_value_that_is_read_without_yaml_is_what_yaml_reads(word, type_):
+    value = simple_value(word, type_)
+    if value is not None:
+        reader = Reader(word)
+        expected = reader.value(reader.node, type_, None)
+        assert (type(value), repr(value)) == (type(expected), repr(expected))
+
+
+@given(
+    pairs=st.lists(
+        st.tuples(
+            st.sampled_from(
+                ["bool_value", "int32_value", "float64_value", "string_value", "none", "", "? a"]
+            ),
+            WORDS,
+        ),
+        max_size=4,
+    ),
+    comma=st.sampled_from([", ", ",", " , ", "\n, "]),
+)
+def test_a_mapping_that_is_read_without_yaml_is_what_yaml_reads(pairs, comma):
+    text = "{" + comma.join(f"{name}: {word}" for name, word in pairs) + "}"
+    fields = simple_mapping(BASIC, text)
+    if fields is not None:
+        assert repr(fields) == repr(read_mapping(BASIC, text, ""))
+
+
+@pytest.mark.parametrize(
+    ("cls", "text"),
+    [(ADD, "{a: 2, b: -3}"), (TASK, "{task_type: move, target: dock, priority: 8}")],
+)
+def test_the_usual_requests_are_read_without_yaml(cls, text):
+    assert simple_mapping(cls, text) is not None

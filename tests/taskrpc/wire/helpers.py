@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from taskrpc.wire.events import Event
 from taskrpc.wire.handshake import Identity

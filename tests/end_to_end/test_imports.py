@@ -1,0 +1,125 @@
+"""Commands and packages import nothing that they do not need, so that they start at once."""
+
+from __future__ import annotations
+
+import asyncio
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import srvgen
+import taskrpc
+
+pytestmark = pytest.mark.real_time
+
+MISTAKES = (
+    "difflib srvgen.slips srvgen.value_slips srvgen.type_slips srvgen.diagnosis srvgen.missing"
+    " srvgen.report srvgen.suspicions srvgen.fix"
+)
+"""What only explains what is wrong."""
+ELSEWHERE = (
+    "yaml rich sqlite3 uvloop importlib.metadata taskrpc.tasks taskrpc.robot taskrpc.sync"
+    " taskrpc.testing"
+)
+"""What other commands and programs need."""
+NETWORK = "asyncio ssl socket logging msgspec pathlib tempfile"
+"""What whoever calls nobody needs not."""
+
+_AT_EXIT = """
+import atexit, sys
+atexit.register(lambda: print(*sys.modules, file=sys.stderr))
+"""
+
+
+def imported(program: str, *arguments: str) -> set[str]:
+    """The modules that a fresh process has at its end, which must be a happy one."""
+    root = Path(taskrpc.__file__).parents[1]
+    before = f"import sys; sys.path.insert(0, {str(root)!r})"
+    done = subprocess.run(
+        [sys.executable, "-c", f"{before}{_AT_EXIT}{program}", *arguments],
+        capture_output=True,
+        text=True,
+        encoding="utf-8",
+        timeout=30,
+        check=False,
+    )
+    assert done.returncode == 0, done.stderr
+    return set(done.stderr.splitlines()[-1].split())
+
+
+def command(module: str, *arguments: str) -> set[str]:
+    return imported(f"from {module} import main; sys.exit(main())", *arguments)
+
+
+def needless(modules: set[str], unwanted: str) -> list[str]:
+    """The unwanted modules, or parts of them, that are among these."""
+    names = unwanted.split()
+    return sorted(
+        one for one in modules if any(one == name or one.startswith(f"{name}.") for name in names)
+    )
+
+
+def test_what_is_imported_is_seen():
+    assert needless(imported("import difflib, yaml"), "difflib yaml.nodes") == [
+        "difflib",
+        "yaml.nodes",
+    ]
+
+
+@pytest.mark.parametrize("package", ["taskrpc", "srvgen"])
+def test_a_package_alone_imports_next_to_nothing(package):
+    modules = imported(f"import {package}")
+    assert needless(modules, f"typing re enum {NETWORK} {MISTAKES} {ELSEWHERE}") == []
+
+
+@pytest.mark.parametrize("argv", [["--help"], ["service", "--help"], ["service", "call", "--help"]])
+def test_help_of_taskrpc_imports_no_network(argv):
+    modules = command("taskrpc.cli.main", *argv)
+    assert needless(modules, f"typing srvgen {NETWORK} {MISTAKES} {ELSEWHERE}") == []
+
+
+def test_help_of_a_call_imports_no_network():
+    modules = command("taskrpc.cli.call", "--help")
+    assert needless(modules, f"typing srvgen {NETWORK} {MISTAKES} {ELSEWHERE}") == []
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        ["example_interfaces/srv/AddTwoInts", "{a: 2, b: 3}"],
+        ["a=2", "b=3"],
+    ],
+)
+async def test_a_call_imports_only_what_a_call_needs(request_, tmp_path, monkeypatch):
+
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    add = srvgen.load("example_interfaces/srv/AddTwoInts")
+
+    def answer(request, response):
+        response.sum = request.a + request.b
+        return response
+
+    async with taskrpc.Node("adder") as node:
+        node.create_service(add, "/add", answer)
+        modules = await asyncio.to_thread(command, "taskrpc.cli.call", "/add", *request_)
+    others = "json tempfile taskrpc.service concurrent.futures.thread"
+    unwanted = f"{MISTAKES} {ELSEWHERE} {others}"
+    assert needless(modules, unwanted) == []
+
+
+def test_srvgen_check_imports_neither_network_nor_what_explains_mistakes(tmp_path):
+    file = tmp_path / "demo_msgs" / "srv" / "Ask.srv"
+    file.parent.mkdir(parents=True)
+    file.write_text("int64 a\n---\nint64 b\n", encoding="utf-8")
+    modules = command("srvgen.cli", "check", str(file))
+    mistakes = MISTAKES.replace(" srvgen.report srvgen.suspicions", "")
+    unwanted = f"{mistakes} {ELSEWHERE} asyncio ssl taskrpc json xml tempfile zipfile"
+    assert needless(modules, unwanted) == []
+
+
+def test_help_of_srvgen_imports_no_generator():
+    modules = command("srvgen.cli", "--help")
+    unwanted = "msgspec logging json srvgen.search srvgen.parser srvgen.render srvgen.commands"
+    assert needless(modules, f"{unwanted} {MISTAKES} {ELSEWHERE}") == []
