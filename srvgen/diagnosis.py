@@ -52,6 +52,9 @@ def _mistakes(code: str, package: str) -> Iterator[Mistake]:
     elif bound := bound_repair(code):
         message = f"expected no spaces in the type, got {code[: bound.end].rstrip()!r}"
         yield Mistake(message, hint=f"did you mean {bound.text.rstrip()}?", repair=bound)
+    elif (brackets := bracket_repair(code)) and not code.startswith(brackets.text):
+        message = f"expected no spaces in the type, got {code[: brackets.end].rstrip()!r}"
+        yield Mistake(message, hint=f"did you mean {brackets.text.rstrip()}?", repair=brackets)
     elif "=" in name:
         yield from _constant_mistakes(code, type_text, len(code) - len(name), package)
     else:

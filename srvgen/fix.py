@@ -126,6 +126,10 @@ def fixed(text: str, package: str, kind: Kind, name: str, is_missing: IsMissing)
 
 
 def _decoded(data: bytes, path: str) -> tuple[str, str]:
+    if data.startswith((codecs.BOM_UTF32_LE, codecs.BOM_UTF32_BE)) or not data.strip(b"\0"):
+        what = "UTF-32" if data.strip(b"\0") else "zero bytes"
+        if data:
+            raise DefinitionError(f"expected UTF-8 text, got {what}", path=path)
     for mark, codec in _UTF16.items():
         # Notepad's "Unicode" has a mark; without one, the zeros beside ASCII tell the order.
         zeros = data[1 if codec == "utf-16-le" else 0 : 64 : 2]

@@ -303,3 +303,15 @@ def test_a_file_that_cannot_be_written_stays_whole(run, monkeypatch):
     assert code == 1
     assert "expected a writable file, got: No space left on device" in err
     assert (path.read_bytes(), os.listdir(path.parent)) == (b"int a\n---\n", ["Ask.srv"])
+
+
+@pytest.mark.parametrize(
+    ("data", "what"), [("int x # café\n".encode("utf-32"), "UTF-32"), (bytes(64), "zero bytes")]
+)
+def test_a_file_that_no_editor_meant_is_not_rewritten(tmp_path, data, what):
+    path = tmp_path / "mine" / "msg" / "A.msg"
+    path.parent.mkdir(parents=True)
+    path.write_bytes(data)
+    with pytest.raises(DefinitionError, match=f"expected UTF-8 text, got {what}"):
+        fix_file(path, lambda name: False)
+    assert path.read_bytes() == data
