@@ -6,7 +6,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 from importlib.abc import Loader, MetaPathFinder
-from importlib.machinery import ModuleSpec
+from importlib.machinery import ModuleSpec, NamespaceLoader
 from pathlib import Path
 from types import FrameType, ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -79,19 +79,18 @@ class _InterfaceFinder(MetaPathFinder):
         if not search().has_package(package):
             return None
         real = self._real(package, None)
-        if real is not None and real.loader is not None and real.origin is not None:
+        if _is_python(real):
             return None
-        # Python modules that lie in the same folder stay importable, other files readable.
-        return _spec(package, _PackageLoader(), _locations(real))
+        return _spec(package, _PackageLoader(), real)
 
     def _folder(
         self, fullname: str, path: Sequence[str] | None, package: str, kind: str
     ) -> ModuleSpec | None:
         real = self._real(fullname, path)
-        if real is not None and real.origin is not None:
+        if _is_python(real):
             return None
         names = _names(package, kind)
-        return _spec(fullname, _FolderLoader(names), _locations(real)) if names else None
+        return _spec(fullname, _FolderLoader(names), real) if names else None
 
     def _module(
         self, fullname: str, path: Sequence[str] | None, package: str, kind: str, module: str
@@ -154,6 +153,10 @@ class _InterfaceLoader(Loader):
 class _PackageLoader(_InterfaceLoader):
     """Makes `example_interfaces`."""
 
+    def exec_module(self, module: ModuleType) -> None:
+        """Look like a package without an `__init__`, which it mostly is."""
+        module.__file__ = None
+
     def get_resource_reader(self, fullname: str) -> FolderReader | None:
         """What `importlib.resources` reads beside the definitions, where there is a folder."""
         from .resources import FolderReader  # it is seldom asked for, and slow to import
@@ -162,7 +165,7 @@ class _PackageLoader(_InterfaceLoader):
         return FolderReader(list(folders)) if folders else None
 
 
-class _FolderLoader(_InterfaceLoader):
+class _FolderLoader(_PackageLoader):
     """Makes `example_interfaces.srv`, whose classes are loaded when they are asked for."""
 
     def __init__(self, names: list[str]) -> None:
@@ -170,6 +173,7 @@ class _FolderLoader(_InterfaceLoader):
 
     def exec_module(self, module: ModuleType) -> None:
         """Let attributes come from the definitions."""
+        super().exec_module(module)
         folder = module.__name__
 
         def get(attribute: str) -> Any:
@@ -194,9 +198,17 @@ class _ModuleLoader(_InterfaceLoader):
         return module_of(self.full_name)
 
 
-def _spec(fullname: str, loader: Loader, locations: Sequence[str]) -> ModuleSpec:
+def _is_python(real: ModuleSpec | None) -> bool:
+    """Whether there is more to import than folders without an `__init__`."""
+    return real is not None and not isinstance(real.loader, NamespaceLoader | None)
+
+
+def _spec(fullname: str, loader: Loader, real: ModuleSpec | None) -> ModuleSpec:
     spec = ModuleSpec(fullname, loader, is_package=True)
-    spec.submodule_search_locations = list(locations)
+    # Python modules that lie in the same folders stay importable, other files readable. It is
+    # Python's own list, which grows with sys.path.
+    if real is not None and real.submodule_search_locations is not None:
+        spec.submodule_search_locations = real.submodule_search_locations
     return spec
 
 
@@ -228,10 +240,6 @@ def _names(package: str, kind: str) -> list[str]:
         ]
     except DefinitionError:
         return []
-
-
-def _locations(real: ModuleSpec | None) -> Sequence[str]:
-    return (real.submodule_search_locations or ()) if real is not None else ()
 
 
 def _is_ours(name: str) -> bool:

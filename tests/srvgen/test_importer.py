@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import importlib
+import importlib.resources
 import importlib.util
 import os
+import shutil
 import sys
 
 import pytest
@@ -193,32 +195,56 @@ def test_other_imports_are_none_of_our_business(workspace):
 
 @pytest.fixture
 def weather(tmp_path, monkeypatch):
-    """Definitions beside Python modules and other files, in a package without `__init__`."""
+    """Definitions beside Python modules and files, in packages without and with `__init__`."""
     folder = tmp_path / "weather"
     (folder / "msg").mkdir(parents=True)
     (folder / "msg" / "Reading.msg").write_text("float64 celsius\n")
     (folder / "msg" / "helper.py").write_text("ANSWER = 42\n")
     (folder / "data.txt").write_text("dry")
+    shutil.copytree(folder, tmp_path / "regular")
+    (tmp_path / "regular" / "__init__.py").touch()
     monkeypatch.chdir(tmp_path)
     monkeypatch.syspath_prepend(str(tmp_path))
     srvgen.install_import_hook()
     yield folder
-    for name in [one for one in sys.modules if one.partition(".")[0] == "weather"]:
+    importer.uninstall_import_hook()
+    for name in [one for one in sys.modules if one.partition(".")[0] in ("weather", "regular")]:
         del sys.modules[name]
 
 
-def test_python_modules_beside_definitions_are_imported(weather):
-    assert importlib.import_module("weather.msg.helper").ANSWER == 42
-    assert importlib.import_module("weather.msg").Reading(celsius=1.5).celsius == 1.5
+@pytest.mark.parametrize("package", ["weather", "regular"])
+def test_python_modules_beside_definitions_are_imported(weather, package):
+    assert importlib.import_module(f"{package}.msg.helper").ANSWER == 42
+    assert importlib.import_module(f"{package}.msg").Reading(celsius=1.5).celsius == 1.5
+    scope: dict[str, object] = {}
+    exec(f"from {package}.msg import Reading, helper", scope)
+    assert {"Reading", "helper"} <= set(scope)
 
 
-def test_files_beside_definitions_are_read_as_resources(weather):
+@pytest.mark.parametrize("package", ["weather", "regular"])
+def test_files_beside_definitions_are_read_as_resources(weather, package):
+    files = importlib.resources.files
+    assert files(package).joinpath("data.txt").read_text() == "dry"
+    assert files(package).joinpath("msg/Reading.msg").read_text() == "float64 celsius\n"
+    assert files(f"{package}.msg").joinpath("Reading.msg").read_text() == "float64 celsius\n"
+
+
+def test_a_part_of_the_package_that_comes_into_reach_later_is_found(weather, monkeypatch, tmp_path):
     importlib.import_module("weather")
-    assert importlib.resources.files("weather").joinpath("data.txt").read_text() == "dry"
+    (tmp_path / "more" / "weather").mkdir(parents=True)
+    (tmp_path / "more" / "weather" / "late.py").write_text("ANSWER = 43\n")
+    monkeypatch.syspath_prepend(str(tmp_path / "more"))
+    assert importlib.import_module("weather.late").ANSWER == 43
+
+
+def test_a_package_of_definitions_has_no_file_as_python_has_it(weather):
+    assert importlib.import_module("weather").__file__ is None
+    assert importlib.import_module("weather.msg").__file__ is None
 
 
 @pytest.mark.parametrize(
-    "name", ["weathr", "weather.nope", "weather.msg.nope", "weather.msg.Redaing"]
+    "name",
+    ["weathr", "weather.nope", "weather.msg.nope", "weather.msg.Reading", "regular.msg.nope"],
 )
 def test_who_only_asks_for_a_module_is_told_that_there_is_none(weather, name):
     assert importlib.util.find_spec(name) is None
