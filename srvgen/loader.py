@@ -302,8 +302,13 @@ def _late_check(cls: Any, block: Block, before: int, filename: str) -> Callable[
 def _reduce(message: _runtime.Message) -> tuple[object, ...]:
     # Another process has no module to find the class in, but it can load it as this one did.
     fields = message.__struct_fields__
-    return _restore, (message._TYPE, {name: getattr(message, name) for name in fields})
+    values = {name: getattr(message, name) for name in fields}
+    return _restore, (message._TYPE, message._HASH, values)
 
 
-def _restore(type_name: str, values: dict[str, Any]) -> Any:
-    return load(type_name)(**values)
+def _restore(type_name: str, pickled_hash: str, values: dict[str, Any]) -> Any:
+    cls = load(type_name)
+    if pickled_hash != cls._HASH:
+        pickled = f"expected the definition that a pickled {type_name} was made from"
+        raise DefinitionError(f"{pickled} ({pickled_hash}), got another one ({cls._HASH})")
+    return cls(**values)

@@ -6,6 +6,7 @@ import importlib
 import importlib.resources
 import importlib.util
 import os
+import pickle
 import shutil
 import sys
 
@@ -235,6 +236,22 @@ def test_a_part_of_the_package_that_comes_into_reach_later_is_found(weather, mon
     (tmp_path / "more" / "weather" / "late.py").write_text("ANSWER = 43\n")
     monkeypatch.syspath_prepend(str(tmp_path / "more"))
     assert importlib.import_module("weather.late").ANSWER == 43
+
+
+@pytest.mark.parametrize("text", ["float64 celsius\nfloat64 wind\n", "float32 celsius\n", ""])
+def test_a_pickled_message_never_becomes_one_of_another_definition(weather, text):
+    name = "weather/msg/Reading"
+    data = pickle.dumps(srvgen.define(name, text)())
+    with pytest.raises(srvgen.DefinitionError, match=f"a pickled {name} .*, got another one"):
+        pickle.loads(data)
+
+
+def test_a_pickled_message_becomes_one_of_the_class_on_disk_where_fields_are_the_same(weather):
+    name = "weather/msg/Reading"
+    own = srvgen.define(name, "float64 celsius 20.0\n")()
+    assert pickle.loads(pickle.dumps(own)) == srvgen.load(name)(celsius=20.0)
+    same = srvgen.define(name, "float64 celsius\n")(celsius=1.5)
+    assert pickle.loads(pickle.dumps(same)) == same
 
 
 def test_a_package_of_definitions_has_no_file_as_python_has_it(weather):
