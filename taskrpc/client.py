@@ -197,7 +197,7 @@ class Client:
     ) -> float | None:
         if policy is None or not policy.allows(attempt + 1) or not self._may_repeat(error):
             return None
-        now = self._loop.time()
+        now = self._now()
         # Counted from the second wait on: the first retry waits wait_initial.
         wait = policy.wait(attempt - 1, random.random())
         if isinstance(error, ServerBusy):
@@ -215,7 +215,7 @@ class Client:
         return None if span is None else self._now() + span
 
     def _is_over(self, deadline: float | None) -> bool:
-        return deadline is not None and deadline <= self._loop.time()
+        return deadline is not None and deadline <= self._now()
 
 
 def _checked(timeout: float | None) -> float | None:

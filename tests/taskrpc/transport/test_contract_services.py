@@ -326,4 +326,4 @@ async def test_a_response_tells_how_long_the_call_was_in_the_server(net, monkeyp
 
     (await net.node()).create_service(Add, "slow", slow)
     await (await net.client(Add, "slow")).call(ask())
-    assert 50_000 <= told[-1] < 5_000_000
+    assert 45_000 <= told[-1] < 5_000_000  # uvloop counts in milliseconds
