@@ -134,7 +134,9 @@ class Service:
         except BaseException as error:
             self._raised(call, error)
             if isinstance(error, SystemExit | KeyboardInterrupt):
-                raise
+                # From a turn of its own: uvloop swallows what a protocol raises, and here the
+                # call would count as running for ever, so that a drain waits for it.
+                self._loop.call_soon(_end_program, error)
         finally:
             answering.reset(token)
             if (held := self._now() - began) > HOLDS_LOOP_AFTER:
@@ -240,6 +242,10 @@ class Service:
 
 def _threads(name: str, concurrency: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(concurrency, thread_name_prefix=f"taskrpc {name}")
+
+
+def _end_program(error: BaseException) -> None:
+    raise error
 
 
 def _run_to_end(callback: Callback, request: Any, response: Any) -> Any:

@@ -2,7 +2,7 @@
 
 import asyncio
 import random
-from types import SimpleNamespace
+import time
 
 import pytest
 from hypothesis import given, settings
@@ -203,26 +203,58 @@ async def test_an_async_callback_in_a_thread_runs_to_its_end(count):
     assert [call.ends[0].sum for call in calls] == [0, 1, 2, 3]
 
 
-async def test_a_callback_that_ends_the_program_answers_its_caller_first():
+def end_plain(request, response):
+    raise SystemExit(4)
+
+
+async def end_at_once(request, response):
+    raise SystemExit(4)
+
+
+async def end_later(request, response):
+    await asyncio.sleep(0.01)
+    raise SystemExit(4)
+
+
+@pytest.mark.parametrize("callback", [end_plain, end_at_once, end_later])
+def test_a_callback_that_ends_the_program_answers_its_caller_first(callback):
     """Otherwise the caller waits until its deadline for a program that is gone."""
-    async with taskrpc.Node("server", transport="memory") as node:
+    transport, calls = FakeTransport(), []
 
-        def leave(request, response):
-            raise SystemExit(4)
+    async def serve():
+        Service(transport, Add, "/x", "/server", callback)
+        calls.append(FakeCall(1))
+        transport.serve(calls[0])
+        await asyncio.sleep(10)
 
-        service = node.create_service(Add, "leave", leave)
-        answers = []
-        call = SimpleNamespace(
-            request=ask(),
-            number=1,
-            service="/leave",
-            caller="/c",
-            deadline=None,
-            fail=answers.append,
-        )
-        with pytest.raises(SystemExit):
-            service._start(call)
-        assert isinstance(answers[0], taskrpc.HandlerFailed)
+    with pytest.raises(SystemExit), asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
+        runner.run(serve())
+    assert isinstance(calls[0].ends[0], taskrpc.HandlerFailed)
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("callback", [end_plain, end_at_once, end_later])
+def test_a_callback_that_ends_a_program_which_spins_ends_it_without_waiting(callback):
+    """A call that raised is over: draining does not wait for it, whatever the event loop."""
+    seconds = []
+
+    async def spin():
+        async with taskrpc.Node("server", token="s") as node:
+            node.create_service(Add, "leave", callback)
+            async with taskrpc.Node("caller", token="c") as caller:
+                client = caller.create_client(Add, "leave")
+                assert await client.wait_for_service(5)
+                leaving = asyncio.ensure_future(client.call(ask()))
+                began = time.monotonic()
+                try:
+                    await node.spin()
+                finally:
+                    seconds.append(time.monotonic() - began)
+                    leaving.cancel()
+
+    with pytest.raises(SystemExit):
+        taskrpc.run(spin())
+    assert seconds[0] < 10
 
 
 @pytest.mark.parametrize("timeout", [float("nan"), float("inf"), "5"])
