@@ -111,6 +111,11 @@ class _Rest:
     ) -> None:
         self._coroutine = coroutine
         self._waits_for = waits_for
+        # An awaited future carries this word to the task that takes it from here. The task comes
+        # later; until then others may await the same future.
+        self._awaits: bool = getattr(waits_for, "_asyncio_future_blocking", False)
+        if self._awaits:
+            waits_for._asyncio_future_blocking = False
         self._now = now
         self._held = held
         self._cancelled = False
@@ -123,6 +128,8 @@ class _Rest:
     def __await__(self) -> Generator[Any, Any, Any]:
         error: BaseException | None = asyncio.CancelledError() if self._cancelled else None
         waits_for = self._waits_for
+        if self._awaits:
+            waits_for._asyncio_future_blocking = True
         value = None
         while True:
             if error is None:

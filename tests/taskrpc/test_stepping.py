@@ -76,6 +76,21 @@ async def test_what_suspends_at_nothing_goes_on_too(stepper):
     assert await task == 7
 
 
+async def test_several_may_wait_for_one_future_from_their_first_step_on(stepper):
+    """A callback may await what another, begun in the same turn of the loop, awaits as well."""
+    shared = asyncio.get_running_loop().create_future()
+
+    async def wait():
+        return await shared
+
+    coroutines = [wait() for _ in range(3)]
+    what, tasks = await outside(lambda: [stepper.step(lambda: None, each) for each in coroutines])
+    assert what == "returned"
+    await asyncio.sleep(1)
+    shared.set_result(7)
+    assert await asyncio.gather(*tasks) == [7, 7, 7]
+
+
 async def test_the_current_task_is_the_same_before_and_after_suspending(stepper):
     async def who():
         before = asyncio.current_task()
