@@ -148,14 +148,13 @@ class Service:
 
     def _run_async(self, call: IncomingCall, result: Awaitable[Any]) -> bool:
         """Run an awaitable; returns whether a task carries it on."""
-        if not inspect.iscoroutine(result):
-            job = asyncio.ensure_future(result, loop=self._loop)
-        else:
-            try:
-                job = self._stepper.step(partial(answering.set, call), result)
-            except StopIteration as done:
-                self._returned(call, done.value)
-                return False
+        # A future may be the answer to several calls, each of which needs a task of its own.
+        coroutine = result if inspect.iscoroutine(result) else _awaited(result)
+        try:
+            job = self._stepper.step(partial(answering.set, call), coroutine)
+        except StopIteration as done:
+            self._returned(call, done.value)
+            return False
         call.on_cancel = job.cancel
         self._await(job, call)
         return True
@@ -242,6 +241,10 @@ class Service:
 
 def _threads(name: str, concurrency: int) -> ThreadPoolExecutor:
     return ThreadPoolExecutor(concurrency, thread_name_prefix=f"taskrpc {name}")
+
+
+async def _awaited(result: Awaitable[Any]) -> Any:
+    return await result
 
 
 def _end_program(error: BaseException) -> None:

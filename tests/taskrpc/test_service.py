@@ -203,6 +203,25 @@ async def test_an_async_callback_in_a_thread_runs_to_its_end(count):
     assert [call.ends[0].sum for call in calls] == [0, 1, 2, 3]
 
 
+async def test_one_future_may_be_the_answer_to_several_calls():
+    """Each call that a callback answers with a future ends when that future does."""
+    loop = asyncio.get_running_loop()
+    shared = loop.create_future()
+    transport, made = service(lambda request, response: shared, concurrency=3)
+    calls = [FakeCall(n) for n in range(3)]
+    for call in calls:
+        loop.call_soon(transport.serve, call)
+    await asyncio.sleep(1)
+    assert [call.ends for call in calls] == [[], [], []]
+    shared.set_result(answer := Add.Response(sum=7))
+    await asyncio.sleep(1)
+    calls.append(FakeCall(3))
+    transport.serve(calls[-1])
+    made.destroy()
+    await made.finished
+    assert [call.ends for call in calls] == [[answer]] * 4
+
+
 def end_plain(request, response):
     raise SystemExit(4)
 
