@@ -9,6 +9,7 @@ that was not the last, it is the one that carries the coroutine on.
 from __future__ import annotations
 
 import asyncio
+import types
 from asyncio import _enter_task, _leave_task  # for those who run steps themselves, says asyncio
 from collections.abc import Callable, Coroutine, Generator
 from contextvars import Context, copy_context
@@ -33,7 +34,8 @@ class Stepper:
         value of a coroutine that returned, or what it raised.
         """
         spare = self._spare
-        if spare is None or spare.task.done():
+        # Cancelled by whoever cancels all tasks, or by a coroutine that was stepped before.
+        if spare is None or spare.task.cancelling():
             spare = self._spare = _Spare(self._loop, self._held)
         try:
             _enter_task(self._loop, spare.task)
@@ -70,6 +72,11 @@ def _first_step(prepare: Callable[[], object], coroutine: Coroutine[Any, Any, An
     return coroutine.send(None)
 
 
+@types.coroutine
+def _begun() -> Generator[None, None, None]:
+    yield
+
+
 class _Spare:
     """A task that waits until it is given a coroutine which has taken its first step."""
 
@@ -79,7 +86,9 @@ class _Spare:
         self._held = held
         self._given: asyncio.Future[None] = loop.create_future()
         self._rest: _Rest | None = None
-        self.task: asyncio.Task[Any] = loop.create_task(self._main(), context=self.context)
+        main = self._main()
+        main.send(None)
+        self.task: asyncio.Task[Any] = loop.create_task(main, context=self.context)
         self.variables = len(self.context)
 
     def carry_on(self, coroutine: Coroutine[Any, Any, Any], waits_for: Any) -> None:
@@ -90,6 +99,9 @@ class _Spare:
 
     async def _main(self) -> Any:
         try:
+            # Passed before the task is made: a cancel that comes before the task's own first
+            # step would else be thrown in above, where nothing hands it to the coroutine.
+            await _begun()
             await self._given
         except asyncio.CancelledError:
             if self._rest is None:

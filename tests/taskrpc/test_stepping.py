@@ -171,8 +171,10 @@ async def test_a_cancel_reaches_the_coroutine_whenever_it_comes(stepper, turns):
     async def slow():
         try:
             await asyncio.sleep(10)
-        finally:
+        except asyncio.CancelledError:
+            await asyncio.sleep(1)
             cleaned.append(True)
+            raise
 
     loop = asyncio.get_running_loop()
     made = loop.create_future()
@@ -220,6 +222,25 @@ async def test_a_coroutine_that_cancels_itself_ends_at_its_next_wait(stepper):
         return 7
 
     assert await step(stepper, quick()) == ("finished", 7)
+
+
+async def test_a_coroutine_that_cancels_itself_and_returns_cancels_no_other(stepper):
+    async def tired():
+        asyncio.current_task().cancel()
+        return 7
+
+    async def slow():
+        cancels = asyncio.current_task().cancelling()
+        await asyncio.sleep(1)
+        return cancels
+
+    def both():
+        with pytest.raises(StopIteration):
+            stepper.step(lambda: None, tired())
+        return stepper.step(lambda: None, slow())
+
+    _, task = await outside(both)
+    assert await task == 0
 
 
 async def test_errors_come_out_where_they_belong(stepper):
