@@ -15,6 +15,8 @@ from collections.abc import Callable, Coroutine, Generator
 from contextvars import Context, copy_context
 from typing import Any
 
+from taskrpc.callinfo import answering
+
 
 class Stepper:
     """Takes the first step of coroutines on one event loop.
@@ -44,7 +46,7 @@ class Stepper:
         try:
             waits_for = spare.context.run(_first_step, prepare, coroutine)
         except BaseException:
-            if len(spare.context) != spare.variables:
+            if len(spare.context) != spare.variables or (spare.inherited and spare.is_used()):
                 self.close()  # what one coroutine sets must not be seen by the next
             raise
         finally:
@@ -90,6 +92,11 @@ class _Spare:
         main.send(None)
         self.task: asyncio.Task[Any] = loop.create_task(main, context=self.context)
         self.variables = len(self.context)
+        self.inherited = [each for each in self.context.items() if each[0] is not answering]
+
+    def is_used(self) -> bool:
+        """Whether a variable that was there before now has another value."""
+        return any(self.context[variable] is not value for variable, value in self.inherited)
 
     def carry_on(self, coroutine: Coroutine[Any, Any, Any], waits_for: Any) -> None:
         """Run the coroutine to its end; `waits_for` is what its first step yielded."""

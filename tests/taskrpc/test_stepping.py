@@ -269,6 +269,20 @@ async def test_what_one_coroutine_sets_is_not_seen_by_the_next(stepper):
     assert variable.get() == "unset"
 
 
+async def test_what_one_coroutine_sets_anew_is_not_seen_by_the_next(stepper):
+    """A variable that had a value before the service was made has it in every call."""
+    variable.set("base")
+
+    async def setting(value):
+        before = variable.get()
+        variable.set(value)
+        return before
+
+    assert await step(stepper, setting("a")) == ("finished", "base")
+    assert await step(stepper, setting("b")) == ("finished", "base")
+    assert variable.get() == "base"
+
+
 async def test_a_variable_lives_on_over_a_suspension(stepper):
     async def setting():
         variable.set("mine")
