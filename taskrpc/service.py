@@ -198,10 +198,16 @@ class Service:
             answer_unexpected(call, problem)
 
     def _raised(self, call: IncomingCall, error: BaseException) -> None:
-        if isinstance(error, HandlerError):
-            call.fail(HandlerFailed(error.code, str(error.message)))
-        else:
+        if not isinstance(error, HandlerError):
             answer_unexpected(call, error)
+            return
+        try:
+            failed = HandlerFailed(error.code, str(error.message))
+        except Exception as problem:  # a subclass need not have called HandlerError's __init__
+            problem.__cause__ = error
+            answer_unexpected(call, problem)
+        else:
+            call.fail(failed)
 
     def _finished(self) -> None:
         if self._waiting:

@@ -222,6 +222,32 @@ async def test_one_future_may_be_the_answer_to_several_calls():
     assert [call.ends for call in calls] == [[answer]] * 4
 
 
+class Unfinished(taskrpc.HandlerError):
+    def __init__(self, place):
+        self.place = place
+
+
+@pytest.mark.parametrize("later", [False, True])
+async def test_a_handler_error_without_a_code_is_answered_and_frees_its_place(later, caplog):
+    """The log says what a subclass that does not call HandlerError's `__init__` lacks."""
+
+    async def callback(request, response):
+        if later:
+            await asyncio.sleep(1)
+        raise Unfinished("the gate")
+
+    transport, made = service(callback)
+    calls = [FakeCall(n) for n in range(2)]
+    for call in calls:
+        asyncio.get_running_loop().call_soon(transport.serve, call)
+    await asyncio.sleep(3)
+    made.destroy()
+    await made.finished
+    assert [call.ends[0].code for call in calls] == [taskrpc.Code.INTERNAL] * 2
+    assert "Unfinished: the gate" in caplog.text
+    assert "no attribute 'code'" in caplog.text
+
+
 def end_plain(request, response):
     raise SystemExit(4)
 
