@@ -86,12 +86,15 @@ class RemoteChannel:
 
     def send_in_thread(self, request: Any, deadline: float | None) -> Waiter | None:
         """Send a request from another thread than the loop's; None where only the loop can."""
-        connection = self._connection
+        # The loop may find another server at any moment: one's number means another service there.
+        connection, method = self._connection, self._method
         if not isinstance(connection, ThreadedConnection) or connection.epoch != self._epoch:
+            return None
+        if connection is not self._connection:
             return None
         waiter = Waiter()
         body, decode, move = self._encode(request), self._decode, self._move
-        call = OpenCall(waiter, connection, decode, deadline, self._method, body, move)
+        call = OpenCall(waiter, connection, decode, deadline, method, body, move)
         waiter.call = call
         return waiter if connection.begin_in_thread(call) else None
 
@@ -180,7 +183,9 @@ class RemoteChannel:
         question = Resolve(named.name, named.type_hash, named.node)
         asked = connection.resolve(question, endpoint.loop.time() + RESOLVE_TIMEOUT)
         resolved = await asked.future
-        self._connection, self._method, self._epoch = connection, resolved.method, epoch
+        self._connection = None  # until all three belong together, other threads find nothing
+        self._method, self._epoch = resolved.method, epoch
+        self._connection = connection
         known = resolved.mode in tuple(Mode)
         self.mode = Mode(resolved.mode) if known else Mode.AT_MOST_ONCE
 

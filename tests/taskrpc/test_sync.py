@@ -236,3 +236,42 @@ def test_a_short_deadline_behind_a_long_one_is_kept(node):
         assert 0.1 <= time.monotonic() - began < 5
         release.set()
         patient.result(10)
+
+
+def test_a_call_on_its_way_while_its_service_moves_reaches_that_service_and_no_other():
+    """A method number of one server's means another service on another's connection."""
+    reached = []
+
+    def noting(name):
+        def callback(request, response):
+            reached.append(name)
+            return response
+
+        return callback
+
+    with (
+        taskrpc.sync.Node("old", token="old") as old,
+        taskrpc.sync.Node("new", token="new") as new,
+        taskrpc.sync.Node("caller", token="caller") as caller,
+    ):
+        moving = old.create_service(AddTwoInts, "moving", noting("old moving"))
+        for node, name in ((old, "other"), (new, "third")):
+            node.create_service(AddTwoInts, name, noting(name))
+        clients = [caller.create_client(AddTwoInts, name) for name in ("moving", "other", "third")]
+        for client in clients:
+            assert client.wait_for_service(timeout=5)
+            client.call(AddTwoInts.Request())
+        reached.clear()
+        channel = clients[0]._inner._channel
+        encode = channel._encode
+
+        def encode_late(request):
+            if threading.current_thread() is threading.main_thread():
+                old._loop.do(moving.destroy, "destroy()")
+                new.create_service(AddTwoInts, "moving", noting("new moving"))
+                assert clients[0].wait_for_service(timeout=5)
+            return encode(request)
+
+        channel._encode = encode_late
+        clients[0].call(AddTwoInts.Request())
+    assert reached == ["new moving"]
