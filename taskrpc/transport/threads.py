@@ -20,6 +20,7 @@ from taskrpc.transport.connection import Owner
 from taskrpc.wire.frames import LARGE, NO_DEADLINE
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Resolve
+from taskrpc.wire.session import LAST_CALL_ID
 
 _SLICE = 0.1
 """Seconds of one wait on a lock: on Windows Ctrl-C does not reach a longer one before its end."""
@@ -101,6 +102,8 @@ class ThreadedConnection(CallingConnection):
             if left <= 0 or not self._is_free(len(call.body)):
                 return False
             call.call_id = session.request(call, call.method, call.body, left)
+            if call.call_id >= LAST_CALL_ID:
+                self.epoch += 1
             self._write_here(b"".join(session.take()))
         if deadline is not None and deadline < self.look_before:
             self.owner.loop.call_soon_threadsafe(self.watch, deadline)

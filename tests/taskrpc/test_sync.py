@@ -11,6 +11,7 @@ import pytest
 import srvgen
 import taskrpc
 import taskrpc.sync
+from taskrpc.wire.session import LAST_CALL_ID
 
 pytestmark = pytest.mark.real_time
 
@@ -275,3 +276,16 @@ def test_a_call_on_its_way_while_its_service_moves_reaches_that_service_and_no_o
         channel._encode = encode_late
         clients[0].call(AddTwoInts.Request())
     assert reached == ["new moving"]
+
+
+def test_a_connection_that_threads_call_on_retires_in_time(node):
+    """Numbers of calls never come again on one connection, and never outgrow their field."""
+    node.create_service(AddTwoInts, "add", add)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.wait_for_service(timeout=5)
+    first = client._inner._channel._connection
+    first.session.last_call_id = LAST_CALL_ID - 3
+    for n in range(6):
+        assert client.call(AddTwoInts.Request(a=n)).sum == n
+    assert first.session.last_call_id == LAST_CALL_ID
+    assert client._inner._channel._connection is not first
