@@ -11,7 +11,7 @@ import asyncio
 import socket
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 from taskrpc import platform
@@ -147,6 +147,16 @@ class ThreadedConnection(CallingConnection):
         """A caller gave up."""
         with self._mine:
             super().forget(call)
+
+    def resume_writing(self) -> None:
+        """The server has caught up."""
+        with self._mine:
+            super().resume_writing()
+
+    def expiring(self) -> Iterable[OpenCall]:
+        """The calls that wait for an answer, and those that wait to be sent."""
+        with self._mine:
+            return super().expiring()
 
     def tick(self, now: float) -> None:
         """Look after the connection."""

@@ -55,8 +55,10 @@ class Deadlines:
 
     def watch(self, deadline: float) -> None:
         """Look at the open calls when this deadline passes."""
-        self._lookout.expect(deadline)
-        self._arm()
+        # Other threads than the loop's tell of several before the first is heard.
+        if deadline < self._holder.look_before:
+            self._lookout.expect(deadline)
+            self._arm()
 
     def close(self) -> None:
         """Stop the timer."""
@@ -72,6 +74,8 @@ class Deadlines:
 
     def _look(self) -> None:
         self._timer = None
+        # A thread that calls from here on is not among those that are looked through.
+        self._holder.look_before = math.inf
         now = self._loop.time()
         open_calls = self._holder.expiring()
         calls = [(call.deadline, call) for call in open_calls if call.deadline is not None]

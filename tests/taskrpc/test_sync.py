@@ -289,3 +289,40 @@ def test_a_connection_that_threads_call_on_retires_in_time(node):
         assert client.call(AddTwoInts.Request(a=n)).sum == n
     assert first.session.last_call_id == LAST_CALL_ID
     assert client._inner._channel._connection is not first
+
+
+@pytest.mark.parametrize("what", ["expiring", "resume_writing"])
+def test_the_loop_waits_for_a_thread_that_begins_a_call(node, what):
+    """Else it would look through calls, or number one of its own, while the thread adds one."""
+    node.create_service(AddTwoInts, "add", add)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.wait_for_service(timeout=5)
+    connection = client._inner._channel._connection
+    done = threading.Event()
+
+    def act():
+        getattr(connection, what)()
+        done.set()
+
+    with connection._mine:
+        node._loop.soon(act)
+        assert not done.wait(0.05)
+    assert done.wait(10)
+
+
+def test_deadlines_that_threads_tell_of_at_the_same_time_are_all_kept(node):
+    """The loop hears of several at once: a later one must not take the place of an earlier."""
+    node.create_service(AddTwoInts, "add", add)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.wait_for_service(timeout=5)
+    connection = client._inner._channel._connection
+    planned = []
+
+    def tell():
+        now = node._loop._loop.time()
+        for span in (0.5, 30.0):
+            connection.watch(now + span)
+        planned.append(connection.look_before - now)
+
+    node._loop.do(tell, "tell()")
+    assert planned[0] < 1
