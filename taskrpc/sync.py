@@ -213,6 +213,7 @@ class Client:
     ) -> None:
         """Begin a call on the loop and tie its future to the caller's."""
         if outer.cancelled():
+            outer.set_running_or_notify_cancel()  # wakes who waits for several futures
             return
         try:
             inner = self._inner.call_async(request, timeout, retry)

@@ -4,7 +4,7 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import CancelledError, ThreadPoolExecutor
+from concurrent.futures import CancelledError, ThreadPoolExecutor, wait
 
 import pytest
 
@@ -326,3 +326,11 @@ def test_deadlines_that_threads_tell_of_at_the_same_time_are_all_kept(node):
 
     node._loop.do(tell, "tell()")
     assert planned[0] < 1
+
+
+def test_whoever_waits_for_several_futures_learns_of_one_that_never_began(node):
+    client = node.create_client(AddTwoInts, "nobody")
+    node._loop.soon(lambda: time.sleep(0.05))
+    future = client.call_async(AddTwoInts.Request())
+    assert future.cancel()
+    assert wait([future], timeout=10).done == {future}
