@@ -32,6 +32,9 @@ _Result = TypeVar("_Result")
 _SLICE = 0.1
 """Seconds of one wait on a lock: on Windows Ctrl-C does not reach a longer one before its end."""
 
+_ENDED = 0
+"""Instead of a process id, once the loop is told to stop."""
+
 
 class Node:
     """A node for blocking programs; arguments and methods are those of `taskrpc.Node`.
@@ -196,6 +199,7 @@ class Client:
 
         Cancelling the future cancels the call.
         """
+        self._loop.refuse_without_loop("call_async()")
         outer: Future[Any] = Future()
         self._loop.soon(lambda: self._begin(outer, request, timeout, retry))
         return outer
@@ -273,13 +277,20 @@ class _LoopThread:
         """Run a plain function on the loop without waiting."""
         self._loop.call_soon_threadsafe(action)
 
-    def refuse_own_thread(self, what: str) -> None:
-        """Raise WouldDeadlock where nobody would answer.
-
-        On the loop's own thread, which would wait for itself, and after a fork, which has no loop.
-        """
+    def refuse_without_loop(self, what: str) -> None:
+        """Raise WouldDeadlock where nobody would answer: after a fork, and at the program's end."""
+        if self._pid == _ENDED:
+            raise WouldDeadlock(
+                f"{what} would wait for ever: the program is ending, its event loop has stopped;"
+                " what atexit is to call must be registered after the first node was made"
+            )
         if self._pid != os.getpid():
             raise WouldDeadlock(f"{what}: this node belongs to the parent process; make one here")
+
+    def refuse_own_thread(self, what: str) -> None:
+        """Raise WouldDeadlock on the loop's own thread, which would wait for itself."""
+        if self._pid != os.getpid():  # asked first: this is on every call's path
+            self.refuse_without_loop(what)
         if threading.current_thread() is self._thread:
             raise WouldDeadlock(
                 f"{what} would wait for ever: it was called on the event loop's own thread, by an"
@@ -295,6 +306,7 @@ class _LoopThread:
 
     def _stop(self) -> None:
         if self._pid == os.getpid():
+            self._pid = _ENDED
             self._loop.call_soon_threadsafe(self._loop.stop)
             self._thread.join(2.0)
 

@@ -1,5 +1,6 @@
 """Blocking programs get the same answers and errors, from any thread, and never hang."""
 
+import os
 import subprocess
 import sys
 import threading
@@ -139,6 +140,51 @@ def test_ctrl_c_reaches_a_program_that_waits(tmp_path):
         [sys.executable, program], capture_output=True, text=True, timeout=30, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
+
+
+def test_a_call_at_the_very_end_of_a_program_is_refused_and_does_not_hang_it(tmp_path):
+    """What atexit calls after the loop has stopped learns that nobody would answer."""
+    program = tmp_path / "ends.py"
+    program.write_text(
+        "import atexit, srvgen, taskrpc.sync\n"
+        "T = srvgen.load('std_srvs/srv/Trigger')\n"
+        "def last():\n"
+        "    for attempt in (client.call, client.call_async):\n"
+        "        try:\n"
+        "            attempt(T.Request())\n"
+        "        except taskrpc.WouldDeadlock as error:\n"
+        "            print(error)\n"
+        "atexit.register(last)\n"
+        "node = taskrpc.sync.Node('ends')\n"
+        "node.__enter__()\n"
+        "node.create_service(T, 'done', lambda request, response: response)\n"
+        "client = node.create_client(T, 'done')\n"
+        "client.call(T.Request())\n"
+    )
+    done = subprocess.run(
+        [sys.executable, program], capture_output=True, text=True, timeout=30, check=False
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.count("the program is ending") == 2
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
+@pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
+def test_a_forked_process_is_told_that_the_node_is_its_parents(node):
+    client = node.create_client(AddTwoInts, "nobody")
+    told, tell = os.pipe()
+    if (child := os.fork()) == 0:
+        problem = "none"
+        try:
+            client.call_async(AddTwoInts.Request())
+        except taskrpc.WouldDeadlock as error:
+            problem = str(error)
+        os.write(tell, problem.encode())
+        os._exit(0)
+    os.waitpid(child, 0)
+    os.close(tell)
+    with open(told, "rb") as pipe:
+        assert b"call_async(): this node belongs to the parent process" in pipe.read()
 
 
 class Stingy:
