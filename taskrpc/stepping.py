@@ -37,7 +37,7 @@ class Stepper:
         """
         spare = self._spare
         # Cancelled by whoever cancels all tasks, or by a coroutine that was stepped before.
-        if spare is None or spare.task.cancelling():
+        if spare is None or spare.task.cancelling() or spare.given.done():
             spare = self._spare = _Spare(self._loop, self._held)
         try:
             _enter_task(self._loop, spare.task)
@@ -86,7 +86,7 @@ class _Spare:
         self.context: Context = copy_context()
         self._loop = loop
         self._held = held
-        self._given: asyncio.Future[None] = loop.create_future()
+        self.given: asyncio.Future[None] = loop.create_future()
         self._rest: _Rest | None = None
         main = self._main()
         main.send(None)
@@ -101,15 +101,15 @@ class _Spare:
     def carry_on(self, coroutine: Coroutine[Any, Any, Any], waits_for: Any) -> None:
         """Run the coroutine to its end; `waits_for` is what its first step yielded."""
         self._rest = _Rest(coroutine, waits_for, self._loop.time, self._held)
-        if not self._given.done():
-            self._given.set_result(None)
+        if not self.given.done():
+            self.given.set_result(None)
 
     async def _main(self) -> Any:
         try:
             # Passed before the task is made: a cancel that comes before the task's own first
             # step would else be thrown in above, where nothing hands it to the coroutine.
             await _begun()
-            await self._given
+            await self.given
         except asyncio.CancelledError:
             if self._rest is None:
                 raise

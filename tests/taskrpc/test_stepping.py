@@ -243,6 +243,35 @@ async def test_a_coroutine_that_cancels_itself_and_returns_cancels_no_other(step
     assert await task == 0
 
 
+@pytest.mark.skipif(not hasattr(asyncio, "eager_task_factory"), reason="new in Python 3.12")
+async def test_a_group_that_fails_at_once_among_eager_tasks_cancels_no_other(stepper):
+    """Such a group cancels its parent, and takes that back, before anything has suspended."""
+    asyncio.get_running_loop().set_task_factory(asyncio.eager_task_factory)
+
+    async def fail():
+        raise ValueError("no")
+
+    async def grouped():
+        try:
+            async with asyncio.TaskGroup() as group:
+                group.create_task(fail())
+        except* ValueError:
+            pass
+
+    async def slow():
+        await asyncio.sleep(1)
+        return 7
+
+    def both():
+        with pytest.raises(StopIteration):
+            stepper.step(lambda: None, grouped())
+        return stepper.step(lambda: None, slow())
+
+    what, task = await outside(both)
+    assert what == "returned"
+    assert await task == 7
+
+
 async def test_errors_come_out_where_they_belong(stepper):
     async def bad():
         raise KeyError("now")
