@@ -160,17 +160,19 @@ class Endpoint:
             return
         self._closed = True
         self._forget()
-        await self.network.stop_listening()
-        for served in list(self._served):
-            served.drain()
-        await self.dialler.close()
-        await self._ends(CLOSE_TIMEOUT)
-        for connection in self._connections():
-            connection.abort(ConnectionLost("the node was destroyed"))
-        await self._ends(CLOSE_TIMEOUT)
-        if self._ticker is not None:
-            self._ticker.cancel()
-        self.network.close()
+        try:
+            await self.network.stop_listening()
+            for served in list(self._served):
+                served.drain()
+            await self.dialler.close()
+            await self._ends(CLOSE_TIMEOUT)
+            for connection in self._connections():
+                connection.abort(ConnectionLost("the node was destroyed"))
+            await self._ends(CLOSE_TIMEOUT)
+            if self._ticker is not None:
+                self._ticker.cancel()
+        finally:  # whoever waits may be cancelled, as a callback is that destroys its own node
+            self.network.close()
 
     # Host: what connections ask
 

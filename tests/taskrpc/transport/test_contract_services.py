@@ -276,6 +276,29 @@ async def test_a_callback_that_waits_is_not_blamed_for_the_time(net, caplog):
 # The graph
 
 
+async def test_a_node_that_its_own_callback_destroys_leaves_the_graph(net):
+    """The callback is cancelled with all others of its node; the node leaves all the same."""
+    server = await net.node("server")
+    watcher = await net.node("watcher")
+    ended = asyncio.Event()
+
+    async def leave(request, response):
+        await asyncio.sleep(0)
+        try:
+            await server.destroy()
+        finally:
+            ended.set()
+        return response
+
+    server.create_service(Add, "leave", leave)
+    client = await net.client(Add, "leave")
+    place = server.address
+    assert place in [entry.address for entry in await watcher.graph()]
+    assert isinstance(await outcome(client.call(ask())), taskrpc.OutcomeUnknown)
+    await ended.wait()
+    assert place not in [entry.address for entry in await watcher.graph()]
+
+
 async def test_the_graph_and_definitions_are_told(net):
     server, client = await served(net)
     node = await net.node("looker")
