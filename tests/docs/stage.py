@@ -292,6 +292,5 @@ def _environment(folder: Path) -> dict[str, str]:
         "PYTHONPATH": str(_ROOT),
         "PYTHONUNBUFFERED": "1",
         "PYTHONUTF8": "1",
-        "PYTHONDONTWRITEBYTECODE": "1",
         "COLUMNS": "100",
     }
