@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import copy
 import keyword
-import os
 import pickle
 from pathlib import Path
 
@@ -18,6 +17,7 @@ from srvgen.generate import generate
 from srvgen.importer import uninstall_import_hook
 from srvgen.search import BUNDLED, Search
 from srvgen.stubs import stubs, whole_packages
+from tests.srvgen.definitions import put_all
 
 WORDS = """
 self cls data type id list int str bytes float array msgspec field default property none bool object
@@ -63,10 +63,7 @@ DEFINITIONS = {
 @pytest.fixture(scope="module")
 def package(tmp_path_factory) -> Path:
     folder = tmp_path_factory.mktemp("awkward") / "odd_msgs"
-    for name, text in DEFINITIONS.items():
-        path = folder / f"{name}.{name.split('/')[0]}"
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8")
+    put_all({f"{name}.{name.split('/')[0]}": text for name, text in DEFINITIONS.items()}, folder)
     return folder
 
 
@@ -108,19 +105,13 @@ def test_every_class_is_made_set_sent_copied_and_printed(hook, name):
         assert message == copy.deepcopy(message) == pickle.loads(pickle.dumps(message))
 
 
-def test_mypy_finds_nothing_in_their_packages_and_stubs(package, tmp_path):
-    api = pytest.importorskip("mypy.api")
+def test_mypy_finds_nothing_in_their_packages_and_stubs(package, tmp_path, mypy):
     search = Search([package, BUNDLED])
     parsed = [read_definition(path) for path in sorted(package.glob("*/*.*"))]
     needed, problems = whole_packages(["odd_msgs"], search)
     assert not problems
     written = {"made": generate({"odd_msgs": parsed}, search), "typings": stubs(needed)}
     for folder, files in written.items():
-        for relative, text in files.items():
-            path = tmp_path / folder / relative
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(text, encoding="utf-8")
-    for folder in written:
-        options = ["--strict", "--cache-dir", os.devnull, "--no-incremental"]
-        out, err, _ = api.run([*options, "--follow-imports=silent", str(tmp_path / folder)])
-        assert (out.startswith("Success: no issues found in "), err) == (True, ""), out
+        put_all(files, tmp_path / folder)
+        (result,) = mypy("--follow-imports=silent", tmp_path / folder)
+        assert result.startswith("Success: no issues found in ")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import importlib
 import sys
 import threading
-from pathlib import Path
 from typing import Any
 
 import pytest
@@ -15,6 +14,7 @@ from srvgen import CdrError, FieldError, from_cdr, load, to_cdr
 from srvgen.files import read_definition
 from srvgen.generate import generate
 from srvgen.search import BUNDLED, Search
+from tests.srvgen.definitions import put_all
 
 AddTwoInts = load("example_interfaces/srv/AddTwoInts")
 SetBool = load("example_interfaces/srv/SetBool")
@@ -264,10 +264,7 @@ def generated(tmp_path, monkeypatch):
     """A package that `srvgen generate` wrote, with a runtime of its own."""
     definition = read_definition(BUNDLED / "nav_msgs" / "msg" / "Path.msg")
     files = generate({"nav_msgs": [definition]}, Search([BUNDLED]))
-    for relative, text in files.items():
-        path = Path(tmp_path, relative)
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(text, encoding="utf-8", newline="\n")
+    put_all(files, tmp_path)
     monkeypatch.syspath_prepend(tmp_path)
     yield importlib.import_module("nav_msgs.msg")
     for name in [

@@ -8,46 +8,19 @@ from pathlib import Path
 
 import pytest
 
-from srvgen.cli import main
+from tests.srvgen.definitions import put
 
-
-@pytest.fixture(autouse=True)
-def workspace(tmp_path, monkeypatch):
-    folder = tmp_path / "workspace"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
-    return folder
-
-
-def write(name: str, text: str, folder: Path = Path()) -> Path:
-    package, kind, bare = name.split("/")
-    path = folder / package / kind / f"{bare}.{kind}"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-@pytest.fixture
-def run(capsys):
-    def call(*arguments):
-        try:
-            code = main([str(one) for one in arguments])
-        except SystemExit as end:
-            code = end.code
-        return code, *capsys.readouterr()
-
-    return call
+pytestmark = pytest.mark.usefixtures("workspace")
 
 
 def test_check_is_content_with_good_definitions(run):
-    write("my_msgs/srv/Fetch", "geometry_msgs/Point where\n---\n")
+    put("my_msgs/srv/Fetch", "geometry_msgs/Point where\n---\n")
     assert run("check", "my_msgs") == (0, "1 definition, no problems\n", "")
 
 
 def test_check_reports_every_problem_of_every_file_with_a_caret(run):
-    bad = write("my_msgs/msg/Bad", "int a\nint32 B\n")
-    lost = write("my_msgs/srv/Lost", "Header header\nBad bad\n---\n")
+    bad = put("my_msgs/msg/Bad", "int a\nint32 B\n")
+    lost = put("my_msgs/srv/Lost", "Header header\nBad bad\n---\n")
     code, out, err = run("check", "my_msgs")
     assert (code, out) == (1, "")
     assert err == (
@@ -69,7 +42,7 @@ def test_check_reports_every_problem_of_every_file_with_a_caret(run):
 
 
 def test_a_problem_of_a_whole_file_has_no_line(run):
-    path = write("my_msgs/srv/add", "---")
+    path = put("my_msgs/srv/add", "---")
     slip = path.with_name("Sub.srv.txt")
     slip.write_text("---", encoding="utf-8")
     code, _, err = run("check", path, slip)
@@ -79,7 +52,7 @@ def test_a_problem_of_a_whole_file_has_no_line(run):
 
 
 def test_check_prints_json_lines_for_programs(run):
-    path = write("my_msgs/msg/Bad", "int a\nint b\n")
+    path = put("my_msgs/msg/Bad", "int a\nint b\n")
     code, out, err = run("check", "--json", path)
     assert (code, out) == (1, "")
     first, second = map(json.loads, err.splitlines())
@@ -89,8 +62,8 @@ def test_check_prints_json_lines_for_programs(run):
 
 
 def test_describe_prints_one_line_an_interface_and_goes_on_after_a_bad_one(run):
-    good = write("my_msgs/srv/Fetch", "nowhere_msgs/Thing thing\nfloat32 NAN=nan\n---\n")
-    bad = write("my_msgs/msg/Bad", "int a")
+    good = put("my_msgs/srv/Fetch", "nowhere_msgs/Thing thing\nfloat32 NAN=nan\n---\n")
+    bad = put("my_msgs/msg/Bad", "int a")
     code, out, err = run("describe", bad, good, "gone", "--json")
     assert code == 1
     (line,) = out.splitlines()
@@ -119,7 +92,7 @@ def test_describe_prints_one_line_an_interface_and_goes_on_after_a_bad_one(run):
 
 
 def test_show_and_hash_find_types_on_a_search_path(run, tmp_path):
-    write("far_msgs/srv/Fetch", "# Fetches.\nint32 a # one\n---\n", tmp_path / "far")
+    put("far_msgs/srv/Fetch", "# Fetches.\nint32 a # one\n---\n", tmp_path / "far")
     assert run("show", "far_msgs/srv/Fetch")[0] == 1
     code, out, _ = run("show", "-I", tmp_path / "far", "far_msgs/Fetch", "--no-comments")
     assert (code, out) == (0, "int32 a\n---\n")
@@ -154,8 +127,8 @@ def test_wrong_usage_is_exit_2(run, arguments):
 
 
 def test_generated_packages_can_be_imported_and_are_then_up_to_date(run, tmp_path):
-    write("my_msgs/srv/Fetch", "string what\n---\nbool found\n")
-    write("my_msgs/msg/Bad", "int a")
+    put("my_msgs/srv/Fetch", "string what\n---\nbool found\n")
+    put("my_msgs/msg/Bad", "int a")
     out = tmp_path / "out"
     assert run("generate", "my_msgs", "-o", out, "--check")[0] == 1
     assert not out.exists()
@@ -175,8 +148,8 @@ def test_generated_packages_can_be_imported_and_are_then_up_to_date(run, tmp_pat
 
 
 def test_a_module_whose_definition_has_gone_is_removed_and_asked_for_by_check(run, tmp_path):
-    write("my_msgs/srv/Fetch", "---\n")
-    gone = write("my_msgs/srv/Bring", "---\n")
+    put("my_msgs/srv/Fetch", "---\n")
+    gone = put("my_msgs/srv/Bring", "---\n")
     out = tmp_path / "out"
     assert run("generate", "my_msgs", "-o", out) == (0, "", "")
     gone.unlink()
@@ -191,8 +164,8 @@ def test_a_module_whose_definition_has_gone_is_removed_and_asked_for_by_check(ru
 
 
 def test_a_definition_that_is_broken_just_now_keeps_its_module(run, tmp_path):
-    write("my_msgs/srv/Fetch", "---\n")
-    broken = write("my_msgs/srv/Bring", "---\n")
+    put("my_msgs/srv/Fetch", "---\n")
+    broken = put("my_msgs/srv/Bring", "---\n")
     out = tmp_path / "out"
     run("generate", "my_msgs", "-o", out)
     broken.write_text("int a\n---\n", encoding="utf-8")
@@ -201,7 +174,7 @@ def test_a_definition_that_is_broken_just_now_keeps_its_module(run, tmp_path):
 
 
 def test_a_folder_that_cannot_be_written_is_one_message(run, tmp_path):
-    write("my_msgs/srv/Fetch", "---\n")
+    put("my_msgs/srv/Fetch", "---\n")
     (tmp_path / "out").write_text("a file", encoding="utf-8")
     code, out, err = run("generate", "my_msgs", "-o", tmp_path / "out")
     assert (code, out) == (1, "")
@@ -209,7 +182,7 @@ def test_a_folder_that_cannot_be_written_is_one_message(run, tmp_path):
 
 
 def test_a_note_of_the_library_is_one_line_on_stderr(run):
-    write("std_srvs/srv/Extra", "---")
+    put("std_srvs/srv/Extra", "---")
     code, _, err = run("hash", "std_srvs/srv/Trigger")
     assert code == 0
     assert err.startswith("note: std_srvs/srv/Trigger is not in ")
@@ -225,9 +198,9 @@ def test_the_command_runs_as_a_module_too(workspace):
 
 
 def test_grammar_and_missing_types_of_all_files_are_reported_in_one_run_in_order(run):
-    write("my_msgs/msg/Zoo", "Broken b\nint i\n")
-    write("my_msgs/msg/Ape", "Headerr h\nint i\nstd_msg/Header g\nOther b\nHeader h2\nPoint p\n")
-    write("my_msgs/msg/Broken", "int32\nOther c\n")
+    put("my_msgs/msg/Zoo", "Broken b\nint i\n")
+    put("my_msgs/msg/Ape", "Headerr h\nint i\nstd_msg/Header g\nOther b\nHeader h2\nPoint p\n")
+    put("my_msgs/msg/Broken", "int32\nOther c\n")
     code, _, err = run("check", "--json", "my_msgs")
     assert code == 1
     problems = [json.loads(line) for line in err.splitlines()]
@@ -246,15 +219,15 @@ def test_grammar_and_missing_types_of_all_files_are_reported_in_one_run_in_order
 
 
 def test_types_of_an_invalid_package_are_not_missing_too(run):
-    write("My_msgs/msg/Ape", "Other a\n")
+    put("My_msgs/msg/Ape", "Other a\n")
     _, _, err = run("check", "My_msgs/msg/Ape.msg")
     assert err.count("error:") == 1
     assert "hint: rename the package to my_msgs" in err
 
 
 def test_a_file_with_the_wrong_name_is_what_its_type_lacks(run):
-    write("my_msgs/msg/ape", "int32 a\n")
-    write("my_msgs/msg/Zoo", "Ape a\n")
+    put("my_msgs/msg/ape", "int32 a\n")
+    put("my_msgs/msg/Zoo", "Ape a\n")
     assert "hint: rename msg/ape.msg to Ape.msg\n" in run("check", "my_msgs")[2]
 
 
@@ -267,16 +240,16 @@ def test_a_definition_beside_the_folder_of_its_kind_is_to_be_moved(run):
 
 
 def test_of_very_many_problems_the_first_are_shown(run):
-    path = write("my_msgs/msg/Bad", "int a\n" * 150)
+    path = put("my_msgs/msg/Bad", "int a\n" * 150)
     _, _, err = run("check", path)
     assert err.count("did you mean int32?") == 100
     assert err.endswith(f"{path}: error: and 50 more problems\n")
-    write("my_msgs/msg/Bad", "int a\n" * 5000)
+    put("my_msgs/msg/Bad", "int a\n" * 5000)
     assert run("check", path)[2].endswith("and at least 900 more problems\n")
 
 
 def test_a_line_without_end_is_cut_around_its_caret(run):
-    path = write("my_msgs/msg/Bad", "int32 " + "a" * 5000 + "B" + "c" * 5000)
+    path = put("my_msgs/msg/Bad", "int32 " + "a" * 5000 + "B" + "c" * 5000)
     _, _, err = run("check", path)
     _, line, caret, hint = err.splitlines()
     assert len(line) < 500 > len(hint)
@@ -284,7 +257,7 @@ def test_a_line_without_end_is_cut_around_its_caret(run):
 
 
 def test_control_characters_of_a_file_do_not_reach_the_terminal(run):
-    path = write("my_msgs/msg/Bad", "int a\x1b[2J\n")
+    path = put("my_msgs/msg/Bad", "int a\x1b[2J\n")
     assert "\x1b" not in run("check", path)[2]
 
 
@@ -294,12 +267,12 @@ def test_check_without_sources_checks_the_current_folder(run):
         1,
         ".: error: expected definitions (.msg, .srv, .action), got a folder without any",
     )
-    write("my_msgs/srv/Fetch", "---\n")
+    put("my_msgs/srv/Fetch", "---\n")
     assert run("check") == (0, "1 definition, no problems\n", "")
 
 
 def test_what_is_not_there_is_named_with_what_resembles_it_and_without_a_line(run):
-    write("my_msgs/srv/Fetch", "---\n")
+    put("my_msgs/srv/Fetch", "---\n")
     nothing = "expected a file, a folder or the name of a type, got nothing there"
     assert run("check", "my_msg") == (
         1,
@@ -316,7 +289,7 @@ def test_what_is_not_there_is_named_with_what_resembles_it_and_without_a_line(ru
 
 
 def test_every_command_takes_files_and_names_of_types(run, tmp_path):
-    path = write("my_msgs/srv/Fetch", "geometry_msgs/Point where\n---\n")
+    path = put("my_msgs/srv/Fetch", "geometry_msgs/Point where\n---\n")
     stray = tmp_path / "Fetch.srv"
     stray.write_text("int32 a\n---\n")
     for command in ("show", "hash", "describe", "check"):
@@ -333,7 +306,7 @@ def test_every_command_takes_files_and_names_of_types(run, tmp_path):
 
 
 def test_a_folder_and_a_dangling_link_with_the_name_of_a_definition_are_reported(run):
-    write("my_msgs/srv/Fetch", "---\n")
+    put("my_msgs/srv/Fetch", "---\n")
     Path("my_msgs/srv/Folder.srv").mkdir()
     code, _, err = run("check", "my_msgs")
     assert code == 1
@@ -347,8 +320,8 @@ def test_a_folder_and_a_dangling_link_with_the_name_of_a_definition_are_reported
 
 
 def test_files_that_are_generated_one_by_one_stay_together(run, tmp_path):
-    first = write("my_msgs/srv/Fetch", "---\n")
-    second = write("my_msgs/srv/Bring", "---\n")
+    first = put("my_msgs/srv/Fetch", "---\n")
+    second = put("my_msgs/srv/Bring", "---\n")
     out = tmp_path / "out"
     for path in (first, second):
         assert run("generate", path, "-o", out) == (0, "", "")

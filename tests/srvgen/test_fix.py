@@ -11,28 +11,11 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from srvgen.cli import main
 from srvgen.errors import DefinitionError
 from srvgen.files import parse_definition
 from srvgen.fix import fix_file, fixed
 
-
-@pytest.fixture(autouse=True)
-def workspace(tmp_path, monkeypatch):
-    folder = tmp_path / "workspace"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
-    return folder
-
-
-@pytest.fixture
-def run(capsys):
-    def call(*arguments):
-        code = main([str(one) for one in arguments])
-        return code, *capsys.readouterr()
-
-    return call
+pytestmark = pytest.mark.usefixtures("workspace")
 
 
 def put(name: str, data: bytes | str) -> Path:

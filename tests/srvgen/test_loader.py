@@ -21,6 +21,7 @@ from srvgen import loader
 from srvgen.errors import DefinitionError
 from srvgen.fulltext import join_full_text
 from srvgen.search import BUNDLED, Search
+from tests.srvgen.definitions import put
 
 
 @pytest.fixture
@@ -28,13 +29,6 @@ def folder(tmp_path, monkeypatch):
     """A workspace that `load` looks into first; nothing of it is left afterwards."""
     monkeypatch.setattr(loader, "_search", Search([tmp_path]))
     return tmp_path
-
-
-def put(folder: Path, name: str, text: str) -> Path:
-    path = folder / f"{name}.{name.split('/')[1]}"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
 
 
 def edit(path: Path, text: str) -> None:
@@ -74,8 +68,8 @@ def test_nested_classes_are_the_ones_that_load_gives():
 
 
 def test_the_same_class_comes_back_until_a_file_changes(folder):
-    outer = put(folder, "demo_msgs/msg/Outer", "Inner inner\n")
-    inner = put(folder, "demo_msgs/msg/Inner", "int32 a\n")
+    outer = put("demo_msgs/msg/Outer", "Inner inner\n", folder)
+    inner = put("demo_msgs/msg/Inner", "int32 a\n", folder)
     first = srvgen.load("demo_msgs/msg/Outer")
     assert srvgen.load("demo_msgs/msg/Outer") is first
     edit(inner, "int32 a\nint32 b\n")
@@ -88,7 +82,7 @@ def test_the_same_class_comes_back_until_a_file_changes(folder):
 
 def test_a_new_file_that_goes_before_another_is_noticed(folder):
     assert srvgen.load("std_srvs/srv/Trigger").Request._FIELDS == ()
-    put(folder, "std_srvs/srv/Trigger", "int32 mine\n---\n")
+    put("std_srvs/srv/Trigger", "int32 mine\n---\n", folder)
     assert srvgen.load("std_srvs/srv/Trigger").Request._FIELDS == (("mine", "int32"),)
 
 
@@ -100,8 +94,8 @@ def test_a_definition_that_was_handed_over_gives_the_very_same_class(name):
 
 def test_a_definition_needs_nothing_on_disk(tmp_path, monkeypatch):
     monkeypatch.setattr(loader, "_search", Search([tmp_path]))
-    put(tmp_path, "far_msgs/msg/Inner", "int32 a 4\n")
-    path = put(tmp_path, "far_msgs/srv/Ask", "Inner inner\n---\n")
+    put("far_msgs/msg/Inner", "int32 a 4\n", tmp_path)
+    path = put("far_msgs/srv/Ask", "Inner inner\n---\n", tmp_path)
     text = srvgen.load("far_msgs/srv/Ask")._DEFINITION
     path.unlink()
     ask = srvgen.define("far_msgs/srv/Ask", text)
@@ -195,7 +189,7 @@ def test_a_traceback_shows_the_line_of_the_rendered_source():
 
 @pytest.mark.real_time
 def test_threads_that_load_at_once_get_one_class(folder):
-    put(folder, "many_msgs/srv/Ask", "geometry_msgs/Pose pose\n---\nint32 b\n")
+    put("many_msgs/srv/Ask", "geometry_msgs/Pose pose\n---\nint32 b\n", folder)
     start = threading.Barrier(8)
     found: list[object] = []
 
@@ -246,8 +240,8 @@ def test_every_bundled_interface_can_be_loaded():
 
 def test_constants_and_defaults_can_be_read_everywhere_and_set_nowhere(folder):
     """As in rosidl's classes, whose constants are properties of their metaclass."""
-    put(folder, "demo_msgs/msg/Level", "int32 LOW=1\nint32 level 2\nint32 from 3\nstring NAME=x\n")
-    put(folder, "demo_msgs/msg/Plain", "int32 LOW=1\nint32[] levels [1, 2]\n")
+    put("demo_msgs/msg/Level", "int32 LOW=1\nint32 level 2\nint32 from 3\nstring NAME=x\n", folder)
+    put("demo_msgs/msg/Plain", "int32 LOW=1\nint32[] levels [1, 2]\n", folder)
     for name in ("Level", "Plain"):
         cls = srvgen.load(f"demo_msgs/msg/{name}")
         assert cls.LOW == cls().LOW == 1

@@ -8,46 +8,29 @@ from pathlib import Path
 
 import pytest
 
-from srvgen import search as search_module
 from srvgen.errors import DefinitionError, DefinitionErrors
 from srvgen.model import MessageDef, ServiceDef
 from srvgen.search import BUNDLED, Search
+from tests.srvgen.definitions import put, put_all
 
-
-@pytest.fixture(autouse=True)
-def workspace(tmp_path, monkeypatch):
-    folder = tmp_path / "workspace"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    for variable in ("AMENT_PREFIX_PATH", "TASKRPC_INTERFACE_PATH"):
-        monkeypatch.delenv(variable, raising=False)
-    monkeypatch.setattr(search_module, "_noted", set())
-    return folder
-
-
-def write(folder: Path, name: str, text: str) -> Path:
-    package, kind, bare = name.split("/")
-    path = folder / package / kind / f"{bare}.{kind}"
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
+pytestmark = pytest.mark.usefixtures("workspace")
 
 
 def test_packages_lie_in_the_working_directory_or_its_src(workspace):
-    one = write(workspace, "one_msgs/msg/A", "int32 a")
-    two = write(workspace / "src", "two_msgs/srv/B", "---")
+    one = put("one_msgs/msg/A", "int32 a", workspace)
+    two = put("two_msgs/srv/B", "---", workspace / "src")
     assert Search().find("one_msgs/msg/A") == one
     assert Search().find("two_msgs/srv/B") == two
 
 
 def test_the_working_directory_may_be_a_package_itself(workspace, monkeypatch):
-    path = write(workspace, "one_msgs/msg/A", "int32 a")
+    path = put("one_msgs/msg/A", "int32 a", workspace)
     monkeypatch.chdir(workspace / "one_msgs")
     assert Search().find("one_msgs/msg/A") == path
 
 
 def test_packages_beside_the_program_that_runs_are_found_from_everywhere(tmp_path, monkeypatch):
-    path = write(tmp_path / "project", "one_msgs/msg/A", "int32 a")
+    path = put("one_msgs/msg/A", "int32 a", tmp_path / "project")
     with pytest.raises(DefinitionError):
         Search().find("one_msgs/msg/A")
     script = str(tmp_path / "project" / "program.py")
@@ -56,7 +39,7 @@ def test_packages_beside_the_program_that_runs_are_found_from_everywhere(tmp_pat
 
 
 def test_given_paths_may_be_relative_packages_or_folders_of_packages(workspace, monkeypatch):
-    path = write(workspace / "elsewhere", "one_msgs/msg/A", "int32 a")
+    path = put("one_msgs/msg/A", "int32 a", workspace / "elsewhere")
     assert Search(["elsewhere"]).find("one_msgs/msg/A") == path
     assert Search([path.parents[1]]).find("one_msgs/msg/A") == path
     monkeypatch.chdir(path.parent)
@@ -67,19 +50,19 @@ def test_the_environment_is_read_at_every_load(workspace, tmp_path, monkeypatch)
     search = Search()
     with pytest.raises(DefinitionError, match="no package 'far_msgs' within reach"):
         search.load("far_msgs/msg/A")
-    first = write(tmp_path / "first", "far_msgs/msg/A", "int32 a")
-    second = write(tmp_path / "second", "other_msgs/msg/A", "int32 a")
+    first = put("far_msgs/msg/A", "int32 a", tmp_path / "first")
+    second = put("other_msgs/msg/A", "int32 a", tmp_path / "second")
     folders = os.pathsep.join([str(tmp_path / "first"), str(tmp_path / "second"), ""])
     monkeypatch.setenv("TASKRPC_INTERFACE_PATH", folders)
     assert search.find("far_msgs/msg/A") == first
     assert search.find("other_msgs/msg/A") == second
-    third = write(tmp_path / "prefix" / "share", "ament_msgs/msg/A", "int32 a")
+    third = put("ament_msgs/msg/A", "int32 a", tmp_path / "prefix" / "share")
     monkeypatch.setenv("AMENT_PREFIX_PATH", str(tmp_path / "prefix"))
     assert search.find("ament_msgs/msg/A") == third
 
 
 def test_a_file_is_parsed_again_only_when_it_has_changed(workspace):
-    path = write(workspace, "one_msgs/msg/A", "int32 a")
+    path = put("one_msgs/msg/A", "int32 a", workspace)
     search = Search()
     before = search.load("one_msgs/msg/A")
     assert search.load("one_msgs/msg/A") is before
@@ -107,17 +90,17 @@ def test_the_types_that_an_action_implies_can_be_loaded():
 
 
 def test_a_short_name_is_enough_where_it_means_one_type(workspace):
-    write(workspace, "one_msgs/msg/A", "int32 a")
-    write(workspace, "one_msgs/srv/B", "---")
+    put("one_msgs/msg/A", "int32 a", workspace)
+    put("one_msgs/srv/B", "---", workspace)
     search = Search()
     assert search.load("one_msgs/B").full_name == "one_msgs/srv/B"
-    write(workspace, "one_msgs/srv/A", "---")
+    put("one_msgs/srv/A", "---", workspace)
     with pytest.raises(DefinitionError, match="may mean one_msgs/msg/A or one_msgs/srv/A"):
         search.load("one_msgs/A")
 
 
 def test_packages_and_interfaces_are_listed_once(workspace):
-    local = write(workspace, "std_srvs/srv/Extra", "---")
+    local = put("std_srvs/srv/Extra", "---", workspace)
     search = Search()
     packages = search.packages()
     assert packages["std_srvs"] == [local.parents[1], BUNDLED / "std_srvs"]
@@ -134,7 +117,7 @@ def test_packages_and_interfaces_are_listed_once(workspace):
 
 def test_a_local_interface_wins_and_a_bundled_one_fills_gaps_with_one_note(workspace, caplog):
     caplog.set_level(logging.INFO, "srvgen")
-    local = write(workspace, "std_srvs/srv/Trigger", "int32 mine\n---\n")
+    local = put("std_srvs/srv/Trigger", "int32 mine\n---\n", workspace)
     search = Search()
     assert search.find("std_srvs/srv/Trigger") == local
     assert not caplog.records
@@ -150,7 +133,7 @@ def test_the_note_is_only_information_while_the_local_package_equals_the_bundled
 ):
     caplog.set_level(logging.INFO, "srvgen")
     text = (BUNDLED / "std_srvs/srv/Trigger.srv").read_text(encoding="utf-8")
-    write(workspace, "std_srvs/srv/Trigger", text.replace("\n", "\r\n"))
+    put("std_srvs/srv/Trigger", text.replace("\n", "\r\n"), workspace)
     Search().load("std_srvs/srv/SetBool")
     assert [record.levelno for record in caplog.records] == [logging.INFO]
 
@@ -215,7 +198,7 @@ def test_a_service_needs_the_information_of_its_events():
 
 
 def test_an_error_says_where_was_looked_in(workspace):
-    write(workspace, "my_msgs/srv/Fetch", "---")
+    put("my_msgs/srv/Fetch", "---", workspace)
     with pytest.raises(DefinitionError) as caught:
         Search().load("nowhere_msgs/msg/Thing")
     assert caught.value.looked_in == (str(Path.cwd()), "the packages of srvgen")
@@ -234,8 +217,8 @@ def test_what_is_no_text_is_no_type_name():
 
 
 def test_every_missing_type_is_reported_at_the_field_that_refers_to_it(workspace):
-    path = write(
-        workspace, "my_msgs/srv/Fetch", "Header header\nstd_msg/String s\n---\nString text\n"
+    path = put(
+        "my_msgs/srv/Fetch", "Header header\nstd_msg/String s\n---\nString text\n", workspace
     )
     with pytest.raises(DefinitionErrors) as caught:
         Search().closure("my_msgs/srv/Fetch")
@@ -251,19 +234,19 @@ def test_every_missing_type_is_reported_at_the_field_that_refers_to_it(workspace
 
 
 def test_a_type_that_contains_itself_is_refused_with_the_way_round(workspace):
-    write(workspace, "my_msgs/msg/Egg", "Hen hen")
-    write(workspace, "my_msgs/msg/Hen", "Egg[] eggs")
+    put("my_msgs/msg/Egg", "Hen hen", workspace)
+    put("my_msgs/msg/Hen", "Egg[] eggs", workspace)
     with pytest.raises(DefinitionError) as caught:
         Search().closure("my_msgs/msg/Egg")
     assert "my_msgs/msg/Egg → my_msgs/msg/Hen → my_msgs/msg/Egg" in caught.value.message
     assert Path(caught.value.path).name == "Hen.msg"
-    write(workspace, "my_msgs/msg/Self", "Self[] more")
+    put("my_msgs/msg/Self", "Self[] more", workspace)
     with pytest.raises(DefinitionError, match="my_msgs/msg/Self → my_msgs/msg/Self"):
         Search().closure("my_msgs/msg/Self")
 
 
 def test_times_of_ros_1_are_refused_with_those_of_ros_2(workspace):
-    write(workspace, "my_msgs/msg/Old", "time stamp")
+    put("my_msgs/msg/Old", "time stamp", workspace)
     for find in (Search().load, Search().closure):
         with pytest.raises(DefinitionError) as caught:
             find("my_msgs/msg/Old")
@@ -274,8 +257,8 @@ def test_times_of_ros_1_are_refused_with_those_of_ros_2(workspace):
 
 
 def test_a_broken_dependency_is_reported_once_in_its_own_file(workspace):
-    write(workspace, "my_msgs/msg/Good", "Bad a\nBad b\n")
-    bad = write(workspace, "my_msgs/msg/Bad", "int x")
+    put("my_msgs/msg/Good", "Bad a\nBad b\n", workspace)
+    bad = put("my_msgs/msg/Bad", "int x", workspace)
     with pytest.raises(DefinitionError) as caught:
         Search().closure("my_msgs/msg/Good")
     assert not isinstance(caught.value, DefinitionErrors)
@@ -285,19 +268,15 @@ def test_a_broken_dependency_is_reported_once_in_its_own_file(workspace):
 def test_a_real_installation_is_found_as_ros_2_lays_it_out(tmp_path, monkeypatch):
     """Beside each .msg and .srv lie an .idl file and, in older releases, the service's halves."""
     share = tmp_path / "opt" / "share"
-    for name in ("Goal.msg", "Goal.idl", "Goal.json"):
-        put = share / "far_msgs" / "msg" / name
-        put.parent.mkdir(parents=True, exist_ok=True)
-        put.write_text("int32 a\n" if name.endswith("msg") else "module far_msgs {};\n")
-    for name in ("Ask.srv", "Ask.idl", "Ask_Request.msg", "Ask_Response.msg"):
-        put = share / "far_msgs" / "srv" / name
-        put.parent.mkdir(parents=True, exist_ok=True)
-        put.write_text("Goal goal\nstd_msgs/Header h\n---\n" if name == "Ask.srv" else "nonsense\n")
-    (share / "far_msgs" / "package.xml").write_text("<package/>")
-    (share / "idl_only_msgs" / "msg").mkdir(parents=True)
-    (share / "idl_only_msgs" / "msg" / "Thing.idl").write_text("module idl_only_msgs {};\n")
+    others = ("msg/Goal.idl", "msg/Goal.json", "srv/Ask.idl")
+    halves = ("srv/Ask_Request.msg", "srv/Ask_Response.msg")
+    put("far_msgs/msg/Goal", "int32 a\n", share)
+    put("far_msgs/srv/Ask", "Goal goal\nstd_msgs/Header h\n---\n", share)
+    put_all(dict.fromkeys((*others, *halves), "nonsense\n"), share / "far_msgs")
+    put_all({"package.xml": "<package/>"}, share / "far_msgs")
+    put_all({"msg/Thing.idl": "module idl_only_msgs {};\n"}, share / "idl_only_msgs")
     (share / "ament_index" / "resource_index").mkdir(parents=True)
-    overlay = write(tmp_path / "overlay" / "share", "std_msgs/msg/Header", "int32 overlaid\n")
+    overlay = put("std_msgs/msg/Header", "int32 overlaid\n", tmp_path / "overlay" / "share")
     prefixes = [tmp_path / "overlay", tmp_path / "opt", tmp_path / "gone"]
     monkeypatch.setenv("AMENT_PREFIX_PATH", os.pathsep.join(map(str, prefixes)))
     search = Search()
@@ -313,7 +292,7 @@ def test_one_look_sees_each_place_once_and_the_next_one_sees_what_is_new(workspa
     search = Search()
     with search.one_look():
         assert search.is_missing("one_msgs/msg/A")
-        write(workspace, "one_msgs/msg/A", "int32 a")
+        put("one_msgs/msg/A", "int32 a", workspace)
         assert search.is_missing("one_msgs/msg/A")
     assert not search.is_missing("one_msgs/msg/A")
 
@@ -335,8 +314,6 @@ def test_looks_of_several_threads_leave_nothing_behind(tmp_path):
         leave.wait()
         thread.join()
     assert shared._looked is None
-    put = tmp_path / "new_msgs" / "msg" / "New.msg"
     assert shared.is_missing("new_msgs/msg/New")
-    put.parent.mkdir(parents=True)
-    put.write_text("int32 x\n")
+    put("new_msgs/msg/New", "int32 x\n", tmp_path)
     assert not shared.is_missing("new_msgs/msg/New")

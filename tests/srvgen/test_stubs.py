@@ -12,39 +12,18 @@ from pathlib import Path
 import pytest
 
 import srvgen
-from srvgen.cli import main
 from srvgen.search import BUNDLED, Search
 from srvgen.stubs import stubs, whole_packages
+from tests.srvgen.definitions import put
 
 
 @pytest.fixture(autouse=True)
-def workspace(tmp_path, monkeypatch):
-    folder = tmp_path / "workspace"
-    folder.mkdir()
-    monkeypatch.chdir(folder)
-    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
+def my_msgs(workspace):
     put(
         "my_msgs/srv/Fetch",
         "# Fetches.\nstring what\ngeometry_msgs/Point at\n---\nbool ok # done\n",
     )
     put("my_msgs/msg/Note", "int32 LIMIT=3\nfloat64[] xs\nint32 from\n")
-    return folder
-
-
-def put(name: str, text: str) -> Path:
-    path = Path(f"{name}.{name.split('/')[1]}")
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
-
-
-@pytest.fixture
-def run(capsys):
-    def call(*arguments):
-        code = main([str(one) for one in arguments])
-        return code, *capsys.readouterr()
-
-    return call
 
 
 USER = """\
@@ -157,16 +136,14 @@ def test_the_stub_of_srvgen_hands_on_every_public_name():
         assert f"import {name} as {name}\n" in text
 
 
-def test_mypy_knows_what_is_imported_and_what_is_loaded(run, monkeypatch):
-    api = pytest.importorskip("mypy.api")
+def test_mypy_knows_what_is_imported_and_what_is_loaded(run, mypy, monkeypatch):
     run("stubs", "my_msgs", "std_msgs", "example_interfaces")
     Path("user.py").write_text(USER + MISTAKES, encoding="utf-8")
     root = Path(srvgen.__file__).parents[1]
     monkeypatch.setenv("MYPYPATH", os.pathsep.join(["typings", str(root)]))
-    options = ["--strict", "--no-incremental", "--cache-dir", os.devnull, "--no-error-summary"]
-    out, err, _ = api.run([*options, "--follow-imports=silent", "user.py", "typings"])
-    lines = [one.partition("user.py:")[2].partition(":")[0] for one in out.splitlines()]
-    assert (err, list(dict.fromkeys(lines))) == ("", WRONG_LINES), out
+    found = mypy("--no-error-summary", "--follow-imports=silent", "user.py", "typings")
+    lines = [one.partition("user.py:")[2].partition(":")[0] for one in found]
+    assert list(dict.fromkeys(lines)) == WRONG_LINES, found
 
 
 @pytest.mark.slow

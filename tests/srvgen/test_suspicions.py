@@ -3,34 +3,19 @@
 from __future__ import annotations
 
 import json
+from functools import partial
 from pathlib import Path
 
 import pytest
 
-from srvgen.cli import main
+from tests.srvgen.definitions import put, put_all
 
-
-@pytest.fixture(autouse=True)
-def workspace(tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
-    return tmp_path
+pytestmark = pytest.mark.usefixtures("workspace")
 
 
 @pytest.fixture
-def check(capsys):
-    def call(*arguments):
-        code = main(["check", *map(str, arguments)])
-        return code, *capsys.readouterr()
-
-    return call
-
-
-def put(name: str, text: str) -> Path:
-    path = Path(name + (f".{name.split('/')[1]}" if name.count("/") == 2 else ""))
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(text, encoding="utf-8")
-    return path
+def check(run):
+    return partial(run, "check")
 
 
 def warned(check, line: str) -> list[str]:
@@ -104,7 +89,7 @@ def test_a_dependency_that_package_xml_lacks_is_told_at_its_first_field(check):
         "my_msgs/srv/Ask", "int32 a\ngeometry_msgs/Pose p\n---\ngeometry_msgs/Point q\nInner i\n"
     )
     put("my_msgs/msg/Inner", "std_msgs/Header header\n")
-    put("my_msgs/package.xml", MANIFEST.format("<depend>std_msgs</depend>"))
+    put_all({"my_msgs/package.xml": MANIFEST.format("<depend>std_msgs</depend>")}, Path())
     code, _, err = check("my_msgs")
     assert code == 0
     assert err == (
@@ -119,7 +104,7 @@ def test_a_dependency_that_package_xml_lacks_is_told_at_its_first_field(check):
 @pytest.mark.parametrize("tag", ["depend", "exec_depend", "build_depend", "run_depend"])
 def test_every_way_to_declare_a_dependency_counts(check, tag):
     put("my_msgs/msg/Inner", "std_msgs/Header header\n")
-    put("my_msgs/package.xml", MANIFEST.format(f"<{tag}> std_msgs </{tag}>"))
+    put_all({"my_msgs/package.xml": MANIFEST.format(f"<{tag}> std_msgs </{tag}>")}, Path())
     assert check("my_msgs")[2] == ""
 
 
@@ -131,7 +116,7 @@ def test_without_package_xml_nothing_is_asked_of_it(check):
 def test_a_manifest_that_is_no_xml_is_told_once(check):
     put("my_msgs/msg/Inner", "std_msgs/Header header\n")
     put("my_msgs/msg/Other", "int32 a\n")
-    put("my_msgs/package.xml", "<package>")
+    put_all({"my_msgs/package.xml": "<package>"}, Path())
     code, _, err = check("my_msgs")
     manifest = Path("my_msgs/package.xml").resolve()
     assert (code, err.count("warning:")) == (0, 1)
