@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import gc
+import os
 from pathlib import Path
 
 import pytest
@@ -33,12 +34,29 @@ def _shared_bytecode(tmp_path_factory):
         yield
 
 
+@pytest.fixture(scope="session")
+def _empty_places(tmp_path_factory):
+    """Gives two empty folders: the same ones again for as long as nobody leaves anything in them.
+
+    Most tests leave nothing, and to make and remove folders for each took seconds.
+    """
+    places: list[Path] = []
+
+    def empty():
+        if not places or any(os.listdir(place) for place in places):
+            folder = tmp_path_factory.mktemp("places")
+            places[:] = folder / "runtime", folder / "state"
+            for place in places:
+                place.mkdir(mode=0o700)
+        return places
+
+    return empty
+
+
 @pytest.fixture(autouse=True)
-def _private_places(tmp_path, monkeypatch):
+def _private_places(_empty_places, monkeypatch):
     """No test sees, or leaves anything in, the user's own runtime and state folders."""
-    runtime, state = tmp_path / "runtime", tmp_path / "state"
-    runtime.mkdir(mode=0o700)
-    state.mkdir(mode=0o700)
+    runtime, state = _empty_places()
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
     monkeypatch.setenv("XDG_STATE_HOME", str(state))
     # Programs that tests start run the same code as the tests, installed or not.

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.contenders import BASELINE, CONTENDERS, contender
-from benchmarks.harness import plot
+from benchmarks.harness import idle, plot
 from benchmarks.harness.goals import Goal
 from benchmarks.harness.processes import CAN_PIN, ChildFailed, Pair
 from benchmarks.harness.quantiles import quantile
@@ -38,7 +38,8 @@ TINY = Settings(
 
 
 @pytest.mark.real_time
-def test_a_small_run_yields_tables_numbers_and_a_picture(tmp_path):
+def test_a_small_run_yields_tables_numbers_and_a_picture(tmp_path, monkeypatch):
+    monkeypatch.setattr(idle, "_SETTLING", 0.01)
     results = run([BASELINE, contender("taskrpc")], TINY)
     write(results, tmp_path)
 

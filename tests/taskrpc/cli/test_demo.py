@@ -5,7 +5,9 @@ from __future__ import annotations
 import asyncio
 import io
 import math
+import os
 import re
+from pathlib import Path
 
 import pytest
 from hypothesis import given
@@ -143,14 +145,14 @@ def test_a_story_in_which_something_is_refused_that_must_not_be_does_not_hang():
         on_virtual_time(main)
 
 
-def test_the_demo_leaves_no_file_and_is_seen_by_nobody(tmp_path):
+def test_the_demo_leaves_no_file_and_is_seen_by_nobody():
     async def main():
         async with open_stage() as stage, taskrpc.Node("student") as node:
             await stage.until(1.0)
             return [entry for entry in await node.graph() if entry.services]
 
     assert on_virtual_time(main) == []
-    assert not [path for path in (tmp_path / "state").rglob("*") if path.is_file()]
+    assert not [path for path in Path(os.environ["XDG_STATE_HOME"]).rglob("*") if path.is_file()]
 
 
 # The accounts
