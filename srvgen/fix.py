@@ -169,9 +169,10 @@ def _references(text: str, package: str, is_missing: IsMissing) -> Iterator[tupl
 
 def _applied(text: str, repairs: dict[int, list[Repair]]) -> str:
     lines = text.splitlines(keepends=True)
-    newline = "\r\n" if "\r\n" in text else "\n"
     counts = _words_by_section(lines)
     for number, wanted in repairs.items():
+        # The last line may have no end; it is then written as the one before it.
+        newline = _end_of(lines[number - 1]) or _end_of(lines[number - 2]) or "\n"
         lines[number - 1] = _repaired(lines[number - 1], wanted, counts[number - 1], newline)
     return "".join(lines)
 
@@ -180,7 +181,7 @@ def _repaired(line: str, repairs: list[Repair], words: Counter[str], newline: st
     end = len(line)
     for start, stop, new in sorted(repairs, reverse=True):
         # A name that another line of the section has would only be the next problem.
-        is_taken = new.isidentifier() and words[new] > len(re.findall(rf"\b{new}\b", line))
+        is_taken = new.isidentifier() and words[new] > _words(line).count(new)
         if stop > end or (start > 0 and is_taken):
             continue
         words[new] += 1
@@ -196,9 +197,18 @@ def _words_by_section(lines: list[str]) -> list[Counter[str]]:
     for line in lines:
         if line.rstrip() == SEPARATOR:
             words = Counter()
-        words.update(re.findall(r"\w+", line))
+        words.update(_words(line))
         counts.append(words)
     return counts
+
+
+def _words(line: str) -> list[str]:
+    """The words of a line but for those of its comment, which are no names."""
+    return re.findall(r"\w+", line.partition("#")[0])
+
+
+def _end_of(line: str) -> str:
+    return line[len(line.rstrip("\r\n")) :]
 
 
 def _is_taken(new: Path, old: Path) -> bool:

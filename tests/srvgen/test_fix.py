@@ -130,6 +130,18 @@ def test_a_comment_behind_a_separator_gets_its_own_line():
     assert fix("int32 a\r\n--- # answer\r\n", "srv") == "int32 a\r\n---\r\n# answer\r\n"
 
 
+def test_a_line_that_is_added_ends_as_the_one_that_it_was_part_of():
+    text = "int32 a, b\nint32 c, d\r\nint32 e, f\rint32 g, h"
+    lines = [f"int32 {name}" for name in "abcdefgh"]
+    ends = ["\n", "\n", "\r\n", "\r\n", "\r", "\r", "\r", ""]
+    assert fix(text) == "".join(line + end for line, end in zip(lines, ends, strict=True))
+
+
+def test_a_word_of_a_comment_does_not_keep_a_name_from_its_repair():
+    text = "# max_speed is in m/s\nint32 a # not max_speed\nfloat64 maxSpeed # a max_speed\n"
+    assert fix(text) == text.replace("maxSpeed", "max_speed")
+
+
 def test_of_two_lines_that_may_be_the_separator_none_is_taken():
     text = "int32 a\n--\nint32 b\n==\nint32 c\n"
     assert fix(text, "srv") == text
