@@ -5,6 +5,7 @@ from __future__ import annotations
 import builtins
 import linecache
 import math
+import reprlib
 import threading
 import typing
 from collections.abc import Callable, Mapping, Sequence
@@ -90,6 +91,7 @@ def define(type_name: str, full_text: str) -> Any:
 
     Raises:
         DefinitionError: a text is not a valid definition, or one is missing.
+        TypeError: the name or the text is no `str`.
     """
     given = _Given(type_name, full_text)
     known = {one.full_name: one for one in closure(given.load(type_name), given)}
@@ -162,6 +164,10 @@ class _Given:
     """The definitions of a full text, as a source of what one of them needs."""
 
     def __init__(self, type_name: str, whole: str) -> None:
+        if not isinstance(type_name, str):
+            raise TypeError(f"expected a type name (str), got {type_name!r}")
+        if not isinstance(whole, str):
+            raise TypeError(f"expected the text of {type_name} (str), got {reprlib.repr(whole)}")
         try:
             limits.check_length(whole)
         except Mistake as mistake:

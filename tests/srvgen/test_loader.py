@@ -323,3 +323,17 @@ def test_a_text_with_nan_has_one_class():
     text = "float64 x nan\n"
     first = srvgen.define("mine/msg/Nan", text)
     assert srvgen.define("mine/msg/Nan", text) is first
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "problem"),
+    [
+        (None, "int32 a", "expected a type name (str), got None"),
+        ("my_msgs/msg/A", None, "expected the text of my_msgs/msg/A (str), got None"),
+        ("my_msgs/msg/A", b"int32 a", "expected the text of my_msgs/msg/A (str), got b'int32 a'"),
+    ],
+)
+def test_what_is_no_name_or_no_text_is_one_clear_line(name, text, problem):
+    with pytest.raises(TypeError) as caught:
+        srvgen.define(name, text)
+    assert str(caught.value) == problem
