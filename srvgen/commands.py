@@ -18,6 +18,7 @@ from .sources import files_of, is_type_name, search_paths
 
 if TYPE_CHECKING:
     from .fix import Fix
+    from .output import Changes
 
 
 def write_packages(options: argparse.Namespace, report: Report) -> None:
@@ -28,12 +29,15 @@ def write_packages(options: argparse.Namespace, report: Report) -> None:
 
 
 def _generate(options: argparse.Namespace, report: Report, search: Search) -> None:
-    from .generate import generate, kept_types, write_tree
+    from .generate import generate
+    from .output import kept_types, write_tree
 
     packages: dict[str, list[Definition]] = {}
     whole: set[str] = set()
+    has_workspace = False
     for source in options.sources:
         for path in _files([source], search, report):
+            has_workspace |= Path(source) in path.parents[2:]  # above package and kind
             try:
                 definition = read_definition(path)
                 closure(definition, search, path=path)
@@ -48,27 +52,43 @@ def _generate(options: argparse.Namespace, report: Report, search: Search) -> No
 
     def is_gone(name: str) -> bool:
         # Who names single files, as with protoc, says nothing about those of earlier runs.
-        return name.partition("/")[0] in whole and search.is_missing(name)
+        # A workspace has all its packages, so that one which is nowhere has gone.
+        is_meant = has_workspace or name.partition("/")[0] in whole
+        return is_meant and search.is_missing(name)
 
     files = generate(packages, search, kept_types(options.out, is_gone))
-    differences = write_tree(files, options.out, is_gone, check=options.check)
+    changes = write_tree(files, options.out, is_gone, check=options.check)
     if options.check:
-        for difference in differences:
-            report.failure(f"{difference}: run srvgen generate")
+        _tell_differences(changes, report)
+    else:
+        for package in changes.gone:
+            stays = "; other files in it stay" if package.exists() else ""
+            print(f"removed {package}, which belongs to no definition any more{stays}")
+
+
+def _tell_differences(changes: Changes, report: Report) -> None:
+    for path in changes.outdated:
+        report.failure(f"{path} is not up to date: run srvgen generate")
+    for path in (*changes.stale, *changes.gone):
+        report.failure(f"{path} belongs to no definition any more: run srvgen generate")
 
 
 def write_stubs(options: argparse.Namespace, report: Report) -> None:
     """`srvgen stubs`: write stubs for editors and type checkers."""
-    from .generate import write_tree
+    from .output import write_tree
     from .stubs import stubs, whole_packages
 
     search = Search(options.include)
     definitions, problems = whole_packages(options.names, search)
     for problem in problems:
         report.error(problem)
-    with search.one_look():
-        write_tree(stubs(definitions), options.out, search.is_missing, check=False)
     packages = {name.split("/")[0] for name in definitions}
+
+    def is_gone(name: str) -> bool:
+        return name.split("/", maxsplit=1)[0] in packages and search.is_missing(name)
+
+    with search.one_look():
+        write_tree(stubs(definitions), options.out, is_gone, check=False)
     types = f"{_counted(len(definitions), 'type')} of {_counted(len(packages), 'package')}"
     print(f"wrote stubs for {types} to {options.out}")
 

@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import keyword
-import re
 import sys
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from importlib.resources import files
-from pathlib import Path
 
 from .closure import Source, closure, full_text
 from .errors import DefinitionError
@@ -74,7 +72,7 @@ def _source(definition: Definition, search: Source) -> str:
 
 def _frames(types: Collection[str], packages: Collection[str]) -> dict[str, str]:
     """The files that make packages of the modules of these types."""
-    runtime = files(__package__).joinpath("_runtime.py").read_text(encoding="utf-8")
+    runtime = runtime_source()
     output: dict[str, str] = {}
     for package in packages:
         output |= {
@@ -90,6 +88,11 @@ def _frames(types: Collection[str], packages: Collection[str]) -> dict[str, str]
     return output
 
 
+def runtime_source() -> str:
+    """The source of the module that every generated package has a copy of."""
+    return files(__package__).joinpath("_runtime.py").read_text(encoding="utf-8")
+
+
 def exports(package: str, kind: str, names: Sequence[str]) -> str:
     """The source of the folder module that has all the classes of one kind."""
     lines = [f'"""The {kind} interfaces of {package}, {GENERATED}"""']
@@ -97,79 +100,3 @@ def exports(package: str, kind: str, names: Sequence[str]) -> str:
     lines += sorted(f"from .{module_name(name)} import {name}" for name in names)
     lines += ["", "__all__ = [", *(f"    {text_literal(name)}," for name in names), "]"]
     return "\n".join(lines) + "\n"
-
-
-def kept_types(folder: Path, is_gone: Callable[[str], bool]) -> set[str]:
-    """The full names of the types that have modules in a folder, but for those that are gone."""
-    made = (_made_from(path) for kind in KINDS for path in folder.glob(f"*/{kind}/_*.py"))
-    return {name for name in made if name and not is_gone(name)}
-
-
-def write_tree(
-    files: Mapping[str, str], folder: Path, is_missing: Callable[[str], bool], *, check: bool
-) -> list[str]:
-    """Write files that srvgen generated; those that it once generated for nothing that is go.
-
-    Args:
-        files: texts by relative path.
-        folder: where they belong.
-        is_missing: whether the definition of this full name has gone, and its module with it.
-        check: write nothing.
-
-    Returns:
-        What differed, a sentence a file, in order.
-
-    Raises:
-        DefinitionError: the folder cannot be written.
-    """
-    try:
-        changed = {path: text for path, text in files.items() if _differs(folder / path, text)}
-        packages = {path.split("/")[0] for path in files}
-        stale = [
-            path
-            for package in sorted(packages)
-            for path in _stale(folder / package, is_missing)
-            if path.relative_to(folder).as_posix() not in files
-        ]
-        if not check:
-            for path, text in changed.items():
-                (folder / path).parent.mkdir(parents=True, exist_ok=True)
-                (folder / path).write_bytes(text.encode())
-            for one in stale:
-                one.unlink()
-    except OSError as error:
-        raise DefinitionError(
-            f"expected a folder to write to, got: {error.strerror or error}",
-            path=str(error.filename or folder),
-        ) from None
-    return [
-        *(f"{folder / path} is not up to date" for path in sorted(changed)),
-        *(f"{path} belongs to no definition any more" for path in stale),
-    ]
-
-
-def _differs(path: Path, text: str) -> bool:
-    return not path.is_file() or path.read_bytes() != text.encode()
-
-
-def _stale(package: Path, is_missing: Callable[[str], bool]) -> Iterator[Path]:
-    """The modules of a generated package whose definitions have gone."""
-    for kind in KINDS:
-        modules = sorted((package / kind).glob("_*.py*"))
-        made = {path: _made_from(path) for path in modules if path.suffix in (".py", ".pyi")}
-        gone = [path for path, name in made.items() if name and is_missing(name)]
-        yield from gone
-        if gone and not [path for path in made if path not in gone and path.stem != "__init__"]:
-            # Nothing is left that the folder's own module could offer.
-            yield from (path for path in made if path.stem == "__init__")
-
-
-def _made_from(path: Path) -> str:
-    """The full name of the type that srvgen generated a module for, or ""."""
-    try:
-        with path.open("rb") as file:
-            line = file.readline(1000).decode(errors="replace")
-    except OSError:  # a folder, a link to nothing: nothing of ours
-        return ""
-    found = re.match(rf'"""(\w+/\w+/\w+), {re.escape(GENERATED)}', line)
-    return found[1] if found else ""

@@ -83,7 +83,7 @@ def _misnamed(name: TypeName, folders: Iterable[Path]) -> str:
     right = f"{name.name}.{name.kind}"
     if not is_message_name(name.name):
         return ""
-    for path in _children(folder / name.kind for folder in folders):
+    for path in _files(folder / name.kind for folder in folders):
         meant = meant_path(path) or path
         if path.name != right and meant.name.lower() == right.lower():
             return f"rename {name.kind}/{path.name} to {right}"
@@ -94,18 +94,18 @@ def _stray(package: str, roots: Iterable[Path], wanted: TypeName | None) -> str:
     """A definition that lies beside the folder in which it should be."""
     if wanted and (stray := Path(f"{wanted.name}.{wanted.kind}")).is_file():
         return f"move {stray} to {package}/{wanted.kind}/{stray}"
-    for path in _children(root / package for root in roots):
+    for path in _files(root / package for root in roots):
         kind = path.suffix.removeprefix(".")
         if kind in KINDS and is_package_name(package):
             return f"move {package}/{path.name} to {package}/{kind}/{path.name}"
     return ""
 
 
-def _children(folders: Iterable[Path]) -> list[Path]:
+def _files(folders: Iterable[Path]) -> list[Path]:
     found: list[Path] = []
     for folder in folders:
         try:
-            found += sorted(folder.iterdir())
+            found += sorted(path for path in folder.iterdir() if path.is_file())
         except OSError:
             continue
     return found

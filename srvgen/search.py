@@ -350,14 +350,22 @@ def _is_package(folder: Path) -> bool:
 
 
 def _files(folder: Path, kind: Kind) -> Iterator[Path]:
+    """The definitions of a kind; a folder or a link to nothing of such a name is none."""
     inner = folder / kind
     try:
-        names = os.listdir(inner)
+        entries = os.scandir(inner)
     except OSError:
         return
-    for name in names:
-        if name.endswith(f".{kind}") and not name.startswith("."):
-            yield inner / name
+    with entries:
+        for entry in entries:
+            name = entry.name
+            if name.endswith(f".{kind}") and not name.startswith(".") and _is_any_file(entry):
+                yield inner / name
+
+
+def _is_any_file(entry: os.DirEntry[str]) -> bool:
+    # Asked in this order, the disk is looked at for links only.
+    return entry.is_file(follow_symlinks=False) or os.path.isfile(entry)
 
 
 def _is_file(path: Path) -> bool:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Sequence
 from pathlib import Path
@@ -35,12 +34,24 @@ def files_of(source: str, search: Search) -> list[Path]:
         return definition_files(path)
     if search.has_package(source):
         return [search.find(name) for name in search.interfaces(source)]
-    siblings = os.listdir(path.parent) if path.parent.is_dir() else []
     raise DefinitionError(
         "expected a file, a folder or the name of a type, got nothing there",
         path=source,
-        hint=did_you_mean(path.name, siblings) or did_you_mean(source, search.packages()),
+        hint=did_you_mean(path.name, _choices(path.parent))
+        or did_you_mean(source, search.packages()),
     )
+
+
+def _choices(folder: Path) -> list[str]:
+    """What may be meant in a folder: its files, and its folders unless they are called like one."""
+    try:
+        return [
+            one.name
+            for one in folder.iterdir()
+            if one.is_file() or (one.is_dir() and one.suffix.removeprefix(".") not in KINDS)
+        ]
+    except OSError:
+        return []
 
 
 def _exists(path: Path) -> bool:

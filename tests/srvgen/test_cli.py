@@ -1,14 +1,17 @@
 """The `srvgen` command: what it prints, where, and how it ends."""
 
 import json
+import re
 import subprocess
 import sys
+from collections import Counter
 from importlib.metadata import version
 from pathlib import Path
 
 import pytest
 
-from tests.srvgen.definitions import put
+from srvgen.search import Search
+from tests.srvgen.definitions import put, put_all
 
 pytestmark = pytest.mark.usefixtures("workspace")
 
@@ -161,6 +164,56 @@ def test_a_module_whose_definition_has_gone_is_removed_and_asked_for_by_check(ru
     assert run("generate", "my_msgs", "-o", out) == (0, "", "")
     assert not module.exists()
     assert run("generate", "my_msgs", "-o", out, "--check") == (0, "", "")
+
+
+@pytest.fixture
+def gone(run, tmp_path):
+    """The output for `old_msgs`, which is no longer in the workspace."""
+    put("my_msgs/msg/Here", "int32 x\n", Path("ws"))
+    old = put("old_msgs/msg/Old", "int32 x\n", Path("ws"))
+    assert run("generate", "ws", "-o", "out") == (0, "", "")
+    Path("out/old_msgs/msg/__pycache__").mkdir()
+    Path("out/old_msgs/msg/__pycache__/_old.cpython-311.pyc").write_bytes(b"\0")
+    old.unlink()
+    return Path("out/old_msgs")
+
+
+def test_the_output_of_a_package_that_has_gone_is_removed_and_asked_for_by_check(run, gone):
+    problem = f"{gone} belongs to no definition any more"
+    assert run("generate", "ws", "-o", "out", "--check") == (
+        1,
+        "",
+        f"{problem}: run srvgen generate\n",
+    )
+    assert gone.exists()
+    said = f"removed {gone}, which belongs to no definition any more\n"
+    assert run("generate", "ws", "-o", "out") == (0, said, "")
+    assert [one.name for one in Path("out").iterdir()] == ["my_msgs"]
+    assert run("generate", "ws", "-o", "out", "--check") == (0, "", "")
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "msg/own.py", "py.typed", "msg/__pycache__/x.txt"])
+def test_of_a_package_that_has_gone_what_srvgen_did_not_write_stays(run, gone, name):
+    put_all({name: "mine\n"}, gone)
+    assert run("generate", "ws", "-o", "out", "--check")[0] == 1
+    code, out, err = run("generate", "ws", "-o", "out")
+    assert (code, err) == (0, "")
+    assert out.endswith(" belongs to no definition any more; other files in it stay\n")
+    assert (gone / name).read_text() == "mine\n"
+    assert not (gone / "msg/_old.py").exists()
+    assert run("generate", "ws", "-o", "out", "--check") == (0, "", "")
+
+
+def test_who_names_one_package_says_nothing_of_others(run, gone):
+    assert run("generate", "ws/my_msgs", "-o", "out", "--check") == (0, "", "")
+    assert run("generate", "ws/my_msgs", "-o", "out") == (0, "", "")
+    assert (gone / "msg/_old.py").exists()
+
+
+def test_a_package_elsewhere_within_reach_keeps_its_output(run, gone):
+    put("old_msgs/msg/Old", "int32 x\n", Path("far"))
+    assert run("generate", "ws", "-I", "far", "-o", "out") == (0, "", "")
+    assert (gone / "msg/_old.py").exists()
 
 
 def test_a_definition_that_is_broken_just_now_keeps_its_module(run, tmp_path):
@@ -317,6 +370,43 @@ def test_a_folder_and_a_dangling_link_with_the_name_of_a_definition_are_reported
     except OSError:
         pytest.skip("this system makes no links")
     assert "Gone.srv: error: expected a readable file, got: " in run("check", "my_msgs")[2]
+
+
+def test_no_hint_names_what_cannot_be_loaded(run):
+    """A folder and a link to nothing are no definitions, whatever they are called."""
+    put("my_msgs/msg/Good", "int32 a\n")
+    Path("my_msgs/msg/D.msg").mkdir()
+    try:
+        Path("my_msgs/msg/F.msg").symlink_to("nowhere")
+    except OSError:
+        pytest.skip("this system makes no links")
+    for name in ("my_msgs/msg/DD", "my_msgs/E", "D", "my_msgs/F", "my_msgs/msg/d"):
+        code, _, err = run("show", name)
+        assert (code, "hint:" in err) == (1, False), err
+    for path in ("my_msgs/msg/DD.msg", "my_msgs/msg/FF.msg"):
+        assert not re.search(r"mean .*\b[DF]\.msg", run("check", path)[2])
+    assert "did you mean my_msgs/Good?" in run("show", "my_msgs/msg/Goood")[2]
+    assert "did you mean Good.msg?" in run("check", "my_msgs/msg/Goood.msg")[2]
+
+
+@pytest.mark.parametrize(("command", "looks"), [(["generate", "-o", "out"], 1), (["fix"], 2)])
+def test_a_run_looks_for_each_type_once_and_after_fixing_once_more(
+    run, monkeypatch, command, looks
+):
+    for name in ("A", "B", "C"):
+        put(f"my_msgs/msg/{name}", "std_msgs/Header header\ngeometry_msgs/Pose[] poses\n")
+    put("my_msgs/srv/Ask", "A a\nB b\n---\nC c\ngeometry_msgs/Point p\n")
+    counted: Counter[str] = Counter()
+    look = Search._look
+
+    def counting(self, name, folders):
+        counted[str(name)] += 1
+        return look(self, name, folders)
+
+    monkeypatch.setattr(Search, "_look", counting)
+    assert run(command[0], "my_msgs", *command[1:]) == (0, "", "")
+    assert counted["geometry_msgs/msg/Pose"] > 0
+    assert max(counted.values()) <= looks, counted.most_common(3)
 
 
 def test_files_that_are_generated_one_by_one_stay_together(run, tmp_path):

@@ -18,7 +18,8 @@ import srvgen
 from srvgen.cli import main
 from srvgen.errors import DefinitionError
 from srvgen.files import read_definition
-from srvgen.generate import generate, write_tree
+from srvgen.generate import generate
+from srvgen.output import write_tree
 from srvgen.render import GENERATED
 from srvgen.search import BUNDLED, Search
 from tests.srvgen.definitions import put_all
@@ -302,21 +303,19 @@ def test_modules_of_definitions_that_have_gone_are_reported_and_removed(tmp_path
     }
     files |= {f"my_msgs/{kind}/__init__.py": "" for kind in ("msg", "srv")}
     own = '"""my_msgs/msg/B, as I wrote it."""\n'
-    assert len(write_tree(files, folder, Gone(), check=False)) == len(files)
+    assert len(write_tree(files, folder, Gone(), check=False).outdated) == len(files)
     (folder / "my_msgs" / "msg" / "_mine.py").write_text(own)
     del files["my_msgs/msg/_b.py"], files["my_msgs/srv/_c.py"], files["my_msgs/srv/__init__.py"]
-    assert write_tree(files, folder, Gone(), check=True) == []
+    assert write_tree(files, folder, Gone(), check=True) == ([], [], [])
     gone = Gone("my_msgs/msg/B", "my_msgs/srv/C")
-    expected = [
-        f"{folder / path} belongs to no definition any more"
-        for path in ("my_msgs/msg/_b.py", "my_msgs/srv/_c.py", "my_msgs/srv/__init__.py")
-    ]
+    stale = ("my_msgs/msg/_b.py", "my_msgs/srv/_c.py", "my_msgs/srv/__init__.py")
+    expected = ([], [folder / path for path in stale], [])
     assert write_tree(files, folder, gone, check=True) == expected
     assert (folder / "my_msgs" / "srv" / "_c.py").exists()
     assert write_tree(files, folder, gone, check=False) == expected
     left = {one.relative_to(folder).as_posix() for one in folder.rglob("*.py")}
     assert left == {*files, "my_msgs/msg/_mine.py"}
-    assert write_tree(files, folder, gone, check=True) == []
+    assert write_tree(files, folder, gone, check=True) == ([], [], [])
 
 
 def test_what_is_no_module_of_ours_in_the_output_is_left_alone(tmp_path, monkeypatch):
