@@ -385,7 +385,7 @@ def test_no_hint_names_what_cannot_be_loaded(run):
         assert (code, "hint:" in err) == (1, False), err
     for path in ("my_msgs/msg/DD.msg", "my_msgs/msg/FF.msg"):
         assert not re.search(r"mean .*\b[DF]\.msg", run("check", path)[2])
-    assert "did you mean my_msgs/Good?" in run("show", "my_msgs/msg/Goood")[2]
+    assert "did you mean Good?" in run("show", "my_msgs/msg/Goood")[2]
     assert "did you mean Good.msg?" in run("check", "my_msgs/msg/Goood.msg")[2]
 
 
