@@ -70,7 +70,7 @@ class ServedCall(IncomingCall, eq=False):
         session = connection.session
         if len(body) > session.body_limit:
             raise self._too_large(len(body))
-        spent = int((connection.host.now() - self.arrived) * 1e6 + 0.5) & 0xFFFFFFFF
+        spent = int((connection.host.now() - self.arrived) * 1e6 + 0.5)
         if session.respond(self.call_id, body, spent):
             # Large answers are not collected: the caller that does not read them must be noticed.
             if len(body) >= LARGE:
@@ -215,9 +215,11 @@ class ServingConnection(Connection):
         self._held.append(call)
 
     def _cancelled(self, event: CancelReceived) -> None:
-        if event.ticket is not None:
-            event.ticket.cancel()
-            event.ticket.fail(TaskRpcError("cancelled by the caller"))
+        # Asked only now: both may have come in one read, and the request's call was made since.
+        call = event.request.ticket
+        if call is not None:
+            call.cancel()
+            call.fail(TaskRpcError("cancelled by the caller"))
 
     def _opened(self, event: Ready) -> None:
         self.handshake_over()

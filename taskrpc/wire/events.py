@@ -49,8 +49,8 @@ class CancelReceived(msgspec.Struct, gc=False):
     """The peer gave up a call; it still awaits its terminal frame."""
 
     call_id: int
-    ticket: Any
-    """The request's."""
+    request: RequestReceived | ResolveReceived
+    """Its `ticket` is the call, once the request has been handled."""
 
 
 class Answered(msgspec.Struct, gc=False):

@@ -284,3 +284,16 @@ async def test_frames_that_must_not_come_end_only_their_own_connection(server, n
             assert not connection.is_open
             assert (await client.call(ask(1))).sum == 1
     assert caplog.text.count("closed the connection from") == 4
+
+
+async def test_a_cancel_that_comes_together_with_its_request_stops_the_call(server, node):
+    """A server that was busy reads both at once; the callback must not run to its end."""
+    gate = Gate()
+    server.create_service(Add, "held", gate)
+    client, connection = await connected(node, "held")
+    request = pack_frame(FrameType.REQUEST, 0, client._channel._method, 50, 0xFFFFFFFF, b"\x92\1\2")
+    serving = next(iter(server._transport._served))
+    connection.transport.write(request + pack_frame(FrameType.CANCEL, 0, 0, 50, 0))
+    await asyncio.sleep(0.1)
+    assert gate.cancelled == [1]
+    assert not serving.session.in_flight

@@ -26,7 +26,7 @@ from taskrpc.wire.events import (
 )
 from taskrpc.wire.frames import LARGE, NO_DEADLINE, FrameType, pack_frame, pack_header
 from taskrpc.wire.messages import DEFAULT_LIMITS, Limits, Resolve
-from taskrpc.wire.session import State, refused_error, unknown_error
+from taskrpc.wire.session import LONGEST_TIME, State, refused_error, unknown_error
 from tests.taskrpc.wire.helpers import ConnectionPair, open_pair, receive
 
 DOCUMENTED = get_args(Event)
@@ -100,14 +100,22 @@ def test_a_second_answer_is_not_sent():
 def test_a_cancelled_call_keeps_its_place_until_its_terminal_frame():
     pair = open_pair(limits=Limits(calls=1))
     call_id = pair.client.request("ticket", 1, b"", NO_DEADLINE)
-    pair.deliver(pair.server)
+    (request,) = pair.deliver(pair.server)
     pair.client.cancel(call_id)
     pair.client.cancel(call_id)
     assert not pair.client.can_send(0)
-    assert pair.deliver(pair.server) == [CancelReceived(call_id, None)]
+    assert pair.deliver(pair.server) == [CancelReceived(call_id, request)]
     pair.server.respond(call_id, b"too late")
     assert pair.deliver(pair.client) == []
     assert pair.client.can_send(0)
+
+
+def test_the_servers_time_stops_at_what_a_frame_can_tell():
+    pair = open_pair()
+    call_id = pair.client.request("ticket", 1, b"", NO_DEADLINE)
+    pair.deliver(pair.server)
+    pair.server.respond(call_id, b"", LONGEST_TIME + 1)
+    assert [event.server_time for event in pair.deliver(pair.client)] == [LONGEST_TIME]
 
 
 def test_a_cancel_that_crosses_the_answer_is_ignored():
