@@ -152,8 +152,10 @@ class Pair:
 def environment(contender: Contender, folder: str) -> dict[str, str]:
     """What a contender's processes need: our code, a domain and folders of their own."""
     path = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
+    # What pip installs has its bytecode; ours is in a checkout, and may have been told to have none.
+    kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     return {
-        **os.environ,
+        **kept,
         "PYTHONPATH": os.pathsep.join(path),
         "ROS_DOMAIN_ID": str(_FIRST_DOMAIN + CONTENDERS.index(contender)),
         "XDG_RUNTIME_DIR": folder,
