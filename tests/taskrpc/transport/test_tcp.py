@@ -408,3 +408,13 @@ async def test_tokens_are_in_no_repr():
         assert entries[0].token
         assert entries[0].token not in repr(entries)
         assert "canary" not in repr(node._transport.network.locate("/add"))
+
+
+async def test_neither_end_holds_small_writes_back():
+    """With Nagle's algorithm on, a second write in a row waits for an acknowledgement: 40 ms."""
+    async with offering() as server, taskrpc.Node("client") as node:
+        client = node.create_client(Add, "add")
+        assert (await client.call(ask(1))).sum == 1
+        for end in (client._channel._connection, *server._transport._served):
+            sock = end.transport.get_extra_info("socket")
+            assert sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
