@@ -152,7 +152,7 @@ class Pair:
 def environment(contender: Contender, folder: str) -> dict[str, str]:
     """What a contender's processes need: our code, a domain and folders of their own."""
     path = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-    # What pip installs has its bytecode; ours is in a checkout, and may have been told to have none.
+    # What pip installs has its bytecode; ours is in a checkout, and may have been told otherwise.
     kept = {k: v for k, v in os.environ.items() if k != "PYTHONDONTWRITEBYTECODE"}
     return {
         **kept,
