@@ -15,6 +15,7 @@ from pathlib import Path
 
 import msgspec
 
+from taskrpc import platform
 from taskrpc.errors import (
     ConnectionLost,
     NameInUse,
@@ -34,8 +35,8 @@ from taskrpc.transport.serving import ServingConnection
 from taskrpc.transport.threads import ThreadedConnection
 from taskrpc.transport.timers import clock_of
 from taskrpc.wire.handshake import Identity
+from taskrpc.wire.messages import DEFAULT_LIMITS, Listing, Resolve
 from taskrpc.wire.messages import Endpoint as Named
-from taskrpc.wire.messages import Listing, Resolve
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -65,6 +66,7 @@ class Endpoint:
         self.news = News(network)
         self.dialler = Dialler(network, self._caller)
         self.read_buffer = memoryview(bytearray(READ_BUFFER))
+        platform.keep_freed_memory(DEFAULT_LIMITS.body)
         self.address = ""
         self.holders = 1
         self._id = secrets.token_bytes(16)

@@ -6,6 +6,7 @@ import stat
 import subprocess
 import sys
 import threading
+from platform import libc_ver
 
 import pytest
 
@@ -156,3 +157,28 @@ def test_output_takes_any_character(capfd):
         [sys.executable, "-c", program], env=environment, capture_output=True, check=True
     )
     assert done.stdout.strip() == b"\\xe9 \\u2192 \\U0001f916"
+
+
+_LARGE_MESSAGES = """
+import resource, sys
+from taskrpc import platform
+if sys.argv[1] == "kept":
+    platform.keep_freed_memory(16 * 2**20)
+pages = lambda: resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+before = pages()
+for _ in range(20):
+    parts = [bytearray(2**18) for _ in range(4)]
+    message = b"".join(parts)
+    del parts, message
+print((pages() - before) // 20)
+"""
+
+
+@pytest.mark.skipif(libc_ver()[0] != "glibc", reason="this allocator gives nothing back")
+def test_memory_of_large_messages_is_used_again():
+    """Counts the pages that the system must make for each message of 1 MiB."""
+    new_pages = {
+        how: int(subprocess.check_output([sys.executable, "-c", _LARGE_MESSAGES, how]))
+        for how in ("kept", "given back")
+    }
+    assert new_pages["kept"] < new_pages["given back"] / 4, new_pages
