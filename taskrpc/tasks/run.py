@@ -50,6 +50,7 @@ class Run:
         self._verdict: tuple[State, str] | None = None  # how it ends if it is halted
         self._outcome = (State.INTERRUPTED, "", "")  # state, message, result
         self._execution: asyncio.Future[dict[str, object]] | None = None
+        self._is_driving = False
         self._is_free = asyncio.Event()
 
     async def begin(self) -> None:
@@ -78,6 +79,7 @@ class Run:
         result = robot.execute(self.task.task_type, self.task.target, self._report)
         if not hasattr(result, "__await__"):
             raise TypeError("execute() must be `async def`")
+        self._is_driving = True
         return await result
 
     async def wait(self) -> State:
@@ -98,7 +100,7 @@ class Run:
         """Robot seconds until the robot is free."""
         if self._is_free.is_set():
             return 0.0
-        if self._execution is None:
+        if not self._is_driving:  # the robot does not know of it yet
             return self.planned
         return self._guard.remaining(otherwise=self.planned)
 

@@ -3,7 +3,7 @@
 import asyncio
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from taskrpc.robot import KinematicRobot, default_world
@@ -105,6 +105,7 @@ def virtually(coroutine):
         loop.close()
 
 
+@example(actions=[("submit", 0, 1), ("sleep", 0.1, None)], speed=1.0)  # resumed as its run begins
 @settings(max_examples=40, deadline=None)
 @given(actions=st.lists(st.one_of(submits, pauses), max_size=12), speed=st.sampled_from([1.0, 8.0]))
 def test_where_nobody_interferes_equal_tasks_are_done_when_it_was_said(actions, speed):
