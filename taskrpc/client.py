@@ -96,9 +96,9 @@ class Client:
         """
         deadline = self._deadline(timeout)
         policy = self._retry if retry is UNSET else retry
-        if policy is not None or not self._channel.ready:
+        call = None if policy is not None else self._channel.send(request, deadline)
+        if call is None:
             return await self._persist(request, deadline, policy)
-        call = self._channel.send(request, deadline)
         try:  # as in `_once`: one more coroutine would cost a tenth of the call
             return await call.future
         except asyncio.CancelledError:
@@ -117,14 +117,14 @@ class Client:
         """
         deadline = self._deadline(timeout)
         policy = self._retry if retry is UNSET else retry
-        if policy is not None or not self._channel.ready:
-            return self._loop.create_task(self._persist(request, deadline, policy))
         try:
-            call = self._channel.send(request, deadline)
+            call = None if policy is not None else self._channel.send(request, deadline)
         except InvalidRequest as error:
             failed = self._loop.create_future()
             failed.set_exception(error)
             return failed
+        if call is None:
+            return self._loop.create_task(self._persist(request, deadline, policy))
         call.future.add_done_callback(call.give_up)
         return call.future
 
@@ -171,6 +171,7 @@ class Client:
 
     async def _once(self, request: Any, deadline: float | None) -> Any:
         call = self._channel.send(request, deadline)
+        assert call is not None, "the channel was connected in this very turn"
         try:
             return await call.future
         except asyncio.CancelledError:

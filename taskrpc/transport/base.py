@@ -91,10 +91,6 @@ class Channel(Protocol):
     """A client's way to one service, kept open over reconnects."""
 
     @property
-    def ready(self) -> bool:
-        """Whether `send` can be used now."""
-
-    @property
     def offered(self) -> bool:
         """Whether somebody is known to offer the service."""
 
@@ -112,8 +108,8 @@ class Channel(Protocol):
     async def wait(self, deadline: float | None) -> bool:
         """Wait until the service is there; False at the deadline or once closed."""
 
-    def send(self, request: Any, deadline: float | None) -> SentCall:
-        """Send a request over a ready channel.
+    def send(self, request: Any, deadline: float | None) -> SentCall | None:
+        """Send a request; None where `connect` must come before.
 
         A call that the server certainly did not begin, since it ends or withdrew the service, moves
         to another server unseen.

@@ -168,17 +168,18 @@ class CallingConnection(Connection):
             self._send_waiting()
         if self._retired and not self.session.in_flight:
             self.close()
-        self.flush()
+        if self.session.out:
+            self.flush()
 
     def _answered(self, event: Answered) -> None:
         call: OpenCall = event.ticket
         future = call.future
-        if future.done():
-            return
         try:
             future.set_result(call.decode(event.body))
         except (InvalidRequest, ProtocolError) as error:
-            future.set_exception(_bad_answer(error))
+            call.failed(_bad_answer(error))
+        except asyncio.InvalidStateError:
+            pass  # cancelled in this very turn
 
     def _failed(self, event: Failed) -> None:
         # Only the server itself says so: what a callback raises comes as HandlerFailed.
@@ -246,7 +247,7 @@ class CallingConnection(Connection):
             if left <= 0:
                 call.expired()
                 return
-        alone = not session.in_flight and not self.in_turn
+        alone = not session.open_calls and not self.in_turn
         call.call_id = session.request(call, call.method, call.body, left)
         if call.call_id >= LAST_CALL_ID:
             self.epoch += 1

@@ -73,10 +73,11 @@ class RemoteChannel:
             return not self._closed
         return any(each.surely_offers for each in self._locate())
 
-    def send(self, request: Any, deadline: float | None) -> OpenCall:
-        """Send a request."""
+    def send(self, request: Any, deadline: float | None) -> OpenCall | None:
+        """Send a request; None where the service is not reached, or not any more."""
         connection = self._connection
-        assert connection is not None, "send() needs a ready channel"
+        if connection is None or connection.epoch != self._epoch:
+            return None
         body = self._encode(request)
         future: asyncio.Future[Any] = asyncio.Future(loop=self._endpoint.loop)
         decode, move = self._decode, self._move

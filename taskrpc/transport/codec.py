@@ -84,14 +84,15 @@ class Codec:
         # Every empty array in a sequence of messages makes msgspec fill in a whole message, so a
         # few bytes could take any amount of memory; in a short body they are too few for that.
         largest = _largest_element(cls)
-        harmless = _HARMLESS // largest if largest else sys.maxsize
+        harmless = _HARMLESS // largest if largest else None
+        start = len(header)
 
         def decode(body: bytes) -> Any:
-            if not body.startswith(header):
+            if body[:start] != header:
                 problem = f"the body is not a {cls._TYPE} of {cls._WIDTH} fields"
                 raise InvalidRequest("", problem)
             try:
-                if len(body) > harmless:
+                if harmless is not None and len(body) > harmless:
                     self._check_shape(body)
                 message = decode_any(body)
                 message._check()

@@ -192,11 +192,12 @@ class Connection(asyncio.BufferedProtocol):
     def flush(self) -> None:
         """Write what the session has to say."""
         self._flush_planned = False
-        transport = self.transport
-        for piece in self.session.take():
-            if transport is not None:
-                self._watch.written += len(piece)
-                transport.write(piece)
+        if self.session.out:
+            transport = self.transport
+            for piece in self.session.take():
+                if transport is not None:
+                    self._watch.written += len(piece)
+                    transport.write(piece)
         if self._draining:
             self.drained()
 

@@ -67,13 +67,13 @@ class ServedCall(IncomingCall, eq=False):
         """Answer with a response message."""
         connection = self.connection
         body = self.route.encode(response)
-        session = connection.session
-        if len(body) > session.body_limit:
-            raise self._too_large(len(body))
+        size, session = len(body), connection.session
+        if size > session.body_limit:
+            raise self._too_large(size)
         spent = int((connection.host.now() - self.arrived) * 1e6 + 0.5)
         if session.respond(self.call_id, body, spent):
             # Large answers are not collected: the caller that does not read them must be noticed.
-            if len(body) >= LARGE:
+            if size >= LARGE:
                 connection.flush()
             elif not connection.in_turn:
                 connection.flush_soon()

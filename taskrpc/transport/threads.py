@@ -56,9 +56,10 @@ class Waiter:
 
     def set_result(self, result: Any) -> None:
         """Wake the thread with an answer."""
-        self._result = result
-        self._done = True
-        self._sleep.release()
+        if not self._done:
+            self._result = result
+            self._done = True
+            self._sleep.release()
 
     def set_exception(self, error: BaseException) -> None:
         """Wake the thread with an error."""
@@ -179,7 +180,7 @@ class ThreadedConnection(CallingConnection):
             and size <= session.body_limit
             and self._rest_is_written
             and not self.holds_back
-            and not session.has_output
+            and not session.out
             and session.can_send(size)
             and not transport.get_write_buffer_size()
         )

@@ -14,7 +14,8 @@ MAGIC = b"TRPC"
 HEADER = struct.Struct("<IBBHII")
 """length of what follows this field, type, flags, method, call_id, arg."""
 
-SIZE_OF_EMPTY = HEADER.size - 4
+_LENGTH_SIZE = 4
+SIZE_OF_EMPTY = HEADER.size - _LENGTH_SIZE
 """A header's length field, where no body follows."""
 _HEADER_SIZE = HEADER.size
 _unpack = HEADER.unpack_from
@@ -95,6 +96,19 @@ class Splitter:
     def mid_frame(self) -> bool:
         """Whether a frame has begun and not ended."""
         return bool(self._tail) or self.large is not None
+
+    def only(self, data: bytes) -> Frame | None:
+        """The frame, where `data` is one and nothing else; None wherever `feed` must be asked.
+
+        Most reads are of this kind, and this spares them the lists.
+        """
+        size = len(data)
+        if size < _HEADER_SIZE or self._tail or self.large is not None:
+            return None
+        length, type_, flags, method, call_id, arg = _unpack(data)
+        if length + _LENGTH_SIZE != size or size > self.limit + _HEADER_SIZE:
+            return None
+        return type_, flags, method, call_id, arg, data[_HEADER_SIZE:]
 
     def filled(self, count: int) -> list[Frame]:
         """Say that `count` bytes were written to `large`; returns the frame once it is whole."""

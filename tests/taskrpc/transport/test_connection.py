@@ -100,7 +100,7 @@ async def test_a_slow_peer_above_the_rate_is_served(server, node, monkeypatch):
     monkeypatch.setattr(type(slow.session), "ping", lambda self, nonce: None)
     body = b"\x92\x01\x02"
     slow.session.last_call_id += 1
-    slow.session._open_calls[slow.session.last_call_id] = (None, 0)
+    slow.session.open_calls[slow.session.last_call_id] = (None, 0)
     frame = pack_header(FrameType.REQUEST, 0, 1, slow.session.last_call_id, 0xFFFFFFFF, 100_000)
     frame += body + bytes(100_000 - len(body))
     for start in range(0, len(frame), 2000):

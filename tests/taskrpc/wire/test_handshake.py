@@ -133,7 +133,7 @@ def test_a_greeting_over_four_kibibytes_is_refused_by_its_header_alone():
     header = pack_frame(FrameType.HELLO, 0, 0, 0, 0, bytes(HANDSHAKE_LIMIT + 1))[:16]
     server, events = server_after(header)
     assert str(why_closed(events)) == "a frame of 4097 bytes; at most 4096 are accepted"
-    assert not server.has_output
+    assert not server.out
 
 
 STRANGERS = {
@@ -156,7 +156,7 @@ def test_a_stranger_is_closed_at_once_and_hears_nothing(name, piece):
     assert isinstance(error, ProtocolError)
     assert str(error).startswith("the peer does not speak taskrpc: it began with b'")
     assert server.state is State.CLOSED
-    assert not server.has_output
+    assert not server.out
 
 
 @pytest.mark.parametrize("beginning", [MAGIC[:1], MAGIC[:3], MAGIC, MAGIC + b"\x00" * 3])
@@ -190,7 +190,7 @@ def test_a_greeting_that_is_none_is_a_protocol_error(name):
     error = why_closed(events)
     assert type(error) is ProtocolError
     assert str(error).startswith("Hello is not valid: ")
-    assert server.has_output  # it is told why
+    assert server.out  # it is told why
 
 
 @pytest.mark.parametrize(

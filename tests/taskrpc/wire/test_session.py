@@ -133,9 +133,9 @@ def test_a_ping_is_answered_and_tells_nobody():
     pair = open_pair()
     pair.client.ping(99)
     assert pair.deliver(pair.server) == []
-    assert pair.server.has_output, "the answer"
+    assert pair.server.out, "the answer"
     assert pair.deliver(pair.client) == []
-    assert not pair.client.has_output
+    assert not pair.client.out
 
 
 def test_a_resolve_is_answered_like_a_call():
@@ -248,7 +248,7 @@ def test_a_server_that_drains_before_the_handshake_says_nothing():
     pair.server.take()
     pair.server.drain()
     pair.server.advertise()
-    assert not pair.server.has_output
+    assert not pair.server.out
     assert pair.server.state is State.HANDSHAKE
 
 
@@ -279,7 +279,7 @@ def test_after_its_end_a_session_hears_and_says_nothing():
     pair.server.lost()
     pair.server.respond(call_id, b"")
     pair.server.fail(call_id, TaskRpcError("late"))
-    assert not pair.server.has_output
+    assert not pair.server.out
 
 
 def test_a_closed_session_takes_no_large_body():

@@ -163,7 +163,7 @@ class Talk(RuleBasedStateMachine):
 
     def check_freed(self):
         """A place in the limits is freed by a terminal frame, or by GOAWAY for what never began."""
-        self.freed = self.made() - self.pair.client._open_calls.keys()
+        self.freed = self.made() - self.pair.client.open_calls.keys()
         for call in self.freed:
             refused = self.ends.get(call) == "refused" or call in self.cancelled
             assert self.begun.get(call, refused), f"call {call} was freed without an end"
