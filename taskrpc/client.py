@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-import random
 import time
 from collections.abc import Callable
 from enum import Enum
@@ -199,6 +198,8 @@ class Client:
         if policy is None or not policy.allows(attempt + 1) or not self._may_repeat(error):
             return None
         now = self._now()
+        import random  # a failure can wait a millisecond, a server's start should not
+
         # Counted from the second wait on: the first retry waits wait_initial.
         wait = policy.wait(attempt - 1, random.random())
         if isinstance(error, ServerBusy):

@@ -42,6 +42,8 @@ def runtime_dir() -> Path:
 
 
 def _temporary() -> str:
+    if not WINDOWS:  # importing tempfile would cost a server's start more than its sockets do
+        return os.environ.get("TMPDIR") or "/tmp"
     import tempfile
 
     return tempfile.gettempdir()

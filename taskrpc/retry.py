@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+import msgspec
 
 _BUDGET_FULL = 10.0
 _BUDGET_GAIN = 0.1
 _BUDGET_FLOOR = 3.0  # retries a second that an empty budget still allows
 
 
-@dataclass(frozen=True, slots=True)
-class RetryPolicy:
+class RetryPolicy(msgspec.Struct, frozen=True):
     """How a client repeats a call that failed and may safely be repeated.
 
     The wait before retry n (from 0) is `min(wait_max, wait_initial * wait_exp_base**n)` seconds, of

@@ -8,9 +8,8 @@ import inspect
 import logging
 from collections import deque
 from collections.abc import Awaitable, Callable
-from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any, TypeAlias
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from taskrpc.callinfo import answering
 from taskrpc.errors import (
@@ -26,6 +25,9 @@ from taskrpc.transport.base import IncomingCall, Mode, Offer, Transport
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.serving import answer_unexpected
 from taskrpc.transport.timers import clock_of
+
+if TYPE_CHECKING:
+    from concurrent.futures import ThreadPoolExecutor
 
 log = logging.getLogger("taskrpc.server")
 
@@ -246,6 +248,8 @@ class Service:
 
 
 def _threads(name: str, concurrency: int) -> ThreadPoolExecutor:
+    from concurrent.futures import ThreadPoolExecutor  # few services need threads
+
     return ThreadPoolExecutor(concurrency, thread_name_prefix=f"taskrpc {name}")
 
 

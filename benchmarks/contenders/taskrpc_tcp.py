@@ -104,7 +104,7 @@ class _Idle(asyncio.Protocol):
             self.ready.set_exception(ConnectionError("lost in the handshake"))
 
     def _write(self) -> None:
-        if self._session.has_output:
+        if self._session.out:
             self._transport.write(b"".join(self._session.take()))
 
 

@@ -123,5 +123,5 @@ class _Caller(asyncio.Protocol):
             self._transport.close()
 
     def _write(self) -> None:
-        if self._session.has_output and not self._transport.is_closing():
+        if self._session.out and not self._transport.is_closing():
             self._transport.write(b"".join(self._session.take()))

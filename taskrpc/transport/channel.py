@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import random
 from typing import Any, Protocol
 
 from taskrpc.errors import (
@@ -153,6 +152,8 @@ class RemoteChannel:
     async def _something_new(self, failures: int, left: float | None) -> int:
         """Wait for a sign that another attempt may succeed."""
         # Somebody who is known and was not reached gives no sign: asked at growing intervals.
+        import random  # only where somebody waits
+
         delay = reconnect_delay(failures, random.random()) if self._somebody else None
         limits = [each for each in (left, delay) if each is not None]
         changed = await self._endpoint.news.wait(self._mark, min(limits, default=None))

@@ -7,7 +7,6 @@ import contextlib
 import itertools
 import logging
 import os
-import secrets
 import sys
 import time
 from collections.abc import Callable
@@ -69,7 +68,7 @@ class Endpoint:
         platform.keep_freed_memory(DEFAULT_LIMITS.body)
         self.address = ""
         self.holders = 1
-        self._id = secrets.token_bytes(16)
+        self._id = os.urandom(16)
         self.call_numbers = itertools.count(1)
         self.offers: dict[int, Offer] = {}
         self._methods: dict[str, int] = {}
@@ -213,7 +212,7 @@ class Endpoint:
         return ServingConnection(self, self._identity(self.network.token, ""))
 
     def _identity(self, token: bytes, name: str) -> Identity:
-        nonce = secrets.token_bytes(16)
+        nonce = os.urandom(16)
         return Identity(self._id, nonce, token, self.network.domain, name)
 
     def _publish(self, change: Change, *, claim: str = "") -> None:

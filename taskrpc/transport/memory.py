@@ -7,7 +7,7 @@ of one loop and domain see each other.
 from __future__ import annotations
 
 import asyncio
-import secrets
+import os
 import weakref
 from collections import deque
 from typing import Any
@@ -23,7 +23,7 @@ class Hub:
     """What the endpoints of one loop share: the directory, and how to reach each other."""
 
     def __init__(self) -> None:
-        self.token = secrets.token_bytes(32)
+        self.token = os.urandom(32)
         self.rosters: dict[MemoryNetwork, Roster] = {}
         self.listeners: dict[str, Factory] = {}
         self.revision = 0

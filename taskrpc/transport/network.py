@@ -4,23 +4,26 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Protocol
+
+import msgspec
 
 from taskrpc.transport.entries import Change, Entry, Roster
 
 
-@dataclass(frozen=True, slots=True)
-class Address:
+class Address(msgspec.Struct, frozen=True):
     """Where a process takes calls, and the token that it wants to see."""
 
     place: str
     """`host:port`, or the name of an endpoint in memory."""
-    token: bytes = field(repr=False)
+    token: bytes
     surely_offers: bool = False
     """Whether a directory says that the wanted service is there (a bare peer must be asked)."""
     certificate: str | None = None
     """The one that a directory says is shown there (PEM), "" for none; None where nobody says."""
+
+    def __repr__(self) -> str:
+        return f"Address({self.place!r})"  # without the token: what is printed ends in logs
 
 
 Factory = Callable[[], asyncio.BufferedProtocol]

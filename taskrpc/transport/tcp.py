@@ -6,7 +6,6 @@ import asyncio
 import ipaddress
 import logging
 import os
-import secrets
 import socket
 import ssl
 from collections.abc import Sequence
@@ -46,7 +45,7 @@ class TcpNetwork:
         self._tls = tls
         self.certificate = shown_certificate(tls)
         self.domain = domain
-        self.token = token or secrets.token_bytes(32)
+        self.token = token or os.urandom(32)
         self._peers = [_checked_place(peer) for peer in peers]
         self._peer_token = token
         self._listen_at = listen or "127.0.0.1:0"

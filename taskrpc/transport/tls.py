@@ -4,17 +4,17 @@ from __future__ import annotations
 
 import ssl
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
+
+import msgspec
 
 from taskrpc.errors import CannotListen, TaskRpcError
 
 _Loaded = TypeVar("_Loaded")
 
 
-@dataclass(frozen=True, slots=True)
-class Tls:
+class Tls(msgspec.Struct, frozen=True):
     """Certificates for a node: files in PEM format.
 
     A node that takes calls needs `cert` and `key`. A node that calls trusts servers whose

@@ -26,7 +26,7 @@ def test_places_follow_the_environment(tmp_path, monkeypatch):
 @posix
 def test_without_xdg_the_runtime_folder_is_the_users_in_the_temporary_folder(tmp_path, monkeypatch):
     monkeypatch.delenv("XDG_RUNTIME_DIR")
-    monkeypatch.setattr("tempfile.gettempdir", lambda: str(tmp_path))
+    monkeypatch.setenv("TMPDIR", str(tmp_path))
     folder = platform.runtime_dir()
     assert folder == tmp_path / f"taskrpc-{os.getuid()}"
     assert stat.S_IMODE(folder.stat().st_mode) == 0o700
