@@ -29,6 +29,7 @@ def to_json(results: Results) -> str:
         },
         "start_up": results.start_up,
         "commands": results.commands,
+        "imports": results.imports,
     }
     return _spaced(sections, depth=2) + "\n"
 

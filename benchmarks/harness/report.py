@@ -176,8 +176,22 @@ def _start_up(results: Results) -> str:
         [
             table(["start of a server to its first answer", "", f"{TIMES} raw asyncio"], servers),
             table(["command line, to its end", ""], commands),
+            _imports(results),
         ]
     )
+
+
+def _imports(results: Results) -> str:
+    packages = dict.fromkeys(each for found in results.imports.values() for each in found)
+    rows = [
+        [package, *(_imported(found.get(package)) for found in results.imports.values())]
+        for package in packages
+    ]
+    return table(["imports", *(f"`{name}`" for name in results.imports)], rows)
+
+
+def _imported(found: tuple[int, float] | None) -> str:
+    return f"{found[0]} modules, {duration(found[1])}" if found else "none"
 
 
 def _versions(results: Results) -> str:

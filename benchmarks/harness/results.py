@@ -63,6 +63,8 @@ class Results:
     """Seconds, by contender."""
     commands: dict[str, list[float]] = field(default_factory=dict)
     """Seconds, by command line."""
+    imports: dict[str, dict[str, tuple[int, float]]] = field(default_factory=dict)
+    """By command line and package: modules imported, and their own seconds."""
 
     @property
     def pinned(self) -> bool:

@@ -1,4 +1,4 @@
-"""How long it takes until a server answers, and a command line returns."""
+"""How long it takes until a server answers, and a command line returns; what it imports."""
 
 from __future__ import annotations
 
@@ -16,6 +16,10 @@ _COMMANDS = {
     "taskrpc --help": ["-m", "taskrpc", "--help"],
     "taskrpc-call /add a=1 b=2": ["-m", "taskrpc.cli.call", "/add", "a=1", "b=2"],
 }
+
+
+_PROFILED = ("taskrpc --help", "taskrpc-call /add a=1 b=2")
+_OURS = ("taskrpc", "srvgen", "msgspec", "asyncio")
 
 
 def measure_start_up(field: Field, *, rounds: int, results: Results) -> None:
@@ -41,3 +45,25 @@ def measure_commands(server: Pair, *, rounds: int, results: Results) -> None:
                 [sys.executable, *arguments], env=server.env, check=True, stdout=subprocess.DEVNULL
             )
             results.commands.setdefault(name, []).append(time.perf_counter() - begin)
+    for name in _PROFILED:
+        results.imports[name] = _imports(_COMMANDS[name], server)
+
+
+def _imports(arguments: list[str], server: Pair) -> dict[str, tuple[int, float]]:
+    """Modules and their own seconds, by package, as `-X importtime` tells them."""
+    told = subprocess.run(
+        [sys.executable, "-X", "importtime", *arguments],
+        env=server.env,
+        check=True,
+        capture_output=True,
+        text=True,
+    ).stderr
+    packages: dict[str, tuple[int, float]] = {}
+    for line in told.splitlines():
+        own, _, module = (part.strip() for part in line.partition(":")[2].partition("|"))
+        if line.startswith("import time:") and own.isdecimal():
+            package = module.rpartition("|")[2].strip().partition(".")[0]
+            package = package if package in _OURS else "the rest of Python"
+            modules, seconds = packages.get(package, (0, 0.0))
+            packages[package] = modules + 1, seconds + int(own) * 1e-6
+    return packages

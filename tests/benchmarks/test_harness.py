@@ -91,6 +91,11 @@ def test_what_was_not_measured_says_so():
     assert "| p50, plain callback | ≤ 0.62 | not measured |" in report(Results(ABOUT))
 
 
+def test_the_report_tells_what_a_command_imports():
+    found = {"taskrpc --help": {"taskrpc": (4, 0.002)}, "taskrpc-call /add": {}}
+    assert "| taskrpc | 4 modules, 2.00 ms | none |" in report(Results(ABOUT, imports=found))
+
+
 def test_memory_of_idle_connections_is_what_they_add():
     held = {0: Idle([5e6]), 100: Idle([5.2e6])}
     results = Results({}, idle={"taskrpc": held})
