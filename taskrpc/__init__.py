@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from taskrpc.callinfo import CallInfo, current_call
     from taskrpc.client import Client
+    from taskrpc.deduplication import Effect
     from taskrpc.errors import (
         AuthenticationFailed,
         CannotListen,
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
         OutcomeUnknown,
         PermissionDenied,
         ProtocolError,
+        RequestIdReused,
         ServerBusy,
         ServiceUnavailable,
         SessionExpired,
@@ -54,11 +56,12 @@ if TYPE_CHECKING:
 _HOMES = {
     "callinfo": "CallInfo current_call",
     "client": "Client",
+    "deduplication": "Effect",
     "errors": (
         "AuthenticationFailed CannotListen Code ConnectionLost DeadlineExceeded HandlerError"
         " HandlerFailed InvalidName InvalidRequest NameInUse OutcomeUnknown PermissionDenied"
-        " ProtocolError ServerBusy ServiceUnavailable SessionExpired TaskRpcError TypeMismatch"
-        " WouldDeadlock"
+        " ProtocolError RequestIdReused ServerBusy ServiceUnavailable SessionExpired TaskRpcError"
+        " TypeMismatch WouldDeadlock"
     ),
     "node": "Node run",
     "retry": "RetryPolicy",
@@ -79,6 +82,7 @@ __all__ = [
     "Code",
     "ConnectionLost",
     "DeadlineExceeded",
+    "Effect",
     "HandlerError",
     "HandlerFailed",
     "InvalidName",
@@ -92,6 +96,7 @@ __all__ = [
     "Plan",
     "Pose",
     "ProtocolError",
+    "RequestIdReused",
     "RetryPolicy",
     "Robot",
     "ServerBusy",

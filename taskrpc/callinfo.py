@@ -15,6 +15,8 @@ class CallInfo(msgspec.Struct, eq=False):
     """The service's absolute name."""
     caller: str
     """The calling node's or program's name."""
+    principal: str
+    """The account that the caller proved to have, "" where the server has no accounts."""
     number: int
     """Counts the calls of this server; it stands in the log beside a failure."""
     deadline: float | None

@@ -9,18 +9,10 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any, Final
 
-from taskrpc.errors import (
-    Code,
-    ConnectionLost,
-    DeadlineExceeded,
-    HandlerFailed,
-    InvalidRequest,
-    ServerBusy,
-    ServiceUnavailable,
-    TaskRpcError,
-)
+from taskrpc.attempts import Attempts
+from taskrpc.errors import InvalidRequest
 from taskrpc.retry import RetryBudget, RetryPolicy
-from taskrpc.transport.base import Mode, Transport, WaitingThread
+from taskrpc.transport.base import Transport, WaitingThread
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.timers import clock_of
 
@@ -81,11 +73,14 @@ class Client:
         request: Any,
         timeout: float | Unset | None = UNSET,
         retry: RetryPolicy | Unset | None = UNSET,
+        request_id: str = "",
     ) -> Any:
         """Call the service; `await` yields the response.
 
         `timeout` is in seconds and covers everything: finding the service, waiting, retries.
-        Nothing is sent before the call is awaited.
+        Nothing is sent before the call is awaited. A call of an exactly-once service is repeated
+        until its deadline whenever its answer is lost; `request_id` names it, so that the same
+        request under the same name runs once even if another program sends it again.
 
         Raises:
             ServiceUnavailable: nobody offers the service (with `retry`: until the deadline).
@@ -95,10 +90,11 @@ class Client:
         """
         deadline = self._deadline(timeout)
         policy = self._retry if retry is UNSET else retry
-        call = None if policy is not None else self._channel.send(request, deadline)
+        once = policy is None and not request_id
+        call = self._channel.send(request, deadline) if once else None
         if call is None:
-            return await self._persist(request, deadline, policy)
-        try:  # as in `_once`: one more coroutine would cost a tenth of the call
+            return await self._attempts(request, deadline, policy, request_id).result()
+        try:  # as `Attempts` does: one more coroutine would cost a tenth of the call
             return await call.future
         except asyncio.CancelledError:
             call.give_up()
@@ -109,6 +105,7 @@ class Client:
         request: Any,
         timeout: float | Unset | None = UNSET,
         retry: RetryPolicy | Unset | None = UNSET,
+        request_id: str = "",
     ) -> asyncio.Future[Any]:
         """Send the request now; returns a future of the response, with the errors of `call`.
 
@@ -117,13 +114,15 @@ class Client:
         deadline = self._deadline(timeout)
         policy = self._retry if retry is UNSET else retry
         try:
-            call = None if policy is not None else self._channel.send(request, deadline)
+            once = policy is None and not request_id
+            call = self._channel.send(request, deadline) if once else None
         except InvalidRequest as error:
             failed = self._loop.create_future()
             failed.set_exception(error)
             return failed
         if call is None:
-            return self._loop.create_task(self._persist(request, deadline, policy))
+            attempts = self._attempts(request, deadline, policy, request_id)
+            return self._loop.create_task(attempts.result())
         call.future.add_done_callback(call.give_up)
         return call.future
 
@@ -149,75 +148,26 @@ class Client:
         self._channel.close()
         self._forget(self)
 
-    async def _persist(
-        self, request: Any, deadline: float | None, policy: RetryPolicy | None
-    ) -> Any:
-        """Call until there is an answer, or an error that another attempt would not mend."""
-        attempt = 0
-        while True:
-            attempt += 1
-            try:
-                await self._find(deadline, policy)
-                response = await self._once(request, deadline)
-            except TaskRpcError as error:
-                wait = self._wait_before_retry(error, attempt, deadline, policy)
-                if wait is None:
-                    raise
-                await asyncio.sleep(wait)
-            else:
-                self._budget.earn()
-                return response
-
-    async def _once(self, request: Any, deadline: float | None) -> Any:
-        call = self._channel.send(request, deadline)
-        assert call is not None, "the channel was connected in this very turn"
-        try:
-            return await call.future
-        except asyncio.CancelledError:
-            call.give_up()
-            raise
-
-    async def _find(self, deadline: float | None, policy: RetryPolicy | None) -> None:
-        if self._is_over(deadline):
-            problem = "the deadline had passed before the call began"
-            raise DeadlineExceeded(problem, not_executed=True)
-        try:
-            await self._channel.connect(deadline)
-        except ServiceUnavailable:
-            # Waiting for a server is no attempt: with a policy a call waits as long as it may.
-            if policy is None or not await self._channel.wait(deadline):
-                raise
-
-    def _wait_before_retry(
+    def _attempts(
         self,
-        error: TaskRpcError,
-        attempt: int,
+        request: Any,
         deadline: float | None,
         policy: RetryPolicy | None,
-    ) -> float | None:
-        if policy is None or not policy.allows(attempt + 1) or not self._may_repeat(error):
-            return None
-        now = self._now()
-        import random  # a failure can wait a millisecond, a server's start should not
-
-        # Counted from the second wait on: the first retry waits wait_initial.
-        wait = policy.wait(attempt - 1, random.random())
-        if isinstance(error, ServerBusy):
-            wait = max(wait, error.retry_after)
-        latest = math.inf if deadline is None else deadline
-        return self._budget.book(now, wait, latest)
-
-    def _may_repeat(self, error: TaskRpcError) -> bool:
-        if isinstance(error, ServerBusy | ConnectionLost) or _asks_for_retry(error):
-            return error.not_executed is True or self._channel.mode is Mode.IDEMPOTENT
-        return isinstance(error, ServiceUnavailable)
+        request_id: str,
+    ) -> Attempts:
+        return Attempts(
+            self._channel,
+            request,
+            deadline,
+            policy,
+            budget=self._budget,
+            now=self._now,
+            request_id=request_id,
+        )
 
     def _deadline(self, timeout: float | Unset | None) -> float | None:
         span = self._timeout if timeout is UNSET else _checked(timeout)
         return None if span is None else self._now() + span
-
-    def _is_over(self, deadline: float | None) -> bool:
-        return deadline is not None and deadline <= self._now()
 
 
 def _checked(timeout: float | None) -> float | None:
@@ -230,7 +180,3 @@ def _checked(timeout: float | None) -> float | None:
     if not finite:
         raise ValueError(f"timeout: expected seconds, or None for no deadline, got {timeout!r}")
     return timeout
-
-
-def _asks_for_retry(error: TaskRpcError) -> bool:
-    return isinstance(error, HandlerFailed) and error.code is Code.UNAVAILABLE

@@ -17,13 +17,15 @@
     ├── ProtocolError          the peer does not speak this protocol
     ├── AuthenticationFailed   the peer could not prove the token
     ├── PermissionDenied       the peer may not do this
-    └── SessionExpired         the server no longer remembers this client
+    ├── SessionExpired         the server no longer remembers this client
+    └── RequestIdReused        the request id belongs to another request
 
 Every error has `not_executed`: True when the call certainly did not run, False when it did, None
 when nobody can know. True from the start: `ServiceUnavailable`, `TypeMismatch`, `InvalidRequest`,
 `ServerBusy`, `InvalidName`, `NameInUse`, `CannotListen`, `WouldDeadlock`, `AuthenticationFailed`,
-`PermissionDenied`, and the errors of a callback with the code UNAVAILABLE. False from the start:
-other `HandlerFailed`. All others are None, unless who raises one knows better.
+`PermissionDenied`, `RequestIdReused`, and the errors of a callback with the code UNAVAILABLE.
+False from the start: other `HandlerFailed`. All others are None, unless who raises one knows
+better.
 """
 
 from __future__ import annotations
@@ -217,6 +219,12 @@ class PermissionDenied(TaskRpcError):
 
 class SessionExpired(TaskRpcError):
     """The server no longer remembers this client, so a repeated request cannot be recognised."""
+
+
+class RequestIdReused(TaskRpcError):
+    """Another request was sent under this request's id before; this one did not run."""
+
+    not_executed = True
 
 
 def _rebuild_name(name: str, index: int, kind: str, problem: str) -> InvalidName:

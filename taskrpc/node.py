@@ -17,6 +17,7 @@ from taskrpc.transport.base import Mode, Transport
 from taskrpc.transport.entries import Entry
 from taskrpc.transport.shared import shared_transport
 from taskrpc.transport.tls import Tls
+from taskrpc.wire.once import CompletionStore
 
 if TYPE_CHECKING:
     from taskrpc.service import Callback, Service
@@ -165,17 +166,21 @@ class Node:
         srv_name: str,
         callback: Callback,
         *,
-        concurrency: int = 1,
+        concurrency: int | None = None,
         threaded: bool = False,
         idempotent: bool = False,
+        exactly_once: CompletionStore | None = None,
         join: bool = False,
     ) -> Service:
         """Offer a service: `callback(request, response)` is called for each request.
 
         It returns the response. It may be async. A plain one runs on the event loop and must be
         quick; `threaded=True` runs it in a thread instead. `concurrency` calls run at a time,
-        later ones wait their turn. `idempotent=True` tells clients that repeating a call does no
-        harm. `join=True` allows other processes to offer the same name.
+        later ones wait their turn: 1 unless said. `idempotent=True` tells clients that repeating a
+        call does no harm. With `exactly_once=store` a repeated call is not run again but answered
+        as before, also by a later server of the same store; the callback may return an `Effect`,
+        and as many calls run at a time as a caller may have in flight. `join=True` allows other
+        processes to offer the same name.
 
         Raises NameInUse, InvalidName, CannotListen.
         """
@@ -190,6 +195,7 @@ class Node:
             concurrency=concurrency,
             threaded=threaded,
             mode=Mode.IDEMPOTENT if idempotent else Mode.AT_MOST_ONCE,
+            store=exactly_once,
             join=join,
         )
         self._services[service] = None

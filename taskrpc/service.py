@@ -19,15 +19,20 @@ from taskrpc.errors import (
     OutcomeUnknown,
     ServerBusy,
     ServiceUnavailable,
+    TaskRpcError,
 )
 from taskrpc.stepping import Stepper
 from taskrpc.transport.base import IncomingCall, Mode, Offer, Transport
-from taskrpc.transport.codec import ServiceType
+from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.transport.serving import answer_unexpected
 from taskrpc.transport.timers import clock_of
+from taskrpc.wire.messages import DEFAULT_LIMITS
+from taskrpc.wire.once import CompletionStore
 
 if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
+
+    from taskrpc.deduplication import OnceDesk
 
 log = logging.getLogger("taskrpc.server")
 
@@ -53,11 +58,15 @@ class Service:
         node: str,
         callback: Callback,
         *,
-        concurrency: int = 1,
+        concurrency: int | None = None,
         threaded: bool = False,
         mode: Mode = Mode.AT_MOST_ONCE,
+        store: CompletionStore | None = None,
         join: bool = False,
     ) -> None:
+        if concurrency is None:
+            # As many as a caller may have in flight, so that a store can commit them together.
+            concurrency = 1 if store is None else DEFAULT_LIMITS.calls
         if concurrency < 1:
             raise ValueError(f"concurrency: expected at least 1, got {concurrency}")
         self.srv_type = srv_type
@@ -77,8 +86,22 @@ class Service:
         self._threads = _threads(name, concurrency) if threaded else None
         self._warned = False
         self._transport = transport
-        self._offer = Offer(name, srv_type, node, self._arrived, mode, join)
+        self._desk = self._desk_before(store)
+        self._offer = self._offered(node, mode, join=join)
         transport.offer(self._offer)
+
+    def _desk_before(self, store: CompletionStore | None) -> OnceDesk | None:
+        if store is None:
+            return None
+        from taskrpc.deduplication import OnceDesk  # few services are exactly-once
+
+        return OnceDesk(store, codec_of(self.srv_type.Response), self._arrived)
+
+    def _offered(self, node: str, mode: Mode, *, join: bool) -> Offer:
+        name, srv_type, desk = self.service_name, self.srv_type, self._desk
+        if desk is None:
+            return Offer(name, srv_type, node, self._arrived, mode, join)
+        return Offer(name, srv_type, node, desk.arrived, Mode.EXACTLY_ONCE, join, desk.store_id)
 
     def destroy(self) -> None:
         """Stop offering the service; calls that have arrived are still answered."""
@@ -179,7 +202,9 @@ class Service:
     def _job_done(self, done: asyncio.Future[Any]) -> None:
         call = self._jobs.pop(done)
         if done.cancelled():
-            if not call.cancelled:
+            if call.cancelled:
+                call.fail(TaskRpcError("cancelled by the caller"))
+            else:
                 self._raised(call, asyncio.CancelledError())
         elif (error := done.exception()) is not None:
             self._raised(call, error)
@@ -231,6 +256,8 @@ class Service:
     def _finish_if_idle(self) -> None:
         if self._destroyed and not self._running and not self._waiting:
             self._stepper.close()
+            if self._desk is not None:
+                self._desk.close()
             if not self.finished.done():
                 self.finished.set_result(None)
             if self._threads is not None:

@@ -26,6 +26,7 @@ from taskrpc.retry import RetryPolicy
 from taskrpc.service import Callback, Service
 from taskrpc.transport.entries import Entry
 from taskrpc.transport.tls import Tls
+from taskrpc.wire.once import CompletionStore
 
 _Result = TypeVar("_Result")
 
@@ -99,9 +100,10 @@ class Node:
         srv_name: str,
         callback: Callback,
         *,
-        concurrency: int = 1,
+        concurrency: int | None = None,
         threaded: bool = True,
         idempotent: bool = False,
+        exactly_once: CompletionStore | None = None,
         join: bool = False,
     ) -> Service:
         """Offer a service; as `taskrpc.Node.create_service`, but plain callbacks run in threads."""
@@ -113,6 +115,7 @@ class Node:
                 concurrency=concurrency,
                 threaded=threaded and not inspect.iscoroutinefunction(callback),
                 idempotent=idempotent,
+                exactly_once=exactly_once,
                 join=join,
             ),
             "create_service()",
@@ -180,20 +183,25 @@ class Client:
         request: Any,
         timeout: float | Unset | None = UNSET,
         retry: RetryPolicy | Unset | None = UNSET,
+        request_id: str = "",
     ) -> Any:
         """Call the service and return the response; errors as in `taskrpc.Client.call`.
 
         Raises WouldDeadlock when called on the event loop's own thread.
         """
         self._loop.refuse_own_thread("call()")
-        sent = self._inner._send_in_thread(request, timeout, retry)
-        return _wait(self.call_async(request, timeout, retry)) if sent is None else sent.wait()
+        if not request_id:
+            sent = self._inner._send_in_thread(request, timeout, retry)
+            if sent is not None:
+                return sent.wait()
+        return _wait(self.call_async(request, timeout, retry, request_id))
 
     def call_async(
         self,
         request: Any,
         timeout: float | Unset | None = UNSET,
         retry: RetryPolicy | Unset | None = UNSET,
+        request_id: str = "",
     ) -> Future[Any]:
         """Send the request now; returns a `concurrent.futures.Future` of the response.
 
@@ -201,7 +209,7 @@ class Client:
         """
         self._loop.refuse_without_loop("call_async()")
         outer: Future[Any] = Future()
-        self._loop.soon(lambda: self._begin(outer, request, timeout, retry))
+        self._loop.soon(lambda: self._begin(outer, request, timeout, retry, request_id))
         return outer
 
     def destroy(self) -> None:
@@ -214,13 +222,14 @@ class Client:
         request: Any,
         timeout: float | Unset | None,
         retry: RetryPolicy | Unset | None,
+        request_id: str,
     ) -> None:
         """Begin a call on the loop and tie its future to the caller's."""
         if outer.cancelled():
             outer.set_running_or_notify_cancel()  # wakes who waits for several futures
             return
         try:
-            inner = self._inner.call_async(request, timeout, retry)
+            inner = self._inner.call_async(request, timeout, retry, request_id)
         except Exception as error:
             outer.set_exception(error)
             return

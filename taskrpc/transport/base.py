@@ -17,6 +17,7 @@ from taskrpc.callinfo import CallInfo
 from taskrpc.errors import TaskRpcError
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.entries import Entry
+from taskrpc.wire.once import Claim, Completion, Number, Numbers
 
 
 class Mode(IntEnum):
@@ -35,6 +36,8 @@ class IncomingCall(CallInfo, eq=False):
     """Set by whoever runs the call and can stop it."""
     started: bool
     """Set by whoever runs the call: until then it certainly did not run."""
+    claim: Claim | None
+    """The request's number, where its client counts because the service is exactly-once."""
 
     def reply(self, response: Any) -> None:
         """Answer with a response message.
@@ -46,6 +49,15 @@ class IncomingCall(CallInfo, eq=False):
     def fail(self, error: TaskRpcError) -> None:
         """Answer with an error."""
         raise NotImplementedError
+
+    def completed_by(self, response: Any) -> Completion | None:
+        """What a store must remember together with the call's effect; None if nothing."""
+        return None
+
+    def lost(self) -> None:
+        """The way back to the caller is gone; one that counts its requests will come again."""
+        if self.claim is None:
+            self.cancel()
 
     def cancel(self) -> None:
         """The caller gave up, or its time is over."""
@@ -67,6 +79,8 @@ class Offer(msgspec.Struct, frozen=True, eq=False):
     mode: Mode = Mode.AT_MOST_ONCE
     join: bool = False
     """Whether other processes may offer the same name."""
+    store_id: asyncio.Future[bytes] | None = None
+    """For exactly-once services: the store's name, as soon as it is known."""
 
 
 class SentCall(Protocol):
@@ -98,6 +112,10 @@ class Channel(Protocol):
     def mode(self) -> Mode:
         """What the server promised; known once connected."""
 
+    @property
+    def store_id(self) -> bytes:
+        """The store of an exactly-once service; known once connected."""
+
     async def connect(self, deadline: float | None) -> None:
         """Find the service and reach it.
 
@@ -108,8 +126,20 @@ class Channel(Protocol):
     async def wait(self, deadline: float | None) -> bool:
         """Wait until the service is there; False at the deadline or once closed."""
 
-    def send(self, request: Any, deadline: float | None) -> SentCall | None:
-        """Send a request; None where `connect` must come before.
+    @property
+    def service_name(self) -> str:
+        """Absolute."""
+
+    def numbers(self) -> Numbers:
+        """What counts our requests to the store of this exactly-once service."""
+
+    def forget_numbers(self, numbers: Numbers) -> None:
+        """Count anew: the store does not remember us."""
+
+    def send(
+        self, request: Any, deadline: float | None, number: Number | None = None
+    ) -> SentCall | None:
+        """Send a request; None where `connect` must come before, or a number is needed.
 
         A call that the server certainly did not begin, since it ends or withdrew the service, moves
         to another server unseen.

@@ -41,6 +41,7 @@ class OpenCall(msgspec.Struct, eq=False):
     body: Body = b""
     move: Callable[[OpenCall], object] | None = None
     """Takes a call that the server certainly did not begin, to send it elsewhere."""
+    flags: int = 0
     call_id: int = 0
     """0 until the request is sent."""
     moves: int = 0
@@ -248,7 +249,7 @@ class CallingConnection(Connection):
                 call.expired()
                 return
         alone = not session.open_calls and not self.in_turn
-        call.call_id = session.request(call, call.method, call.body, left)
+        call.call_id = session.request(call, call.method, call.body, left, call.flags)
         if call.call_id >= LAST_CALL_ID:
             self.epoch += 1
         # A large request goes out at once, so that a server that does not read is noticed.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Callable
 from typing import Any, Protocol
 
 from taskrpc.errors import (
@@ -17,16 +18,20 @@ from taskrpc.retry import reconnect_delay
 from taskrpc.transport.base import Mode
 from taskrpc.transport.calling import CallingConnection, OpenCall
 from taskrpc.transport.codec import ServiceType, codec_of
+from taskrpc.transport.counting import Counting
 from taskrpc.transport.dialling import Dialler
 from taskrpc.transport.network import Address, Network
 from taskrpc.transport.news import News
 from taskrpc.transport.threads import ThreadedConnection, Waiter
+from taskrpc.wire.frames import Flag
 from taskrpc.wire.messages import Endpoint as Named
 from taskrpc.wire.messages import Resolve
+from taskrpc.wire.once import Number, Numbers, with_number
 
 log = logging.getLogger("taskrpc.client")
 
 RESOLVE_TIMEOUT = 3.0
+_EXACTLY_ONCE = int(Flag.EXACTLY_ONCE)
 
 
 class Home(Protocol):
@@ -36,6 +41,7 @@ class Home(Protocol):
     network: Network
     dialler: Dialler
     news: News
+    counting: Counting
 
     def channel_closed(self, named: Named) -> None:
         """A client is gone."""
@@ -46,6 +52,7 @@ class RemoteChannel:
 
     def __init__(self, endpoint: Home, named: Named, srv_type: ServiceType) -> None:
         self.mode = Mode.AT_MOST_ONCE
+        self.store_id = b""
         self._endpoint = endpoint
         self._named = named
         self._encode = codec_of(srv_type.Request).encode
@@ -72,15 +79,36 @@ class RemoteChannel:
             return not self._closed
         return any(each.surely_offers for each in self._locate())
 
-    def send(self, request: Any, deadline: float | None) -> OpenCall | None:
-        """Send a request; None where the service is not reached, or not any more."""
+    @property
+    def service_name(self) -> str:
+        """Absolute."""
+        return self._named.name
+
+    def numbers(self) -> Numbers:
+        """What counts our requests to the service's store."""
+        return self._endpoint.counting.numbers(self.store_id)
+
+    def forget_numbers(self, numbers: Numbers) -> None:
+        """Count anew."""
+        self._endpoint.counting.forget(self.store_id, numbers)
+
+    def send(
+        self, request: Any, deadline: float | None, number: Number | None = None
+    ) -> OpenCall | None:
+        """Send a request; None where the service is not reached, or wants a number."""
         connection = self._connection
         if connection is None or connection.epoch != self._epoch:
             return None
-        body = self._encode(request)
+        body, decode = self._encode(request), self._decode
+        move: Callable[[OpenCall], object] | None = self._move
+        flags = 0
+        if self.store_id:
+            if number is None:
+                return None
+            # Never moved by itself: whoever counts must know to which store each sending went.
+            body, flags, move = with_number(number, body), _EXACTLY_ONCE, None
         future: asyncio.Future[Any] = asyncio.Future(loop=self._endpoint.loop)
-        decode, move = self._decode, self._move
-        call = OpenCall(future, connection, decode, deadline, self._method, body, move)
+        call = OpenCall(future, connection, decode, deadline, self._method, body, move, flags)
         connection.begin(call)
         return call
 
@@ -90,7 +118,7 @@ class RemoteChannel:
         connection, method = self._connection, self._method
         if not isinstance(connection, ThreadedConnection) or connection.epoch != self._epoch:
             return None
-        if connection is not self._connection:
+        if connection is not self._connection or self.store_id:
             return None
         waiter = Waiter()
         body, decode, move = self._encode(request), self._decode, self._move
@@ -187,9 +215,10 @@ class RemoteChannel:
         resolved = await asked.future
         self._connection = None  # until all three belong together, other threads find nothing
         self._method, self._epoch = resolved.method, epoch
-        self._connection = connection
         known = resolved.mode in tuple(Mode)
         self.mode = Mode(resolved.mode) if known else Mode.AT_MOST_ONCE
+        self.store_id = resolved.store_id if self.mode is Mode.EXACTLY_ONCE else b""
+        self._connection = connection
 
     def _move(self, call: OpenCall) -> None:
         """Send a refused call to whoever offers the service now."""

@@ -26,6 +26,7 @@ from taskrpc.transport.calling import CallingConnection
 from taskrpc.transport.channel import RemoteChannel
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.connection import READ_BUFFER, Connection
+from taskrpc.transport.counting import Counting
 from taskrpc.transport.dialling import READY_TIMEOUT, Dialler
 from taskrpc.transport.entries import Change, Entry, Roster
 from taskrpc.transport.network import Address, Network
@@ -70,6 +71,7 @@ class Endpoint:
         self.holders = 1
         self._id = os.urandom(16)
         self.call_numbers = itertools.count(1)
+        self.counting = Counting()
         self.offers: dict[int, Offer] = {}
         self._methods: dict[str, int] = {}
         self._next_method = 1

@@ -16,6 +16,7 @@ from taskrpc.errors import (
     DeadlineExceeded,
     HandlerFailed,
     InvalidRequest,
+    ProtocolError,
     ServerBusy,
     ServiceUnavailable,
     TaskRpcError,
@@ -26,9 +27,10 @@ from taskrpc.transport.codec import codec_of
 from taskrpc.transport.connection import Connection, Owner
 from taskrpc.wire import messages
 from taskrpc.wire.events import CancelReceived, Closed, Ready, RequestReceived, ResolveReceived
-from taskrpc.wire.frames import LARGE, NO_DEADLINE
+from taskrpc.wire.frames import LARGE, NO_DEADLINE, Flag
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Listing, Resolved
+from taskrpc.wire.once import Claim, cut_number, fingerprint
 from taskrpc.wire.session import State
 
 log = logging.getLogger("taskrpc.server")
@@ -156,7 +158,7 @@ class ServingConnection(Connection):
         if self._linger is not None:
             self._linger.cancel()
         for call in self.session.lost():
-            call.cancel()
+            call.lost()
 
     def drain(self) -> None:
         """Take no new calls; close once those in flight are answered."""
@@ -177,9 +179,12 @@ class ServingConnection(Connection):
             gone = ServiceUnavailable("the service is no longer offered here")
             session.fail(event.call_id, gone)
             return
+        claim = None
         try:
+            if event.flags:
+                claim = self._claim(event, route)
             request = route.decode(event.body)
-        except InvalidRequest as error:
+        except (InvalidRequest, ProtocolError) as error:
             session.fail(event.call_id, error)
             return
         event.body = b""  # the message stands for it, as long as the call is open
@@ -192,6 +197,7 @@ class ServingConnection(Connection):
         call = event.ticket = ServedCall(
             route.offer.name,
             route.caller,
+            "",  # principal
             next(host.call_numbers),
             deadline,
             host.now,
@@ -199,6 +205,7 @@ class ServingConnection(Connection):
             request,
             None,  # on_cancel
             False,  # started
+            claim,
             self,
             route,
             event.call_id,
@@ -208,6 +215,13 @@ class ServingConnection(Connection):
             self._hold(call)
         else:
             route.offer.serve(call)
+
+    def _claim(self, event: RequestReceived, route: Route) -> Claim | None:
+        """The number of a request that has one, cut off its body."""
+        if not event.flags & Flag.EXACTLY_ONCE:
+            return None
+        number, event.body = cut_number(event.body)
+        return Claim(number, fingerprint(route.offer.name, event.body))
 
     def _hold(self, call: ServedCall) -> None:
         if self._held is None:
@@ -232,7 +246,9 @@ class ServingConnection(Connection):
             return
         method = self.host.method_of(question.name)
         offer = self.host.offers.get(method)
-        if offer is None:
+        if offer is not None and offer.store_id is not None and not offer.store_id.done():
+            offer.store_id.add_done_callback(lambda _: self._resolve_late(event))
+        elif offer is None:
             error: TaskRpcError = ServiceUnavailable(f"no service {question.name} here")
             self.session.fail(event.call_id, error)
         elif question.type_hash not in ("", offer.srv_type._HASH):
@@ -244,8 +260,18 @@ class ServingConnection(Connection):
             self.drain()
         else:
             handle = self._handle(method, offer, question.caller or self.caller)
-            body = _answer(handle, offer, with_definition=event.with_definition)
-            self.session.respond(event.call_id, messages.encode(body))
+            try:
+                body = _answer(handle, offer, with_definition=event.with_definition)
+            except TaskRpcError as error:
+                self.session.fail(event.call_id, error)
+            else:
+                self.session.respond(event.call_id, messages.encode(body))
+
+    def _resolve_late(self, event: ResolveReceived) -> None:
+        """The store that a question had to wait for is open, or cannot be opened."""
+        if self.transport is not None:
+            self._resolved(event)
+            self.flush_soon()
 
     def _handle(self, method: int, offer: Offer, caller: str) -> int:
         """The number by which this peer calls a service for one of its nodes."""
@@ -284,4 +310,5 @@ def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
 def _answer(handle: int, offer: Offer, *, with_definition: bool) -> Resolved:
     srv_type = offer.srv_type
     text = srv_type._DEFINITION if with_definition else ""
-    return Resolved(handle, int(offer.mode), srv_type._TYPE, srv_type._HASH, text)
+    store_id = b"" if offer.store_id is None else offer.store_id.result()
+    return Resolved(handle, int(offer.mode), srv_type._TYPE, srv_type._HASH, text, store_id)

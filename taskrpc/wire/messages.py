@@ -55,10 +55,6 @@ class HelloAck(msgspec.Struct, array_like=True):
     """New at each start of the server's process."""
     nonce: Id
     limits: Limits
-    store_id: bytes | None = None
-    """The store behind exactly-once services, where there is one."""
-    knows_client: bool = False
-    """Whether that store remembers this client id."""
 
 
 class Auth(msgspec.Struct, array_like=True):
@@ -88,6 +84,8 @@ class Resolved(msgspec.Struct, array_like=True):
     type_hash: Name
     definition: str
     """The interface's full text, for callers that have no file of it; only where asked."""
+    store_id: Annotated[bytes, Meta(max_length=16)]
+    """The store of an exactly-once service, towards which requests are counted; else empty."""
 
 
 class Endpoint(msgspec.Struct, array_like=True, frozen=True):

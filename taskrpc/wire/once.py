@@ -56,6 +56,13 @@ def cut_number(body: bytes) -> tuple[Number, bytes]:
     return number, body[_HEAD.size :]
 
 
+class Claim(msgspec.Struct, frozen=True):
+    """What a request says that it is: which of its client's requests, and what it asks for."""
+
+    number: Number
+    fingerprint: bytes
+
+
 def number_of_id(service: str, request_id: str) -> Number:
     """The number that stands for a name which a user gave to one request of a service."""
     digest = hashlib.sha256(f"{service}\0{request_id}".encode()).digest()
@@ -103,15 +110,17 @@ class CompletionStore(Protocol):
         """Return what is remembered. Raises TaskRpcError for a store that cannot be read."""
 
     async def complete(
-        self, completion: Completion, effect: Any, forgotten: Sequence[Client] = ()
+        self, completion: Completion | None, effect: Any, forgotten: Sequence[Client] = ()
     ) -> None:
         """Apply an effect, remember its completion and forget clients: all of it or nothing.
 
+        A request that came without a number has an effect, but no completion.
         What the same client has completed below `completion.first_incomplete` is forgotten too.
         When it returns, all this survives whatever the store promises to survive. `effect` is what
         the handler returned, None where it has none.
 
         Raises:
+            OutcomeUnknown: nobody can tell whether it was done; ask `recall`.
             TaskRpcError: nothing was changed.
         """
 
@@ -263,6 +272,11 @@ class Numbers:
     def settle(self, sequence: int) -> None:
         """Nobody waits for a request's answer any more."""
         self._open.pop(sequence, None)
+
+    @property
+    def is_wide(self) -> bool:
+        """Whether too much lies behind the first open number: count on as another client."""
+        return self._next - next(iter(self._open), self._next) > OPEN_PER_CLIENT // 2
 
     def number(self, sequence: int) -> Number:
         """What a request carries now."""

@@ -28,6 +28,7 @@ _CODES: tuple[tuple[type[TaskRpcError], Code], ...] = (
     (errors.AuthenticationFailed, Code.UNAUTHENTICATED),
     (errors.PermissionDenied, Code.PERMISSION_DENIED),
     (errors.SessionExpired, Code.SESSION_EXPIRED),
+    (errors.RequestIdReused, Code.ID_REUSED),
     (errors.ProtocolError, Code.DATA_LOSS),
 )
 _CLASSES = {code: cls for cls, code in _CODES}

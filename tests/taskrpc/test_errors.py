@@ -37,6 +37,7 @@ EXAMPLES = [
     errors.AuthenticationFailed("token"),
     errors.PermissionDenied("not you"),
     errors.SessionExpired("forgotten"),
+    errors.RequestIdReused("another"),
 ]
 
 

@@ -38,7 +38,7 @@ class Fake(IncomingCall, eq=False):
 def FakeCall(number, deadline=None):
     clock = asyncio.get_running_loop().time
     request = Add.Request(a=number)
-    return Fake("/x", "/me", number, deadline, clock, False, request, None, False, [])
+    return Fake("/x", "/me", "", number, deadline, clock, False, request, None, False, None, [])
 
 
 def service(callback, **options):

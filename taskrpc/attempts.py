@@ -1,0 +1,197 @@
+"""One call until its answer: found, sent, and sent again where that is safe.
+
+Safe is what certainly did not run, what the server declared idempotent, and what it runs exactly
+once: such a request keeps its number and its store through every sending. Whoever was sent
+something that may have run is in doubt; from then on only an answer, or the same store's word, may
+say that it did not.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections.abc import Callable
+from typing import Any
+
+from taskrpc.errors import (
+    Code,
+    ConnectionLost,
+    DeadlineExceeded,
+    HandlerFailed,
+    InvalidRequest,
+    OutcomeUnknown,
+    ServerBusy,
+    ServiceUnavailable,
+    SessionExpired,
+    TaskRpcError,
+)
+from taskrpc.retry import RetryBudget, RetryPolicy
+from taskrpc.transport.base import Channel, Mode
+from taskrpc.wire.once import Number, Numbers, number_of_id
+
+FREE_SENDINGS = 8
+"""Sendings of one exactly-once request over new connections that take nothing from the budget: a
+server that was restarted must get back all that was in flight, not three calls a second."""
+
+
+class Attempts:
+    """The sendings of one call; await `result()` once.
+
+    Args:
+        deadline: instant on the loop's clock, None for none.
+        policy: None: send once, unless the service is exactly-once.
+        now: the loop's clock.
+        request_id: the user's own name for the request, "" for none.
+    """
+
+    def __init__(
+        self,
+        channel: Channel,
+        request: Any,
+        deadline: float | None,
+        policy: RetryPolicy | None,
+        *,
+        budget: RetryBudget,
+        now: Callable[[], float],
+        request_id: str = "",
+    ) -> None:
+        self._channel = channel
+        self._request = request
+        self._deadline = deadline
+        self._policy = policy
+        self._budget = budget
+        self._now = now
+        self._request_id = request_id
+        self._made = 0
+        self._in_doubt = False
+        self._is_over = False
+        self._numbers: Numbers | None = None
+        self._sequence = 0
+        self._store = b""
+
+    async def result(self) -> Any:
+        """The response; raises what `Client.call` tells."""
+        try:
+            while True:
+                self._made += 1
+                try:
+                    return await self._attempt()
+                except TaskRpcError as error:
+                    wait = self._wait_after(error)
+                    if wait is None:
+                        raise self._verdict(error) from None
+                    await asyncio.sleep(wait)
+        finally:
+            self._settle()
+
+    async def _attempt(self) -> Any:
+        await self._find()
+        call = self._channel.send(self._request, self._deadline, self._number())
+        assert call is not None, "the channel was connected in this very turn"
+        try:
+            response = await call.future
+        except asyncio.CancelledError:
+            call.give_up()
+            raise
+        self._budget.earn()
+        return response
+
+    async def _find(self) -> None:
+        deadline = self._deadline
+        if deadline is not None and deadline <= self._now():
+            problem = "the deadline had passed before the call began"
+            raise DeadlineExceeded(problem, not_executed=True)
+        try:
+            await self._channel.connect(deadline)
+        except ServiceUnavailable:
+            # Waiting for a server is no attempt: with a policy a call waits as long as it may.
+            if self._policy is None or not await self._channel.wait(deadline):
+                raise
+
+    # The number of a request to an exactly-once service
+
+    def _number(self) -> Number | None:
+        channel = self._channel
+        if channel.mode is not Mode.EXACTLY_ONCE:
+            if self._store and self._in_doubt:
+                self._give_up("the service that answers now is not exactly-once any more")
+            if self._request_id:
+                problem = "a request id was given, but the service is not exactly-once"
+                raise InvalidRequest("", problem)
+            return None
+        if self._store != channel.store_id:
+            if self._store and self._in_doubt:
+                self._give_up("the server that answers now has another store")
+            self._count(channel)
+        if self._request_id:
+            return number_of_id(channel.service_name, self._request_id)
+        assert self._numbers is not None, "counted above"
+        return self._numbers.number(self._sequence)
+
+    def _count(self, channel: Channel) -> None:
+        self._settle()
+        self._policy = self._policy or RetryPolicy()
+        self._store = channel.store_id
+        if not self._request_id:
+            self._numbers = channel.numbers()
+            self._sequence = self._numbers.take()
+
+    def _settle(self) -> None:
+        if self._numbers is not None:
+            self._numbers.settle(self._sequence)
+            self._numbers = None
+
+    def _give_up(self, problem: str) -> None:
+        self._is_over = True
+        raise OutcomeUnknown(f"{problem}; the one that was asked before may have run the call")
+
+    # What an error means
+
+    def _wait_after(self, error: TaskRpcError) -> float | None:
+        """Seconds until the next attempt; None where there is none."""
+        if isinstance(error, SessionExpired) and self._may_count_anew():
+            return 0.0
+        if error.not_executed is not True:
+            self._in_doubt = True
+        policy = self._policy
+        if policy is None or not policy.allows(self._made + 1) or not self._may_repeat(error):
+            return None
+        import random  # a failure can wait a millisecond, a program's start should not
+
+        # Counted from the second wait on: the first retry waits wait_initial.
+        wait = policy.wait(self._made - 1, random.random())
+        if isinstance(error, ServerBusy):
+            wait = max(wait, error.retry_after)
+        now, latest = self._now(), math.inf if self._deadline is None else self._deadline
+        if self._store and isinstance(error, ConnectionLost) and self._made <= FREE_SENDINGS:
+            return wait if now + wait < latest else None
+        return self._budget.book(now, wait, latest)
+
+    def _may_count_anew(self) -> bool:
+        """Whether a server that forgot us was asked for the first time: then nothing has run."""
+        if self._in_doubt or self._numbers is None or self._made > 1:
+            return False
+        self._channel.forget_numbers(self._numbers)
+        self._settle()
+        self._store = b""
+        return True
+
+    def _may_repeat(self, error: TaskRpcError) -> bool:
+        if self._is_over:
+            return False
+        if isinstance(error, ServerBusy | ConnectionLost) or _asks_for_retry(error):
+            is_safe = bool(self._store) or self._channel.mode is Mode.IDEMPOTENT
+            return error.not_executed is True or is_safe
+        return isinstance(error, ServiceUnavailable)
+
+    def _verdict(self, error: TaskRpcError) -> TaskRpcError:
+        """What the caller learns: an earlier sending may have run although the last did not."""
+        if not self._in_doubt or error.not_executed is not True:
+            return error
+        if isinstance(error, DeadlineExceeded):
+            return DeadlineExceeded("no answer by the deadline")
+        return OutcomeUnknown(f"{error}; an earlier sending of the call may have run")
+
+
+def _asks_for_retry(error: TaskRpcError) -> bool:
+    return isinstance(error, HandlerFailed) and error.code is Code.UNAVAILABLE

@@ -1,0 +1,388 @@
+"""Runs each request of an exactly-once service once, and answers it as often as it comes.
+
+The ledger decides what a request is; a run answers everybody who sent it; the store writes its
+effect and its completion in one transaction, before anybody is answered. A lost connection does
+not end a run, since its caller will come back: only who cancels, or whose deadline passes, gives
+it up, and only before the transaction begins.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+import weakref
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import msgspec
+
+from taskrpc.errors import (
+    Code,
+    HandlerFailed,
+    OutcomeUnknown,
+    RequestIdReused,
+    ServerBusy,
+    ServiceUnavailable,
+    SessionExpired,
+    TaskRpcError,
+)
+from taskrpc.stepping import Stepper
+from taskrpc.transport.base import IncomingCall
+from taskrpc.transport.codec import Codec
+from taskrpc.wire.once import Claim, Client, Completion, CompletionStore, Ledger, Verdict
+
+log = logging.getLogger("taskrpc.server")
+
+RETRY_AFTER = 0.5
+_EXPIRE_EVERY = 60.0
+
+
+class Effect(msgspec.Struct):
+    """What a handler of an exactly-once service returns where its store is to do something.
+
+    The store applies `effect` in one transaction with the record that the request is done.
+    """
+
+    response: Any
+    effect: Any
+
+
+class _Shared:
+    """What all services of one store have in common."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.loop = weakref.ref(loop)
+        self.ledger: Ledger | None = None
+        self.runs: dict[tuple[str, bytes, int], Run] = {}
+        self.opening: asyncio.Task[None] | None = None
+        self.store_id: asyncio.Future[bytes] = loop.create_future()
+        self.forgotten: list[Client] = []
+        """Whose lease has ended; the store learns it with the next completion."""
+        self.expires = 0.0
+
+
+_shared: weakref.WeakKeyDictionary[CompletionStore, _Shared] = weakref.WeakKeyDictionary()
+
+
+def _shared_of(store: CompletionStore) -> _Shared:
+    loop = asyncio.get_running_loop()
+    known = _shared.get(store)
+    if known is None or known.loop() is not loop:
+        known = _shared[store] = _Shared(loop)
+    return known
+
+
+class Run(IncomingCall, eq=False):
+    """One run of a request; it takes the place of the call that began it."""
+
+    desk: OnceDesk
+    callers: list[IncomingCall]
+    """Who waits for the answer."""
+    completion: Completion | None = None
+    """Once the transaction has begun: what it remembers."""
+
+    def completed_by(self, response: Any) -> Completion | None:
+        """What a handler that stores its own effect must store with it, if anything.
+
+        From here on the run cannot be cancelled. Raises InvalidRequest for a response that cannot
+        be sent.
+        """
+        if self.claim is None:
+            return None
+        self.completion = self.desk.completion(self, self.desk.codec.encode(response), 0)
+        return self.completion
+
+    def reply(self, response: Any) -> None:
+        """Store the effect and the completion, then answer everybody."""
+        effect = None
+        if isinstance(response, Effect):
+            response, effect = response.response, response.effect
+        answer = partial(_reply, response=response)
+        if self.completion is not None:  # the handler has stored both itself
+            self.desk.done(self, self.completion, answer)
+            return
+        body = self.desk.codec.encode(response)
+        self.desk.commit(self, body, 0, effect, answer)
+
+    def fail(self, error: TaskRpcError) -> None:
+        """Answer everybody with an error; one of the handler's own is remembered as an answer."""
+        if isinstance(error, HandlerFailed) and error.code is Code.OUTCOME_UNKNOWN:
+            self.desk.unknown(self, OutcomeUnknown(error.message))
+            return
+        final = isinstance(error, HandlerFailed) and error.code is not Code.UNAVAILABLE
+        if final and self.claim is not None and self.completion is None:
+            assert isinstance(error, HandlerFailed)
+            answer = partial(_fail, error=error)
+            self.desk.commit(self, error.message.encode(), int(error.code), None, answer)
+        else:
+            self.desk.undone(self, error)
+
+    def attach(self, call: IncomingCall) -> None:
+        """Another sender of the same request waits too."""
+        self.callers.append(call)
+        call.on_cancel = partial(self._left, call)
+        if self.deadline is not None:
+            late = call.deadline
+            self.deadline = None if late is None else max(self.deadline, late)
+
+    def _left(self, call: IncomingCall) -> None:
+        self.callers.remove(call)
+        if self.callers or self.completion is not None:
+            return
+        self.cancel()
+        if not self.started:
+            self.desk.undone(self, TaskRpcError("cancelled by the caller"))
+
+
+class OnceDesk:
+    """Stands before a service: what comes is run, attached, answered from memory, or refused.
+
+    Args:
+        store: where completions and effects are kept.
+        codec: encodes and decodes the service's responses.
+        serve: runs a call.
+        wall_clock: seconds since 1970.
+    """
+
+    def __init__(
+        self,
+        store: CompletionStore,
+        codec: Codec,
+        serve: Callable[[IncomingCall], None],
+        *,
+        wall_clock: Callable[[], float] = time.time,
+    ) -> None:
+        self.codec = codec
+        self._store = store
+        self._serve = serve
+        self._wall_clock = wall_clock
+        self._loop = asyncio.get_running_loop()
+        self._shared = _shared_of(store)
+        self._stepper = Stepper(self._loop, lambda _: None)
+        if self._shared.opening is None:
+            self._open()
+
+    @property
+    def store_id(self) -> asyncio.Future[bytes]:
+        """The store's name, once it is open."""
+        return self._shared.store_id
+
+    def close(self) -> None:
+        """Nothing more will come."""
+        self._stepper.close()
+
+    def arrived(self, call: IncomingCall) -> None:
+        """Do with a call what its number says."""
+        shared, claim = self._shared, call.claim
+        if claim is None:  # a caller that does not count: at most once
+            self._run(call)
+        elif shared.ledger is None:
+            self._wait_for_store(call)
+        else:
+            self._decided(call, claim, shared.ledger)
+
+    # Runs end here
+
+    def completion(self, run: Run, answer: bytes, code: int) -> Completion:
+        """What is to be remembered of a run."""
+        claim = run.claim
+        assert claim is not None, "only a numbered request is remembered"
+        number, now = claim.number, self._wall_clock()
+        return Completion(
+            run.principal,
+            number.client,
+            number.sequence,
+            number.first_incomplete,
+            claim.fingerprint,
+            answer,
+            code,
+            now,
+        )
+
+    def commit(
+        self,
+        run: Run,
+        body: bytes,
+        code: int,
+        effect: Any,
+        answer: Callable[[IncomingCall], None],
+    ) -> None:
+        """Store an effect and the completion, then answer."""
+        completion = None if run.claim is None else self.completion(run, body, code)
+        if completion is None and effect is None:
+            self.done(run, None, answer)
+            return
+        run.completion = completion
+        with contextlib.suppress(StopIteration):  # a store that need not wait
+            self._stepper.step(_nothing, self._committed(run, completion, effect, answer))
+
+    def done(
+        self, run: Run, completion: Completion | None, answer: Callable[[IncomingCall], None]
+    ) -> None:
+        """A run's completion is stored: answer everybody."""
+        if completion is not None and self._shared.ledger is not None:
+            self._shared.ledger.completed(completion)
+        self._ended(run)
+        for call in run.callers:
+            answer(call)
+
+    def undone(self, run: Run, error: TaskRpcError) -> None:
+        """A run has left nothing behind: whoever sends the request again has it run."""
+        self._ended(run)
+        if run.claim is not None and self._shared.ledger is not None:
+            self._shared.ledger.abandoned(run.principal, run.claim.number)
+        for call in run.callers:
+            if run.cancelled:  # not by this one, who came when the run was being given up
+                self.arrived(call)
+            else:
+                call.fail(error)
+
+    def unknown(self, run: Run, error: OutcomeUnknown) -> None:
+        """Nobody can tell whether a run's transaction was done, before the store is read anew."""
+        log.error("%s: %s", run.service, error)
+        self._ended(run)
+        self._shared.ledger = None
+        self._open()
+        for call in run.callers:
+            call.fail(error)
+
+    # Inside
+
+    def _decided(self, call: IncomingCall, claim: Claim, ledger: Ledger) -> None:
+        now = self._wall_clock()
+        match ledger.decide(call.principal, claim.number, claim.fingerprint, now):
+            case Verdict.NEW:
+                self._expire(ledger, now)
+                self._run(call)
+            case Verdict.ATTACH:
+                log.debug("call %d of %s attaches to its first sending", call.number, call.service)
+                self._shared.runs[_key(call, claim)].attach(call)
+            case Verdict.DONE:
+                log.debug("call %d of %s was done before", call.number, call.service)
+                self._repeat(call, ledger.answer(call.principal, claim.number))
+            case Verdict.STALE:
+                problem = "the server does not remember this client: whether it ran is unknown"
+                call.fail(SessionExpired(problem))
+            case Verdict.REUSED:
+                call.fail(RequestIdReused("another request was sent under this request id"))
+            case Verdict.FULL:
+                problem = f"{call.service} remembers too many requests"
+                call.fail(ServerBusy(problem, retry_after=RETRY_AFTER))
+
+    def _run(self, call: IncomingCall) -> None:
+        run = Run(
+            service=call.service,
+            caller=call.caller,
+            principal=call.principal,
+            number=call.number,
+            deadline=call.deadline,
+            _clock=call._clock,
+            cancelled=False,
+            request=call.request,
+            on_cancel=None,
+            started=False,
+            claim=call.claim,
+            desk=self,
+            callers=[],
+        )
+        run.attach(call)
+        if call.claim is not None:
+            self._shared.runs[_key(call, call.claim)] = run
+        self._serve(run)
+
+    def _ended(self, run: Run) -> None:
+        if run.claim is not None:
+            self._shared.runs.pop(_key(run, run.claim), None)
+
+    def _repeat(self, call: IncomingCall, completion: Completion) -> None:
+        if completion.code:
+            call.fail(HandlerFailed(Code(completion.code), completion.answer.decode()))
+            return
+        try:
+            call.reply(self.codec.decode(completion.answer))
+        except TaskRpcError as error:
+            problem = f"it ran before, and its answer cannot be read any more: {error}"
+            call.fail(TaskRpcError(problem, not_executed=False))
+
+    async def _committed(
+        self,
+        run: Run,
+        completion: Completion | None,
+        effect: Any,
+        answer: Callable[[IncomingCall], None],
+    ) -> None:
+        shared = self._shared
+        forgotten, shared.forgotten = shared.forgotten, []
+        try:
+            await self._store.complete(completion, effect, forgotten)
+        except OutcomeUnknown as error:
+            self.unknown(run, error)
+        except Exception as error:
+            shared.forgotten += forgotten
+            log.error("%s cannot store what it did: %s", run.service, error)
+            self.undone(run, HandlerFailed(Code.UNAVAILABLE, str(error)))
+        else:
+            self.done(run, completion, answer)
+
+    def _expire(self, ledger: Ledger, now: float) -> None:
+        shared = self._shared
+        if now >= shared.expires:
+            shared.expires = now + _EXPIRE_EVERY
+            shared.forgotten += ledger.expire(now)
+
+    # The store's beginning
+
+    def _open(self) -> None:
+        self._shared.opening = self._loop.create_task(self._opened())
+
+    async def _opened(self) -> None:
+        shared = self._shared
+        try:
+            remembered = await self._store.recall()
+        except Exception as error:
+            log.error("the store of exactly-once services cannot be used: %s", error)
+            if not shared.store_id.done():
+                shared.store_id.set_exception(HandlerFailed(Code.UNAVAILABLE, str(error)))
+                shared.store_id.exception()  # nobody may be left to ask
+            return
+        shared.ledger = ledger = Ledger(remembered.completions)
+        for run in shared.runs.values():
+            assert run.claim is not None, "only numbered runs are listed"
+            claim, now = run.claim, self._wall_clock()
+            ledger.decide(run.principal, claim.number, claim.fingerprint, now)
+        if not shared.store_id.done():
+            shared.store_id.set_result(remembered.store_id)
+
+    def _wait_for_store(self, call: IncomingCall) -> None:
+        opening = self._shared.opening
+        if opening is None or opening.done():
+            call.fail(ServiceUnavailable(f"the store of {call.service} cannot be used"))
+            return
+
+        def ready(_: object) -> None:
+            if not call.cancelled:
+                self.arrived(call)
+
+        opening.add_done_callback(ready)
+
+
+def _key(call: IncomingCall, claim: Claim) -> tuple[str, bytes, int]:
+    return call.principal, claim.number.client, claim.number.sequence
+
+
+def _reply(call: IncomingCall, response: Any) -> None:
+    try:
+        call.reply(response)
+    except TaskRpcError as error:  # it is too large for this caller
+        call.fail(TaskRpcError(f"it ran; its answer cannot be sent: {error}", not_executed=False))
+
+
+def _fail(call: IncomingCall, error: TaskRpcError) -> None:
+    call.fail(error)
+
+
+def _nothing() -> None:
+    pass

@@ -1,0 +1,418 @@
+"""A request of an exactly-once service runs once, however often it is sent and whoever crashes."""
+
+import asyncio
+
+import pytest
+
+import srvgen
+import taskrpc
+from taskrpc.deduplication import Effect
+from taskrpc.errors import (
+    Code,
+    DeadlineExceeded,
+    HandlerError,
+    HandlerFailed,
+    InvalidRequest,
+    OutcomeUnknown,
+    RequestIdReused,
+    ServiceUnavailable,
+    SessionExpired,
+    TaskRpcError,
+)
+from taskrpc.transport.memory import Pipe
+from taskrpc.wire.once import Remembered
+
+Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+
+
+class Store:
+    """Keeps effects and completions; a gate can hold commits up, and a commit can fail."""
+
+    def __init__(self, store_id=b"S" * 16):
+        self.store_id = store_id
+        self.completions, self.effects, self.commits = {}, [], 0
+        self.gate = self.opened = None
+        self.fail_with = None
+
+    async def recall(self):
+        if self.opened is not None:
+            await self.opened.wait()
+        return Remembered(self.store_id, tuple(self.completions.values()))
+
+    async def complete(self, completion, effect, forgotten=()):
+        if self.gate is not None:
+            await self.gate.wait()
+        if self.fail_with is not None:
+            error, self.fail_with = self.fail_with, None
+            raise error
+        self.commits += 1
+        if effect is not None:
+            self.effects.append(effect)
+        if completion is not None:
+            for key in [k for k in self.completions if k[0] == completion.client]:
+                if key[1] < completion.first_incomplete:
+                    del self.completions[key]
+            self.completions[completion.client, completion.sequence] = completion
+
+
+class Counter:
+    """Adds, and counts how often it ran."""
+
+    def __init__(self):
+        self.ran = 0
+        self.gate = None
+
+    async def __call__(self, request, response):
+        self.ran += 1
+        if self.gate is not None:
+            await self.gate.wait()
+        response.sum = request.a + request.b
+        return Effect(response, f"{request.a}+{request.b}")
+
+
+class Lab:
+    """A server and a client that do not share an endpoint."""
+
+    def __init__(self, store, counter, **options):
+        self.store, self.counter, self.options = store, counter, options
+
+    async def __aenter__(self):
+        self.server = taskrpc.Node("server", transport="memory", token="server")
+        await self.server.start()
+        self.node = taskrpc.Node("client", transport="memory", token="client")
+        await self.node.start()
+        self.service = self.offer(self.server)
+        self.client = self.node.create_client(Add, "add")
+        assert await self.client.wait_for_service(timeout=5)
+        return self
+
+    def offer(self, node):
+        return node.create_service(
+            Add, "add", self.counter, exactly_once=self.store, **self.options
+        )
+
+    async def __aexit__(self, *_):
+        await self.node.destroy()
+        await self.server.destroy()
+
+    def cut(self):
+        """End the connection without a word, as a cable does."""
+        connection = self.client._channel._connection
+        if connection is not None and isinstance(connection.transport, Pipe):
+            connection.transport.abort()
+
+
+async def turns(count=20):
+    for _ in range(count):
+        await asyncio.sleep(0)
+
+
+async def test_a_call_is_answered_after_its_effect_and_completion_are_stored_together():
+    async with Lab(Store(), Counter()) as lab:
+        lab.store.gate = asyncio.Event()
+        call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2)))
+        await turns()
+        assert lab.counter.ran == 1
+        assert not call.done()
+        lab.store.gate.set()
+        assert (await call).sum == 3
+        assert lab.store.effects == ["1+2"]
+        assert len(lab.store.completions) == 1
+
+
+async def test_an_answer_that_was_lost_is_given_again_without_running_twice():
+    async with Lab(Store(), Counter()) as lab:
+        lab.store.gate = asyncio.Event()
+        call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2)))
+        await turns()
+        lab.cut()
+        lab.store.gate.set()
+        assert (await call).sum == 3
+        assert lab.counter.ran == 1
+        assert lab.store.effects == ["1+2"]
+
+
+async def test_a_repeated_call_attaches_to_the_run_that_its_lost_connection_began():
+    async with Lab(Store(), Counter()) as lab:
+        lab.counter.gate = asyncio.Event()
+        call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2)))
+        await turns()
+        lab.cut()
+        await asyncio.sleep(0.3)
+        assert lab.counter.ran == 1
+        assert not call.done()
+        lab.counter.gate.set()
+        assert (await call).sum == 3
+        assert lab.store.effects == ["1+2"]
+
+
+async def test_a_server_of_the_same_store_answers_what_the_one_before_has_done():
+    store, counter = Store(), Counter()
+    async with Lab(store, counter) as lab:
+        answered = asyncio.Event()
+        store.gate = asyncio.Event()
+        call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2)))
+        await turns()
+        lab.cut()  # before the answer can be sent
+        store.gate.set()
+        await lab.server.destroy()
+        answered.set()
+        lab.server = taskrpc.Node("server", transport="memory", token="another")
+        await lab.server.start()
+        lab.offer(lab.server)
+        assert (await call).sum == 3
+        assert store.effects == ["1+2"]
+
+
+async def test_a_server_of_another_store_must_not_run_what_may_have_run():
+    async with Lab(Store(), Counter()) as lab:
+        lab.counter.gate = asyncio.Event()
+        call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2)))
+        await turns()
+        lab.cut()
+        await lab.server.destroy()
+        lab.server = taskrpc.Node("server", transport="memory", token="another")
+        await lab.server.start()
+        lab.store = Store(b"T" * 16)
+        lab.offer(lab.server)
+        with pytest.raises(OutcomeUnknown, match="another store"):
+            await call
+        assert lab.counter.ran == 1
+        assert lab.store.effects == []
+
+
+async def test_a_call_that_never_left_goes_to_whatever_store_there_is():
+    async with Lab(Store(), Counter()) as lab:
+        await lab.client.call(Add.Request(a=1, b=2))
+        await lab.server.destroy()
+        lab.server = taskrpc.Node("server", transport="memory", token="another")
+        await lab.server.start()
+        lab.store = Store(b"T" * 16)
+        lab.offer(lab.server)
+        assert await lab.client.wait_for_service(timeout=5)
+        assert (await lab.client.call(Add.Request(a=3, b=4))).sum == 7
+        assert lab.store.effects == ["3+4"]
+
+
+async def test_who_was_forgotten_begins_to_count_anew():
+    async with Lab(Store(), Counter()) as lab:
+        await lab.client.call(Add.Request(a=1, b=2))
+        await lab.server.destroy()
+        lab.store.completions.clear()
+        lab.server = taskrpc.Node("server", transport="memory", token="another")
+        await lab.server.start()
+        lab.store = Store()  # the same name, and nothing known
+        lab.offer(lab.server)
+        assert await lab.client.wait_for_service(timeout=5)
+        assert (await lab.client.call(Add.Request(a=3, b=4))).sum == 7
+
+
+async def test_a_request_id_names_one_request_for_every_program():
+    async with Lab(Store(), Counter()) as lab:
+        request = Add.Request(a=1, b=2)
+        first = await lab.client.call(request, request_id="monday")
+        async with taskrpc.Node("other", transport="memory", token="other") as other:
+            client = other.create_client(Add, "add")
+            await client.wait_for_service(timeout=5)
+            again = await client.call(request, request_id="monday")
+            assert (first.sum, again.sum, lab.counter.ran) == (3, 3, 1)
+            assert (await client.call(request, request_id="tuesday")).sum == 3
+            assert lab.counter.ran == 2
+            with pytest.raises(RequestIdReused) as caught:
+                await client.call(Add.Request(a=5, b=5), request_id="monday")
+            assert caught.value.not_executed
+        assert lab.counter.ran == 2
+
+
+async def test_a_request_id_means_nothing_to_other_services():
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as node,
+    ):
+        server.create_service(Add, "add", lambda request, response: response)
+        client = node.create_client(Add, "add")
+        await client.wait_for_service(timeout=5)
+        with pytest.raises(InvalidRequest, match="not exactly-once"):
+            await client.call(Add.Request(), request_id="x")
+
+
+async def test_a_handlers_own_error_is_an_answer_and_is_given_again():
+    ran = []
+
+    def refuse(request, response):
+        ran.append(request.a)
+        raise HandlerError(Code.OUT_OF_RANGE, "too large")
+
+    async with Lab(Store(), refuse) as lab:
+        for _ in range(2):
+            with pytest.raises(HandlerFailed, match="too large") as caught:
+                await lab.client.call(Add.Request(a=1), request_id="x")
+            assert caught.value.code is Code.OUT_OF_RANGE
+        assert ran == [1]
+
+
+async def test_a_handler_that_is_unavailable_is_asked_again():
+    ran = []
+
+    def later(request, response):
+        ran.append(request.a)
+        if len(ran) < 3:
+            raise HandlerError(Code.UNAVAILABLE, "not yet")
+        return response
+
+    async with Lab(Store(), later) as lab:
+        await lab.client.call(Add.Request(a=1), timeout=5)
+        assert len(ran) == 3
+
+
+async def test_what_the_store_refuses_has_not_run_and_may_run_later():
+    async with Lab(Store(), Counter()) as lab:
+        lab.store.fail_with = TaskRpcError("the disk is full")
+        assert (await lab.client.call(Add.Request(a=1, b=2), timeout=5)).sum == 3
+        assert lab.counter.ran == 2
+        assert lab.store.effects == ["1+2"]
+
+
+async def test_a_store_that_cannot_tell_is_read_anew_before_anything_is_decided():
+    async with Lab(Store(), Counter()) as lab:
+        complete = lab.store.complete
+
+        async def torn(*stored):
+            lab.store.complete = complete
+            await complete(*stored)
+            raise OutcomeUnknown("the disk did not say")
+
+        lab.store.complete = torn
+        assert (await lab.client.call(Add.Request(a=1, b=2), timeout=5)).sum == 3
+        assert lab.counter.ran == 1
+        assert lab.store.effects == ["1+2"]
+
+
+async def test_cancelling_the_only_caller_cancels_the_run_and_it_may_be_sent_again():
+    async with Lab(Store(), Counter()) as lab:
+        lab.counter.gate = asyncio.Event()
+        call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2), request_id="x"))
+        await turns()
+        call.cancel()
+        await turns()
+        lab.counter.gate.set()
+        assert lab.store.effects == []
+        assert (await lab.client.call(Add.Request(a=1, b=2), request_id="x")).sum == 3
+        assert lab.store.effects == ["1+2"]
+
+
+async def test_one_of_two_callers_who_gives_up_does_not_take_the_answer_from_the_other():
+    async with Lab(Store(), Counter()) as lab:
+        lab.counter.gate = asyncio.Event()
+        request = Add.Request(a=1, b=2)
+        calls = [asyncio.ensure_future(lab.client.call(request, request_id="x")) for _ in range(2)]
+        await turns()
+        calls[0].cancel()
+        await turns()
+        lab.counter.gate.set()
+        assert (await calls[1]).sum == 3
+        assert lab.counter.ran == 1
+
+
+async def test_a_cancel_that_comes_when_the_commit_has_begun_undoes_nothing():
+    async with Lab(Store(), Counter()) as lab:
+        lab.store.gate = asyncio.Event()
+        call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2), request_id="x"))
+        await turns()
+        call.cancel()
+        await turns()
+        lab.store.gate.set()
+        assert (await lab.client.call(Add.Request(a=1, b=2), request_id="x")).sum == 3
+        assert lab.counter.ran == 1
+        assert lab.store.effects == ["1+2"]
+
+
+async def test_a_deadline_leaves_it_open_whether_the_call_has_run():
+    async with Lab(Store(), Counter()) as lab:
+        lab.store.gate = asyncio.Event()
+        with pytest.raises(DeadlineExceeded) as caught:
+            await lab.client.call(Add.Request(a=1, b=2), timeout=0.05)
+        assert caught.value.not_executed is None
+        lab.store.gate.set()
+        await turns()
+        assert lab.store.effects == ["1+2"]
+
+
+async def test_nobody_is_told_that_nothing_ran_once_something_may_have_run():
+    async with Lab(Store(), Counter()) as lab:
+        lab.counter.gate = asyncio.Event()
+        call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2), timeout=0.5))
+        await turns()
+        lab.cut()
+        await lab.server.destroy()
+        with pytest.raises(OutcomeUnknown):
+            await call
+
+
+async def test_calls_wait_for_a_store_that_is_being_opened():
+    store = Store()
+    store.opened = asyncio.Event()
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as node,
+    ):
+        server.create_service(Add, "add", Counter(), exactly_once=store)
+        client = node.create_client(Add, "add")
+        call = asyncio.ensure_future(client.call(Add.Request(a=1, b=2)))
+        await turns()
+        assert not call.done()
+        store.opened.set()
+        assert (await call).sum == 3
+
+
+async def test_a_store_that_cannot_be_opened_is_named():
+    class Broken(Store):
+        async def recall(self):
+            raise TaskRpcError("tasks.db is damaged")
+
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as node,
+    ):
+        server.create_service(Add, "add", Counter(), exactly_once=Broken())
+        with pytest.raises(ServiceUnavailable, match=r"tasks\.db is damaged"):
+            await node.create_client(Add, "add").call(Add.Request(), timeout=1)
+
+
+async def test_two_services_of_one_store_share_its_numbers():
+    async with Lab(Store(), Counter()) as lab:
+        lab.server.create_service(Add, "double", lab.counter, exactly_once=lab.store)
+        client = lab.node.create_client(Add, "double")
+        await client.wait_for_service(timeout=5)
+        for each in (client, lab.client, client):
+            await each.call(Add.Request(a=1, b=1))
+        assert {key[1] for key in lab.store.completions} == {3}
+
+
+async def test_many_calls_at_once_each_run_once():
+    async with Lab(Store(), Counter()) as lab:
+        calls = [asyncio.ensure_future(lab.client.call(Add.Request(a=n))) for n in range(200)]
+        for _ in range(3):
+            await turns(3)
+            lab.cut()
+            await asyncio.sleep(0.01)
+        assert [(await call).sum for call in calls] == list(range(200))
+        assert sorted(lab.store.effects) == sorted(f"{n}+0" for n in range(200))
+
+
+async def test_a_forgotten_client_with_a_call_in_doubt_learns_that_nobody_knows():
+    async with Lab(Store(), Counter()) as lab:
+        await lab.client.call(Add.Request(a=1))
+        lab.counter.gate = asyncio.Event()
+        call = asyncio.ensure_future(lab.client.call(Add.Request(a=2)))
+        await turns()
+        lab.cut()
+        await lab.server.destroy()
+        lab.server = taskrpc.Node("server", transport="memory", token="another")
+        await lab.server.start()
+        lab.store = Store()
+        lab.offer(lab.server)
+        with pytest.raises((OutcomeUnknown, SessionExpired)) as caught:
+            await call
+        assert caught.value.not_executed is None
+        assert lab.counter.ran == 2
