@@ -39,7 +39,7 @@ class Attempts:
 
     Args:
         deadline: instant on the loop's clock, None for none.
-        policy: None: send once, unless the service is exactly-once.
+        policy: None: send once; what is exactly-once, again while connections are lost.
         now: the loop's clock.
         request_id: the user's own name for the request, "" for none.
     """
@@ -59,6 +59,7 @@ class Attempts:
         self._request = request
         self._deadline = deadline
         self._policy = policy
+        self._only_what_is_lost = False
         self._budget = budget
         self._now = now
         self._request_id = request_id
@@ -130,7 +131,8 @@ class Attempts:
 
     def _count(self, channel: Channel) -> None:
         self._settle()
-        self._policy = self._policy or RetryPolicy()
+        if self._policy is None:
+            self._policy, self._only_what_is_lost = RetryPolicy(), True
         self._store = channel.store_id
         if not self._request_id:
             self._numbers = channel.numbers()
@@ -179,6 +181,9 @@ class Attempts:
     def _may_repeat(self, error: TaskRpcError) -> bool:
         if self._is_over:
             return False
+        if self._only_what_is_lost:
+            lost = isinstance(error, ServiceUnavailable) and self._made > 1
+            return lost or isinstance(error, ConnectionLost)
         if isinstance(error, ServerBusy | ConnectionLost) or _asks_for_retry(error):
             is_safe = bool(self._store) or self._channel.mode is Mode.IDEMPOTENT
             return error.not_executed is True or is_safe

@@ -59,8 +59,7 @@ class _Shared:
         self.runs: dict[tuple[str, bytes, int], Run] = {}
         self.opening: asyncio.Task[None] | None = None
         self.store_id: asyncio.Future[bytes] = loop.create_future()
-        self.forgotten: list[Client] = []
-        """Whose lease has ended; the store learns it with the next completion."""
+        self.desks = 0
         self.expires = 0.0
 
 
@@ -162,6 +161,7 @@ class OnceDesk:
         self._loop = asyncio.get_running_loop()
         self._shared = _shared_of(store)
         self._stepper = Stepper(self._loop, lambda _: None)
+        self._shared.desks += 1
         if self._shared.opening is None:
             self._open()
 
@@ -173,6 +173,11 @@ class OnceDesk:
     def close(self) -> None:
         """Nothing more will come."""
         self._stepper.close()
+        shared = self._shared
+        shared.desks -= 1
+        if not shared.desks and not shared.store_id.done():
+            self._give_up_opening("the service was withdrawn")
+            _shared.pop(self._store, None)
 
     def arrived(self, call: IncomingCall) -> None:
         """Do with a call what its number says."""
@@ -314,14 +319,11 @@ class OnceDesk:
         effect: Any,
         answer: Callable[[IncomingCall], None],
     ) -> None:
-        shared = self._shared
-        forgotten, shared.forgotten = shared.forgotten, []
         try:
-            await self._store.complete(completion, effect, forgotten)
+            await self._store.complete(completion, effect)
         except OutcomeUnknown as error:
             self.unknown(run, error)
         except Exception as error:
-            shared.forgotten += forgotten
             log.error("%s cannot store what it did: %s", run.service, error)
             self.undone(run, HandlerFailed(Code.UNAVAILABLE, str(error)))
         else:
@@ -331,7 +333,15 @@ class OnceDesk:
         shared = self._shared
         if now >= shared.expires:
             shared.expires = now + _EXPIRE_EVERY
-            shared.forgotten += ledger.expire(now)
+            if clients := ledger.expire(now):
+                with contextlib.suppress(StopIteration):
+                    self._stepper.step(_nothing, self._forget(clients))
+
+    async def _forget(self, clients: list[Client]) -> None:
+        try:
+            await self._store.complete(None, None, clients)
+        except TaskRpcError as error:  # the next server finds them expired too
+            log.warning("cannot forget clients: %s", error)
 
     # The store's beginning
 
@@ -344,9 +354,7 @@ class OnceDesk:
             remembered = await self._store.recall()
         except Exception as error:
             log.error("the store of exactly-once services cannot be used: %s", error)
-            if not shared.store_id.done():
-                shared.store_id.set_exception(HandlerFailed(Code.UNAVAILABLE, str(error)))
-                shared.store_id.exception()  # nobody may be left to ask
+            self._give_up_opening(str(error))
             return
         shared.ledger = ledger = Ledger(remembered.completions)
         for run in shared.runs.values():
@@ -355,6 +363,14 @@ class OnceDesk:
             ledger.decide(run.principal, claim.number, claim.fingerprint, now)
         if not shared.store_id.done():
             shared.store_id.set_result(remembered.store_id)
+
+    def _give_up_opening(self, problem: str) -> None:
+        shared = self._shared
+        if shared.opening is not None:
+            shared.opening.cancel()
+        if not shared.store_id.done():
+            shared.store_id.set_exception(HandlerFailed(Code.UNAVAILABLE, problem))
+            shared.store_id.exception()  # nobody may be left to ask
 
     def _wait_for_store(self, call: IncomingCall) -> None:
         opening = self._shared.opening

@@ -60,6 +60,7 @@ def run(options: argparse.Namespace) -> int:
         tuple(request),
         timeout=options.timeout,
         retries=options.retries,
+        request_id=_request_id(options),
         rate=options.rate,
         count=options.count or (0 if options.rate else 1),
         as_json=options.json,
@@ -68,6 +69,13 @@ def run(options: argparse.Namespace) -> int:
     )
     asyncio.run(perform(plan))
     return Exit.DONE
+
+
+def _request_id(options: argparse.Namespace) -> str:
+    given: str = options.request_id
+    if given and (options.rate or options.count > 1):
+        raise UsageError("--request-id: expected one call, which it names; got --rate or --count")
+    return given
 
 
 def _run(arguments: list[str]) -> int:
@@ -105,6 +113,11 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     add("--timeout", metavar="S", type=positive, default=_DEFAULT_TIMEOUT, help=what)
     what = "Repeat a failed call up to N times, where that is safe (0)"
     add("--retries", metavar="N", type=whole(0), default=0, help=what)
+    what = (
+        "Name this request: sent again under the same name, by whomever, it is answered as before"
+        " and does not run again (exactly-once services)"
+    )
+    add("--request-id", metavar="ID", default="", help=what)
     what = "Print each response as one line of JSON (NaN and infinity as null)"
     add("--json", action="store_true", help=what)
     add_connect(parser)

@@ -44,6 +44,8 @@ class Plan(msgspec.Struct, frozen=True):
     timeout: float = 10.0
     """Seconds of one call, waiting for the service included."""
     retries: int = 0
+    request_id: str = ""
+    """The user's name for the request, "" for none."""
     rate: float | None = None
     """Calls a second; None: one after the other."""
     count: int = 1
@@ -97,7 +99,12 @@ class _Caller:
         self._print(f"requester: making request: {self._request!r}\n")
         left = deadline - self._loop.time()
         try:
-            response = await client.call(self._request, timeout=left, retry=self._retry)
+            response = await client.call(
+                self._request,
+                timeout=left,
+                retry=self._retry,
+                request_id=self._plan.request_id,
+            )
         except DeadlineExceeded as error:
             raise self._too_late(error) from None
         if self._plan.as_json:

@@ -261,14 +261,19 @@ async def test_a_handler_that_is_unavailable_is_asked_again():
         return response
 
     async with Lab(Store(), later) as lab:
-        await lab.client.call(Add.Request(a=1), timeout=5)
+        with pytest.raises(HandlerFailed, match="not yet"):
+            await lab.client.call(Add.Request(a=1))
+        await lab.client.call(Add.Request(a=1), timeout=5, retry=taskrpc.RetryPolicy())
         assert len(ran) == 3
 
 
 async def test_what_the_store_refuses_has_not_run_and_may_run_later():
     async with Lab(Store(), Counter()) as lab:
         lab.store.fail_with = TaskRpcError("the disk is full")
-        assert (await lab.client.call(Add.Request(a=1, b=2), timeout=5)).sum == 3
+        with pytest.raises(HandlerFailed, match="the disk is full") as caught:
+            await lab.client.call(Add.Request(a=1, b=2), request_id="x")
+        assert caught.value.not_executed
+        assert (await lab.client.call(Add.Request(a=1, b=2), request_id="x")).sum == 3
         assert lab.counter.ran == 2
         assert lab.store.effects == ["1+2"]
 
@@ -416,3 +421,51 @@ async def test_a_forgotten_client_with_a_call_in_doubt_learns_that_nobody_knows(
             await call
         assert caught.value.not_executed is None
         assert lab.counter.ran == 2
+
+
+async def test_a_client_whose_lease_has_ended_is_forgotten_by_the_store_too():
+    now = [1000.0]
+    forgotten = []
+
+    class Leased(Store):
+        async def complete(self, completion, effect, clients=()):
+            forgotten.extend(clients)
+            await super().complete(completion, effect)
+
+    async with Lab(Leased(), Counter()) as lab:
+        lab.service._desk._wall_clock = lambda: now[0]
+        await lab.client.call(Add.Request(a=1), request_id="old")
+        now[0] += 24 * 3600 + 1
+        await lab.client.call(Add.Request(a=2), request_id="new")
+        assert len(forgotten) == 1
+
+
+async def test_counted_calls_wait_for_their_turn():
+    async with Lab(Store(), Counter(), concurrency=1) as lab:
+        lab.counter.gate = asyncio.Event()
+        calls = [
+            asyncio.ensure_future(lab.client.call(Add.Request(a=n), timeout=5)) for n in range(250)
+        ]
+        await turns()
+        lab.counter.gate.set()
+        assert [(await call).sum for call in calls] == list(range(250))
+
+
+async def test_a_service_that_is_withdrawn_before_its_store_is_open_leaves_nobody_waiting():
+    store = Store()
+    store.opened = asyncio.Event()
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as node,
+    ):
+        service = server.create_service(Add, "add", Counter(), exactly_once=store)
+        call = asyncio.ensure_future(node.create_client(Add, "add").call(Add.Request()))
+        await turns()
+        service.destroy()
+        with pytest.raises(ServiceUnavailable):
+            await call
+        store.opened.set()
+        server.create_service(Add, "add", Counter(), exactly_once=store)
+        client = node.create_client(Add, "add")
+        assert await client.wait_for_service(timeout=5)
+        assert (await client.call(Add.Request(a=1))).sum == 1
