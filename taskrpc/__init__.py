@@ -33,6 +33,7 @@ if TYPE_CHECKING:
         ServerBusy,
         ServiceUnavailable,
         SessionExpired,
+        StoreError,
         TaskRpcError,
         TypeMismatch,
         WouldDeadlock,
@@ -60,8 +61,8 @@ _HOMES = {
     "errors": (
         "AuthenticationFailed CannotListen Code ConnectionLost DeadlineExceeded HandlerError"
         " HandlerFailed InvalidName InvalidRequest NameInUse OutcomeUnknown PermissionDenied"
-        " ProtocolError RequestIdReused ServerBusy ServiceUnavailable SessionExpired TaskRpcError"
-        " TypeMismatch WouldDeadlock"
+        " ProtocolError RequestIdReused ServerBusy ServiceUnavailable SessionExpired StoreError"
+        " TaskRpcError TypeMismatch WouldDeadlock"
     ),
     "node": "Node run",
     "retry": "RetryPolicy",
@@ -104,6 +105,7 @@ __all__ = [
     "ServiceUnavailable",
     "SessionExpired",
     "SqliteStore",
+    "StoreError",
     "TargetError",
     "TaskRpcError",
     "TaskServer",

@@ -18,14 +18,15 @@
     ├── AuthenticationFailed   the peer could not prove the token
     ├── PermissionDenied       the peer may not do this
     ├── SessionExpired         the server no longer remembers this client
-    └── RequestIdReused        the request id belongs to another request
+    ├── RequestIdReused        the request id belongs to another request
+    └── StoreError             what must survive cannot be read or written
 
 Every error has `not_executed`: True when the call certainly did not run, False when it did, None
 when nobody can know. True from the start: `ServiceUnavailable`, `TypeMismatch`, `InvalidRequest`,
 `ServerBusy`, `InvalidName`, `NameInUse`, `CannotListen`, `WouldDeadlock`, `AuthenticationFailed`,
-`PermissionDenied`, `RequestIdReused`, and the errors of a callback with the code UNAVAILABLE.
-False from the start: other `HandlerFailed`. All others are None, unless who raises one knows
-better.
+`PermissionDenied`, `RequestIdReused`, `StoreError`, and the errors of a callback with the code
+UNAVAILABLE. False from the start: other `HandlerFailed`. All others are None, unless who raises
+one knows better.
 """
 
 from __future__ import annotations
@@ -223,6 +224,12 @@ class SessionExpired(TaskRpcError):
 
 class RequestIdReused(TaskRpcError):
     """Another request was sent under this request's id before; this one did not run."""
+
+    not_executed = True
+
+
+class StoreError(TaskRpcError):
+    """A store cannot be read or written; nothing was changed. The text says which file and why."""
 
     not_executed = True
 

@@ -4,7 +4,7 @@ from taskrpc.tasks.manager import Answer, Resumed, TaskManager
 from taskrpc.tasks.model import EstimateChange, State, Task
 from taskrpc.tasks.server import TaskServer
 from taskrpc.tasks.sqlite_store import SqliteStore
-from taskrpc.tasks.store import MemoryStore, Stored, StoreError, TaskStore
+from taskrpc.tasks.store import MemoryStore, Stored, TaskStore
 
 __all__ = [
     "Answer",
@@ -13,7 +13,6 @@ __all__ = [
     "Resumed",
     "SqliteStore",
     "State",
-    "StoreError",
     "Stored",
     "Task",
     "TaskManager",

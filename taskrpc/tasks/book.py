@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import islice
 
 import msgspec
@@ -11,6 +11,7 @@ import msgspec
 from taskrpc.tasks.board import Board
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.store import TaskStore
+from taskrpc.wire.once import Client, Completion
 
 
 class TaskBook:
@@ -68,13 +69,22 @@ class TaskBook:
         """Iterate over the ended tasks, the newest end first."""
         return (self._tasks[task_id] for task_id in reversed(self._ended))
 
-    async def save(self, *tasks: Task) -> None:
+    async def save(
+        self,
+        *tasks: Task,
+        completion: Completion | None = None,
+        clients: Sequence[Client] = (),
+    ) -> None:
         """Store tasks and announce them; once begun it runs to its end, whoever stops waiting.
+
+        The completion of the request that brought the tasks, and what else the store shall forget
+        of clients, are stored with them.
 
         Raises:
             StoreError: nothing was stored and nothing announced.
+            OutcomeUnknown: nothing was announced; the next server will know what was stored.
         """
-        commit = asyncio.ensure_future(self._commit(tasks))
+        commit = asyncio.ensure_future(self._commit(tasks, completion, clients))
         for task in tasks:
             self._commits[task.task_id] = commit
         commit.add_done_callback(lambda _: self._forget_commit(commit, tasks))
@@ -104,9 +114,11 @@ class TaskBook:
         self._note(task)
         self.board.announce(task.task_id)
 
-    async def _commit(self, tasks: tuple[Task, ...]) -> None:
+    async def _commit(
+        self, tasks: tuple[Task, ...], completion: Completion | None, clients: Sequence[Client]
+    ) -> None:
         forgotten = self._surplus(tasks)
-        await self._store.apply(tasks, forgotten)
+        await self._store.apply(tasks, forgotten, completion, clients)
         for task_id in forgotten:
             self._tasks.pop(task_id, None)
             self._ended.pop(task_id, None)

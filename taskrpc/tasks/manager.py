@@ -8,15 +8,17 @@ from collections.abc import Callable, Sequence
 
 import msgspec
 
+from taskrpc.errors import TaskRpcError
 from taskrpc.robot.protocol import Robot, TargetError
 from taskrpc.tasks.board import Board
 from taskrpc.tasks.book import TaskBook
 from taskrpc.tasks.guard import RobotGuard, checked_plan, sentence
 from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, EstimateChange, State, Task
 from taskrpc.tasks.queue import TaskQueue
-from taskrpc.tasks.store import StoreError, TaskStore
+from taskrpc.tasks.store import TaskStore
 from taskrpc.tasks.timetable import Timetable
 from taskrpc.tasks.worker import Worker
+from taskrpc.wire.once import Completion
 
 _log = logging.getLogger("taskrpc.tasks")
 
@@ -33,6 +35,10 @@ class Answer(msgspec.Struct, frozen=True):
     """The task in question, -1 if it was refused."""
     estimated_time: float = 0.0
     """Robot seconds from now until that task is done."""
+
+
+Completing = Callable[[Answer], Completion | None]
+"""What makes of an answer the completion of the request that gets it."""
 
 
 class Resumed(msgspec.Struct, frozen=True):
@@ -163,15 +169,28 @@ class TaskManager:
     # What may be done; each returns when it is stored
 
     async def submit(
-        self, task_type: str, target: str, priority: int, *, client: str = ""
+        self,
+        task_type: str,
+        target: str,
+        priority: int,
+        *,
+        client: str = "",
+        completing: Completing | None = None,
     ) -> Answer:
         """Queue a task, or say what is wrong with it.
 
+        `completing` is asked for the request's completion once the answer is known; what it
+        returns is stored together with the task, or alone if the task is refused.
+
         Raises:
             StoreError: it could not be stored, and so was not queued.
+            OutcomeUnknown: it was not queued, but the next server may find it stored.
         """
         if refusal := self._refusal(task_type, target, priority):
-            return Answer(False, refusal)
+            answer = Answer(False, refusal)
+            if completing and (completion := completing(answer)):
+                await self.book.save(completion=completion)
+            return answer
         task = Task(
             task_id=self.book.new_id(),
             task_type=task_type,
@@ -181,11 +200,11 @@ class TaskManager:
             submitted_at=self._wall_clock(),
             client=client,
         )
-        accepted = await self._accept(task)
+        answer = await self._accept(task, completing)
         _log.info(
             "Task %d queued: %s to %s (priority: %d)", task.task_id, task_type, target, priority
         )
-        return self._queued(accepted)
+        return answer
 
     async def cancel(self, task_id: int, *, client: str = "") -> Answer:
         """Call a task off, whether it waits or runs."""
@@ -237,7 +256,7 @@ class TaskManager:
         if refusal := self._refusal(task.task_type, task.target, task.priority):
             return Answer(False, refusal)
         again = task.requeued(self._wall_clock(), self.book.new_arrival())
-        return self._queued(await self._accept(again))
+        return await self._accept(again)
 
     async def pause(self) -> Answer:
         """Halt the robot in mid-task and begin no other."""
@@ -286,16 +305,18 @@ class TaskManager:
             return f"Queue full: {len(self.queue)} tasks wait, and no more may"
         return ""
 
-    async def _accept(self, task: Task) -> Task:
+    async def _accept(self, task: Task, completing: Completing | None = None) -> Answer:
         self.reckon()
         accepted = self._timetable.accept(task, self._worker.now())
+        answer = self._queued(accepted)
         try:
-            await self.book.save(accepted)
-        except StoreError:
+            completion = completing(answer) if completing else None
+            await self.book.save(accepted, completion=completion)
+        except TaskRpcError:
             if task.task_id in self.queue:
                 self._timetable.remove(task.task_id, "could not be stored")
             raise
-        return accepted
+        return answer
 
     async def _call_off(self, task_id: int, reason: str) -> Answer:
         self.reckon()

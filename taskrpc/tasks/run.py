@@ -9,11 +9,11 @@ from collections.abc import Callable
 
 import msgspec
 
+from taskrpc.errors import StoreError
 from taskrpc.robot.protocol import RobotStopped
 from taskrpc.tasks.book import TaskBook
 from taskrpc.tasks.guard import RobotGuard, sentence
 from taskrpc.tasks.model import BEGUN, EstimateChange, State, Task
-from taskrpc.tasks.store import StoreError
 
 _log = logging.getLogger("taskrpc.tasks")
 

@@ -11,7 +11,7 @@ from typing import Any, Self, TypeAlias
 
 import srvgen
 from taskrpc.callinfo import current_call
-from taskrpc.errors import Code, HandlerError
+from taskrpc.errors import Code, HandlerError, OutcomeUnknown, StoreError
 from taskrpc.node import Node
 from taskrpc.robot.protocol import Robot
 from taskrpc.service import Service
@@ -19,7 +19,7 @@ from taskrpc.tasks.listing import page
 from taskrpc.tasks.manager import Answer, Resumed, TaskManager
 from taskrpc.tasks.messages import Messages
 from taskrpc.tasks.model import Task
-from taskrpc.tasks.store import StoreError, TaskStore
+from taskrpc.tasks.store import TaskStore
 
 _SUBMIT_CONCURRENCY = 64  # so many submits may wait for the disk together
 _WATCHERS = 1000
@@ -167,6 +167,8 @@ class TaskServer:
                 return await handler(request, response)
             except StoreError as error:
                 raise HandlerError(Code.INTERNAL, str(error)) from error
+            except OutcomeUnknown as error:
+                raise HandlerError(Code.OUTCOME_UNKNOWN, str(error)) from error
 
         return guarded
 

@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from typing import Protocol
 
 import msgspec
 
-from taskrpc.errors import TaskRpcError
+from taskrpc.storage.memory import KeptCompletions
 from taskrpc.tasks.model import Task
-
-
-class StoreError(TaskRpcError):
-    """The tasks cannot be read or written; the text says which file and why."""
+from taskrpc.wire.once import Client, Completion
 
 
 class Stored(msgspec.Struct, frozen=True):
@@ -22,8 +20,12 @@ class Stored(msgspec.Struct, frozen=True):
     """Every task, by number."""
     next_id: int
     """The number of the next task: higher than any that was ever given, also to a forgotten one."""
+    store_id: bytes
+    """16 bytes, drawn at random when the store was made, and anew when it was cleared."""
     paused: bool = False
     """Whether somebody halted the queue and nobody let it go on."""
+    completions: tuple[Completion, ...] = ()
+    """The requests that are done, and may be answered once more."""
 
 
 class TaskStore(Protocol):
@@ -39,14 +41,24 @@ class TaskStore(Protocol):
             StoreError: there is something that cannot be read, or another server uses it.
         """
 
-    async def apply(self, saved: Sequence[Task], forgotten: Sequence[int] = ()) -> None:
+    async def apply(
+        self,
+        saved: Sequence[Task],
+        forgotten: Sequence[int] = (),
+        completion: Completion | None = None,
+        clients: Sequence[Client] = (),
+    ) -> None:
         """Remember these tasks as they are now and forget those numbers; all of it or nothing.
 
-        When it returns, the tasks survive the end of this process, and of the machine if the
+        With them it forgets all completions of `clients` and remembers `completion`; what the same
+        client has completed below `completion.first_incomplete` is forgotten too.
+
+        When it returns, all this survives the end of this process, and of the machine if the
         store is one on disk.
 
         Raises:
             StoreError: nothing was changed.
+            OutcomeUnknown: only the next server will know whether it was.
         """
 
     async def remember_pause(self, paused: bool) -> None:
@@ -57,7 +69,7 @@ class TaskStore(Protocol):
         """
 
     async def clear(self) -> None:
-        """Forget everything and begin again with number 1.
+        """Forget everything and begin again with number 1, as another store with another id.
 
         Raises:
             StoreError: nothing was changed.
@@ -74,29 +86,41 @@ class MemoryStore:
         self._tasks: dict[int, Task] = {}
         self._next_id = 1
         self._paused = False
+        self._store_id = os.urandom(16)
+        self._completions = KeptCompletions()
 
     async def load(self) -> Stored:
         """Return everything that is remembered."""
         tasks = tuple(self._tasks[number] for number in sorted(self._tasks))
-        return Stored(tasks, self._next_id, self._paused)
+        completions = self._completions.all()
+        return Stored(tasks, self._next_id, self._store_id, self._paused, completions)
 
-    async def apply(self, saved: Sequence[Task], forgotten: Sequence[int] = ()) -> None:
-        """Remember these tasks as they are now and forget those numbers."""
+    async def apply(
+        self,
+        saved: Sequence[Task],
+        forgotten: Sequence[int] = (),
+        completion: Completion | None = None,
+        clients: Sequence[Client] = (),
+    ) -> None:
+        """Remember these tasks as they are now and forget those numbers; see `TaskStore.apply`."""
         for task in saved:
             self._tasks[task.task_id] = task
             self._next_id = max(self._next_id, task.task_id + 1)
         for number in forgotten:
             self._tasks.pop(number, None)
+        self._completions.keep(completion, clients)
 
     async def remember_pause(self, paused: bool) -> None:
         """Remember whether the queue stands still."""
         self._paused = paused
 
     async def clear(self) -> None:
-        """Forget everything and begin again with number 1."""
+        """Forget everything and begin again with number 1, as another store with another id."""
         self._tasks.clear()
         self._next_id = 1
         self._paused = False
+        self._store_id = os.urandom(16)
+        self._completions = KeptCompletions()
 
     async def close(self) -> None:
         """Keep everything: the same object can be opened again."""

@@ -7,11 +7,11 @@ import contextlib
 import logging
 from collections.abc import Awaitable, Callable
 
+from taskrpc.errors import StoreError
 from taskrpc.tasks.book import TaskBook
 from taskrpc.tasks.guard import RobotGuard
 from taskrpc.tasks.model import State, Task
 from taskrpc.tasks.run import Run
-from taskrpc.tasks.store import StoreError
 from taskrpc.tasks.timetable import Timetable
 
 _log = logging.getLogger("taskrpc.tasks")

@@ -38,6 +38,7 @@ EXAMPLES = [
     errors.PermissionDenied("not you"),
     errors.SessionExpired("forgotten"),
     errors.RequestIdReused("another"),
+    errors.StoreError("tasks.db: the disk is full"),
 ]
 
 

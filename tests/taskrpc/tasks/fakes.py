@@ -2,8 +2,9 @@
 
 import asyncio
 
+from taskrpc.errors import StoreError
 from taskrpc.robot.protocol import Plan, Pose, RobotStopped, TargetError
-from taskrpc.tasks.store import MemoryStore, StoreError
+from taskrpc.tasks.store import MemoryStore
 
 
 class LineRobot:
@@ -121,9 +122,9 @@ class FullStore(MemoryStore):
         self.is_full = False
         self.delay = 0.0
 
-    async def apply(self, saved, forgotten=()):
+    async def apply(self, saved, forgotten=(), completion=None, clients=()):
         if self.delay:
             await asyncio.sleep(self.delay)
         if self.is_full:
             raise StoreError("the disk is full")
-        await super().apply(saved, forgotten)
+        await super().apply(saved, forgotten, completion, clients)

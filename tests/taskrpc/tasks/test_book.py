@@ -4,10 +4,11 @@ import asyncio
 
 import pytest
 
+from taskrpc.errors import StoreError
 from taskrpc.tasks.board import Board
 from taskrpc.tasks.book import TaskBook
 from taskrpc.tasks.model import State, Task
-from taskrpc.tasks.store import StoreError
+from taskrpc.wire.once import Completion
 from tests.taskrpc.tasks.fakes import FullStore
 
 
@@ -31,6 +32,21 @@ async def test_a_watcher_never_sees_what_is_not_stored():
     assert book.find(1) == make(1)
     assert board.changed_since(start) == [1]
     assert book.is_settled(1)
+
+
+async def test_a_completion_is_stored_with_the_task_that_it_is_about():
+    store = FullStore()
+    book = TaskBook(store, Board())
+    done = Completion("ann", b"c" * 16, 1, 1, b"f" * 16, b"answer", 0, 1.5)
+    store.is_full = True
+    with pytest.raises(StoreError):
+        await book.save(make(1), completion=done)
+    assert (await store.load()).completions == ()
+    store.is_full = False
+    await book.save(make(1), completion=done)
+    assert (await store.load()).completions == (done,)
+    await book.save(clients=[("ann", b"c" * 16)])
+    assert (await store.load()).completions == ()
 
 
 async def test_a_refused_change_is_neither_known_nor_announced():

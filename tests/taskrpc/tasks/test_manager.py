@@ -9,6 +9,7 @@ from taskrpc.tasks.manager import Resumed, TaskManager
 from taskrpc.tasks.model import State
 from taskrpc.tasks.sqlite_store import SqliteStore
 from taskrpc.tasks.store import MemoryStore
+from taskrpc.wire.once import Completion
 from tests.taskrpc.tasks.fakes import LineRobot
 
 
@@ -266,3 +267,21 @@ async def test_submits_at_once_are_served_in_the_order_of_their_arrival(manager)
     times = [answer.estimated_time for answer in answers]
     assert times == sorted(times)
     assert [row.task.task_id for row in page(manager, "").rows] == list(range(1, 11))
+
+
+def completed(answer):
+    return Completion("ann", b"c" * 16, 1, 1, b"f" * 16, answer.message.encode(), 0, 1.5)
+
+
+@pytest.mark.parametrize("target", ["1", "mars"])
+async def test_a_requests_completion_is_stored_with_the_answer_that_it_got(store, target):
+    manager = TaskManager(LineRobot(), store)
+    await manager.start()
+    await manager.pause()
+    answer = await manager.submit("move", target, 5, completing=completed)
+    (found,) = (await store.load()).completions
+    assert found == completed(answer)
+    assert len((await store.load()).tasks) == answer.success
+    await manager.submit("move", target, 5, completing=lambda answer: None)
+    assert len((await store.load()).completions) == 1
+    await manager.close()

@@ -2,13 +2,17 @@
 
 import asyncio
 import os
+import re
 import sqlite3
 
+import msgspec
 import pytest
 
+from taskrpc.errors import StoreError
 from taskrpc.tasks.model import Task
-from taskrpc.tasks.sqlite_store import FORMAT, SqliteStore
-from taskrpc.tasks.store import StoreError
+from taskrpc.tasks.sqlite_store import SqliteStore
+from taskrpc.tasks.task_tables import FORMAT
+from taskrpc.wire.once import Completion
 
 
 def make(number):
@@ -20,6 +24,10 @@ def make(number):
         arrival=number,
         submitted_at=0.0,
     )
+
+
+def completion(sequence, first=1):
+    return Completion("ann", b"c" * 16, sequence, first, b"f" * 16, b"answer", 0, 1.5)
 
 
 @pytest.fixture
@@ -108,14 +116,64 @@ async def test_another_programs_database_is_refused_and_left_as_it_is(path):
     assert path.read_bytes() == before
 
 
-async def test_a_damaged_record_is_named_as_such(path):
+SEVEN = "(table task, row task_id = 7: "
+DAMAGES = {
+    "another record": ("UPDATE task SET record = '{}' WHERE task_id = 7", SEVEN),
+    "bytes": ("UPDATE task SET record = x'ff00' WHERE task_id = 7", SEVEN),
+    "a number": ("UPDATE task SET record = 5 WHERE task_id = 7", SEVEN),
+    "another checksum": ("UPDATE task SET checksum = 0 WHERE task_id = 7", SEVEN),
+    "another number": ("UPDATE task SET task_id = 8 WHERE task_id = 7", "row task_id = 8: "),
+    "no server": ("DELETE FROM server", "(table server: expected one row"),
+    "no sense": ("UPDATE server SET next_id = 'seven'", "(table server: expected one row"),
+    "no table": ("DROP TABLE task", "no such table: task"),
+    "no id": ("UPDATE taskrpc_store SET store_id = 'short'", "expected the store's id of 16 bytes"),
+    "no store": ("DELETE FROM taskrpc_store", "expected the store's id of 16 bytes"),
+    "a completion": (
+        "UPDATE taskrpc_completion SET record = 'x'",
+        f"row client = '{'63' * 16}' AND sequence = '{3:016x}': the checksum does not match",
+    ),
+}
+
+
+@pytest.mark.parametrize("damage", DAMAGES)
+async def test_what_is_damaged_is_told_with_its_file_table_and_number(path, damage):
+    statement, said = DAMAGES[damage]
     store = SqliteStore(path)
-    await store.apply([make(1)])
+    await store.apply([make(1), make(7)], completion=completion(3))
     await store.close()
     with sqlite3.connect(path) as connection:
-        connection.execute('UPDATE task SET record = \'{"task_id": "one"}\'')
+        connection.execute(statement)
     connection.close()
-    assert "holds a damaged task" in await refused(path)
+    message = await refused(path)
+    assert message.startswith(str(path))
+    assert said in message
+
+
+async def test_the_rest_is_there_once_a_damaged_task_was_given_up_as_the_sentence_says(path):
+    store = SqliteStore(path)
+    await store.apply([make(1), make(7), make(9)])
+    await store.close()
+    with sqlite3.connect(path) as connection:
+        connection.execute("UPDATE task SET record = '{}' WHERE task_id = 7")
+    connection.close()
+    advised = re.search(r'sqlite3 (\S+) "(.*)"', await refused(path))
+    with sqlite3.connect(advised[1]) as connection:
+        connection.execute(advised[2])
+    connection.close()
+    store = SqliteStore(path)
+    assert [task.task_id for task in (await store.load()).tasks] == [1, 9]
+    await store.close()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="rights are another matter there")
+async def test_nobody_else_can_read_any_of_the_files(path, tmp_path):
+    path.touch(0o644)
+    store = SqliteStore(path)
+    await store.apply([make(1)])
+    modes = {entry.name: oct(entry.stat().st_mode & 0o777) for entry in tmp_path.iterdir()}
+    await store.close()
+    names = ["tasks.db", "tasks.db-wal", "tasks.db-shm", "tasks.db.lock"]
+    assert modes == dict.fromkeys(names, "0o600")
 
 
 async def test_a_folder_that_is_not_there_is_named(tmp_path):
@@ -142,11 +200,48 @@ async def test_every_commit_is_synced_to_the_disk(path):
     store = SqliteStore(path)
     await store.load()
 
-    def sync_settings(file):
-        return [file._pragma("synchronous"), file._pragma("journal_mode")]
+    def sync_settings(connection):
+        names = ("synchronous", "journal_mode")
+        return [connection.execute(f"PRAGMA {name}").fetchone()[0] for name in names]
 
-    assert await store._do(sync_settings) == [2, "wal"]
+    assert await store._do(sync_settings) == [2, b"wal"]
     await store.close()
+
+
+FORMAT_1 = """
+    CREATE TABLE task (task_id INTEGER PRIMARY KEY, record TEXT NOT NULL);
+    CREATE TABLE server (next_id INTEGER NOT NULL, paused INTEGER NOT NULL);
+    INSERT INTO server VALUES (8, 1);
+    PRAGMA application_id = 0x54525043;
+    PRAGMA user_version = 1;
+"""
+
+
+def written_by_the_first_version(path, records):
+    with sqlite3.connect(path) as connection:
+        connection.executescript(FORMAT_1)
+        rows = [(number, record) for number, record in records.items()]
+        connection.executemany("INSERT INTO task VALUES (?, ?)", rows)
+    connection.close()
+
+
+async def test_a_file_of_the_first_format_is_brought_up_to_date(path):
+    tasks = [make(1), make(7)]
+    records = {task.task_id: msgspec.json.encode(task).decode() for task in tasks}
+    written_by_the_first_version(path, records)
+    for _ in range(2):
+        store = SqliteStore(path)
+        stored = await store.load()
+        assert (list(stored.tasks), stored.next_id, stored.paused) == (tasks, 8, True)
+        assert (len(stored.store_id), stored.completions) == (16, ())
+        await store.close()
+
+
+async def test_a_file_of_the_first_format_that_is_damaged_stays_as_it_was(path):
+    written_by_the_first_version(path, {1: '{"task_id": "one"}'})
+    before = path.read_bytes()
+    assert "holds a damaged task: Expected `int`, got `str`" in await refused(path)
+    assert path.read_bytes() == before
 
 
 async def test_calls_made_at_once_are_all_kept(path):

@@ -7,9 +7,11 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
+from taskrpc.errors import StoreError
 from taskrpc.tasks.model import EstimateChange, State, Task
 from taskrpc.tasks.sqlite_store import SqliteStore
-from taskrpc.tasks.store import MemoryStore, StoreError
+from taskrpc.tasks.store import MemoryStore
+from taskrpc.wire.once import Completion
 
 
 def make(number, **changes):
@@ -98,6 +100,61 @@ async def test_calls_take_effect_in_the_order_in_which_they_were_made(store):
     calls = [store.apply([make(1, priority=priority)]) for priority in range(1, 11)]
     *_, stored = await asyncio.gather(*calls, store.load())
     assert stored.tasks[0].priority == 10
+
+
+ANN, BOB = ("ann", b"a" * 16), ("", b"\x00" * 16)
+
+
+def completion(client, sequence, first=1, **changes):
+    fields = {"fingerprint": b"f" * 16, "answer": b"\x00\xff", "code": 0, "at": 1.5}
+    return Completion(*client, sequence, first, **(fields | changes))
+
+
+async def known(store):
+    """Whose requests of which numbers are remembered."""
+    completions = (await store.load()).completions
+    return sorted((each.principal, each.client, each.sequence) for each in completions)
+
+
+async def test_a_completion_is_loaded_as_it_was_with_the_task_that_came_with_it(store):
+    done = completion(ANN, 2**64 - 1, 2**64 - 1, code=5, at=1e9 + 0.25)
+    await store.apply([make(1)], completion=done)
+    stored = await store.load()
+    assert (stored.tasks, stored.completions) == ((make(1),), (done,))
+
+
+async def test_a_completion_forgets_what_its_client_settled_and_nothing_else(store):
+    for client in (ANN, BOB):
+        for sequence in (1, 2, 2**63, 2**63 + 1):
+            await store.apply([], completion=completion(client, sequence))
+    await store.apply([], completion=completion(ANN, 2**63 + 2, first=2**63))
+    last = [(*ANN, 2**63 + more) for more in (0, 1, 2)]
+    assert await known(store) == [*((*BOB, each) for each in (1, 2, 2**63, 2**63 + 1)), *last]
+
+
+async def test_the_last_word_about_a_request_counts(store):
+    await store.apply([], completion=completion(ANN, 1))
+    await store.apply([], completion=completion(ANN, 1, answer=b"another"))
+    assert [each.answer for each in (await store.load()).completions] == [b"another"]
+
+
+async def test_a_forgotten_clients_completions_are_gone_but_not_the_one_that_comes_with_it(store):
+    for client in (ANN, BOB):
+        await store.apply([], completion=completion(client, 1))
+    await store.apply([], completion=completion(BOB, 2), clients=[ANN, BOB, ("", b"x" * 16)])
+    assert await known(store) == [(*BOB, 2)]
+
+
+async def test_a_store_keeps_its_id_until_it_is_cleared_and_then_knows_no_completions(store):
+    await store.apply([make(1)], completion=completion(ANN, 1))
+    first = (await store.load()).store_id
+    await store.close()
+    assert (await store.load()).store_id == first
+    assert len(first) == 16
+    await store.clear()
+    stored = await store.load()
+    assert stored.store_id != first
+    assert (len(stored.store_id), stored.completions) == (16, ())
 
 
 @settings(

@@ -4,10 +4,10 @@ import asyncio
 
 import pytest
 
+from taskrpc.errors import StoreError
 from taskrpc.robot.protocol import RobotStopped
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import State
-from taskrpc.tasks.store import StoreError
 from tests.taskrpc.tasks.fakes import FullStore, LineRobot
 
 

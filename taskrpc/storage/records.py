@@ -1,0 +1,72 @@
+"""Records in a table, each with a checksum, so that a damaged one is told and never believed."""
+
+from __future__ import annotations
+
+import zlib
+from collections.abc import Sequence
+from typing import Any, TypeVar
+
+import msgspec
+
+_Record = TypeVar("_Record")
+
+
+class Damaged(Exception):
+    """A table does not hold what was written there.
+
+    Attributes:
+        where: the row, as SQL says it; "" for the one row of a table which must not lack it.
+    """
+
+    def __init__(self, table: str, problem: str, where: str = "") -> None:
+        self.table, self.problem, self.where = table, problem, where
+        super().__init__(f"table {table}: {problem}")
+
+
+def with_checksum(record: bytes, *key: int | str) -> tuple[int, str]:
+    """The checksum of a record and of the key that names it, and the record's text."""
+    return zlib.crc32(record, _key_sum(key)), record.decode()
+
+
+def read_records(
+    rows: Sequence[tuple[Any, ...]], kind: type[_Record], table: str, *columns: str
+) -> list[_Record]:
+    """The records of rows: the key's columns, the record, the checksum. Raises Damaged."""
+    records = [_intact(row, table, columns) for row in rows]
+    try:
+        return _decode_all(records, kind)
+    except (msgspec.MsgspecError, UnicodeDecodeError):
+        for row, record in zip(rows, records, strict=True):
+            try:
+                msgspec.json.decode(record, type=kind)
+            except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+                raise Damaged(table, str(error), _where(row, columns)) from None
+        raise
+
+
+def _decode_all(records: list[bytes], kind: type[_Record]) -> list[_Record]:
+    text = b"[" + b",".join(records) + b"]"
+    return msgspec.json.decode(text, type=list[kind])  # type: ignore[valid-type]
+
+
+def _intact(row: tuple[Any, ...], table: str, columns: tuple[str, ...]) -> bytes:
+    *key, record, checksum = row
+    if not isinstance(record, bytes):
+        problem = f"expected a text, found {type(record).__name__}"
+        raise Damaged(table, problem, _where(row, columns))
+    if zlib.crc32(record, _key_sum(key)) != checksum:
+        raise Damaged(table, "the checksum does not match", _where(row, columns))
+    return record
+
+
+def _key_sum(key: Sequence[Any]) -> int:
+    return zlib.crc32(" ".join(map(_text, key)).encode())
+
+
+def _where(row: tuple[Any, ...], columns: tuple[str, ...]) -> str:
+    values = (f"{key}" if isinstance(key, int) else f"'{_text(key)}'" for key in row)
+    return " AND ".join(f"{name} = {value}" for name, value in zip(columns, values, strict=False))
+
+
+def _text(key: Any) -> str:
+    return key.decode(errors="replace") if isinstance(key, bytes) else str(key)

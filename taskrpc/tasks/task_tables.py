@@ -1,0 +1,117 @@
+"""The tables of a task server's file: made, brought up to date, read and written."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Sequence
+
+import msgspec
+
+from taskrpc.errors import StoreError
+from taskrpc.storage.completions import create_tables, read_completions, read_store_id, renew
+from taskrpc.storage.database import pragma
+from taskrpc.storage.records import Damaged, read_records, with_checksum
+from taskrpc.tasks.model import Task
+from taskrpc.tasks.store import Stored
+
+FORMAT = 2
+"""The version of the file's layout, kept in `PRAGMA user_version`."""
+_APPLICATION_ID = 0x54525043  # "TRPC"; tells our files from other programs' databases
+
+_TABLES = (
+    """
+    CREATE TABLE task (
+        task_id INTEGER PRIMARY KEY, record TEXT NOT NULL, checksum INTEGER NOT NULL
+    )
+    """,
+    "CREATE TABLE server (next_id INTEGER NOT NULL, paused INTEGER NOT NULL)",
+    "INSERT INTO server VALUES (1, 0)",
+    f"PRAGMA application_id = {_APPLICATION_ID}",
+    f"PRAGMA user_version = {FORMAT}",
+)
+# One statement a batch: each step of a statement takes the interpreter's lock from the event loop.
+_SAVE = """
+    INSERT OR REPLACE INTO task (task_id, checksum, record)
+    SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'), json_extract(value, '$[2]')
+    FROM json_each(?)
+"""
+_FORGET = "DELETE FROM task WHERE task_id IN (SELECT value FROM json_each(?))"
+_COUNT = "UPDATE server SET next_id = max(next_id, ?)"
+
+
+def prepare(connection: sqlite3.Connection) -> None:
+    """Make the tables of a new file, bring those of an older one up to date, refuse any other.
+
+    Raises:
+        StoreError: it is not a file of this program, or a newer one's.
+    """
+    is_new = connection.execute("SELECT 1 FROM sqlite_master").fetchone() is None
+    if is_new and pragma(connection, "application_id") == 0:
+        create_tables(connection)
+        for statement in _TABLES:
+            connection.execute(statement)
+    if pragma(connection, "application_id") != _APPLICATION_ID:
+        raise StoreError("expected a task database, found another program's database")
+    version = pragma(connection, "user_version")
+    if version == 1:
+        _upgrade(connection)
+    elif version != FORMAT:
+        raise StoreError(
+            f"expected a task database of format {FORMAT}, found format {version}; "
+            "use the taskrpc that wrote it, or another file"
+        )
+
+
+def load(connection: sqlite3.Connection) -> Stored:
+    """Read everything. Raises Damaged."""
+    rows = connection.execute("SELECT task_id, record, checksum FROM task ORDER BY task_id")
+    tasks = tuple(read_records(rows.fetchall(), Task, "task", "task_id"))
+    server = connection.execute("SELECT next_id, paused FROM server").fetchone()
+    if server is None or not all(isinstance(each, int) for each in server):
+        raise Damaged("server", "expected one row with the next number and whether it is paused")
+    next_id = max([server[0], *(task.task_id + 1 for task in tasks[-1:])])
+    store_id, completions = read_store_id(connection), read_completions(connection)
+    return Stored(tasks, next_id, store_id, bool(server[1]), completions)
+
+
+def row(task: Task) -> tuple[int, int, str]:
+    """A task as it stands in its table: number, checksum, record."""
+    return task.task_id, *with_checksum(msgspec.json.encode(task), task.task_id)
+
+
+def write_tasks(
+    connection: sqlite3.Connection, saved: Sequence[tuple[int, int, str]], forgotten: Sequence[int]
+) -> None:
+    """Save rows and forget numbers in the transaction that is open."""
+    if saved:
+        connection.execute(_SAVE, (msgspec.json.encode(saved).decode(),))
+        connection.execute(_COUNT, (1 + max(number for number, *_ in saved),))
+    if forgotten:
+        connection.execute(_FORGET, (msgspec.json.encode(forgotten).decode(),))
+
+
+def write_pause(connection: sqlite3.Connection, paused: bool) -> None:
+    """Remember whether the queue stands still."""
+    connection.execute("UPDATE server SET paused = ?", (paused,))
+
+
+def clear(connection: sqlite3.Connection) -> None:
+    """Forget everything, in the transaction that is open."""
+    connection.execute("DELETE FROM task")
+    connection.execute("DELETE FROM server")
+    connection.execute("INSERT INTO server VALUES (1, 0)")
+    renew(connection)
+
+
+def _upgrade(connection: sqlite3.Connection) -> None:
+    """From format 1, which had no checksums, no completions and no id."""
+    records = [each for (each,) in connection.execute("SELECT record FROM task")]
+    try:
+        tasks = msgspec.json.decode(b"[" + b",".join(records) + b"]", type=list[Task])
+    except (msgspec.MsgspecError, TypeError) as error:
+        raise StoreError(f"holds a damaged task: {error}") from None
+    connection.execute("DROP TABLE task")
+    connection.execute(_TABLES[0])
+    write_tasks(connection, [row(task) for task in tasks], ())
+    create_tables(connection)
+    connection.execute(f"PRAGMA user_version = {FORMAT}")
