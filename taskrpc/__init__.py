@@ -39,6 +39,7 @@ if TYPE_CHECKING:
         WouldDeadlock,
     )
     from taskrpc.node import Node, run
+    from taskrpc.observer import NodeStatus, Observer
     from taskrpc.retry import RetryPolicy
     from taskrpc.robot import (
         KinematicRobot,
@@ -65,6 +66,7 @@ _HOMES = {
         " TaskRpcError TypeMismatch WouldDeadlock"
     ),
     "node": "Node run",
+    "observer": "NodeStatus Observer",
     "retry": "RetryPolicy",
     "robot": "KinematicRobot Plan Pose Robot TargetError World default_world read_map",
     "service": "Service",
@@ -73,7 +75,7 @@ _HOMES = {
 }
 _HOME_OF = {name: home for home, exported in _HOMES.items() for name in exported.split()}
 
-_MODULES = ("errors", "sync", "testing")
+_MODULES = ("errors", "logs", "sync", "testing")
 
 __all__ = [
     "AuthenticationFailed",
@@ -92,6 +94,8 @@ __all__ = [
     "MemoryStore",
     "NameInUse",
     "Node",
+    "NodeStatus",
+    "Observer",
     "OutcomeUnknown",
     "PermissionDenied",
     "Plan",

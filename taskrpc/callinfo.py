@@ -30,6 +30,16 @@ class CallInfo(msgspec.Struct, eq=False):
         return None if self.deadline is None else max(0.0, self.deadline - self._clock())
 
 
+def log_fields(call: CallInfo) -> dict[str, object]:
+    """What a log line about a call carries beside its text (`extra=`)."""
+    return {
+        "call": call.number,
+        "service": call.service,
+        "caller": call.caller,
+        "principal": call.principal,
+    }
+
+
 answering: ContextVar[CallInfo | None] = ContextVar("taskrpc_call", default=None)
 
 

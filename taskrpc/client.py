@@ -143,6 +143,11 @@ class Client:
         deadline = None if span is None else self._now() + span
         return self._channel.send_in_thread(request, deadline)
 
+    @property
+    def retries(self) -> int:
+        """How often a call was repeated so far."""
+        return self._budget.booked
+
     def destroy(self) -> None:
         """Forget the service; calls in flight still get their answers."""
         self._channel.close()

@@ -19,6 +19,7 @@ from typing import Any
 
 import msgspec
 
+from taskrpc.callinfo import log_fields
 from taskrpc.errors import (
     Code,
     HandlerFailed,
@@ -247,7 +248,7 @@ class OnceDesk:
 
     def unknown(self, run: Run, error: OutcomeUnknown) -> None:
         """Nobody can tell whether a run's transaction was done, before the store is read anew."""
-        log.error("%s: %s", run.service, error)
+        log.error("%s: %s", run.service, error, extra=log_fields(run))
         self._ended(run)
         self._shared.ledger = None
         self._open()
@@ -263,10 +264,12 @@ class OnceDesk:
                 self._expire(ledger, now)
                 self._run(call)
             case Verdict.ATTACH:
-                log.debug("call %d of %s attaches to its first sending", call.number, call.service)
+                text = "call %d of %s attaches to its first sending"
+                log.debug(text, call.number, call.service, extra=log_fields(call))
                 self._shared.runs[_key(call, claim)].attach(call)
             case Verdict.DONE:
-                log.debug("call %d of %s was done before", call.number, call.service)
+                text = "call %d of %s was done before"
+                log.debug(text, call.number, call.service, extra=log_fields(call))
                 self._repeat(call, ledger.answer(call.principal, claim.number))
             case Verdict.STALE:
                 problem = "the server does not remember this client: whether it ran is unknown"
@@ -324,7 +327,8 @@ class OnceDesk:
         except OutcomeUnknown as error:
             self.unknown(run, error)
         except Exception as error:
-            log.error("%s cannot store what it did: %s", run.service, error)
+            text = "%s cannot store what it did: %s"
+            log.error(text, run.service, error, extra=log_fields(run))
             self.undone(run, HandlerFailed(Code.UNAVAILABLE, str(error)))
         else:
             self.done(run, completion, answer)

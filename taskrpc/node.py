@@ -6,12 +6,14 @@ import asyncio
 import contextlib
 import os
 from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
+from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 from taskrpc import names, platform
 from taskrpc.client import DEFAULT_TIMEOUT, Client
 from taskrpc.errors import TaskRpcError
+from taskrpc.observer import NodeStatus, Observer, told
 from taskrpc.retry import RetryPolicy
 from taskrpc.transport.base import Mode, Transport
 from taskrpc.transport.entries import Entry
@@ -43,6 +45,7 @@ class Node:
         tls: certificates, for nodes that are reached from, or call, other machines.
         token: the secret that callers and peers on other machines must know
             (`TASKRPC_TOKEN` where not given); processes of one user and machine need none.
+        observer: is told what becomes of each call; a `Metrics`, or an `Observer` of your own.
     """
 
     _threads = False
@@ -58,16 +61,20 @@ class Node:
         peers: Sequence[str] | None = None,
         tls: Tls | None = None,
         token: str | None = None,
+        observer: Observer | None = None,
     ) -> None:
         self._name = names.check_node_name(name)
         self._namespace = names.check_namespace(namespace)
         self._transport_name = transport
         self._listen, self._peers, self._tls = listen, peers, tls
         self._token = token or os.environ.get("TASKRPC_TOKEN")
+        self._observer = observer
         self._transport: Transport | None = None
         # Ordered sets: thousands may come and go.
         self._services: dict[Service, None] = {}
         self._clients: dict[Client, None] = {}
+        self._retries: dict[str, int] = {}
+        """Those of clients that are gone."""
 
     # What it is
 
@@ -118,6 +125,8 @@ class Node:
                 threads=self._threads,
             )
             self._transport.add_node(self.get_fully_qualified_name())
+            if self._observer is not None:
+                told(self._observer.node_started, self)
 
     async def destroy(self) -> None:
         """Withdraw services and clients and leave the network; `async with` does it.
@@ -127,6 +136,8 @@ class Node:
         """
         if self._transport is None:
             return
+        if self._observer is not None:
+            told(self._observer.node_ended, self)
         for service in self._services:
             service.abandon()
         for client in list(self._clients):
@@ -197,6 +208,7 @@ class Node:
             mode=Mode.IDEMPOTENT if idempotent else Mode.AT_MOST_ONCE,
             store=exactly_once,
             join=join,
+            observer=self._observer,
         )
         self._services[service] = None
         service.finished.add_done_callback(lambda _: self._services.pop(service, None))
@@ -211,14 +223,14 @@ class Node:
         retry: RetryPolicy | None = None,
     ) -> Client:
         """A client of a service; `timeout` (seconds) and `retry` hold for all its calls."""
-        client = Client(
+        client = self._client_maker()(
             self._started(),
             _service_type(srv_type),
             self.resolve_service_name(srv_name),
             self.get_fully_qualified_name(),
             timeout=timeout,
             retry=retry,
-            forget=lambda client: self._clients.pop(client, None),
+            forget=self._forget_client,
         )
         self._clients[client] = None
         return client
@@ -233,6 +245,28 @@ class Node:
         Raises ServiceUnavailable when nobody offers it.
         """
         return await self._started().definition(self.resolve_service_name(srv_name))
+
+    def status(self) -> NodeStatus:
+        """What this node has to do now, and what it has done since it started."""
+        retries = dict(self._retries)
+        for client in list(self._clients):  # another thread may ask
+            name = client.service_name
+            retries[name] = retries.get(name, 0) + client.retries
+        services = tuple(service.status() for service in list(self._services))
+        return NodeStatus(services, retries, *self._started().traffic())
+
+    def _client_maker(self) -> Callable[..., Client]:
+        if self._observer is None:
+            return Client
+        from taskrpc.observed_client import ObservedClient  # programs that want it are few
+
+        return partial(ObservedClient, self._observer)
+
+    def _forget_client(self, client: Client) -> None:
+        if client in self._clients:
+            del self._clients[client]
+            name = client.service_name
+            self._retries[name] = self._retries.get(name, 0) + client.retries
 
     def _started(self) -> Transport:
         if self._transport is None:

@@ -54,6 +54,8 @@ class RetryBudget:
     """
 
     def __init__(self) -> None:
+        self.booked = 0
+        """How many retries there were."""
         self._tokens = _BUDGET_FULL
         self._next_floor = float("-inf")
 
@@ -71,11 +73,13 @@ class RetryBudget:
             return None
         if self._tokens >= 1:
             self._tokens -= 1
+            self.booked += 1
             return wait
         place = max(now, self._next_floor) + 1 / _BUDGET_FLOOR
         if place >= latest:
             return None  # booked all the same, it would be lost to those who can wait
         self._next_floor = place
+        self.booked += 1
         return max(wait, place - now)
 
 

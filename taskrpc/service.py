@@ -21,6 +21,7 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
+from taskrpc.observer import Observer, ServiceStatus
 from taskrpc.stepping import Stepper
 from taskrpc.transport.base import IncomingCall, Mode, Offer, Transport
 from taskrpc.transport.codec import ServiceType, codec_of
@@ -63,6 +64,7 @@ class Service:
         mode: Mode = Mode.AT_MOST_ONCE,
         store: CompletionStore | None = None,
         join: bool = False,
+        observer: Observer | None = None,
     ) -> None:
         if concurrency is None:
             # As many as a caller may have in flight, so that a store can commit them together.
@@ -87,7 +89,7 @@ class Service:
         self._warned = False
         self._transport = transport
         self._desk = self._desk_before(store)
-        self._offer = self._offered(node, mode, join=join)
+        self._offer = self._offered(node, mode, join, observer)
         transport.offer(self._offer)
 
     def _desk_before(self, store: CompletionStore | None) -> OnceDesk | None:
@@ -97,17 +99,22 @@ class Service:
 
         return OnceDesk(store, codec_of(self.srv_type.Response), self._arrived)
 
-    def _offered(self, node: str, mode: Mode, *, join: bool) -> Offer:
-        name, srv_type, desk = self.service_name, self.srv_type, self._desk
-        if desk is None:
-            return Offer(name, srv_type, node, self._arrived, mode, join)
-        return Offer(name, srv_type, node, desk.arrived, Mode.EXACTLY_ONCE, join, desk.store_id)
+    def _offered(self, node: str, mode: Mode, join: bool, observer: Observer | None) -> Offer:
+        serve, store_id, desk = self._arrived, None, self._desk
+        if desk is not None:
+            serve, store_id, mode = desk.arrived, desk.store_id, Mode.EXACTLY_ONCE
+        name, srv_type = self.service_name, self.srv_type
+        return Offer(name, srv_type, node, serve, mode, join, store_id, observer)
 
     def destroy(self) -> None:
         """Stop offering the service; calls that have arrived are still answered."""
         self._transport.withdraw(self._offer)
         self._destroyed = True
         self._finish_if_idle()
+
+    def status(self) -> ServiceStatus:
+        """How many calls run and wait."""
+        return ServiceStatus(self.service_name, self._running, len(self._waiting))
 
     def abandon(self) -> None:
         """Stop at once: calls that wait go elsewhere, what became of running ones is unknown."""
@@ -271,6 +278,7 @@ class Service:
                 " create the service with threaded=True, or let it await instead of blocking",
                 self.service_name,
                 seconds,
+                extra={"service": self.service_name},
             )
 
 

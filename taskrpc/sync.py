@@ -22,6 +22,7 @@ from taskrpc import node as _node
 from taskrpc import platform
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
 from taskrpc.errors import WouldDeadlock
+from taskrpc.observer import NodeStatus, Observer
 from taskrpc.retry import RetryPolicy
 from taskrpc.service import Callback, Service
 from taskrpc.transport.entries import Entry
@@ -53,6 +54,7 @@ class Node:
         peers: Sequence[str] | None = None,
         tls: Tls | None = None,
         token: str | None = None,
+        observer: Observer | None = None,
     ) -> None:
         self._loop = _LoopThread.shared()
         self._node = _Node(
@@ -63,6 +65,7 @@ class Node:
             peers=peers,
             tls=tls,
             token=token,
+            observer=observer,
         )
 
     def __enter__(self) -> Self:
@@ -135,6 +138,10 @@ class Node:
             "create_client()",
         )
         return Client(self._loop, inner)
+
+    def status(self) -> NodeStatus:
+        """What this node has to do now, and what it has done since it started."""
+        return self._loop.do(self._node.status, "status()")
 
     def graph(self) -> list[Entry]:
         """Every process that this node can see: its nodes, services and clients."""

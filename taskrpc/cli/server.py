@@ -12,7 +12,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from taskrpc import platform
+from taskrpc import logs, platform
 from taskrpc.cli import remote
 from taskrpc.cli.command import Exit, run_main
 from taskrpc.cli.parsing import Parser, number, whole
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 DRAIN_GRACE = 1.0
 """Seconds that calls in flight get when the server is told to end."""
 
-_LOG_FORMAT = "[%(levelname)s] [%(created).9f] [%(name)s]: %(message)s"
 _ROBOT_MEMBERS = "speed task_types plan pose execute remaining pause resume stop".split()
 
 
@@ -38,7 +37,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(arguments: list[str]) -> Exit:
     options = _parser().parse_args(arguments)
-    logging.basicConfig(level=options.log_level.upper(), format=_LOG_FORMAT)
+    handler = logs.handler(options.log_format)
+    logging.basicConfig(level=options.log_level.upper(), handlers=[handler])
     # Not on the loop: there Ctrl-C would have to wait until the map is read.
     robot = _robot(options)
     from taskrpc.node import run
@@ -73,6 +73,8 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--transport", choices=["tcp"], default="tcp", help="how calls travel (tcp)")
     levels = ["debug", "info", "warning", "error"]
     add("--log-level", choices=levels, default="info", help="what to log to stderr (info)")
+    what = "how each line there looks: as in ROS 2, or JSON for programs (text)"
+    add("--log-format", choices=logs.STYLES, default="text", help=what)
 
 
 def _add_robot_options(parser: argparse.ArgumentParser) -> None:
@@ -120,15 +122,20 @@ async def _serve(options: argparse.Namespace, robot: Robot) -> None:
             join=options.join,
         )
         resumed = await server.start(fresh=options.fresh)
-        print(f"taskrpc-server: {resumed}", file=sys.stderr)
-        _say_ready(node)
+        _say(options, f"taskrpc-server: {resumed}")
+        what = "/robot_task [my_robot_interfaces/srv/RobotTask]"
+        _say(options, f"taskrpc-server ready: {what} at {node.address}")
         await stopped
         await _shut_down(node, server)
 
 
-def _say_ready(node: Node) -> None:
-    what = "/robot_task [my_robot_interfaces/srv/RobotTask]"
-    print(f"taskrpc-server ready: {what} at {node.address}", file=sys.stderr, flush=True)
+def _say(options: argparse.Namespace, text: str) -> None:
+    """Tell whoever started the server, at every log level and in the format of the log."""
+    if options.log_format == "json":
+        level = logging.INFO
+        record = logging.LogRecord("taskrpc.cli", level, __file__, 0, text, (), None)
+        text = logs.JsonFormatter().format(record)
+    print(text, file=sys.stderr, flush=True)
 
 
 async def _shut_down(node: Node, server: TaskServer) -> None:

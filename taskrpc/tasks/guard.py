@@ -34,7 +34,9 @@ class RobotGuard:
         try:
             return checked_plan(self.robot, task.task_type, task.target, start)
         except Exception as error:
-            _log.warning("task %d: the robot cannot plan it: %s", task.task_id, sentence(error))
+            number, why = task.task_id, sentence(error)
+            text = "task %d: the robot cannot plan it: %s"
+            _log.warning(text, number, why, extra={"task": number})
             return Plan(0.0, start)
 
     def pose(self) -> Pose:

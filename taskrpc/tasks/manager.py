@@ -202,7 +202,12 @@ class TaskManager:
         )
         answer = await self._accept(task, completing)
         _log.info(
-            "Task %d queued: %s to %s (priority: %d)", task.task_id, task_type, target, priority
+            "Task %d queued: %s to %s (priority: %d)",
+            task.task_id,
+            task_type,
+            target,
+            priority,
+            extra={"task": task.task_id},
         )
         return answer
 

@@ -68,7 +68,11 @@ class Run:
             self._is_free.set()
             return
         _log.info(
-            "Executing task %d: %s - %s", self.task.task_id, self.task.task_type, self.task.target
+            "Executing task %d: %s - %s",
+            self.task.task_id,
+            self.task.task_type,
+            self.task.target,
+            extra={"task": self.task.task_id},
         )
         self._execution = asyncio.ensure_future(self._execute())
         self._execution.add_done_callback(lambda _: self._is_free.set())
@@ -93,7 +97,8 @@ class Run:
         try:
             await self._move(lambda task: self._ended(task, changes), *BEGUN)
         finally:
-            _log.info("Task %d %s", self.task.task_id, _said(self.task))
+            number = self.task.task_id
+            _log.info("Task %d %s", number, _said(self.task), extra={"task": number})
             self.is_over.set()
 
     def remaining(self) -> float:
@@ -186,7 +191,8 @@ class Run:
             if error is None:
                 return _success(execution.result())
             if self._verdict is None or not isinstance(error, RobotStopped):
-                _log.error("task %d failed", self.task.task_id, exc_info=error)
+                number = self.task.task_id
+                _log.error("task %d failed", number, exc_info=error, extra={"task": number})
             if self._verdict is None:
                 return State.FAILED, sentence(error), ""
         state, message = self._verdict or (State.FAILED, "the robot gave it up without a reason")

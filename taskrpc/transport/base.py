@@ -15,6 +15,7 @@ import msgspec
 
 from taskrpc.callinfo import CallInfo
 from taskrpc.errors import TaskRpcError
+from taskrpc.observer import Connections, Observer
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.entries import Entry
 from taskrpc.wire.once import Claim, Completion, Number, Numbers
@@ -81,6 +82,8 @@ class Offer(msgspec.Struct, frozen=True, eq=False):
     """Whether other processes may offer the same name."""
     store_id: asyncio.Future[bytes] | None = None
     """For exactly-once services: the store's name, as soon as it is known."""
+    observer: Observer | None = None
+    """Who wants to know of each call."""
 
 
 class SentCall(Protocol):
@@ -180,6 +183,9 @@ class Transport(Protocol):
 
     async def definition(self, name: str) -> tuple[str, str]:
         """A service's type and the full text of its definition, from the server that has it."""
+
+    def traffic(self) -> tuple[str, Connections, Connections]:
+        """A name for this transport's sockets, and what they have accepted and dialled."""
 
     @property
     def address(self) -> str:

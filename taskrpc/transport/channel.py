@@ -151,11 +151,11 @@ class RemoteChannel:
                 await self.connect(deadline)
                 return True
             except ServiceUnavailable as error:
-                log.debug("%s", error)
+                log.debug("%s", error, extra={"service": self._named.name})
             except TaskRpcError as error:
                 if said != str(error) and not self._closed:
                     said = str(error)
-                    log.warning("%s", error)
+                    log.warning("%s", error, extra={"service": self._named.name})
             left = None if deadline is None else deadline - self._endpoint.loop.time()
             if left is not None and left <= 0:
                 return False

@@ -178,6 +178,16 @@ class Connection(asyncio.BufferedProtocol):
         transport = self.transport
         return _shown(None if transport is None else transport.get_extra_info("peername"))
 
+    @property
+    def received(self) -> int:
+        """Bytes that came."""
+        return self._watch.received
+
+    @property
+    def written(self) -> int:
+        """Bytes that were written."""
+        return self._watch.written
+
     def watch(self, deadline: float) -> None:
         """See to it that a call's deadline is looked for in time."""
         if self._deadlines is None:

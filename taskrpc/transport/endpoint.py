@@ -9,7 +9,7 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import msgspec
@@ -21,6 +21,7 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
+from taskrpc.observer import Connections
 from taskrpc.transport.base import Offer
 from taskrpc.transport.calling import CallingConnection
 from taskrpc.transport.channel import RemoteChannel
@@ -81,6 +82,7 @@ class Endpoint:
         self._ticker: asyncio.TimerHandle | None = None
         self._forget = forget
         self._closed = False
+        self._accepted_ones, self._dialled_ones = Connections(), Connections()
 
     # Transport: nodes, services, clients
 
@@ -154,6 +156,11 @@ class Endpoint:
                 return resolved.type_name, resolved.definition
         raise problem
 
+    def traffic(self) -> tuple[str, Connections, Connections]:
+        """Which endpoint this is, and what it has accepted and dialled."""
+        accepted = _with_open(self._accepted_ones, self._served)
+        return self._id.hex(), accepted, _with_open(self._dialled_ones, self.dialler.connections)
+
     # Transport: ends
 
     async def release(self) -> None:
@@ -190,6 +197,7 @@ class Endpoint:
 
     def connection_began(self, connection: Connection) -> None:
         """A connection has its transport."""
+        self._counts(connection).opened += 1
         if isinstance(connection, ServingConnection):
             self._served.add(connection)
         elif isinstance(connection, CallingConnection):
@@ -199,12 +207,22 @@ class Endpoint:
 
     def connection_ended(self, connection: Connection) -> None:
         """A connection is gone."""
+        counts = self._counts(connection)
+        why = connection.why_closed
+        reason = "" if why is None else type(why).__name__
+        counts.ended[reason] = counts.ended.get(reason, 0) + 1
+        counts.received += connection.received
+        counts.sent += connection.written
         if isinstance(connection, ServingConnection):
             self._served.discard(connection)
         elif isinstance(connection, CallingConnection):
             self.dialler.ended(connection)
 
     # Inside
+
+    def _counts(self, connection: Connection) -> Connections:
+        served = isinstance(connection, ServingConnection)
+        return self._accepted_ones if served else self._dialled_ones
 
     def _caller(self, address: Address) -> CallingConnection:
         name = self._roster.first_node or _script()
@@ -270,6 +288,18 @@ class Endpoint:
             connection.tick(now)
         if connections:
             self._ticker = self.loop.call_later(TICK, self._tick)
+
+
+def _with_open(counts: Connections, connections: Iterable[Connection]) -> Connections:
+    """The counts of what has ended, and of what is open."""
+    now = list(connections)
+    return msgspec.structs.replace(
+        counts,
+        open=len(now),
+        ended=dict(counts.ended),
+        received=counts.received + sum(each.received for each in now),
+        sent=counts.sent + sum(each.written for each in now),
+    )
 
 
 def _named(offer: Offer) -> Named:

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import traceback
 from collections.abc import Callable, Iterable
 from itertools import count
 from typing import Any, ClassVar, Protocol, cast
 
 import msgspec
 
+from taskrpc.callinfo import CallInfo, log_fields
 from taskrpc.errors import (
     Code,
     DeadlineExceeded,
@@ -104,6 +104,8 @@ class Route(msgspec.Struct, frozen=True, eq=False):
     caller: str
     decode: Callable[[bytes], Any]
     encode: Callable[[Any], bytes]
+    call: type[ServedCall]
+    """What a request becomes: an `ObservedCall` where somebody wants to know of it."""
 
 
 class ServingConnection(Connection):
@@ -186,6 +188,8 @@ class ServingConnection(Connection):
             request = route.decode(event.body)
         except (InvalidRequest, ProtocolError) as error:
             session.fail(event.call_id, error)
+            if route.call is not ServedCall:
+                self._tell_of_refusal(route, error)
             return
         event.body = b""  # the message stands for it, as long as the call is open
         now = host.now()
@@ -194,7 +198,7 @@ class ServingConnection(Connection):
             deadline = now + event.time_left / 1000
             if deadline < self.look_before:
                 self.watch(deadline)
-        call = event.ticket = ServedCall(
+        call = event.ticket = route.call(
             route.offer.name,
             route.caller,
             "",  # principal
@@ -278,8 +282,18 @@ class ServingConnection(Connection):
         handle = self._handles.setdefault((method, caller), len(self._handles) + 1)
         if handle not in self._routes:
             request, response = codec_of(offer.srv_type.Request), codec_of(offer.srv_type.Response)
-            self._routes[handle] = Route(method, offer, caller, request.decode, response.encode)
+            call = _call_class(offer)
+            route = Route(method, offer, caller, request.decode, response.encode, call)
+            self._routes[handle] = route
         return handle
+
+    def _tell_of_refusal(self, route: Route, error: TaskRpcError) -> None:
+        """A request ended before it became a call."""
+        from taskrpc.transport.observed import refused
+
+        number = next(self.host.call_numbers)
+        call = CallInfo(route.offer.name, route.caller, "", number, None, self.host.now, False)
+        refused(call, route.offer.observer, error)
 
     handlers: ClassVar = {
         RequestReceived: _requested,
@@ -301,10 +315,25 @@ def mismatch(question: messages.Resolve, offer: Offer) -> TypeMismatch:
 
 def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
     """Log a callback's exception with its traceback; tell the caller only where to look."""
-    text = "".join(traceback.format_exception(error)).rstrip()
-    log.error("call %d of %s from %s failed:\n%s", call.number, call.service, call.caller, text)
+    log.error(
+        "call %d of %s from %s failed:",
+        call.number,
+        call.service,
+        call.caller,
+        exc_info=error,
+        extra=log_fields(call),
+    )
     message = f"the handler failed; see the server's log, call {call.number}"
     call.fail(HandlerFailed(Code.INTERNAL, message))
+
+
+def _call_class(offer: Offer) -> type[ServedCall]:
+    """Asked when a caller first wants a service, so that a call itself need not ask."""
+    if offer.observer is None and not log.isEnabledFor(logging.DEBUG):
+        return ServedCall
+    from taskrpc.transport.observed import ObservedCall
+
+    return ObservedCall
 
 
 def _answer(handle: int, offer: Offer, *, with_definition: bool) -> Resolved:

@@ -50,17 +50,22 @@ def to_wire(error: TaskRpcError) -> WireError:
     flags = Flag.NOT_EXECUTED if error.not_executed else Flag(0)
     message, path, retry = str(error), "", 0
     if isinstance(error, errors.HandlerError | errors.HandlerFailed):
-        code, message = error.code, error.message
+        message = error.message
         flags |= Flag.FROM_HANDLER
-    else:
-        code = next((code for cls, code in _CODES if isinstance(error, cls)), Code.UNKNOWN)
     if isinstance(error, errors.InvalidRequest):
         message, path = error.problem, error.path
     if isinstance(error, errors.ServerBusy):
         # Rounded up: nobody is asked back before there is room.
         retry = math.ceil(min(max(0.0, error.retry_after / _RETRY_UNIT), _RETRY_MOST))
     body = messages.encode(messages.ErrorBody(_shortened(message), _shortened(path)))
-    return WireError(code, flags, retry, body)
+    return WireError(code_of(error), flags, retry, body)
+
+
+def code_of(error: TaskRpcError) -> Code:
+    """The status code of an error; callbacks' own errors have one already."""
+    if isinstance(error, errors.HandlerError | errors.HandlerFailed):
+        return error.code
+    return next((code for cls, code in _CODES if isinstance(error, cls)), Code.UNKNOWN)
 
 
 def from_wire(code: int, flags: int, retry_after: int, body: bytes) -> TaskRpcError:

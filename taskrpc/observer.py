@@ -1,0 +1,95 @@
+"""What operators want to know: the seam for metrics, traces and logs, and what a node counts."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from typing import Any, Protocol
+
+import msgspec
+
+from taskrpc.callinfo import CallInfo
+from taskrpc.errors import Code
+
+log = logging.getLogger("taskrpc.observer")
+
+
+class Connections(msgspec.Struct):
+    """What became of the connections that one side has made, and what went over them."""
+
+    opened: int = 0
+    open: int = 0
+    ended: dict[str, int] = {}
+    """How many ended, by the name of the error, "" where nothing was wrong."""
+    received: int = 0
+    """Bytes, without what TLS adds."""
+    sent: int = 0
+
+
+class ServiceStatus(msgspec.Struct, frozen=True):
+    """How much one service has to do."""
+
+    name: str
+    running: int
+    waiting: int
+    """Calls that wait for their turn."""
+
+
+class NodeStatus(msgspec.Struct, frozen=True):
+    """What a node has to do now, and what it has done since it started."""
+
+    services: tuple[ServiceStatus, ...]
+    retries: dict[str, int]
+    """How often the node's clients have repeated a call, by service."""
+    endpoint: str
+    """Tells sockets apart: the nodes of one program share theirs, and the two counts below."""
+    accepted: Connections
+    """The connections on which this program is called."""
+    dialled: Connections
+    """The connections on which it calls."""
+
+
+class ObservedNode(Protocol):
+    """The part of a node that its observer may use."""
+
+    def get_fully_qualified_name(self) -> str:
+        """`/namespace/name`."""
+
+    def status(self) -> NodeStatus:
+        """What the node has to do now."""
+
+
+class Observer:
+    """Derive from it, override what you want to know, and give it to `Node(observer=...)`.
+
+    All methods do nothing here. They are called on the event loop in the midst of the work, so they
+    must be quick; what they raise is logged and does the call no harm. Nodes without an observer
+    pay nothing for this.
+    """
+
+    def node_started(self, node: ObservedNode) -> None:
+        """A node joined the network; its `status()` may be asked until `node_ended`."""
+
+    def node_ended(self, node: ObservedNode) -> None:
+        """A node is about to leave the network."""
+
+    def call_began(self, call: CallInfo) -> None:
+        """A call arrived at one of the node's services; it may have to wait for its turn."""
+
+    def call_ended(self, call: CallInfo, code: Code, seconds: float) -> None:
+        """A call has its answer, `seconds` after it arrived.
+
+        `code` is `Code.OK`, or that of the error which the caller gets, `Code.CANCELLED` where the
+        caller has gone. A request that could not be decoded ends without having begun.
+        """
+
+    def request_ended(self, service: str, code: Code, seconds: float) -> None:
+        """One of the node's clients has made a call, which took `seconds` with all retries."""
+
+
+def told(tell: Callable[..., None], *what: Any) -> None:
+    """Tell an observer, and survive what it raises."""
+    try:
+        tell(*what)
+    except Exception:
+        log.exception("an observer failed")

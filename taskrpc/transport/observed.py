@@ -1,0 +1,62 @@
+"""Calls of which somebody wants to know: an observer, or the log at DEBUG."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+from taskrpc.callinfo import CallInfo, log_fields
+from taskrpc.errors import Code, TaskRpcError
+from taskrpc.observer import Observer, told
+from taskrpc.transport.serving import ServedCall
+from taskrpc.wire.status import code_of
+
+log = logging.getLogger("taskrpc.server")
+
+
+class ObservedCall(ServedCall, eq=False):
+    """A call that tells of its begin and its end."""
+
+    ended: bool = False
+
+    def __post_init__(self) -> None:
+        _debug(self, "call %d of %s from %s began")
+        if (observer := self.route.offer.observer) is not None:
+            told(observer.call_began, self)
+
+    def reply(self, response: Any) -> None:
+        """Answer with a response message."""
+        super().reply(response)
+        self._end(Code.OK)
+
+    def fail(self, error: TaskRpcError) -> None:
+        """Answer with an error."""
+        super().fail(error)
+        self._end(code_of(error))
+
+    def lost(self) -> None:
+        """The way back to the caller is gone."""
+        super().lost()
+        self._end(Code.CANCELLED)
+
+    def _end(self, code: Code) -> None:
+        # A callback may answer although its caller has been told that the time is over.
+        if not self.ended:
+            self.ended = True
+            _tell_end(self, self.route.offer.observer, code, self._clock() - self.arrived)
+
+
+def refused(call: CallInfo, observer: Observer | None, error: TaskRpcError) -> None:
+    """Tell of a request that was refused before it became a call."""
+    _tell_end(call, observer, code_of(error), 0.0)
+
+
+def _tell_end(call: CallInfo, observer: Observer | None, code: Code, seconds: float) -> None:
+    _debug(call, "call %d of %s from %s ended: %s after %.6f s", code.name, seconds)
+    if observer is not None:
+        told(observer.call_ended, call, code, seconds)
+
+
+def _debug(call: CallInfo, text: str, *more: object) -> None:
+    if log.isEnabledFor(logging.DEBUG):
+        log.debug(text, call.number, call.service, call.caller, *more, extra=log_fields(call))

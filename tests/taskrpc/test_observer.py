@@ -1,0 +1,233 @@
+"""An observer learns of each call once, with the code that its caller gets; others pay nothing."""
+
+import asyncio
+
+import pytest
+
+import taskrpc
+from taskrpc import Code
+from taskrpc.transport.observed import ObservedCall
+from taskrpc.transport.serving import ServedCall
+from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask
+
+
+class Log(taskrpc.Observer):
+    """Writes down what it is told."""
+
+    def __init__(self):
+        self.began, self.ended, self.requests, self.nodes = [], [], [], []
+
+    def node_started(self, node):
+        self.nodes.append(node.get_fully_qualified_name())
+
+    def node_ended(self, node):
+        self.nodes.remove(node.get_fully_qualified_name())
+
+    def call_began(self, call):
+        self.began.append(call.number)
+
+    def call_ended(self, call, code, seconds):
+        assert seconds >= 0
+        self.ended.append((call.number, code))
+
+    def request_ended(self, service, code, seconds):
+        self.requests.append((service, code, seconds))
+
+    @property
+    def codes(self):
+        return [code for _, code in self.ended]
+
+
+class Pair:
+    """A server and a client in one process, each with its observer."""
+
+    def __init__(self):
+        self.server_log, self.client_log = Log(), Log()
+        self.server = taskrpc.Node(
+            "server", transport="memory", token="server", observer=self.server_log
+        )
+        self.client = taskrpc.Node(
+            "client", transport="memory", token="client", observer=self.client_log
+        )
+
+    async def __aenter__(self):
+        await self.server.start()
+        await self.client.start()
+        return self
+
+    async def __aexit__(self, *_):
+        await self.client.destroy()
+        await self.server.destroy()
+
+    def offer(self, callback, srv_type=Add, **options):
+        self.server.create_service(srv_type, "work", callback, **options)
+        return self.client.create_client(srv_type, "work")
+
+
+@pytest.fixture
+async def pair():
+    async with Pair() as made:
+        yield made
+
+
+def refuse(request, response):
+    raise taskrpc.HandlerError("NOT_FOUND", "no such place")
+
+
+def fail(request, response):
+    raise OSError("no battery")
+
+
+async def suspending(request, response):
+    await asyncio.sleep(1)
+    return add(request, response)
+
+
+@pytest.mark.parametrize(
+    ("callback", "code"),
+    [(add, Code.OK), (suspending, Code.OK), (refuse, Code.NOT_FOUND), (fail, Code.INTERNAL)],
+)
+async def test_both_sides_are_told_the_same_code_once(pair, callback, code):
+    client = pair.offer(callback)
+    for _ in range(2):
+        try:
+            await client.call(ask())
+        except taskrpc.TaskRpcError:
+            assert code is not Code.OK
+    log = pair.server_log
+    assert log.ended == [(number, code) for number in log.began]
+    assert [(name, each) for name, each, _ in pair.client_log.requests] == [("/work", code)] * 2
+
+
+async def test_a_deadline_ends_a_call_once_although_its_callback_answers_later(pair):
+    async def late(request, response):
+        try:
+            await asyncio.sleep(60)
+        except asyncio.CancelledError:
+            return response
+
+    client = pair.offer(late)
+    with pytest.raises(taskrpc.DeadlineExceeded):
+        await client.call(ask(), timeout=1)
+    await asyncio.sleep(1)
+    assert pair.server_log.codes in ([Code.DEADLINE_EXCEEDED], [Code.UNKNOWN])
+    assert pair.client_log.requests[0][1:] == (Code.DEADLINE_EXCEEDED, pytest.approx(1, abs=0.01))
+
+
+async def test_a_caller_that_goes_away_ends_its_calls_as_cancelled(pair):
+    gate = Gate()
+    client = pair.offer(gate)
+    call = asyncio.ensure_future(client.call(ask()))
+    await asyncio.sleep(1)
+    await pair.client.destroy()
+    await asyncio.wait([call])
+    call.exception()
+    await asyncio.sleep(1)
+    assert pair.server_log.codes == [Code.CANCELLED]
+
+
+async def test_a_cancelled_call_is_told_to_the_clients_observer(pair):
+    client = pair.offer(Gate())
+    call = asyncio.ensure_future(client.call(ask()))
+    future = client.call_async(ask())
+    await asyncio.sleep(1)
+    call.cancel()
+    future.cancel()
+    await asyncio.sleep(1)
+    assert [code for _, code, _ in pair.client_log.requests] == [Code.CANCELLED] * 2
+
+
+async def test_a_request_that_cannot_be_decoded_ends_without_having_begun(pair):
+    client = pair.offer(lambda request, response: response, Text)
+    await client.wait_for_service()
+    client._channel._encode = lambda request: b"\xc1"
+    with pytest.raises(taskrpc.InvalidRequest):
+        await client.call(Text.Request())
+    assert pair.server_log.began == []
+    assert pair.server_log.codes == [Code.INVALID_ARGUMENT]
+
+
+async def test_an_observer_that_raises_is_logged_and_harms_no_call(caplog):
+    class Broken(taskrpc.Observer):
+        def call_began(self, call):
+            raise RuntimeError("broken")
+
+        call_ended = node_started = node_ended = request_ended = call_began
+
+    async with (
+        taskrpc.Node("server", transport="memory", token="server", observer=Broken()) as server,
+        taskrpc.Node("client", transport="memory", token="client", observer=Broken()) as node,
+    ):
+        server.create_service(Add, "work", add)
+        response = await node.create_client(Add, "work").call(ask(2, 3))
+    assert response.sum == 5
+    assert "an observer failed" in caplog.text
+
+
+async def test_an_observer_is_told_of_its_nodes_only():
+    log = Log()
+    async with taskrpc.Node("watched", transport="memory", observer=log) as watched:
+        assert log.nodes == ["/watched"]
+        async with taskrpc.Node("other", transport="memory") as other:
+            other.create_service(Add, "theirs", add)
+            watched.create_service(Add, "ours", add)
+            client = other.create_client(Add, "theirs")
+            await client.call(ask())
+            await other.create_client(Add, "ours").call(ask())
+    assert log.nodes == []
+    assert len(log.began) == 1
+    assert log.requests == []
+
+
+async def test_calls_that_nobody_watches_are_plain_ones(pair):
+    client = pair.offer(add)
+    await client.call(ask())
+
+    def kinds(node):
+        served = node._transport._served
+        return {route.call for each in served for route in each._routes.values()}
+
+    assert kinds(pair.server) == {ObservedCall}
+    async with taskrpc.Node("unwatched", transport="memory", token="unwatched") as node:
+        node.create_service(Add, "unwatched", add)
+        await pair.client.create_client(Add, "unwatched").call(ask())
+        assert kinds(node) == {ServedCall}
+        assert type(node.create_client(Add, "work")) is taskrpc.Client
+
+
+async def test_a_node_says_what_it_has_to_do(pair):
+    gate = Gate()
+    client = pair.offer(gate)
+    calls = [asyncio.ensure_future(client.call(ask())) for _ in range(3)]
+    await asyncio.sleep(1)
+    status = pair.server.status()
+    assert [(each.name, each.running, each.waiting) for each in status.services] == [
+        ("/work", 1, 2)
+    ]
+    assert (status.accepted.opened, status.accepted.open) == (1, 1)
+    theirs = pair.client.status()
+    assert status.accepted.received == theirs.dialled.sent > 0
+    assert status.endpoint != theirs.endpoint
+    gate.opened.set()
+    await asyncio.gather(*calls)
+    await pair.client.destroy()
+    await asyncio.sleep(1)
+    after = pair.server.status().accepted
+    assert (after.opened, after.open, sum(after.ended.values())) == (1, 0, 1)
+    assert after.received >= status.accepted.received
+
+
+async def test_retries_are_counted_also_of_clients_that_are_gone(pair):
+    answers = iter([taskrpc.HandlerError("UNAVAILABLE", "not yet")] * 2)
+
+    def reluctant(request, response):
+        for error in answers:
+            raise error
+        return add(request, response)
+
+    client = pair.offer(reluctant)
+    await client.call(ask(), retry=taskrpc.RetryPolicy())
+    assert pair.client.status().retries == {"/work": 2}
+    client.destroy()
+    assert pair.client.status().retries == {"/work": 2}
+    assert len(pair.client_log.requests) == 1
