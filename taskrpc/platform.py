@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 WINDOWS = sys.platform == "win32"
 _LOCK_OFFSET = 0x7FFF_0000  # far behind the contents: Windows forbids reading locked bytes
+_NO_LIMIT = 2**20
 _TCP_MAXRT = 5  # Windows: seconds of retransmission before the connection is dropped
 _TCP_RXT_CONNDROPTIME = 0x80  # macOS: the same
 
@@ -169,6 +170,16 @@ def keep_freed_memory(size: int) -> None:
     """
     if sys.platform == "linux":
         bytes(size)
+
+
+def descriptor_limit() -> int:
+    """How many files and sockets this process may have open at a time."""
+    if WINDOWS:
+        return _NO_LIMIT
+    import resource
+
+    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    return _NO_LIMIT if soft == resource.RLIM_INFINITY else soft
 
 
 def drop_dead_peers(sock: socket.socket, seconds: float) -> None:

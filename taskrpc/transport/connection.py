@@ -176,7 +176,7 @@ class Connection(asyncio.BufferedProtocol):
     def peer_name(self) -> str:
         """The peer's address, for logs."""
         transport = self.transport
-        return _shown(None if transport is None else transport.get_extra_info("peername"))
+        return shown(None if transport is None else transport.get_extra_info("peername"))
 
     @property
     def received(self) -> int:
@@ -297,5 +297,6 @@ class _Watch:
         return True
 
 
-def _shown(peer: Any) -> str:
+def shown(peer: Any) -> str:
+    """An address as a socket has it, for logs."""
     return f"{peer[0]}:{peer[1]}" if isinstance(peer, tuple) else str(peer or "a peer in memory")

@@ -22,6 +22,7 @@ from taskrpc.errors import (
     TaskRpcError,
 )
 from taskrpc.observer import Connections
+from taskrpc.transport.admission import Admission
 from taskrpc.transport.base import Offer
 from taskrpc.transport.calling import CallingConnection
 from taskrpc.transport.channel import RemoteChannel
@@ -79,6 +80,7 @@ class Endpoint:
         about = Entry(pid=os.getpid(), script=_script(), folder=_folder(), since=time.time())
         self._roster = Roster(about)
         self._served: set[ServingConnection] = set()
+        self._admission: Admission | None = None
         self._ticker: asyncio.TimerHandle | None = None
         self._forget = forget
         self._closed = False
@@ -100,6 +102,7 @@ class Endpoint:
             node = self.offers[self._methods[offer.name]].node
             raise NameInUse(f"{offer.name} is already offered by the node {node} of this process")
         if not self.address:
+            self._admission = Admission()
             self.address = self.network.listen(self._accepted)
         method = self._methods[offer.name] = self._next_method
         self.offers[method] = offer
@@ -195,11 +198,18 @@ class Endpoint:
         entry = self._roster.entry()
         return Listing(list(entry.nodes), list(entry.services), list(entry.clients))
 
+    def caller_proved(self, connection: ServingConnection) -> None:
+        """A caller has proved that he may be here."""
+        if self._admission is not None:
+            self._admission.proved(connection)
+
     def connection_began(self, connection: Connection) -> None:
         """A connection has its transport."""
         self._counts(connection).opened += 1
         if isinstance(connection, ServingConnection):
             self._served.add(connection)
+            if self._admission is not None:
+                self._admission.came(connection)
         elif isinstance(connection, CallingConnection):
             self.dialler.connections.add(connection)
         if self._ticker is None:
@@ -215,6 +225,8 @@ class Endpoint:
         counts.sent += connection.written
         if isinstance(connection, ServingConnection):
             self._served.discard(connection)
+            if self._admission is not None:
+                self._admission.left(connection)
         elif isinstance(connection, CallingConnection):
             self.dialler.ended(connection)
 

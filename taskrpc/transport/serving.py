@@ -26,7 +26,14 @@ from taskrpc.transport.base import IncomingCall, Offer
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.connection import Connection, Owner
 from taskrpc.wire import messages
-from taskrpc.wire.events import CancelReceived, Closed, Ready, RequestReceived, ResolveReceived
+from taskrpc.wire.events import (
+    CancelReceived,
+    Closed,
+    Overrun,
+    Ready,
+    RequestReceived,
+    ResolveReceived,
+)
 from taskrpc.wire.frames import LARGE, NO_DEADLINE, Flag
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Listing, Resolved
@@ -55,6 +62,9 @@ class Host(Owner, Protocol):
 
     def listing(self) -> Listing:
         """Everything that this process offers."""
+
+    def caller_proved(self, connection: ServingConnection) -> None:
+        """A caller has proved that he may be here."""
 
 
 class ServedCall(IncomingCall, eq=False):
@@ -171,8 +181,20 @@ class ServingConnection(Connection):
     def drained(self) -> None:
         """Close after the last answer."""
         if self._linger is None and not self.session.in_flight:
-            in_talk = self.session.state is State.DRAINING
-            self._linger = self.owner.loop.call_later(LINGER if in_talk else 0.0, self.close)
+            if self.why_closed is not None:
+                self.refuse(self.why_closed)
+            else:
+                self._close_after(LINGER if self.session.state is State.DRAINING else 0.0)
+
+    def refuse(self, error: TaskRpcError) -> None:
+        """End the connection; the caller has a moment to read why, and to close it himself."""
+        self.why_closed = error
+        self._close_after(LINGER)
+        self.session.reject(error)
+        self.flush()
+
+    def _close_after(self, seconds: float) -> None:
+        self._linger = self.owner.loop.call_later(seconds, self.close)
 
     def _requested(self, event: RequestReceived) -> None:
         host, session = self.host, self.session
@@ -239,8 +261,14 @@ class ServingConnection(Connection):
             call.cancel()
             call.fail(TaskRpcError("cancelled by the caller"))
 
+    def _overran(self, event: Overrun) -> None:
+        error = self.why_closed = event.error
+        log.warning("%s is cut off once it has its answers: %s", self.peer_name, error)
+        self._draining = True
+
     def _opened(self, event: Ready) -> None:
         self.handshake_over()
+        self.host.caller_proved(self)
         self.caller = event.peer.name
 
     def _resolved(self, event: ResolveReceived) -> None:
@@ -299,6 +327,7 @@ class ServingConnection(Connection):
         RequestReceived: _requested,
         ResolveReceived: _resolved,
         CancelReceived: _cancelled,
+        Overrun: _overran,
         Ready: _opened,
         Closed: Connection._closed,
     }

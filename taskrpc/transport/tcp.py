@@ -11,8 +11,8 @@ import ssl
 from collections.abc import Sequence
 
 from taskrpc.errors import AuthenticationFailed, CannotListen, TaskRpcError
-from taskrpc.transport.connection import HANDSHAKE_TIMEOUT
 from taskrpc.transport.entries import Change, Entry, Roster
+from taskrpc.transport.listening import BACKLOG, Listener
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.registry import Registry
 from taskrpc.transport.tls import Tls, pinned_context, shown_certificate
@@ -22,7 +22,6 @@ log = logging.getLogger("taskrpc.transport")
 POLL = 0.04
 """Seconds between two looks at the registry, while somebody waits for a change."""
 
-_BACKLOG = 512
 _MAX_DOMAIN = 232
 
 
@@ -50,7 +49,7 @@ class TcpNetwork:
         self._peer_token = token
         self._listen_at = listen or "127.0.0.1:0"
         self._registry = Registry(domain)
-        self._serving: asyncio.Task[asyncio.Server] | None = None
+        self._listener: Listener | None = None
         self._seen: object = None
         self._looked = float("-inf")
 
@@ -63,16 +62,7 @@ class TcpNetwork:
         # Bound here and now, so that the address can be announced before the loop's next turn;
         # callers who are quicker than the loop wait in the backlog.
         sock = _bound(host, port)
-        loop = asyncio.get_running_loop()
-        self._serving = loop.create_task(
-            loop.create_server(
-                factory,
-                sock=sock,
-                backlog=_BACKLOG,
-                ssl=context,
-                ssl_handshake_timeout=HANDSHAKE_TIMEOUT if context else None,
-            )
-        )
+        self._listener = Listener(sock, factory, lambda: context)
         return _place(*sock.getsockname()[:2])
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
@@ -129,9 +119,9 @@ class TcpNetwork:
 
     async def stop_listening(self) -> None:
         """Take no more connections."""
-        if self._serving is not None:
-            serving, self._serving = self._serving, None
-            (await serving).close()
+        if self._listener is not None:
+            listener, self._listener = self._listener, None
+            await listener.close()
 
     def close(self) -> None:
         """Remove this process's registry entry."""
@@ -221,7 +211,7 @@ def _bound(host: str, port: int) -> socket.socket:
         if os.name == "posix":
             sock.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         sock.bind((host, port))
-        sock.listen(_BACKLOG)
+        sock.listen(BACKLOG)
         sock.setblocking(False)
     except OSError as error:
         sock.close()

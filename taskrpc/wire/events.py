@@ -53,6 +53,15 @@ class CancelReceived(msgspec.Struct, gc=False):
     """Its `ticket` is the call, once the request has been handled."""
 
 
+class Overrun(msgspec.Struct, gc=False):
+    """The peer called beyond our limits: its last call was not begun, and it may call no more.
+
+    Close the connection once the calls in flight are answered.
+    """
+
+    error: TaskRpcError
+
+
 class Answered(msgspec.Struct, gc=False):
     """A call of ours got its response."""
 
@@ -91,6 +100,7 @@ Event: TypeAlias = (
     | RequestReceived
     | ResolveReceived
     | CancelReceived
+    | Overrun
     | Answered
     | Failed
     | Advertised

@@ -23,6 +23,7 @@ from taskrpc.wire.events import (
     Draining,
     Event,
     Failed,
+    Overrun,
     Ready,
     RequestReceived,
     ResolveReceived,
@@ -258,6 +259,12 @@ class Session:
             self.state = State.DRAINING
             self._send(FrameType.GOAWAY, 0, 0, 0, self.last_call_id, b"")
 
+    def reject(self, error: TaskRpcError) -> None:
+        """Tell the peer why its connection ends; nothing is heard or said after it."""
+        if not self.is_client and self.state is not _CLOSED:
+            self.out.append(refusal(error))
+        self.state = State.CLOSED
+
     # Both sides
 
     def ping(self, nonce: int) -> None:
@@ -302,12 +309,7 @@ class Session:
         return []
 
     def _shake_hands(self, handshake: ClientHandshake | ServerHandshake, frame: Frame) -> None:
-        try:
-            answer = handshake.receive(frame)
-        except TaskRpcError as error:
-            if not self.is_client:
-                self.out.append(refusal(error))
-            raise
+        answer = handshake.receive(frame)
         if answer:
             self.out.append(answer)
 
@@ -346,7 +348,7 @@ class Session:
         if open_calls and (
             len(open_calls) >= limits.calls or self._bytes_in_flight + size > limits.bytes
         ):
-            raise self._overload()
+            return self._overrun()
         if self.is_client or call_id <= self.last_call_id or self.state is _DRAINING:
             self._refuse(call_id)
             return None
@@ -392,11 +394,16 @@ class Session:
                 raise ProtocolError(f"frame type {type_} is not part of this protocol")
         return None
 
-    def _overload(self) -> ProtocolError:
+    def _overrun(self) -> Overrun | None:
+        if self.is_client:
+            raise ProtocolError("a server may not call")
+        if self.state is _DRAINING:
+            return None
+        self.drain()
         limits = self._limits
-        if len(self.open_calls) >= limits.calls:
-            return ProtocolError(f"more than {limits.calls} calls in flight on one connection")
-        return ProtocolError(f"more than {limits.bytes} bytes in flight on one connection")
+        too_many = len(self.open_calls) >= limits.calls
+        limit = f"{limits.calls} calls" if too_many else f"{limits.bytes} bytes"
+        return Overrun(ProtocolError(f"more than {limit} in flight on one connection"))
 
     def _refuse(self, call_id: int) -> None:
         """Drop a call that crossed our GOAWAY, which tells that it never began; refuse others."""
@@ -427,6 +434,8 @@ class Session:
         return Draining([ticket for ticket in refused if ticket is not None])
 
     def _closed(self, error: TaskRpcError) -> Closed:
+        if self._magic_seen:
+            self.reject(error)
         self.state = State.CLOSED
         return Closed(error)
 

@@ -9,6 +9,7 @@ import pytest
 import taskrpc
 from taskrpc.transport.connection import SILENCE_BEFORE_PING, STALL_PERIOD, UNREAD_LIMIT
 from taskrpc.transport.endpoint import Endpoint
+from taskrpc.wire.events import Closed
 from taskrpc.wire.frames import MAGIC, FrameType, pack_frame, pack_header
 from taskrpc.wire.messages import Resolve
 from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask, outcome, until
@@ -297,3 +298,30 @@ async def test_a_cancel_that_comes_together_with_its_request_stops_the_call(serv
     await asyncio.sleep(0.1)
     assert gate.cancelled == [1]
     assert not serving.session.in_flight
+
+
+async def test_who_calls_beyond_the_limits_has_his_answers_then_the_reason(
+    server, node, monkeypatch, caplog
+):
+    gate = Gate()
+    server.create_service(Add, "held", gate, concurrency=1000)
+    client, connection = await connected(node, "held")
+    calls = [client.call_async(ask(n)) for n in range(256)]
+    await until(lambda: len(gate.started) == 256)
+    told = []
+    note = lambda _, event: told.append(str(event.error))  # noqa: E731
+    monkeypatch.setitem(type(connection).handlers, Closed, note)
+    monkeypatch.setattr(type(connection), "retire", lambda _: None)  # it heeds no farewell
+    method = client._channel._method
+    for call_id in range(1000, 1010):
+        frame = pack_frame(FrameType.REQUEST, 0, method, call_id, 0xFFFFFFFF, b"\x92\1\2")
+        connection.transport.write(frame)
+    await asyncio.sleep(0.1)
+    gate.opened.set()
+    assert [each.sum for each in await asyncio.gather(*calls)] == list(range(256))
+    await connection.gone
+    assert told == ["more than 256 calls in flight on one connection"]
+    assert len(gate.started) == 256
+    lines = [each.message for each in caplog.records]
+    assert len(lines) == 1
+    assert "is cut off once it has its answers: more than 256 calls in flight" in lines[0]

@@ -21,15 +21,17 @@ from taskrpc.wire.events import (
     Closed,
     Draining,
     Event,
+    Overrun,
     RequestReceived,
     ResolveReceived,
 )
-from taskrpc.wire.frames import LARGE, NO_DEADLINE, FrameType, pack_frame, pack_header
+from taskrpc.wire.frames import HEADER, LARGE, NO_DEADLINE, FrameType, pack_frame, pack_header
 from taskrpc.wire.messages import DEFAULT_LIMITS, Limits, Resolve
 from taskrpc.wire.session import LONGEST_TIME, State, refused_error, unknown_error
 from tests.taskrpc.wire.helpers import ConnectionPair, open_pair, receive
 
 DOCUMENTED = get_args(Event)
+SIZE_OF_HEADER = HEADER.size
 
 
 def types(events):
@@ -158,22 +160,53 @@ def test_any_number_of_questions_fits_beside_a_full_house():
     assert pair.server.state is State.OPEN
 
 
-def test_a_client_that_exceeds_its_calls_is_closed():
+def test_a_client_that_exceeds_its_calls_has_its_answers_and_the_reason():
     pair = open_pair(limits=Limits(calls=2))
-    for n in range(3):
-        pair.client.request(n, 1, b"", NO_DEADLINE)
-    *two, closed = pair.deliver(pair.server)
+    ids = [pair.client.request(n, 1, b"", NO_DEADLINE) for n in range(5)]
+    *two, overrun = pair.deliver(pair.server)
     assert types(two) == [RequestReceived] * 2
-    assert str(closed.error) == "more than 2 calls in flight on one connection"
+    assert str(overrun.error) == "more than 2 calls in flight on one connection"
+    assert pair.deliver(pair.client) == [Draining([2, 3, 4])]
+    for call_id in ids[:2]:
+        pair.server.respond(call_id, b"")
+    assert types(pair.deliver(pair.client)) == [Answered] * 2
+    pair.server.reject(overrun.error)
+    (closed,) = pair.deliver(pair.client)
+    assert str(closed.error) == str(overrun.error)
 
 
-def test_a_client_that_exceeds_its_bytes_is_closed():
+def test_who_heeds_no_farewell_is_not_heard_and_costs_nothing():
+    pair = open_pair(limits=Limits(calls=2))
+    for n in range(1000):
+        pair.client.request(n, 1, b"", NO_DEADLINE)
+    assert types(pair.deliver(pair.server)) == [RequestReceived] * 2 + [Overrun]
+    assert pair.server.in_flight == 2
+    assert len(b"".join(pair.server.out)) == SIZE_OF_HEADER
+
+
+@pytest.mark.parametrize("offence", [frame(0x7F), bytes(16), frame(FrameType.RESPONSE, 1)])
+def test_who_breaks_the_protocol_is_told_how(offence):
+    pair = open_pair()
+    (closed,) = receive(pair.server, offence)
+    (told,) = pair.deliver(pair.client)
+    assert str(told.error) == str(closed.error)
+    assert not pair.server.take()
+
+
+def test_who_does_not_speak_the_protocol_is_told_nothing():
+    pair = ConnectionPair()
+    assert types(receive(pair.server, b"GET / HTTP/1.1")) == [Closed]
+    assert not pair.server.take()
+
+
+def test_a_client_that_exceeds_its_bytes_has_its_answers_and_the_reason():
     pair = open_pair(limits=Limits(bytes=100))
     pair.client.request("alone it may be larger", 1, bytes(500), NO_DEADLINE)
     assert not pair.client.can_send(0)
     pair.client.request("too much", 1, b"", NO_DEADLINE)
-    *_, closed = pair.deliver(pair.server)
-    assert str(closed.error) == "more than 100 bytes in flight on one connection"
+    *_, overrun = pair.deliver(pair.server)
+    assert isinstance(overrun, Overrun)
+    assert str(overrun.error) == "more than 100 bytes in flight on one connection"
 
 
 def test_one_body_above_the_bytes_in_flight_is_sent_alone():

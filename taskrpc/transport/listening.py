@@ -1,0 +1,147 @@
+"""Accepts connections at a socket, through whatever strangers and missing descriptors may do.
+
+asyncio's own servers stop for a second when the process has no descriptor left, log a traceback
+for every place of the backlog, and begin as many TLS handshakes at a time as anybody wants.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import logging
+import socket
+import ssl
+from collections.abc import Callable
+from typing import Any
+
+from taskrpc.transport.connection import HANDSHAKE_TIMEOUT, shown
+from taskrpc.transport.network import Factory
+from taskrpc.transport.seldom import SeldomLog
+
+log = logging.getLogger("taskrpc.transport")
+
+BACKLOG = 512
+"""Connections that the kernel holds until they are accepted."""
+MAX_ARRIVING = 128
+"""Connections that are being made, TLS handshake included; one more cuts the oldest off."""
+
+_PAUSE = 0.1
+"""Seconds until the next try, after the system could not accept."""
+
+_EXHAUSTED = {
+    getattr(errno, name, errno.EMFILE)
+    for name in ("EMFILE", "ENFILE", "ENOBUFS", "ENOMEM", "WSAEMFILE", "WSAENOBUFS")
+}
+
+
+class Listener:
+    """Gives every connection that comes to a bound, listening socket a protocol of `factory`.
+
+    `context` is asked for every connection, None is plain; certificates may change in between.
+    """
+
+    def __init__(
+        self,
+        sock: socket.socket,
+        factory: Factory,
+        context: Callable[[], ssl.SSLContext | None] = lambda: None,
+    ) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._sock = sock
+        self._factory = factory
+        self._context = context
+        self._reserve: socket.socket | None = _spare()
+        self._arriving: dict[asyncio.Task[None], socket.socket] = {}
+        self._exhausted = SeldomLog(log)
+        self._crowded = SeldomLog(log)
+        self._accepting = self._loop.create_task(self._accept())
+        self._accepting.add_done_callback(self._stopped)
+
+    async def close(self) -> None:
+        """Take no more connections, and give up those that are being made."""
+        try:
+            # On Linux this ends the accepting without a cancel, which could lose who just came.
+            self._sock.shutdown(socket.SHUT_RDWR)
+        except OSError:
+            self._accepting.cancel()
+        for task in self._arriving:
+            task.cancel()
+        await asyncio.wait((self._accepting, *self._arriving))
+
+    def _stopped(self, _: object) -> None:
+        self._sock.close()
+        if self._reserve is not None:
+            self._reserve.close()
+
+    async def _accept(self) -> None:
+        while True:
+            try:
+                sock, peer = await self._loop.sock_accept(self._sock)
+            except OSError as error:
+                if error.errno == errno.EINVAL:
+                    return  # shut down
+                if error.errno in _EXHAUSTED:
+                    self._turn_away(error)
+                await asyncio.sleep(_PAUSE)
+            else:
+                self._begin(sock, peer)
+                # One a turn: a storm of connections must not keep those that are there waiting.
+                await asyncio.sleep(0)
+
+    def _begin(self, sock: socket.socket, peer: Any) -> None:
+        if len(self._arriving) >= MAX_ARRIVING:
+            next(iter(self._arriving)).cancel()
+            self._crowded.warning(
+                self._loop.time(),
+                "more than %d connections are being made at a time; the oldest was cut off",
+                MAX_ARRIVING,
+            )
+        task = self._loop.create_task(self._connect(sock, peer))
+        self._arriving[task] = sock
+        task.add_done_callback(self._arrived)
+
+    async def _connect(self, sock: socket.socket, peer: Any) -> None:
+        context = self._context()
+        sock.setblocking(False)
+        try:
+            await self._loop.connect_accepted_socket(
+                self._factory,
+                sock,
+                ssl=context,
+                ssl_handshake_timeout=HANDSHAKE_TIMEOUT if context else None,
+            )
+        except ssl.SSLError as error:
+            reason = error.reason or str(error)
+            log.warning("closed the connection from %s: no TLS: %s", shown(peer), reason)
+        except OSError as error:
+            log.debug("the connection from %s was not made: %s", shown(peer), error)
+
+    def _arrived(self, task: asyncio.Task[None]) -> None:
+        sock = self._arriving.pop(task)
+        if task.cancelled():
+            sock.close()  # nobody may have begun to use it
+
+    def _turn_away(self, error: OSError) -> None:
+        """Close whoever waits, with the descriptor kept for this, so that they learn it at once."""
+        count = 0
+        if self._reserve is not None:
+            self._reserve.close()
+        with contextlib.suppress(OSError):  # nobody waits any more
+            while count < BACKLOG:
+                self._sock.accept()[0].close()
+                count += 1
+        self._reserve = _spare()
+        self._exhausted.warning(
+            self._loop.time(),
+            "no descriptors are left for connections (%s); %d callers were turned away",
+            error.strerror,
+            count,
+        )
+
+
+def _spare() -> socket.socket | None:
+    try:
+        return socket.socket()
+    except OSError:
+        return None
