@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from contextvars import ContextVar
+from typing import Any
 
 import msgspec
+
+from taskrpc.wire.once import Completion
 
 
 class CallInfo(msgspec.Struct, eq=False):
@@ -24,6 +27,17 @@ class CallInfo(msgspec.Struct, eq=False):
     _clock: Callable[[], float]
     cancelled: bool
     """True once the caller gave up; plain and threaded callbacks may look now and then."""
+
+    def completed_by(self, response: Any) -> Completion | None:
+        """The record with which this response completes the call of an exactly-once service.
+
+        For callbacks that store their effect themselves: the record belongs into the same
+        transaction, and the callback returns the response once that is done. None where nothing
+        need be remembered. From here on the call is not cancelled any more.
+
+        Raises InvalidRequest for a response that cannot be sent.
+        """
+        return None
 
     def time_left(self) -> float | None:
         """Seconds until the caller stops waiting (never below 0.0), None without a deadline."""

@@ -90,7 +90,11 @@ class Service:
         self._transport = transport
         self._desk = self._desk_before(store)
         self._offer = self._offered(node, mode, join, observer)
-        transport.offer(self._offer)
+        try:
+            transport.offer(self._offer)
+        except BaseException:
+            self._close_desk()
+            raise
 
     def _desk_before(self, store: CompletionStore | None) -> OnceDesk | None:
         if store is None:
@@ -105,6 +109,10 @@ class Service:
             serve, store_id, mode = desk.arrived, desk.store_id, Mode.EXACTLY_ONCE
         name, srv_type = self.service_name, self.srv_type
         return Offer(name, srv_type, node, serve, mode, join, store_id, observer)
+
+    def _close_desk(self) -> None:
+        if self._desk is not None:
+            self._desk.close()
 
     def destroy(self) -> None:
         """Stop offering the service; calls that have arrived are still answered."""
@@ -263,8 +271,7 @@ class Service:
     def _finish_if_idle(self) -> None:
         if self._destroyed and not self._running and not self._waiting:
             self._stepper.close()
-            if self._desk is not None:
-                self._desk.close()
+            self._close_desk()
             if not self.finished.done():
                 self.finished.set_result(None)
             if self._threads is not None:

@@ -15,13 +15,15 @@ from taskrpc.errors import Code, HandlerError, OutcomeUnknown, StoreError
 from taskrpc.node import Node
 from taskrpc.robot.protocol import Robot
 from taskrpc.service import Service
+from taskrpc.tasks.completions import TaskCompletions
 from taskrpc.tasks.listing import page
 from taskrpc.tasks.manager import Answer, Resumed, TaskManager
 from taskrpc.tasks.messages import Messages
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.store import TaskStore
+from taskrpc.wire.once import Completion
 
-_SUBMIT_CONCURRENCY = 64  # so many submits may wait for the disk together
+_CONCURRENCY = 64  # so many calls of one service may wait for the disk together
 _WATCHERS = 1000
 _WATCH_SECONDS = 10.0  # how long a watcher that does not say waits
 _WATCH_AT_MOST = 60.0
@@ -71,6 +73,7 @@ class TaskServer:
             keep_ended=keep_ended,
             wall_clock=wall_clock,
         )
+        self._completions = TaskCompletions(store, self.manager.book)
         self._node = node
         self._service_name = service_name
         self._messages = Messages()
@@ -111,6 +114,7 @@ class TaskServer:
                 service.destroy()
             raise
         self._started.set()
+        self._completions.opened()
         return resumed
 
     def dismiss_watchers(self) -> None:
@@ -126,8 +130,8 @@ class TaskServer:
         submit = self._node.create_service(
             submit_type,
             self._service_name,
-            self._guarded(self.submit),
-            concurrency=_SUBMIT_CONCURRENCY,
+            self._guarded(self.submit, unstored=Code.UNAVAILABLE),  # nothing was done
+            exactly_once=self._completions,
             join=self._join,
         )
         self._services.append(submit)
@@ -149,13 +153,13 @@ class TaskServer:
                 srvgen.load(f"taskrpc_interfaces/srv/{type_name}"),
                 f"{self._service_name}/{verb}",
                 self._guarded(handler),
-                concurrency=_WATCHERS if verb == "watch" else _SUBMIT_CONCURRENCY,
+                concurrency=_WATCHERS if verb == "watch" else _CONCURRENCY,
                 idempotent=may_repeat,
                 join=self._join,
             )
             self._services.append(service)
 
-    def _guarded(self, handler: _Handler) -> _Handler:
+    def _guarded(self, handler: _Handler, *, unstored: Code = Code.INTERNAL) -> _Handler:
         """The handler, which tells its caller when the server ends or what the store lacks."""
 
         @functools.wraps(handler)
@@ -166,7 +170,7 @@ class TaskServer:
             try:
                 return await handler(request, response)
             except StoreError as error:
-                raise HandlerError(Code.INTERNAL, str(error)) from error
+                raise HandlerError(unstored, str(error)) from error
             except OutcomeUnknown as error:
                 raise HandlerError(Code.OUTCOME_UNKNOWN, str(error)) from error
 
@@ -176,11 +180,14 @@ class TaskServer:
 
     async def submit(self, request: Any, response: Any) -> Any:
         """Queue a task; see RobotTask.srv."""
-        answer = await self.manager.submit(
-            request.task_type, request.target, request.priority, client=_caller()
+        await self.manager.submit(
+            request.task_type,
+            request.target,
+            request.priority,
+            client=_caller(),
+            completing=lambda answer: _completed(_answered(response, answer)),
         )
-        response.task_id = answer.task_id
-        return _answered(response, answer)
+        return response
 
     async def list_tasks(self, request: Any, response: Any) -> Any:
         """List tasks in the order of run; see ListTasks.srv."""
@@ -271,9 +278,18 @@ class TaskServer:
 def _answered(response: Any, answer: Answer) -> Any:
     response.success = answer.success
     response.message = answer.message
+    if hasattr(response, "task_id"):
+        response.task_id = answer.task_id
     if hasattr(response, "estimated_time"):
         response.estimated_time = answer.estimated_time
     return response
+
+
+def _completed(response: Any) -> Completion | None:
+    try:
+        return current_call().completed_by(response)
+    except LookupError:  # called without a network
+        return None
 
 
 def _caller() -> str:

@@ -18,7 +18,7 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.observer import Connections, Observer
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.entries import Entry
-from taskrpc.wire.once import Claim, Completion, Number, Numbers
+from taskrpc.wire.once import Claim, Number, Numbers
 
 
 class Mode(IntEnum):
@@ -50,10 +50,6 @@ class IncomingCall(CallInfo, eq=False):
     def fail(self, error: TaskRpcError) -> None:
         """Answer with an error."""
         raise NotImplementedError
-
-    def completed_by(self, response: Any) -> Completion | None:
-        """What a store must remember together with the call's effect; None if nothing."""
-        return None
 
     def lost(self) -> None:
         """The way back to the caller is gone; one that counts its requests will come again."""

@@ -20,12 +20,12 @@ class Client:
         self._node = node
         self._clients = {}
 
-    async def submit(self, task_type, target, priority):
+    async def submit(self, task_type, target, priority, **options):
         client = self._clients.setdefault(
             "submit", self._node.create_client(RobotTask, "/robot_task", timeout=100)
         )
         return await client.call(
-            RobotTask.Request(task_type=task_type, target=target, priority=priority)
+            RobotTask.Request(task_type=task_type, target=target, priority=priority), **options
         )
 
     async def __call__(self, type_name, **fields):
@@ -92,6 +92,20 @@ async def test_a_refused_task_is_answered_as_in_the_lecture(client):
         task_id=-1,
         estimated_time=0.0,
     )
+
+
+async def test_a_request_that_is_sent_twice_under_one_id_is_one_task(client):
+    first = await client.submit("move", "1", 5, request_id="once")
+    again = await client.submit("move", "1", 5, request_id="once")
+    other = await client.submit("move", "1", 5)
+    assert (first.task_id, again.task_id, other.task_id) == (1, 1, 2)
+    assert again == first
+
+
+async def test_a_refusal_is_given_again_too(client):
+    answers = [await client.submit("fly", "1", 5, request_id="once") for _ in range(2)]
+    assert answers[0] == answers[1]
+    assert answers[0].message.startswith("Invalid task: fly")
 
 
 async def test_a_task_is_shown_with_its_result_its_times_and_who_asked(client):
