@@ -38,6 +38,7 @@ if TYPE_CHECKING:
         TypeMismatch,
         WouldDeadlock,
     )
+    from taskrpc.metrics import Metrics
     from taskrpc.node import Node, run
     from taskrpc.observer import NodeStatus, Observer
     from taskrpc.retry import RetryPolicy
@@ -65,6 +66,7 @@ _HOMES = {
         " ProtocolError RequestIdReused ServerBusy ServiceUnavailable SessionExpired StoreError"
         " TaskRpcError TypeMismatch WouldDeadlock"
     ),
+    "metrics": "Metrics",
     "node": "Node run",
     "observer": "NodeStatus Observer",
     "retry": "RetryPolicy",
@@ -75,7 +77,7 @@ _HOMES = {
 }
 _HOME_OF = {name: home for home, exported in _HOMES.items() for name in exported.split()}
 
-_MODULES = ("errors", "logs", "sync", "testing")
+_MODULES = ("errors", "logs", "metrics", "sync", "testing")
 
 __all__ = [
     "AuthenticationFailed",
@@ -92,6 +94,7 @@ __all__ = [
     "InvalidRequest",
     "KinematicRobot",
     "MemoryStore",
+    "Metrics",
     "NameInUse",
     "Node",
     "NodeStatus",

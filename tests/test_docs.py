@@ -181,11 +181,13 @@ MODULES = {
     "taskrpc": taskrpc.__all__,
     "taskrpc.sync": importlib.import_module("taskrpc.sync").__all__,
     "taskrpc.logs": ["CallFilter", "JsonFormatter", "handler"],
+    "taskrpc.metrics": ["Family", "Histogram", "Kind", "Sample", "render"],
+    "taskrpc.metrics.tasks": ["MeasuredStore", "task_families"],
     "taskrpc.testing": ["NothingWillEverHappen", "VirtualTimeLoop"],
     "taskrpc.robot": importlib.import_module("taskrpc.robot").__all__,
     "srvgen": srvgen.__all__,
 }
-NOT_CONSTRUCTED = {"CallInfo", "Client", "NodeStatus", "Robot", "Service"}
+NOT_CONSTRUCTED = {"CallInfo", "Client", "Kind", "NodeStatus", "Robot", "Service"}
 """Classes whose objects a user gets, or protocols; how they are made is nobody's business."""
 
 ERRORS = {name for name, value in vars(errors).items() if inspect.isclass(value) and name[0] != "_"}
@@ -304,6 +306,21 @@ def test_the_table_of_variables_has_every_one_that_the_code_reads():
     assert read >= {"ROS_DOMAIN_ID", "TASKRPC_PEERS"}
     told = {name for name, *_ in _rows(REFERENCE / "environment.md", "Variables")}
     assert told == read
+
+
+async def test_the_table_of_metrics_has_every_one():
+    from taskrpc.metrics.tasks import MeasuredStore, task_families
+
+    store = MeasuredStore(taskrpc.MemoryStore())
+    robot = taskrpc.KinematicRobot(taskrpc.default_world())
+    async with taskrpc.Node("node", transport="memory") as node:
+        metrics = taskrpc.Metrics()
+        metrics.add(store.families)
+        metrics.add(lambda: task_families(taskrpc.TaskServer(node, robot, store).manager))
+        found = metrics.families()
+    rows = _rows(ROOT / "docs" / "how-to" / "watch-a-server.md", "All metrics")
+    told = re.findall(r"taskrpc_\w+", " ".join(names for names, *_ in rows))
+    assert sorted(told) == sorted(family.name for family in found)
 
 
 # The checks themselves

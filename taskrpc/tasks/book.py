@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 
 import msgspec
@@ -64,6 +64,10 @@ class TaskBook:
     def find(self, task_id: int) -> Task | None:
         """The task of this number as the store has it, None if there is none."""
         return self._tasks.get(task_id)
+
+    def tasks(self) -> Iterable[Task]:
+        """Every task that is remembered."""
+        return self._tasks.values()
 
     def ended(self) -> Iterator[Task]:
         """Iterate over the ended tasks, the newest end first."""

@@ -1,0 +1,148 @@
+"""Metrics count each call once, by service and outcome, and say what a program has to do."""
+
+import asyncio
+import time
+
+import pytest
+
+import taskrpc
+from taskrpc.metrics import Family, Kind, Sample
+from tests.taskrpc.metrics.exposition import read, values
+from tests.taskrpc.transport.helpers import Add, Gate, add, ask
+
+
+class Lab:
+    """A server with metrics and a client with others."""
+
+    def __init__(self):
+        self.metrics, self.theirs = taskrpc.Metrics(), taskrpc.Metrics()
+        options = {"transport": "memory"}
+        self.server = taskrpc.Node("server", token="s", observer=self.metrics, **options)
+        self.client = taskrpc.Node("client", token="c", observer=self.theirs, **options)
+
+    async def __aenter__(self):
+        await self.server.start()
+        await self.client.start()
+        return self
+
+    async def __aexit__(self, *_):
+        await self.client.destroy()
+        await self.server.destroy()
+
+    def offer(self, callback, name="work", **options):
+        self.server.create_service(Add, name, callback, **options)
+        return self.client.create_client(Add, name)
+
+
+@pytest.fixture
+async def lab():
+    async with Lab() as made:
+        yield made
+
+
+async def test_calls_are_counted_by_service_and_outcome_on_both_sides(lab):
+    def picky(request, response):
+        if request.a:
+            raise taskrpc.HandlerError("NOT_FOUND", "no")
+        return response
+
+    work, other = lab.offer(picky), lab.offer(add, "other")
+    for number in (0, 0, 1):
+        await asyncio.wait([work.call_async(ask(number))])
+    await other.call(ask())
+    expected = {"OK//other": 1, "NOT_FOUND//work": 1, "OK//work": 2}
+    assert values(lab.metrics.text(), "taskrpc_calls_total") == expected
+    assert values(lab.theirs.text(), "taskrpc_client_calls_total") == expected
+    assert "taskrpc_client_calls_total" not in read(lab.metrics.text())
+
+
+async def test_times_are_those_of_the_server_and_of_the_client(lab):
+    async def slow(request, response):
+        await asyncio.sleep(2)
+        return response
+
+    await lab.offer(slow).call(ask())
+    times = values(lab.metrics.text(), "taskrpc_call_seconds")
+    assert times["_bucket/1//work"] == 0
+    assert times["_bucket/2.5//work"] == times["_count//work"] == 1
+    assert times["_sum//work"] == pytest.approx(2, abs=0.01)
+    theirs = values(lab.theirs.text(), "taskrpc_client_call_seconds")
+    assert theirs["_sum//work"] >= times["_sum//work"]
+
+
+async def test_what_runs_and_what_waits_is_told(lab):
+    gate = Gate()
+    client = lab.offer(gate)
+    calls = [client.call_async(ask()) for _ in range(5)]
+    await asyncio.sleep(1)
+    text = lab.metrics.text()
+    assert values(text, "taskrpc_calls_running") == {"/work": 1}
+    assert values(text, "taskrpc_calls_waiting") == {"/work": 4}
+    gate.opened.set()
+    await asyncio.gather(*calls)
+    assert values(lab.metrics.text(), "taskrpc_calls_waiting") == {"/work": 0}
+
+
+async def test_connections_and_bytes_are_told_and_survive_their_end(lab):
+    await lab.offer(add).call(ask())
+    text, theirs = lab.metrics.text(), lab.theirs.text()
+    assert values(text, "taskrpc_connections_open") == {"client": 0, "server": 1}
+    sent = values(theirs, "taskrpc_sent_bytes_total")["client"]
+    assert values(text, "taskrpc_received_bytes_total")["server"] == sent > 0
+    await lab.client.destroy()
+    await asyncio.sleep(1)
+    text = lab.metrics.text()
+    assert values(text, "taskrpc_connections_open")["server"] == 0
+    assert values(text, "taskrpc_connections_total")["server"] == 1
+    assert sum(values(text, "taskrpc_connections_ended_total").values()) == 1
+    assert values(text, "taskrpc_received_bytes_total")["server"] >= sent
+    after = values(lab.theirs.text(), "taskrpc_sent_bytes_total")["client"]
+    assert after >= sent, "a counter never falls, also when its node is gone"
+
+
+async def test_a_connection_that_is_cut_off_is_counted_by_its_reason(lab):
+    await lab.offer(add).call(ask())
+    (served,) = lab.server._transport._served
+    served.abort(taskrpc.errors.ProtocolError("garbage"))
+    await asyncio.sleep(1)
+    text = lab.metrics.text()
+    assert values(text, "taskrpc_connections_ended_total") == {"ProtocolError/server": 1}
+
+
+async def test_nodes_that_share_their_sockets_are_counted_once(lab):
+    async with taskrpc.Node("second", transport="memory", token="s", observer=lab.metrics):
+        await lab.offer(add).call(ask())
+        text = lab.metrics.text()
+        assert values(text, "taskrpc_connections_open")["server"] == 1
+
+
+async def test_retries_are_counted_and_do_not_fall_with_their_node(lab):
+    answers = iter([taskrpc.HandlerError("UNAVAILABLE", "not yet")] * 2)
+
+    def reluctant(request, response):
+        for error in answers:
+            raise error
+        return response
+
+    await lab.offer(reluctant).call(ask(), retry=taskrpc.RetryPolicy())
+    for _ in range(2):
+        assert values(lab.theirs.text(), "taskrpc_client_retries_total") == {"/work": 2}
+        await lab.client.destroy()
+
+
+async def test_a_family_of_ones_own_is_told_too(lab):
+    lab.metrics.add(lambda: [Family("battery", Kind.GAUGE, "How full.", [Sample(0.5)])])
+    assert values(lab.metrics.text(), "battery") == {"": 0.5}
+
+
+@pytest.mark.real_time
+async def test_a_loop_that_is_held_up_is_late():
+    metrics = taskrpc.Metrics()
+    async with taskrpc.Node("node", transport="memory", observer=metrics):
+        time.sleep(0.7)
+        await asyncio.sleep(0.01)
+        late = values(metrics.text(), "taskrpc_loop_late_seconds")
+    assert late["_count"] == 1
+    assert late["_sum"] > 0.1
+    await asyncio.sleep(0)
+    assert metrics._lateness._timer is None
