@@ -25,6 +25,11 @@ class Board:
         self._next: asyncio.Future[None] | None = None
         self._is_closed = False
 
+    @property
+    def is_closed(self) -> bool:
+        """Whether nobody may wait any more."""
+        return self._is_closed
+
     def close(self) -> None:
         """Let all who wait go, and let nobody wait any more: the server ends."""
         self._is_closed = True

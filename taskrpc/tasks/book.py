@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import islice
 
 import msgspec
 
+from taskrpc.errors import TaskRpcError
 from taskrpc.tasks.board import Board
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.store import TaskStore
@@ -32,6 +34,8 @@ class TaskBook:
         self._commits: dict[int, asyncio.Task[None]] = {}  # task_id -> its newest commit
         self._next_id = 1
         self._next_arrival = 1
+        self._problem = ""
+        self._is_paused = False  # as the store has it, or will have it
         self.was_paused = False
         """Whether the queue stood still when the server before ended."""
 
@@ -39,7 +43,7 @@ class TaskBook:
         """Read the store and return every task in it; raises StoreError."""
         stored = await self._store.load()
         self._next_id = stored.next_id
-        self.was_paused = stored.paused
+        self.was_paused = self._is_paused = stored.paused
         self._next_arrival = 1 + max((task.arrival for task in stored.tasks), default=0)
         for task in sorted(stored.tasks, key=lambda task: task.ended_at or 0.0):
             self._note(task)
@@ -96,7 +100,20 @@ class TaskBook:
 
     async def remember_pause(self, paused: bool) -> None:
         """Store whether the queue stands still; raises StoreError."""
-        await self._store.remember_pause(paused)
+        before, self._is_paused = self._is_paused, paused
+        try:
+            await self._store.remember_pause(paused)
+        except BaseException:
+            self._is_paused = before
+            raise
+
+    async def problem(self) -> str:
+        """Why the store refused its last change, "" if it did not; tried once more if it did."""
+        if self._problem:
+            with contextlib.suppress(TaskRpcError):
+                await self.remember_pause(self._is_paused)
+                self._problem = ""
+        return self._problem
 
     async def stored(self, task_id: int) -> bool:
         """Wait until nothing about a task is on its way to the store; whether the task is there."""
@@ -122,7 +139,12 @@ class TaskBook:
         self, tasks: tuple[Task, ...], completion: Completion | None, clients: Sequence[Client]
     ) -> None:
         forgotten = self._surplus(tasks)
-        await self._store.apply(tasks, forgotten, completion, clients)
+        try:
+            await self._store.apply(tasks, forgotten, completion, clients)
+        except TaskRpcError as error:
+            self._problem = str(error)
+            raise
+        self._problem = ""
         for task_id in forgotten:
             self._tasks.pop(task_id, None)
             self._ended.pop(task_id, None)

@@ -137,6 +137,16 @@ class TaskManager:
 
     # What may be asked
 
+    def __str__(self) -> str:
+        """What there is to do, as a user reads it."""
+        waiting = len(self.queue)
+        parts = [f"{waiting or 'no'} task{'' if waiting == 1 else 's'} in the queue"]
+        if self.running is not None:
+            parts.append(f"task {self.running.task_id} in hand")
+        if self.is_paused:
+            parts.append("the queue is paused")
+        return ", ".join(parts)
+
     @property
     def is_paused(self) -> bool:
         """Whether the queue stands still until `resume`."""

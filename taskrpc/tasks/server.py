@@ -117,6 +117,16 @@ class TaskServer:
         self._completions.opened()
         return resumed
 
+    async def health(self) -> Answer:
+        """Whether tasks are taken now: `success`, and one sentence that says why not."""
+        if not self._started.is_set():
+            return Answer(False, "not ready: starting, the tasks of earlier runs are being read")
+        if self.manager.board.is_closed:
+            return Answer(False, "not ready: ending")
+        if problem := await self.manager.book.problem():
+            return Answer(False, f"not ready: {problem}")
+        return Answer(True, f"ready: {self.manager}")
+
     def dismiss_watchers(self) -> None:
         """Answer everybody who waits for a change, so that a node may drain without them."""
         self.manager.board.close()
@@ -158,6 +168,15 @@ class TaskServer:
                 join=self._join,
             )
             self._services.append(service)
+        health = self._node.create_service(
+            srvgen.load("std_srvs/srv/Trigger"),
+            f"{self._service_name}/health",
+            self.tell_health,  # unguarded: it says what the others wait for
+            concurrency=_CONCURRENCY,
+            idempotent=True,
+            join=self._join,
+        )
+        self._services.append(health)
 
     def _guarded(self, handler: _Handler, *, unstored: Code = Code.INTERNAL) -> _Handler:
         """The handler, which tells its caller when the server ends or what the store lacks."""
@@ -265,6 +284,10 @@ class TaskServer:
     async def stop(self, request: Any, response: Any) -> Any:
         """Halt the robot at once; see StopRobot.srv."""
         return _answered(response, await self.manager.stop(client=_caller()))
+
+    async def tell_health(self, request: Any, response: Any) -> Any:
+        """Say whether tasks are taken now; a std_srvs/srv/Trigger."""
+        return _answered(response, await self.health())
 
     def _fill(self, response: Any, changed: list[int]) -> None:
         self.manager.reckon()

@@ -1,0 +1,121 @@
+"""Health says yes exactly while tasks are taken, and why not otherwise."""
+
+import asyncio
+
+import pytest
+
+import srvgen
+import taskrpc
+from taskrpc.errors import StoreError
+from taskrpc.tasks import TaskServer
+from tests.taskrpc.tasks.fakes import FullStore, LineRobot
+
+Trigger = srvgen.load("std_srvs/srv/Trigger")
+
+
+class Disk(FullStore):
+    """A store on a disk that may be full for everything, and slow to read."""
+
+    def __init__(self):
+        super().__init__()
+        self.slowness = 0.0
+
+    async def load(self):
+        await asyncio.sleep(self.slowness)
+        return await super().load()
+
+    async def remember_pause(self, paused):
+        if self.is_full:
+            raise StoreError("the disk is full")
+        await super().remember_pause(paused)
+
+
+@pytest.fixture
+async def node():
+    async with taskrpc.Node("task_server", transport="memory") as made:
+        yield made
+
+
+@pytest.fixture
+def disk():
+    return Disk()
+
+
+@pytest.fixture
+def server(node, disk):
+    return TaskServer(node, LineRobot(), disk)
+
+
+async def asked(node):
+    client = node.create_client(Trigger, "/robot_task/health")
+    answer = await client.call(Trigger.Request(), timeout=1)
+    return answer.success, answer.message
+
+
+async def test_a_server_at_work_is_ready_and_says_what_it_has_to_do(node, server):
+    async with server:
+        assert await asked(node) == (True, "ready: no tasks in the queue")
+        for target in ("3", "5", "7"):
+            await server.manager.submit("move", target, 5)
+        await asyncio.sleep(1)
+        assert await asked(node) == (True, "ready: 2 tasks in the queue, task 1 in hand")
+        await server.manager.pause()
+        told = "ready: 2 tasks in the queue, task 1 in hand, the queue is paused"
+        assert await asked(node) == (True, told)
+
+
+async def test_a_server_that_reads_its_tasks_answers_that_it_is_not_ready(node, server, disk):
+    disk.slowness = 60
+    starting = asyncio.ensure_future(server.start())
+    await asyncio.sleep(1)
+    success, message = await asked(node)
+    assert (success, message.partition(",")[0]) == (False, "not ready: starting")
+    await starting
+    assert (await asked(node))[0]
+    await server.close()
+
+
+async def test_a_server_that_ends_is_not_ready(node, server):
+    await server.start()
+    server.dismiss_watchers()
+    assert await asked(node) == (False, "not ready: ending")
+    await server.close()
+
+
+async def test_a_store_that_refuses_makes_it_not_ready_until_it_takes_changes_again(
+    node, server, disk
+):
+    async with server:
+        disk.is_full = True
+        with pytest.raises(StoreError):
+            await server.manager.submit("move", "3", 5)
+        for _ in range(2):
+            assert await asked(node) == (False, "not ready: the disk is full")
+        disk.is_full = False
+        assert await asked(node) == (True, "ready: no tasks in the queue")
+
+
+async def test_asking_a_store_again_changes_nothing_that_it_remembers(node, server, disk):
+    async with server:
+        await server.manager.pause()
+        disk.is_full = True
+        with pytest.raises(StoreError):
+            await server.manager.resume()
+        with pytest.raises(StoreError):
+            await server.manager.submit("move", "3", 5)
+        disk.is_full = False
+        await asked(node)
+        assert server.manager.is_paused
+        assert (await disk.load()).paused
+
+
+async def test_a_change_that_is_stored_makes_it_ready_too(server, disk):
+    async with server:
+        disk.is_full = True
+        with pytest.raises(StoreError):
+            await server.manager.submit("move", "3", 5)
+        disk.is_full = False
+        await server.manager.submit("move", "3", 5)
+        disk.is_full = True
+        assert (await server.health()).success
+        disk.is_full = False
