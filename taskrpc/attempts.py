@@ -13,6 +13,8 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+import msgspec
+
 from taskrpc.errors import (
     Code,
     ConnectionLost,
@@ -33,90 +35,78 @@ FREE_SENDINGS = 8
 """Sendings of one exactly-once request over new connections that take nothing from the budget: a
 server that was restarted must get back all that was in flight, not three calls a second."""
 
+_UNTIL_THE_DEADLINE = RetryPolicy()
 
-class Attempts:
-    """The sendings of one call; await `result()` once.
 
-    Args:
-        deadline: instant on the loop's clock, None for none.
-        policy: None: send once; what is exactly-once, again while connections are lost.
-        now: the loop's clock.
-        request_id: the user's own name for the request, "" for none.
-    """
+class Attempts(msgspec.Struct, eq=False):
+    """The sendings of one call; await `result()` once."""
 
-    def __init__(
-        self,
-        channel: Channel,
-        request: Any,
-        deadline: float | None,
-        policy: RetryPolicy | None,
-        *,
-        budget: RetryBudget,
-        now: Callable[[], float],
-        request_id: str = "",
-    ) -> None:
-        self._channel = channel
-        self._request = request
-        self._deadline = deadline
-        self._policy = policy
-        self._only_what_is_lost = False
-        self._budget = budget
-        self._now = now
-        self._request_id = request_id
-        self._made = 0
-        self._in_doubt = False
-        self._is_over = False
-        self._numbers: Numbers | None = None
-        self._sequence = 0
-        self._store = b""
+    channel: Channel
+    request: Any
+    deadline: float | None
+    """Instant on the loop's clock, None for none."""
+    policy: RetryPolicy | None
+    """None: send once; what is exactly-once, again while connections are lost."""
+    budget: RetryBudget
+    now: Callable[[], float]
+    """The loop's clock."""
+    request_id: str = ""
+    """The user's own name for the request, "" for none."""
+    _only_what_is_lost: bool = False
+    _made: int = 0
+    _in_doubt: bool = False
+    _is_over: bool = False
+    _numbers: Numbers | None = None
+    _sequence: int = 0
+    _store: bytes = b""
 
     async def result(self) -> Any:
         """The response; raises what `Client.call` tells."""
         try:
             while True:
+                call = None
                 self._made += 1
                 try:
-                    return await self._attempt()
+                    if not self.channel.ready:
+                        await self._find()
+                    call = self.channel.send(self.request, self.deadline, self._number())
+                    assert call is not None, "the channel was connected in this very turn"
+                    response = await call.future
+                except asyncio.CancelledError:
+                    if call is not None:
+                        call.give_up()
+                    raise
                 except TaskRpcError as error:
                     wait = self._wait_after(error)
                     if wait is None:
                         raise self._verdict(error) from None
                     await asyncio.sleep(wait)
+                else:
+                    self.budget.earn()
+                    return response
         finally:
             self._settle()
 
-    async def _attempt(self) -> Any:
-        await self._find()
-        call = self._channel.send(self._request, self._deadline, self._number())
-        assert call is not None, "the channel was connected in this very turn"
-        try:
-            response = await call.future
-        except asyncio.CancelledError:
-            call.give_up()
-            raise
-        self._budget.earn()
-        return response
-
     async def _find(self) -> None:
-        deadline = self._deadline
-        if deadline is not None and deadline <= self._now():
+        deadline = self.deadline
+        if deadline is not None and deadline <= self.now():
             problem = "the deadline had passed before the call began"
             raise DeadlineExceeded(problem, not_executed=True)
         try:
-            await self._channel.connect(deadline)
+            await self.channel.connect(deadline)
         except ServiceUnavailable:
             # Waiting for a server is no attempt: with a policy a call waits as long as it may.
-            if self._policy is None or not await self._channel.wait(deadline):
+            if self.policy is None or not await self.channel.wait(deadline):
                 raise
 
     # The number of a request to an exactly-once service
 
     def _number(self) -> Number | None:
-        channel = self._channel
+        channel = self.channel
         if channel.mode is not Mode.EXACTLY_ONCE:
             if self._store and self._in_doubt:
                 self._give_up("the service that answers now is not exactly-once any more")
-            if self._request_id:
+            if self.request_id:
                 problem = "a request id was given, but the service is not exactly-once"
                 raise InvalidRequest("", problem)
             return None
@@ -124,17 +114,17 @@ class Attempts:
             if self._store and self._in_doubt:
                 self._give_up("the server that answers now has another store")
             self._count(channel)
-        if self._request_id:
-            return number_of_id(channel.service_name, self._request_id)
+        if self.request_id:
+            return number_of_id(channel.service_name, self.request_id)
         assert self._numbers is not None, "counted above"
         return self._numbers.number(self._sequence)
 
     def _count(self, channel: Channel) -> None:
         self._settle()
-        if self._policy is None:
-            self._policy, self._only_what_is_lost = RetryPolicy(), True
+        if self.policy is None:
+            self.policy, self._only_what_is_lost = _UNTIL_THE_DEADLINE, True
         self._store = channel.store_id
-        if not self._request_id:
+        if not self.request_id:
             self._numbers = channel.numbers()
             self._sequence = self._numbers.take()
 
@@ -155,7 +145,7 @@ class Attempts:
             return 0.0
         if error.not_executed is not True:
             self._in_doubt = True
-        policy = self._policy
+        policy = self.policy
         if policy is None or not policy.allows(self._made + 1) or not self._may_repeat(error):
             return None
         import random  # a failure can wait a millisecond, a program's start should not
@@ -164,16 +154,16 @@ class Attempts:
         wait = policy.wait(self._made - 1, random.random())
         if isinstance(error, ServerBusy):
             wait = max(wait, error.retry_after)
-        now, latest = self._now(), math.inf if self._deadline is None else self._deadline
+        now, latest = self.now(), math.inf if self.deadline is None else self.deadline
         if self._store and isinstance(error, ConnectionLost) and self._made <= FREE_SENDINGS:
             return wait if now + wait < latest else None
-        return self._budget.book(now, wait, latest)
+        return self.budget.book(now, wait, latest)
 
     def _may_count_anew(self) -> bool:
         """Whether a server that forgot us was asked for the first time: then nothing has run."""
         if self._in_doubt or self._numbers is None or self._made > 1:
             return False
-        self._channel.forget_numbers(self._numbers)
+        self.channel.forget_numbers(self._numbers)
         self._settle()
         self._store = b""
         return True
@@ -185,7 +175,7 @@ class Attempts:
             lost = isinstance(error, ServiceUnavailable) and self._made > 1
             return lost or isinstance(error, ConnectionLost)
         if isinstance(error, ServerBusy | ConnectionLost) or _asks_for_retry(error):
-            is_safe = bool(self._store) or self._channel.mode is Mode.IDEMPOTENT
+            is_safe = bool(self._store) or self.channel.mode is Mode.IDEMPOTENT
             return error.not_executed is True or is_safe
         return isinstance(error, ServiceUnavailable)
 

@@ -161,13 +161,7 @@ class Client:
         request_id: str,
     ) -> Attempts:
         return Attempts(
-            self._channel,
-            request,
-            deadline,
-            policy,
-            budget=self._budget,
-            now=self._now,
-            request_id=request_id,
+            self._channel, request, deadline, policy, self._budget, self._now, request_id
         )
 
     def _deadline(self, timeout: float | Unset | None) -> float | None:

@@ -13,7 +13,7 @@ import contextlib
 import logging
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Any
 
@@ -81,6 +81,8 @@ class Run(IncomingCall, eq=False):
     desk: OnceDesk
     callers: list[IncomingCall]
     """Who waits for the answer."""
+    arrived: float
+    """Seconds since 1970."""
     completion: Completion | None = None
     """Once the transaction has begun: what it remembers."""
 
@@ -95,16 +97,17 @@ class Run(IncomingCall, eq=False):
         self.completion = self.desk.completion(self, self.desk.codec.encode(response), 0)
         return self.completion
 
-    def reply(self, response: Any) -> None:
+    def reply(self, response: Any, body: bytes | None = None) -> None:
         """Store the effect and the completion, then answer everybody."""
         effect = None
         if isinstance(response, Effect):
             response, effect = response.response, response.effect
-        answer = partial(_reply, response=response)
         if self.completion is not None:  # the handler has stored both itself
-            self.desk.done(self, self.completion, answer)
+            body = self.completion.answer
+            self.desk.done(self, self.completion, partial(_reply, response=response, body=body))
             return
         body = self.desk.codec.encode(response)
+        answer = partial(_reply, response=response, body=body)
         self.desk.commit(self, body, 0, effect, answer)
 
     def fail(self, error: TaskRpcError) -> None:
@@ -184,7 +187,7 @@ class OnceDesk:
         """Do with a call what its number says."""
         shared, claim = self._shared, call.claim
         if claim is None:  # a caller that does not count: at most once
-            self._run(call)
+            self._run(call, self._wall_clock())
         elif shared.ledger is None:
             self._wait_for_store(call)
         else:
@@ -196,7 +199,7 @@ class OnceDesk:
         """What is to be remembered of a run."""
         claim = run.claim
         assert claim is not None, "only a numbered request is remembered"
-        number, now = claim.number, self._wall_clock()
+        number = claim.number
         return Completion(
             run.principal,
             number.client,
@@ -205,7 +208,7 @@ class OnceDesk:
             claim.fingerprint,
             answer,
             code,
-            now,
+            run.arrived,
         )
 
     def commit(
@@ -222,8 +225,16 @@ class OnceDesk:
             self.done(run, None, answer)
             return
         run.completion = completion
-        with contextlib.suppress(StopIteration):  # a store that need not wait
-            self._stepper.step(_nothing, self._committed(run, completion, effect, answer))
+        try:
+            storing = self._store.complete(completion, effect)
+        except Exception as error:
+            self._unstored(run, error)
+            return
+        if storing is None:
+            self.done(run, completion, answer)
+            return
+        with contextlib.suppress(StopIteration):  # it did not have to wait
+            self._stepper.step(_nothing, self._committed(storing, run, completion, answer))
 
     def done(
         self, run: Run, completion: Completion | None, answer: Callable[[IncomingCall], None]
@@ -261,8 +272,9 @@ class OnceDesk:
         now = self._wall_clock()
         match ledger.decide(call.principal, claim.number, claim.fingerprint, now):
             case Verdict.NEW:
-                self._expire(ledger, now)
-                self._run(call)
+                if now >= self._shared.expires:
+                    self._expire(ledger, now)
+                self._run(call, now)
             case Verdict.ATTACH:
                 text = "call %d of %s attaches to its first sending"
                 log.debug(text, call.number, call.service, extra=log_fields(call))
@@ -280,21 +292,22 @@ class OnceDesk:
                 problem = f"{call.service} remembers too many requests"
                 call.fail(ServerBusy(problem, retry_after=RETRY_AFTER))
 
-    def _run(self, call: IncomingCall) -> None:
+    def _run(self, call: IncomingCall, now: float) -> None:
         run = Run(
-            service=call.service,
-            caller=call.caller,
-            principal=call.principal,
-            number=call.number,
-            deadline=call.deadline,
-            _clock=call._clock,
-            cancelled=False,
-            request=call.request,
-            on_cancel=None,
-            started=False,
-            claim=call.claim,
-            desk=self,
-            callers=[],
+            call.service,
+            call.caller,
+            call.principal,
+            call.number,
+            call.deadline,
+            call._clock,
+            False,  # cancelled
+            call.request,
+            None,  # on_cancel
+            False,  # started
+            call.claim,
+            self,
+            [],
+            now,
         )
         run.attach(call)
         if call.claim is not None:
@@ -310,40 +323,44 @@ class OnceDesk:
             call.fail(HandlerFailed(Code(completion.code), completion.answer.decode()))
             return
         try:
-            call.reply(self.codec.decode(completion.answer))
+            call.reply(self.codec.decode(completion.answer), completion.answer)
         except TaskRpcError as error:
             problem = f"it ran before, and its answer cannot be read any more: {error}"
             call.fail(TaskRpcError(problem, not_executed=False))
 
     async def _committed(
         self,
+        storing: Awaitable[None],
         run: Run,
         completion: Completion | None,
-        effect: Any,
         answer: Callable[[IncomingCall], None],
     ) -> None:
         try:
-            await self._store.complete(completion, effect)
-        except OutcomeUnknown as error:
-            self.unknown(run, error)
+            await storing
         except Exception as error:
-            text = "%s cannot store what it did: %s"
-            log.error(text, run.service, error, extra=log_fields(run))
-            self.undone(run, HandlerFailed(Code.UNAVAILABLE, str(error)))
+            self._unstored(run, error)
         else:
             self.done(run, completion, answer)
 
+    def _unstored(self, run: Run, error: Exception) -> None:
+        if isinstance(error, OutcomeUnknown):
+            self.unknown(run, error)
+        else:
+            text = "%s cannot store what it did: %s"
+            log.error(text, run.service, error, extra=log_fields(run))
+            self.undone(run, HandlerFailed(Code.UNAVAILABLE, str(error)))
+
     def _expire(self, ledger: Ledger, now: float) -> None:
-        shared = self._shared
-        if now >= shared.expires:
-            shared.expires = now + _EXPIRE_EVERY
-            if clients := ledger.expire(now):
-                with contextlib.suppress(StopIteration):
-                    self._stepper.step(_nothing, self._forget(clients))
+        self._shared.expires = now + _EXPIRE_EVERY
+        if clients := ledger.expire(now):
+            with contextlib.suppress(StopIteration):
+                self._stepper.step(_nothing, self._forget(clients))
 
     async def _forget(self, clients: list[Client]) -> None:
         try:
-            await self._store.complete(None, None, clients)
+            storing = self._store.complete(None, None, clients)
+            if storing is not None:
+                await storing
         except TaskRpcError as error:  # the next server finds them expired too
             log.warning("cannot forget clients: %s", error)
 
@@ -393,9 +410,9 @@ def _key(call: IncomingCall, claim: Claim) -> tuple[str, bytes, int]:
     return call.principal, claim.number.client, claim.number.sequence
 
 
-def _reply(call: IncomingCall, response: Any) -> None:
+def _reply(call: IncomingCall, response: Any, body: bytes) -> None:
     try:
-        call.reply(response)
+        call.reply(response, body)
     except TaskRpcError as error:  # it is too large for this caller
         call.fail(TaskRpcError(f"it ran; its answer cannot be sent: {error}", not_executed=False))
 

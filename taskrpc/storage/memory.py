@@ -24,6 +24,7 @@ class KeptCompletions:
         if completion is not None:
             client = (completion.principal, completion.client)
             first = completion.first_incomplete
-            known = self._by_client.get(client, {})
-            kept = {number: each for number, each in known.items() if number >= first}
-            self._by_client[client] = kept | {completion.sequence: completion}
+            known = self._by_client.setdefault(client, {})
+            for number in [each for each in known if each < first]:
+                del known[number]
+            known[completion.sequence] = completion

@@ -40,8 +40,8 @@ class IncomingCall(CallInfo, eq=False):
     claim: Claim | None
     """The request's number, where its client counts because the service is exactly-once."""
 
-    def reply(self, response: Any) -> None:
-        """Answer with a response message.
+    def reply(self, response: Any, body: bytes | None = None) -> None:
+        """Answer with a response message; `body` is the same, encoded by its `Codec`, if known.
 
         Raises InvalidRequest for a response that cannot be sent; the call is still open then.
         """
@@ -124,6 +124,10 @@ class Channel(Protocol):
 
     async def wait(self, deadline: float | None) -> bool:
         """Wait until the service is there; False at the deadline or once closed."""
+
+    @property
+    def ready(self) -> bool:
+        """Whether `send` can be used now."""
 
     @property
     def service_name(self) -> str:

@@ -99,12 +99,12 @@ class RemoteChannel:
         connection = self._connection
         if connection is None or connection.epoch != self._epoch:
             return None
+        if number is None and self.store_id:
+            return None
         body, decode = self._encode(request), self._decode
         move: Callable[[OpenCall], object] | None = self._move
         flags = 0
-        if self.store_id:
-            if number is None:
-                return None
+        if number is not None:
             # Never moved by itself: whoever counts must know to which store each sending went.
             body, flags, move = with_number(number, body), _EXACTLY_ONCE, None
         future: asyncio.Future[Any] = asyncio.Future(loop=self._endpoint.loop)

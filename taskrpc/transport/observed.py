@@ -24,9 +24,9 @@ class ObservedCall(ServedCall, eq=False):
         if (observer := self.route.offer.observer) is not None:
             told(observer.call_began, self)
 
-    def reply(self, response: Any) -> None:
+    def reply(self, response: Any, body: bytes | None = None) -> None:
         """Answer with a response message."""
-        super().reply(response)
+        super().reply(response, body)
         self._end(Code.OK)
 
     def fail(self, error: TaskRpcError) -> None:

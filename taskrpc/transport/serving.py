@@ -42,6 +42,8 @@ from taskrpc.wire.session import State
 
 log = logging.getLogger("taskrpc.server")
 
+_EXACTLY_ONCE = int(Flag.EXACTLY_ONCE)  # a Flag's own & costs as much as a decoded message
+
 MAX_HANDLES = 0xFFFF
 """Services, counted for each calling node, that one connection can use."""
 LINGER = 0.5
@@ -75,10 +77,11 @@ class ServedCall(IncomingCall, eq=False):
     call_id: int
     arrived: float
 
-    def reply(self, response: Any) -> None:
+    def reply(self, response: Any, body: bytes | None = None) -> None:
         """Answer with a response message."""
         connection = self.connection
-        body = self.route.encode(response)
+        if body is None:
+            body = self.route.encode(response)
         size, session = len(body), connection.session
         if size > session.body_limit:
             raise self._too_large(size)
@@ -244,7 +247,7 @@ class ServingConnection(Connection):
 
     def _claim(self, event: RequestReceived, route: Route) -> Claim | None:
         """The number of a request that has one, cut off its body."""
-        if not event.flags & Flag.EXACTLY_ONCE:
+        if not event.flags & _EXACTLY_ONCE:
             return None
         number, event.body = cut_number(event.body)
         return Claim(number, fingerprint(route.offer.name, event.body))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from collections.abc import Iterable, Sequence
+from collections.abc import Awaitable, Iterable, Sequence
 from enum import Enum
 from typing import Any, Protocol
 
@@ -109,14 +109,15 @@ class CompletionStore(Protocol):
     async def recall(self) -> Remembered:
         """Return what is remembered. Raises TaskRpcError for a store that cannot be read."""
 
-    async def complete(
+    def complete(
         self, completion: Completion | None, effect: Any, forgotten: Sequence[Client] = ()
-    ) -> None:
+    ) -> Awaitable[None] | None:
         """Apply an effect, remember its completion and forget clients: all of it or nothing.
 
-        A request that came without a number has an effect, but no completion.
+        May be `async`; a plain one has done it when it returns. A request that came without a
+        number has an effect, but no completion.
         What the same client has completed below `completion.first_incomplete` is forgotten too.
-        When it returns, all this survives whatever the store promises to survive. `effect` is what
+        When it is done, all this survives whatever the store promises to survive. `effect` is what
         the handler returned, None where it has none.
 
         Raises:
@@ -150,7 +151,8 @@ class _Known:
     def decide(self, number: Number, fingerprint: bytes, most_open: int) -> Verdict:
         if number.sequence < self.first_incomplete:
             return Verdict.STALE
-        self.settle(number.first_incomplete)
+        if number.first_incomplete > self.first_incomplete:
+            self.settle(number.first_incomplete)
         found = self.requests.get(number.sequence)
         if found is None:
             if len(self.requests) >= most_open:
@@ -165,7 +167,7 @@ class _Known:
     def settle(self, first_incomplete: int) -> None:
         """Forget what is done below a number; what runs there stays until it is done."""
         settled = range(self.first_incomplete, first_incomplete)
-        self.first_incomplete = max(self.first_incomplete, first_incomplete)
+        self.first_incomplete = first_incomplete
         few = settled if len(settled) < len(self.requests) else list(self.requests)
         for number in few:
             if number in settled and isinstance(self.requests.get(number), Completion):
@@ -193,6 +195,10 @@ class Ledger:
         # The least recently used first: whose lease ends next.
         self._clients: dict[Client, _Known] = {}
         for completion in sorted(completions, key=lambda each: each.at):
+            client = (completion.principal, completion.client)
+            known = self._clients.pop(client, None) or _Known(completion.at)
+            known.used = completion.at
+            self._clients[client] = known
             self.completed(completion)
 
     def __len__(self) -> int:
@@ -210,7 +216,9 @@ class Ledger:
             known = _Known(now)
         verdict = known.decide(number, fingerprint, self._most_open)
         if verdict is not Verdict.STALE:
-            self._used(client, known, now)
+            known.used = now
+            self._clients.pop(client, None)
+            self._clients[client] = known
         return verdict
 
     def answer(self, principal: str, number: Number) -> Completion:
@@ -221,10 +229,9 @@ class Ledger:
 
     def completed(self, completion: Completion) -> None:
         """A request is done, and its completion stored."""
-        client = (completion.principal, completion.client)
-        known = self._clients.get(client) or _Known(completion.at)
-        self._used(client, known, completion.at)
-        known.settle(completion.first_incomplete)
+        known = self._clients[completion.principal, completion.client]
+        if completion.first_incomplete > known.first_incomplete:
+            known.settle(completion.first_incomplete)
         if completion.sequence >= known.first_incomplete:
             known.requests[completion.sequence] = completion
         else:
@@ -247,11 +254,6 @@ class Ledger:
         for client in ended:
             del self._clients[client]
         return ended
-
-    def _used(self, client: Client, known: _Known, now: float) -> None:
-        known.used = max(known.used, now)
-        self._clients.pop(client, None)
-        self._clients[client] = known
 
 
 class Numbers:

@@ -111,8 +111,8 @@ def test_a_restored_ledger_knows_what_was_settled():
 def test_two_principals_never_meet_under_one_client_id():
     ledger, number = Ledger(), Number(ME, 1, 1)
     ledger.decide("ada", number, PRINT, 0.0)
-    ledger.completed(completion(number))
     assert ledger.decide("bob", number, OTHER, 0.0) is Verdict.NEW
+    assert ledger.decide("ada", number, PRINT, 0.0) is Verdict.ATTACH
 
 
 def test_a_lease_lasts_from_the_last_use_and_what_runs_outlasts_it():
