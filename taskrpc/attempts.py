@@ -56,6 +56,7 @@ class Attempts(msgspec.Struct, eq=False):
     _made: int = 0
     _in_doubt: bool = False
     _is_over: bool = False
+    _counts_anew: bool = False
     _numbers: Numbers | None = None
     _sequence: int = 0
     _store: bytes = b""
@@ -161,8 +162,9 @@ class Attempts(msgspec.Struct, eq=False):
 
     def _may_count_anew(self) -> bool:
         """Whether a server that forgot us was asked for the first time: then nothing has run."""
-        if self._in_doubt or self._numbers is None or self._made > 1:
+        if self._in_doubt or self._numbers is None or self._counts_anew:
             return False
+        self._counts_anew = True
         self.channel.forget_numbers(self._numbers)
         self._settle()
         self._store = b""
@@ -181,7 +183,8 @@ class Attempts(msgspec.Struct, eq=False):
 
     def _verdict(self, error: TaskRpcError) -> TaskRpcError:
         """What the caller learns: an earlier sending may have run although the last did not."""
-        if not self._in_doubt or error.not_executed is not True:
+        says_nothing = error.not_executed is True or isinstance(error, SessionExpired)
+        if not self._in_doubt or not says_nothing:
             return error
         if isinstance(error, DeadlineExceeded):
             return DeadlineExceeded("no answer by the deadline")

@@ -202,6 +202,23 @@ def test_a_plain_service_call_queues_a_task(start, capsys):
         assert answer in capsys.readouterr().out
 
 
+def test_a_request_that_is_sent_again_after_a_crash_moves_the_robot_once(start, listed, capsys):
+    server = start("--settle", "60")
+    request = ["task_type=move", "target=3,4", "priority=8", "--request-id", "monday", "--json"]
+    answers = []
+    for _ in range(2):
+        assert call_main(["/robot_task", *request]) == 0
+        answers.append(capsys.readouterr().out)
+        server.process.kill()
+        server.process.wait()
+        server = start("--settle", "60")
+    assert answers[0] == answers[1]
+    assert ids(listed("--all")) == [1]
+    request[1] = "target=1,1"
+    assert call_main(["/robot_task", *request]) == 1
+    assert "another request was sent under this request id" in capsys.readouterr().err
+
+
 def test_a_refused_task_is_told_why_and_uses_up_no_number(start, capsys):
     start("--speed", 20)
     for kind, target, priority, message in (
