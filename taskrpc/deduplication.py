@@ -13,7 +13,7 @@ import contextlib
 import logging
 import time
 import weakref
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Hashable
 from functools import partial
 from typing import Any
 
@@ -85,6 +85,11 @@ class Run(IncomingCall, eq=False):
     """Seconds since 1970."""
     completion: Completion | None = None
     """Once the transaction has begun: what it remembers."""
+
+    @property
+    def lane(self) -> Hashable:
+        """Whose call it is: the first caller's."""
+        return self.callers[0].lane
 
     def completed_by(self, response: Any) -> Completion | None:
         """What a handler that stores its own effect must store with it, if anything.

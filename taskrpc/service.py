@@ -6,8 +6,7 @@ import asyncio
 import contextvars
 import inspect
 import logging
-from collections import deque
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Hashable
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -25,8 +24,9 @@ from taskrpc.observer import Observer, ServiceStatus
 from taskrpc.stepping import Stepper
 from taskrpc.transport.base import IncomingCall, Mode, Offer, Transport
 from taskrpc.transport.codec import ServiceType, codec_of
-from taskrpc.transport.serving import answer_unexpected
+from taskrpc.transport.served import answer_unexpected
 from taskrpc.transport.timers import clock_of
+from taskrpc.turns import Turns
 from taskrpc.wire.messages import DEFAULT_LIMITS
 from taskrpc.wire.once import CompletionStore
 
@@ -76,7 +76,7 @@ class Service:
         self._callback = callback
         self._concurrency = concurrency
         self._running = 0
-        self._waiting: deque[IncomingCall] = deque()
+        self._waiting: Turns[IncomingCall] = Turns()
         self._jobs: dict[asyncio.Future[Any], IncomingCall] = {}
         self._loop = asyncio.get_running_loop()
         self._now = clock_of(self._loop)
@@ -122,13 +122,13 @@ class Service:
 
     def status(self) -> ServiceStatus:
         """How many calls run and wait."""
-        return ServiceStatus(self.service_name, self._running, len(self._waiting))
+        return ServiceStatus(self.service_name, self._running, self._waiting.count)
 
     def abandon(self) -> None:
         """Stop at once: calls that wait go elsewhere, what became of running ones is unknown."""
         self.destroy()
-        while self._waiting:
-            self._waiting.popleft().fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))
+        while self._waiting.count:
+            self._waiting.take().fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))
         for job, call in list(self._jobs.items()):
             call.cancel()
             call.fail(OutcomeUnknown("the server was shut down while it ran this call"))
@@ -141,14 +141,23 @@ class Service:
     def _arrived(self, call: IncomingCall) -> None:
         if self._destroyed:
             call.fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))
-        elif self._running < self._concurrency and not self._waiting:
+        elif self._running < self._concurrency and not self._waiting.count:
             self._start(call)
-        elif len(self._waiting) < QUEUE_LIMIT:
-            call.on_cancel = partial(self._leave_queue, call)
-            self._waiting.append(call)
         else:
+            self._wait(call)
+
+    def _wait(self, call: IncomingCall) -> None:
+        lane = call.lane
+        if self._waiting.count >= QUEUE_LIMIT:
+            # Whoever has most calls waiting loses one, so that a runaway loop refuses itself.
+            surplus = self._waiting.take_surplus(lane) or call
+            surplus.on_cancel = None
             message = f"{self.service_name} has {QUEUE_LIMIT} calls waiting"
-            call.fail(ServerBusy(message, retry_after=RETRY_AFTER))
+            surplus.fail(ServerBusy(message, retry_after=RETRY_AFTER))
+            if surplus is call:
+                return
+        call.on_cancel = partial(self._leave_queue, lane, call)
+        self._waiting.add(lane, call)
 
     def _start(self, call: IncomingCall) -> bool:
         """Run a call; False where its deadline passed before it could begin."""
@@ -182,7 +191,7 @@ class Service:
             if (held := self._now() - began) > HOLDS_LOOP_AFTER:
                 self._held_loop(held)
         self._running -= 1
-        if self._waiting or self._destroyed:
+        if self._waiting.count or self._destroyed:
             self._finished()
         return True
 
@@ -252,24 +261,33 @@ class Service:
             call.fail(failed)
 
     def _finished(self) -> None:
-        if self._waiting:
+        if self._waiting.count:
             # Not from here: a chain of short calls would grow the stack and starve the loop.
             self._loop.call_soon(self._start_waiting)
         elif self._destroyed:
             self._finish_if_idle()
 
     def _start_waiting(self) -> None:
-        while self._waiting and self._running < self._concurrency:
-            if self._start(self._waiting.popleft()):
+        while self._waiting.count and self._running < self._concurrency:
+            call = self._waiting.take()
+            if call.must_wait():
+                self._postpone(call)
+            elif self._start(call):
                 return
         self._finish_if_idle()
 
-    def _leave_queue(self, call: IncomingCall) -> None:
-        self._waiting.remove(call)
+    def _postpone(self, call: IncomingCall) -> None:
+        """Let a call come again once there is room for its answer, and what follows it too."""
+        following = self._waiting.remove_all(call.lane, lambda each: each.must_wait())
+        for each in (call, *following):
+            each.postpone()
+
+    def _leave_queue(self, lane: Hashable, call: IncomingCall) -> None:
+        self._waiting.remove(lane, call)
         self._finish_if_idle()
 
     def _finish_if_idle(self) -> None:
-        if self._destroyed and not self._running and not self._waiting:
+        if self._destroyed and not self._running and not self._waiting.count:
             self._stepper.close()
             self._close_desk()
             if not self.finished.done():

@@ -7,7 +7,7 @@ seam passes typed messages: how they are encoded is the transport's business.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from enum import IntEnum
 from typing import Any, Protocol
 
@@ -49,6 +49,19 @@ class IncomingCall(CallInfo, eq=False):
 
     def fail(self, error: TaskRpcError) -> None:
         """Answer with an error."""
+        raise NotImplementedError
+
+    @property
+    def lane(self) -> Hashable:
+        """Whose call it is, where callers take turns."""
+        return self.principal or self.caller
+
+    def must_wait(self) -> bool:
+        """Whether there is no room for the answer; then `postpone` it."""
+        return False
+
+    def postpone(self) -> None:
+        """Let the call come again once there is room for its answer."""
         raise NotImplementedError
 
     def lost(self) -> None:

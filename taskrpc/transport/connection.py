@@ -128,6 +128,8 @@ class Connection(asyncio.BufferedProtocol):
         finally:  # a callback that ends the program must not take the answers with it
             self.in_turn = False
             self.handled()
+            if self._splitter.behind:
+                self.read_on()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The transport is gone."""
@@ -154,6 +156,15 @@ class Connection(asyncio.BufferedProtocol):
     def drained(self) -> None:
         """Something was written after GOAWAY; perhaps it was the last answer."""
         raise NotImplementedError
+
+    def read_on(self) -> None:
+        """The splitter stopped before the last frame: let it go on later."""
+        raise NotImplementedError
+
+    @property
+    def unread_limit(self) -> int:
+        """Bytes of output that the peer may leave unread for long."""
+        return UNREAD_LIMIT
 
     # Our side
 
@@ -244,7 +255,7 @@ class Connection(asyncio.BufferedProtocol):
         if self.transport is None or self.session.state is State.HANDSHAKE:
             return
         unread = self.transport.get_write_buffer_size()
-        owes = self.session.mid_frame or unread > UNREAD_LIMIT
+        owes = self.session.mid_frame or unread > self.unread_limit
         if self._watch.stalled(now, unread, owes=owes):
             log.warning("%s moved too few bytes for %s s; cut off", self.peer_name, STALL_PERIOD)
             self.abort(ProtocolError("the peer moved too few bytes with a frame half-way"))

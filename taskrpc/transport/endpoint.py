@@ -36,6 +36,7 @@ from taskrpc.transport.news import News
 from taskrpc.transport.serving import ServingConnection
 from taskrpc.transport.threads import ThreadedConnection
 from taskrpc.transport.timers import clock_of
+from taskrpc.transport.unread import Unread
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import DEFAULT_LIMITS, Listing, Resolve
 from taskrpc.wire.messages import Endpoint as Named
@@ -74,6 +75,7 @@ class Endpoint:
         self._id = os.urandom(16)
         self.call_numbers = itertools.count(1)
         self.counting = Counting()
+        self.unread = Unread()
         self.offers: dict[int, Offer] = {}
         self._methods: dict[str, int] = {}
         self._next_method = 1
@@ -296,6 +298,7 @@ class Endpoint:
         self._ticker = None
         now = self.loop.time()
         connections = self._connections()
+        self.unread.measure_all()
         for connection in connections:
             connection.tick(now)
         if connections:

@@ -8,7 +8,7 @@ from typing import Any
 from taskrpc.callinfo import CallInfo, log_fields
 from taskrpc.errors import Code, TaskRpcError
 from taskrpc.observer import Observer, told
-from taskrpc.transport.serving import ServedCall
+from taskrpc.transport.served import ServedCall
 from taskrpc.wire.status import code_of
 
 log = logging.getLogger("taskrpc.server")

@@ -4,17 +4,12 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from itertools import count
-from typing import Any, ClassVar, Protocol, cast
+from typing import ClassVar, Protocol, TypeAlias, cast
 
-import msgspec
-
-from taskrpc.callinfo import CallInfo, log_fields
+from taskrpc.callinfo import CallInfo
 from taskrpc.errors import (
-    Code,
-    DeadlineExceeded,
-    HandlerFailed,
     InvalidRequest,
     ProtocolError,
     ServerBusy,
@@ -22,9 +17,11 @@ from taskrpc.errors import (
     TaskRpcError,
     TypeMismatch,
 )
-from taskrpc.transport.base import IncomingCall, Offer
+from taskrpc.transport.base import Offer
 from taskrpc.transport.codec import codec_of
-from taskrpc.transport.connection import Connection, Owner
+from taskrpc.transport.connection import UNREAD_LIMIT, Connection, Owner
+from taskrpc.transport.served import Route, ServedCall
+from taskrpc.transport.unread import Unread
 from taskrpc.wire import messages
 from taskrpc.wire.events import (
     CancelReceived,
@@ -34,7 +31,7 @@ from taskrpc.wire.events import (
     RequestReceived,
     ResolveReceived,
 )
-from taskrpc.wire.frames import LARGE, NO_DEADLINE, Flag
+from taskrpc.wire.frames import NO_DEADLINE, Flag
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Listing, Resolved
 from taskrpc.wire.once import Claim, cut_number, fingerprint
@@ -46,9 +43,14 @@ _EXACTLY_ONCE = int(Flag.EXACTLY_ONCE)  # a Flag's own & costs as much as a deco
 
 MAX_HANDLES = 0xFFFF
 """Services, counted for each calling node, that one connection can use."""
+FRAMES_A_TURN = 64
+"""Frames of one connection that are handled before the others have their turn."""
 LINGER = 0.5
 """Seconds in which a caller may close a drained connection itself. Closing first, with a request
 of its still unread, would reset the connection and could destroy our last words."""
+
+
+_Held: TypeAlias = "ServedCall | ResolveReceived"
 
 
 class Host(Owner, Protocol):
@@ -58,6 +60,8 @@ class Host(Owner, Protocol):
     """Counts calls, for logs."""
     offers: dict[int, Offer]
     """The services by their method ids."""
+    unread: Unread
+    """What callers have not read."""
 
     def method_of(self, name: str) -> int:
         """The method id of a service, 0 if there is none."""
@@ -67,58 +71,6 @@ class Host(Owner, Protocol):
 
     def caller_proved(self, connection: ServingConnection) -> None:
         """A caller has proved that he may be here."""
-
-
-class ServedCall(IncomingCall, eq=False):
-    """A call that came over a connection."""
-
-    connection: ServingConnection
-    route: Route
-    call_id: int
-    arrived: float
-
-    def reply(self, response: Any, body: bytes | None = None) -> None:
-        """Answer with a response message."""
-        connection = self.connection
-        if body is None:
-            body = self.route.encode(response)
-        size, session = len(body), connection.session
-        if size > session.body_limit:
-            raise self._too_large(size)
-        spent = int((connection.host.now() - self.arrived) * 1e6 + 0.5)
-        if session.respond(self.call_id, body, spent):
-            # Large answers are not collected: the caller that does not read them must be noticed.
-            if size >= LARGE:
-                connection.flush()
-            elif not connection.in_turn:
-                connection.flush_soon()
-
-    def fail(self, error: TaskRpcError) -> None:
-        """Answer with an error."""
-        if self.connection.session.fail(self.call_id, error):
-            self.connection.flush_soon()
-
-    def expired(self) -> None:
-        """The caller's deadline passed."""
-        self.cancel()
-        unstarted = None if self.started else True
-        self.fail(DeadlineExceeded("no answer by the deadline", not_executed=unstarted))
-
-    def _too_large(self, size: int) -> InvalidRequest:
-        limit = self.connection.session.body_limit
-        return InvalidRequest("", f"a response of {size} bytes; the caller accepts {limit}")
-
-
-class Route(msgspec.Struct, frozen=True, eq=False):
-    """What a method id of a connection stands for: a service, called for one node of the peer."""
-
-    method: int
-    offer: Offer
-    caller: str
-    decode: Callable[[bytes], Any]
-    encode: Callable[[Any], bytes]
-    call: type[ServedCall]
-    """What a request becomes: an `ObservedCall` where somebody wants to know of it."""
 
 
 class ServingConnection(Connection):
@@ -132,15 +84,22 @@ class ServingConnection(Connection):
         "_writing_paused",
         "caller",
         "host",
+        "peer_id",
+        "unread",
     )
 
     def __init__(self, host: Host, me: Identity) -> None:
         super().__init__(host, me, is_client=False)
         self.host = host
+        self.unread = host.unread
         self.caller = ""
+        self.peer_id = b""
+        """The calling program: all its connections have the same."""
         self._linger: asyncio.TimerHandle | None = None
         self._writing_paused = False
-        self._held: list[ServedCall] | None = None
+        self._splitter.most = FRAMES_A_TURN
+        # Not a list at once: most of thousands of idle connections need none.
+        self._held: list[_Held] | None = None
         # Several nodes of a program share a connection: a method id means a service and a caller.
         self._handles: dict[tuple[int, str], int] = {}
         self._routes: dict[int, Route] = {}
@@ -154,15 +113,51 @@ class ServingConnection(Connection):
     def resume_writing(self) -> None:
         """The caller has caught up."""
         self._writing_paused = False
-        if self.transport is not None and not self.transport.is_closing():
+        self._resume_reading()
+        self.unread.measure(self)
+        self.release()
+
+    def must_wait(self, call: ServedCall) -> bool:
+        """Whether a call may not begin yet, since too many answers are unread."""
+        return self._writing_paused or self.unread.forbids(call.service)
+
+    def hold(self, event: _Held) -> None:
+        """Begin this once the caller reads, or other callers do."""
+        if self._held is None:
+            self._held = []
+        self._held.append(event)
+        self.unread.hold(self)
+
+    def release(self) -> None:
+        """Begin what had to wait, as far as there is room now."""
+        held, self._held = self._held, None
+        for event in held or ():
+            if isinstance(event, ResolveReceived):
+                self._resolved(event)
+            elif not event.cancelled:
+                self._serve(event)
+        self.flush_soon()
+
+    @property
+    def unread_limit(self) -> int:
+        """Bytes that the caller may leave unread for long."""
+        return 0 if self.unread.pressed else UNREAD_LIMIT
+
+    def read_on(self) -> None:
+        """More frames came than one turn may take: the other connections have theirs first."""
+        if self.transport is not None and self.session.state is not State.CLOSED:
+            self.transport.pause_reading()
+            self.owner.loop.call_soon(self._catch_up)
+
+    def _catch_up(self) -> None:
+        if self.transport is not None:
+            self.buffer_updated(0)
+            self._resume_reading()
+
+    def _resume_reading(self) -> None:
+        waits = self._writing_paused or self._splitter.behind
+        if self.transport is not None and not waits and not self.transport.is_closing():
             self.transport.resume_reading()
-        held, self._held = self._held or [], None
-        for index, call in enumerate(held):
-            if self._writing_paused:
-                self._held = held[index:] + (self._held or [])
-                break
-            if not call.cancelled:
-                call.route.offer.serve(call)
 
     def expiring(self) -> Iterable[ServedCall]:
         """The calls that we have not answered."""
@@ -172,6 +167,8 @@ class ServingConnection(Connection):
         """The caller is gone: what still runs for it is cancelled."""
         if self._linger is not None:
             self._linger.cancel()
+        self._held = None
+        self.unread.left(self)
         for call in self.session.lost():
             call.lost()
 
@@ -240,10 +237,16 @@ class ServingConnection(Connection):
             event.call_id,
             now,
         )
-        if self._writing_paused:
-            self._hold(call)
+        if self._writing_paused or self.unread.pressed:
+            self._serve(call)
         else:
             route.offer.serve(call)
+
+    def _serve(self, call: ServedCall) -> None:
+        if self.must_wait(call):
+            self.hold(call)
+        else:
+            call.route.offer.serve(call)
 
     def _claim(self, event: RequestReceived, route: Route) -> Claim | None:
         """The number of a request that has one, cut off its body."""
@@ -251,11 +254,6 @@ class ServingConnection(Connection):
             return None
         number, event.body = cut_number(event.body)
         return Claim(number, fingerprint(route.offer.name, event.body))
-
-    def _hold(self, call: ServedCall) -> None:
-        if self._held is None:
-            self._held = []
-        self._held.append(call)
 
     def _cancelled(self, event: CancelReceived) -> None:
         # Asked only now: both may have come in one read, and the request's call was made since.
@@ -272,10 +270,13 @@ class ServingConnection(Connection):
     def _opened(self, event: Ready) -> None:
         self.handshake_over()
         self.host.caller_proved(self)
-        self.caller = event.peer.name
+        self.caller, self.peer_id = event.peer.name, event.peer.id
 
     def _resolved(self, event: ResolveReceived) -> None:
         question = event.question
+        if self._writing_paused:
+            self.hold(event)
+            return
         if not question.name:
             self.session.respond(event.call_id, messages.encode(self.host.listing()))
             return
@@ -343,20 +344,6 @@ def mismatch(question: messages.Resolve, offer: Offer) -> TypeMismatch:
         f"{offer.name} is offered as {offer.srv_type._TYPE} with the hash {ours[:15]}…, the caller"
         f" has another definition with the hash {theirs[:15]}…; compare the two .srv files"
     )
-
-
-def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
-    """Log a callback's exception with its traceback; tell the caller only where to look."""
-    log.error(
-        "call %d of %s from %s failed:",
-        call.number,
-        call.service,
-        call.caller,
-        exc_info=error,
-        extra=log_fields(call),
-    )
-    message = f"the handler failed; see the server's log, call {call.number}"
-    call.fail(HandlerFailed(Code.INTERNAL, message))
 
 
 def _call_class(offer: Offer) -> type[ServedCall]:

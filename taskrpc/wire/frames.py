@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+import sys
 from enum import IntEnum, IntFlag
 from typing import TypeAlias
 
@@ -81,7 +82,7 @@ class Splitter:
     bytes arrive, never for an announcement: at most twice what came, and `LARGE`.
     """
 
-    __slots__ = ("_tail", "error", "large", "limit")
+    __slots__ = ("_tail", "behind", "error", "large", "limit", "most")
 
     def __init__(self, limit: int) -> None:
         self.limit = limit
@@ -90,6 +91,10 @@ class Splitter:
         self.large: LargeBody | None = None
         """The large body that is arriving: its `room()` may be written to directly, then `filled`
         is called instead of `feed`."""
+        self.most = sys.maxsize
+        """The most frames that one `feed` returns."""
+        self.behind = False
+        """Whether it stopped there; `feed(b"")` goes on."""
         self._tail = b""
 
     @property
@@ -132,8 +137,13 @@ class Splitter:
             self._tail = b""
         self.error = None
         frames: list[Frame] = []
-        start, size, longest = 0, len(data), self.limit
+        self.behind = False
+        start, size, longest, left = 0, len(data), self.limit, self.most
         while size - start >= _HEADER_SIZE:
+            if not left:
+                self.behind = True
+                break
+            left -= 1
             length, type_, flags, method, call_id, arg = _unpack(data, start)
             length -= SIZE_OF_EMPTY
             if not 0 <= length <= longest:

@@ -7,7 +7,7 @@ import pytest
 import taskrpc
 from taskrpc import Code
 from taskrpc.transport.observed import ObservedCall
-from taskrpc.transport.serving import ServedCall
+from taskrpc.transport.served import ServedCall
 from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask
 
 

@@ -1,0 +1,100 @@
+"""A call that came over a connection, and what its method id stands for."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Hashable
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from taskrpc.callinfo import log_fields
+from taskrpc.errors import Code, DeadlineExceeded, HandlerFailed, InvalidRequest, TaskRpcError
+from taskrpc.transport.base import IncomingCall, Offer
+from taskrpc.wire.frames import LARGE
+
+if TYPE_CHECKING:
+    from taskrpc.transport.serving import ServingConnection
+
+log = logging.getLogger("taskrpc.server")
+
+
+class ServedCall(IncomingCall, eq=False):
+    """A call that came over a connection."""
+
+    connection: ServingConnection
+    route: Route
+    call_id: int
+    arrived: float
+
+    def reply(self, response: Any, body: bytes | None = None) -> None:
+        """Answer with a response message."""
+        connection = self.connection
+        if body is None:
+            body = self.route.encode(response)
+        size, session = len(body), connection.session
+        if size > session.body_limit:
+            raise self._too_large(size)
+        spent = int((connection.host.now() - self.arrived) * 1e6 + 0.5)
+        if session.respond(self.call_id, body, spent):
+            # Large answers are not collected: the caller that does not read them must be noticed.
+            if size >= LARGE:
+                connection.flush()
+                connection.unread.answered(self.service, connection)
+            elif not connection.in_turn:
+                connection.flush_soon()
+
+    def fail(self, error: TaskRpcError) -> None:
+        """Answer with an error."""
+        if self.connection.session.fail(self.call_id, error):
+            self.connection.flush_soon()
+
+    def expired(self) -> None:
+        """The caller's deadline passed."""
+        self.cancel()
+        unstarted = None if self.started else True
+        self.fail(DeadlineExceeded("no answer by the deadline", not_executed=unstarted))
+
+    @property
+    def lane(self) -> Hashable:
+        """Whose call it is, where callers take turns: all connections of an account are one."""
+        return self.principal or self.connection.peer_id
+
+    def must_wait(self) -> bool:
+        """Whether too many answers wait for its caller to read them, or for all callers."""
+        return self.connection.must_wait(self)
+
+    def postpone(self) -> None:
+        """Begin the call once there is room for its answer."""
+        self.on_cancel = None
+        self.connection.hold(self)
+
+    def _too_large(self, size: int) -> InvalidRequest:
+        limit = self.connection.session.body_limit
+        return InvalidRequest("", f"a response of {size} bytes; the caller accepts {limit}")
+
+
+class Route(msgspec.Struct, frozen=True, eq=False):
+    """What a method id of a connection stands for: a service, called for one node of the peer."""
+
+    method: int
+    offer: Offer
+    caller: str
+    decode: Callable[[bytes], Any]
+    encode: Callable[[Any], bytes]
+    call: type[ServedCall]
+    """What a request becomes: an `ObservedCall` where somebody wants to know of it."""
+
+
+def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
+    """Log a callback's exception with its traceback; tell the caller only where to look."""
+    log.error(
+        "call %d of %s from %s failed:",
+        call.number,
+        call.service,
+        call.caller,
+        exc_info=error,
+        extra=log_fields(call),
+    )
+    message = f"the handler failed; see the server's log, call {call.number}"
+    call.fail(HandlerFailed(Code.INTERNAL, message))

@@ -1,0 +1,71 @@
+"""What callers have not read of their answers, over all connections: a bound on its memory.
+
+A connection by itself begins no more calls while its caller does not read. A thousand such callers
+with one large answer each are the endpoint's matter: above a bound, the services that give large
+answers begin no calls for anybody until some are read, or those who read nothing are cut off.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from taskrpc.transport.serving import ServingConnection
+
+MAX_UNREAD = 32 * 1024 * 1024
+"""Bytes of answers that all callers together may leave unread."""
+
+
+class Unread:
+    """Counts the answers that wait to be read."""
+
+    def __init__(self) -> None:
+        self.pressed = False
+        """Whether there are too many."""
+        self._total = 0
+        self._sizes: dict[ServingConnection, int] = {}
+        self._large: set[str] = set()
+        """Services that have given a large answer."""
+        self._waiting: dict[ServingConnection, None] = {}
+        """Those that hold calls back, in order."""
+
+    def answered(self, service: str, connection: ServingConnection) -> None:
+        """A service gave a large answer."""
+        self._large.add(service)
+        self.measure(connection)
+
+    def forbids(self, service: str) -> bool:
+        """Whether a service's calls may not begin now."""
+        return self.pressed and service in self._large
+
+    def hold(self, connection: ServingConnection) -> None:
+        """A connection holds a call back; `release` it when there is room."""
+        self._waiting[connection] = None
+
+    def measure(self, connection: ServingConnection) -> None:
+        """Look how much one caller has not read."""
+        transport = connection.transport
+        size = 0 if transport is None else transport.get_write_buffer_size()
+        self._total += size - self._sizes.pop(connection, 0)
+        if size:
+            self._sizes[connection] = size
+        self._judge()
+
+    def measure_all(self) -> None:
+        """Look how much everybody has not read; about once a second is enough."""
+        for connection in list(self._sizes):
+            self.measure(connection)
+
+    def left(self, connection: ServingConnection) -> None:
+        """A connection is gone."""
+        self._waiting.pop(connection, None)
+        self.measure(connection)
+
+    def _judge(self) -> None:
+        if self._total > MAX_UNREAD:
+            self.pressed = True
+        elif self.pressed and self._total <= MAX_UNREAD // 2:
+            self.pressed = False
+            waiting, self._waiting = self._waiting, {}
+            for connection in waiting:
+                connection.release()
