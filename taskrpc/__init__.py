@@ -53,6 +53,7 @@ if TYPE_CHECKING:
         read_map,
     )
     from taskrpc.service import Service
+    from taskrpc.storage.stores import MemoryCompletions, SqliteCompletions
     from taskrpc.tasks import MemoryStore, SqliteStore, TaskServer
     from taskrpc.transport.tls import Tls
 
@@ -72,6 +73,7 @@ _HOMES = {
     "retry": "RetryPolicy",
     "robot": "KinematicRobot Plan Pose Robot TargetError World default_world read_map",
     "service": "Service",
+    "storage.stores": "MemoryCompletions SqliteCompletions",
     "tasks": "MemoryStore SqliteStore TaskServer",
     "transport.tls": "Tls",
 }
@@ -93,6 +95,7 @@ __all__ = [
     "InvalidName",
     "InvalidRequest",
     "KinematicRobot",
+    "MemoryCompletions",
     "MemoryStore",
     "Metrics",
     "NameInUse",
@@ -111,6 +114,7 @@ __all__ = [
     "Service",
     "ServiceUnavailable",
     "SessionExpired",
+    "SqliteCompletions",
     "SqliteStore",
     "StoreError",
     "TargetError",

@@ -48,7 +48,13 @@ _FORGET = """
 """
 
 
-def create_tables(connection: sqlite3.Connection) -> None:
+def has_tables(connection: sqlite3.Connection) -> bool:
+    """Whether a file is a store already."""
+    found = connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'taskrpc_store'")
+    return found.fetchone() is not None
+
+
+def make_tables(connection: sqlite3.Connection) -> None:
     """Make the tables of a new store, in the transaction that is open."""
     for statement in _TABLES:
         connection.execute(statement)

@@ -1,18 +1,25 @@
-"""One SQLite file in the hands of one process: its lock, its tables, its transactions."""
+"""One SQLite file in the hands of one process: opened, changed in transactions, closed.
+
+A COMMIT that fails may have been done all the same: what it wrote is in the system's memory, and
+may reach the disk later. So the file is then opened anew and read, which tells; if it cannot be,
+nobody here can know, and the file is not touched again before it is closed.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
 import sqlite3
-from collections.abc import Callable, Iterator
-from datetime import datetime
+from collections.abc import Callable
 from pathlib import Path
+from typing import TypeVar
 
-from taskrpc import platform
-from taskrpc.errors import StoreError
+from taskrpc.errors import OutcomeUnknown, StoreError
+from taskrpc.storage.lock import held
+from taskrpc.storage.sentences import is_about_the_file, is_full, plainly
 
 _SIDE_FILES = ("", "-wal", "-shm")
+_Result = TypeVar("_Result")
 
 
 class Database:
@@ -23,40 +30,133 @@ class Database:
             which process uses it.
         prepare: makes the tables that a file lacks, in a transaction, or refuses the file.
         holder: what uses such a file, as a sentence names it.
+
+    Raises:
+        StoreError: it cannot be opened.
     """
 
     def __init__(
         self, path: Path, prepare: Callable[[sqlite3.Connection], None], *, holder: str
     ) -> None:
-        with contextlib.ExitStack() as undo:
-            undo.enter_context(_held(path, holder))
+        self._path = path
+        self._why_broken = ""
+        with contextlib.ExitStack() as undo, plainly(path):
+            undo.enter_context(held(path, holder))
             _create_private(path.resolve())
-            self.connection = sqlite3.connect(path, isolation_level=None)
-            undo.callback(self.connection.close)
-            # What a damaged file holds need not be text.
-            self.connection.text_factory = bytes
-            self.connection.execute("PRAGMA synchronous = FULL")
-            with self.transaction():
-                prepare(self.connection)
+            self._connection = _connect(path)
+            undo.callback(self._disconnect)
+            self._prepare(prepare)
             _make_private(path.resolve())
-            self.connection.execute("PRAGMA journal_mode = WAL")
+            self._connection.execute("PRAGMA journal_mode = WAL")
+            self._commits = self._count()
             self._undo = undo.pop_all()
 
-    @contextlib.contextmanager
-    def transaction(self) -> Iterator[sqlite3.Connection]:
-        """Everything in the block or nothing of it; on the disk when it ends."""
-        self.connection.execute("BEGIN IMMEDIATE")
-        try:
-            yield self.connection
-            self.connection.execute("COMMIT")
-        except BaseException:
-            if self.connection.in_transaction:
-                self.connection.execute("ROLLBACK")
-            raise
+    @property
+    def is_broken(self) -> bool:
+        """Whether nothing more can be done with it, except to close it."""
+        return bool(self._why_broken)
+
+    def read(self, work: Callable[[sqlite3.Connection], _Result]) -> _Result:
+        """Look something up. Raises StoreError."""
+        with plainly(self._path):
+            self._check()
+            return work(self._connection)
+
+    def change(self, work: Callable[[sqlite3.Connection], None]) -> None:
+        """Do all of it or nothing of it; it is on the disk when this returns.
+
+        Raises:
+            StoreError: nothing was changed.
+            OutcomeUnknown: nobody knows whether it was; the database is broken.
+            Exception: `work` raised it itself, and nothing was changed.
+        """
+        with plainly(self._path, but_statements=True):
+            self._check()
+            number = self._commits + 1
+            try:
+                self._in_transaction(work, number)
+            except _CommitFailed as failed:
+                self._find_out(number, failed.error)
+            self._commits = number
 
     def close(self) -> None:
         """Write everything into the one file and let others use it."""
         self._undo.close()
+
+    def _disconnect(self) -> None:
+        with contextlib.suppress(sqlite3.Error):
+            self._connection.close()
+
+    def _prepare(self, prepare: Callable[[sqlite3.Connection], None]) -> None:
+        try:
+            self._in_transaction(prepare)
+        except _CommitFailed as failed:
+            raise failed.error from None
+
+    def _check(self) -> None:
+        if self._why_broken:
+            raise StoreError(self._why_broken)
+
+    def _in_transaction(self, work: Callable[[sqlite3.Connection], None], number: int = 0) -> None:
+        connection = self._connection
+        connection.execute("BEGIN IMMEDIATE")
+        try:
+            work(connection)
+            if number:
+                connection.execute("UPDATE taskrpc_store SET commits = ?", (number,))
+            _commit(connection)
+        except BaseException:
+            if connection.in_transaction:
+                with contextlib.suppress(sqlite3.Error):
+                    connection.execute("ROLLBACK")
+            raise
+
+    def _find_out(self, number: int, error: sqlite3.Error) -> None:
+        """After a COMMIT that failed: return if it was done all the same, else raise why not."""
+        try:
+            self._disconnect()
+            self._connection = _connect(self._path)
+            was_done = self._count() == number
+            # Reading shows what the system remembers, be it on the disk or not. This writes it
+            # anew, and writes over what would come to light again if the machine failed now.
+            self._empty_log()
+            self._in_transaction(lambda _: None, self._count() + 1)
+            self._commits = self._count()
+        except (sqlite3.Error, OSError, _CommitFailed) as second:
+            self._why_broken = (
+                f"{self._path} cannot be used any more, since writing to it failed ({error}) and "
+                f"so did opening it again ({second}); mend the disk, then start the server again"
+            )
+            raise OutcomeUnknown(self._why_broken) from error
+        if not was_done:
+            raise error
+
+    def _empty_log(self) -> None:
+        busy, *_ = self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
+        if busy:
+            raise sqlite3.OperationalError("another program reads it")
+
+    def _count(self) -> int:
+        found = self._connection.execute("SELECT commits FROM taskrpc_store").fetchone()
+        return found[0] if found is not None and isinstance(found[0], int) else 0
+
+
+class _CommitFailed(Exception):
+    """COMMIT raised `error`, and may have been done or not."""
+
+    def __init__(self, error: sqlite3.Error) -> None:
+        self.error = error
+        super().__init__(str(error))
+
+
+def _commit(connection: sqlite3.Connection) -> None:
+    try:
+        connection.execute("COMMIT")
+    except sqlite3.Error as error:
+        # On a full disk the page that makes a transaction valid, its last, was not written whole.
+        if is_full(error) or not is_about_the_file(error):
+            raise
+        raise _CommitFailed(error) from error
 
 
 def pragma(connection: sqlite3.Connection, name: str) -> int:
@@ -65,10 +165,12 @@ def pragma(connection: sqlite3.Connection, name: str) -> int:
     return value
 
 
-def has_table(connection: sqlite3.Connection, name: str) -> bool:
-    """Whether there is a table of this name."""
-    found = connection.execute("SELECT 1 FROM sqlite_master WHERE name = ?", (name,))
-    return found.fetchone() is not None
+def _connect(path: Path) -> sqlite3.Connection:
+    connection = sqlite3.connect(path, isolation_level=None)
+    # What a damaged file holds need not be text.
+    connection.text_factory = bytes
+    connection.execute("PRAGMA synchronous = FULL")
+    return connection
 
 
 def _create_private(path: Path) -> None:
@@ -82,24 +184,3 @@ def _make_private(path: Path) -> None:
     for suffix in _SIDE_FILES:
         with contextlib.suppress(FileNotFoundError):
             path.with_name(path.name + suffix).chmod(0o600)
-
-
-@contextlib.contextmanager
-def _held(path: Path, holder: str) -> Iterator[None]:
-    """Hold the lock beside the file, or say who does."""
-    lock_path = path.resolve().with_name(path.resolve().name + ".lock")
-    descriptor = platform.open_private(lock_path)
-    try:
-        if not platform.try_lock(descriptor):
-            found = os.read(descriptor, 200).decode(errors="replace").strip()
-            raise StoreError(
-                f"{path} is in use by another {holder} ({found}); "
-                "stop that one, or give this one another file"
-            )
-        lock_path.chmod(0o600)
-        os.ftruncate(descriptor, 0)
-        since = datetime.now().astimezone().isoformat(" ", "seconds")
-        os.write(descriptor, f"pid {os.getpid()}, since {since}\n".encode())
-        yield
-    finally:
-        os.close(descriptor)

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import sqlite3
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
 
 import msgspec
 
 from taskrpc.errors import StoreError
-from taskrpc.storage.completions import create_tables, read_completions, read_store_id, renew
+from taskrpc.storage.completions import (
+    CompletionBatch,
+    make_tables,
+    read_completions,
+    read_store_id,
+    renew,
+)
 from taskrpc.storage.database import pragma
 from taskrpc.storage.records import Damaged, read_records, with_checksum
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.store import Stored
+from taskrpc.wire.once import Client, Completion
 
 FORMAT = 2
 """The version of the file's layout, kept in `PRAGMA user_version`."""
@@ -38,6 +46,9 @@ _SAVE = """
 _FORGET = "DELETE FROM task WHERE task_id IN (SELECT value FROM json_each(?))"
 _COUNT = "UPDATE server SET next_id = max(next_id, ?)"
 
+Row: TypeAlias = tuple[int, int, str]
+"""A task as it stands in its table: number, checksum, record."""
+
 
 def prepare(connection: sqlite3.Connection) -> None:
     """Make the tables of a new file, bring those of an older one up to date, refuse any other.
@@ -47,7 +58,7 @@ def prepare(connection: sqlite3.Connection) -> None:
     """
     is_new = connection.execute("SELECT 1 FROM sqlite_master").fetchone() is None
     if is_new and pragma(connection, "application_id") == 0:
-        create_tables(connection)
+        make_tables(connection)
         for statement in _TABLES:
             connection.execute(statement)
     if pragma(connection, "application_id") != _APPLICATION_ID:
@@ -74,25 +85,44 @@ def load(connection: sqlite3.Connection) -> Stored:
     return Stored(tasks, next_id, store_id, bool(server[1]), completions)
 
 
-def row(task: Task) -> tuple[int, int, str]:
-    """A task as it stands in its table: number, checksum, record."""
+def row_of(task: Task) -> Row:
+    """A task's row."""
     return task.task_id, *with_checksum(msgspec.json.encode(task), task.task_id)
 
 
-def write_tasks(
-    connection: sqlite3.Connection, saved: Sequence[tuple[int, int, str]], forgotten: Sequence[int]
-) -> None:
-    """Save rows and forget numbers in the transaction that is open."""
+class Change(msgspec.Struct):
+    """What one call changes; rows are encoded on the caller's side, where nobody waits for it."""
+
+    saved: Sequence[Row] = ()
+    forgotten: Sequence[int] = ()
+    completion: Completion | None = None
+    clients: Sequence[Client] = ()
+    paused: bool | None = None
+
+
+def write(connection: sqlite3.Connection, changes: Sequence[Change]) -> None:
+    """Write changes, in their order, in the transaction that is open."""
+    tasks: dict[int, Row | None] = {}
+    completions = CompletionBatch()
+    for change in changes:
+        tasks.update({row[0]: row for row in change.saved})
+        tasks.update(dict.fromkeys(change.forgotten))
+        completions.add(change.completion, change.clients)
+        if change.paused is not None:
+            connection.execute("UPDATE server SET paused = ?", (change.paused,))
+    _write_tasks(connection, tasks)
+    completions.write(connection)
+
+
+def _write_tasks(connection: sqlite3.Connection, tasks: Mapping[int, Row | None]) -> None:
+    """Save the rows of these numbers; forget the numbers that have none."""
+    saved = [row for row in tasks.values() if row is not None]
     if saved:
         connection.execute(_SAVE, (msgspec.json.encode(saved).decode(),))
         connection.execute(_COUNT, (1 + max(number for number, *_ in saved),))
-    if forgotten:
+    if len(saved) < len(tasks):
+        forgotten = [number for number, row in tasks.items() if row is None]
         connection.execute(_FORGET, (msgspec.json.encode(forgotten).decode(),))
-
-
-def write_pause(connection: sqlite3.Connection, paused: bool) -> None:
-    """Remember whether the queue stands still."""
-    connection.execute("UPDATE server SET paused = ?", (paused,))
 
 
 def clear(connection: sqlite3.Connection) -> None:
@@ -112,6 +142,6 @@ def _upgrade(connection: sqlite3.Connection) -> None:
         raise StoreError(f"holds a damaged task: {error}") from None
     connection.execute("DROP TABLE task")
     connection.execute(_TABLES[0])
-    write_tasks(connection, [row(task) for task in tasks], ())
-    create_tables(connection)
+    _write_tasks(connection, {task.task_id: row_of(task) for task in tasks})
+    make_tables(connection)
     connection.execute(f"PRAGMA user_version = {FORMAT}")

@@ -103,7 +103,7 @@ async def test_a_file_of_a_newer_version_is_refused(path):
 async def test_a_text_file_is_refused_and_left_as_it_is(path):
     path.write_text("my shopping list, which is longer than a database's header is" * 20)
     before = path.read_bytes()
-    assert await refused(path) == f"{path}: expected a task database, found another file"
+    assert await refused(path) == f"{path}: expected a database, found another file"
     assert path.read_bytes() == before
 
 
@@ -179,7 +179,7 @@ async def test_nobody_else_can_read_any_of_the_files(path, tmp_path):
 async def test_a_folder_that_is_not_there_is_named(tmp_path):
     missing = tmp_path / "no" / "tasks.db"
     message = await refused(missing)
-    assert message == f"{missing}: the task database cannot be opened: No such file or directory"
+    assert message == f"{missing}: the database cannot be opened: No such file or directory"
 
 
 async def test_a_folder_in_place_of_the_file_is_refused(path):
@@ -204,7 +204,7 @@ async def test_every_commit_is_synced_to_the_disk(path):
         names = ("synchronous", "journal_mode")
         return [connection.execute(f"PRAGMA {name}").fetchone()[0] for name in names]
 
-    assert await store._do(sync_settings) == [2, b"wal"]
+    assert await store._writer.read(sync_settings) == [2, b"wal"]
     await store.close()
 
 

@@ -1,0 +1,84 @@
+"""What SQLite and the system say about a file, as one sentence that names the file."""
+
+from __future__ import annotations
+
+import contextlib
+import sqlite3
+from collections.abc import Iterator
+from pathlib import Path
+
+from taskrpc.errors import StoreError
+from taskrpc.storage.records import Damaged
+
+_ABOUT_THE_FILE = frozenset(
+    {
+        sqlite3.SQLITE_PERM,
+        sqlite3.SQLITE_BUSY,
+        sqlite3.SQLITE_NOMEM,
+        sqlite3.SQLITE_READONLY,
+        sqlite3.SQLITE_IOERR,
+        sqlite3.SQLITE_CORRUPT,
+        sqlite3.SQLITE_FULL,
+        sqlite3.SQLITE_CANTOPEN,
+        sqlite3.SQLITE_PROTOCOL,
+        sqlite3.SQLITE_NOTADB,
+    }
+)
+
+
+def is_full(error: BaseException) -> bool:
+    """Whether there was no room on the disk."""
+    return _primary_code(error) == sqlite3.SQLITE_FULL
+
+
+def is_about_the_file(error: BaseException) -> bool:
+    """Whether anybody's change would have failed, not just this one."""
+    return _primary_code(error) in _ABOUT_THE_FILE
+
+
+@contextlib.contextmanager
+def plainly(path: Path, *, but_statements: bool = False) -> Iterator[None]:
+    """Turn what can go wrong with a file into a `StoreError`.
+
+    With `but_statements`, what is wrong with a statement itself is left to the caller.
+    """
+    try:
+        yield
+    except StoreError as error:
+        text = str(error)
+        raise StoreError(text if str(path) in text else f"{path}: {text}") from error.__cause__
+    except Damaged as damage:
+        raise StoreError(_of_damage(path, damage)) from None
+    except sqlite3.DatabaseError as error:
+        if but_statements and not is_about_the_file(error):
+            raise
+        raise StoreError(_of_file(path, error)) from error
+    except OSError as error:
+        raise StoreError(f"{path}: the database cannot be opened: {error.strerror}") from error
+
+
+def _of_damage(path: Path, damage: Damaged) -> str:
+    row, advice = "", "or move it away to begin anew"
+    if damage.where:
+        row = f", row {damage.where}"
+        statement = f"DELETE FROM {damage.table} WHERE {damage.where}"
+        advice = f'or give the row up: sqlite3 {path} "{statement}"'
+    found = f"table {damage.table}{row}: {damage.problem}"
+    return f"{path} is damaged ({found}); restore the file from a copy, {advice}"
+
+
+def _of_file(path: Path, error: sqlite3.DatabaseError) -> str:
+    match _primary_code(error):
+        case sqlite3.SQLITE_NOTADB:
+            return f"{path}: expected a database, found another file"
+        case sqlite3.SQLITE_FULL:
+            return f"{path}: the disk is full; nothing was stored"
+        case sqlite3.SQLITE_CORRUPT:
+            advice = "restore the file from a copy, or move it away to begin anew"
+            return f"{path} is damaged ({error}); {advice}"
+    return f"{path}: the database cannot be used: {error}"
+
+
+def _primary_code(error: BaseException) -> int:
+    # The low byte; the others say more about the same.
+    return getattr(error, "sqlite_errorcode", 0) & 0xFF

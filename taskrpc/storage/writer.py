@@ -1,0 +1,178 @@
+"""Group commit: what many ask for at one moment is one transaction, and waits once for the disk."""
+
+from __future__ import annotations
+
+import asyncio
+import copy
+import sqlite3
+from collections import deque
+from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from functools import partial
+from typing import Any, Generic, TypeVar
+
+from taskrpc.errors import OutcomeUnknown, StoreError
+from taskrpc.storage.database import Database
+
+_Change = TypeVar("_Change")
+_Result = TypeVar("_Result")
+
+
+class Writer(Generic[_Change]):
+    """A file's one writer. Calls take effect in the order in which they are made.
+
+    Everything happens in one thread of its own, so the event loop never waits for the disk. While
+    that thread is busy, new changes collect; they are the next transaction. Whoever stops waiting
+    does not stop what was asked for.
+
+    Args:
+        open_file: opens the file, when it is first needed.
+        write: writes changes in the transaction that is open.
+    """
+
+    def __init__(
+        self,
+        open_file: Callable[[], Database],
+        write: Callable[[sqlite3.Connection, Sequence[_Change]], None],
+    ) -> None:
+        self._open_file = open_file
+        self._write = write
+        self._database: Database | None = None
+        self._thread: ThreadPoolExecutor | None = None
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._waiting: deque[_Asked] = deque()
+        self._is_busy = False
+
+    async def change(self, change: _Change) -> None:
+        """Write a change; it is on the disk when this returns.
+
+        Raises:
+            StoreError: nothing was changed.
+            OutcomeUnknown: nobody knows whether it was, and the file is broken until `close`.
+        """
+        await self._ask(change, None)
+
+    async def change_alone(self, work: Callable[[sqlite3.Connection], None]) -> None:
+        """Do something in a transaction of its own; it is on the disk when this returns."""
+        await self._ask(None, lambda: self._opened().change(work))
+
+    async def read(self, work: Callable[[sqlite3.Connection], _Result]) -> _Result:
+        """Look something up. Raises StoreError."""
+        found: _Result = await self._ask(None, lambda: self._opened().read(work))
+        return found
+
+    async def mend(self) -> None:
+        """Open a broken file anew, for those who then read what it holds. Raises StoreError."""
+        await self._ask(None, self._mend)
+
+    async def close(self) -> None:
+        """Do what was asked for, write everything into the one file and let others use it."""
+        if self._thread is not None:
+            await self._ask(None, self._close)
+            self._thread.shutdown()
+            self._thread = None
+
+    # On the loop
+
+    async def _ask(self, change: _Change | None, alone: Callable[[], Any] | None) -> Any:
+        loop = asyncio.get_running_loop()
+        if self._loop is not loop:  # another run of asyncio: nobody of the one before waits
+            self._loop, self._is_busy = loop, False
+            self._waiting.clear()
+        answer = loop.create_future()
+        self._waiting.append(_Asked(change, alone, answer))
+        if not self._is_busy:
+            self._is_busy = True
+            # In a moment: what else is asked for in this turn of the loop comes with it.
+            loop.call_soon(self._next, loop)
+        return await answer
+
+    def _next(self, loop: asyncio.AbstractEventLoop) -> None:
+        waiting = self._waiting
+        if not waiting:
+            self._is_busy = False
+            return
+        taken = [waiting.popleft()]
+        if (alone := taken[0].alone) is not None:
+            job: Callable[[], list[Any]] = partial(_outcome, alone)
+        else:
+            while waiting and waiting[0].alone is None:
+                taken.append(waiting.popleft())
+            job = partial(self._change_all, [each.change for each in taken])
+        if self._thread is None:
+            self._thread = ThreadPoolExecutor(1, thread_name_prefix="taskrpc-store")
+        running = loop.run_in_executor(self._thread, job)
+        running.add_done_callback(partial(self._done, loop, taken))
+
+    def _done(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        taken: list[_Asked],
+        running: asyncio.Future[list[Any]],
+    ) -> None:
+        self._next(loop)  # first: the thread need not wait for those who are answered now
+        for asked, outcome in zip(taken, running.result(), strict=True):
+            if asked.answer.done():
+                continue
+            if isinstance(outcome, Exception):
+                asked.answer.set_exception(outcome)
+            else:
+                asked.answer.set_result(outcome)
+
+    # In the thread
+
+    def _opened(self) -> Database:
+        if self._database is None:
+            self._database = self._open_file()
+        return self._database
+
+    def _mend(self) -> None:
+        if self._database is not None and self._database.is_broken:
+            self._close()
+        self._opened()
+
+    def _close(self) -> None:
+        database, self._database = self._database, None
+        if database is not None:
+            database.close()
+
+    def _change_all(self, changes: list[_Change]) -> list[Exception | None]:
+        """What became of each change: None where it is stored."""
+        count = len(changes)
+        try:
+            self._opened().change(lambda connection: self._write(connection, changes))
+        except (StoreError, OutcomeUnknown) as error:
+            return [copy.copy(error) for _ in changes]
+        except Exception as error:
+            if count == 1:
+                return [_refusal(error)]
+            # One of them cannot be written; the others must not pay for it.
+            first, rest = changes[: count // 2], changes[count // 2 :]
+            return self._change_all(first) + self._change_all(rest)
+        return [None] * count
+
+
+class _Asked:
+    """Something that somebody waits for: a change, or work that is done alone."""
+
+    __slots__ = ("alone", "answer", "change")
+
+    def __init__(
+        self, change: Any, alone: Callable[[], Any] | None, answer: asyncio.Future[Any]
+    ) -> None:
+        self.change, self.alone, self.answer = change, alone, answer
+
+
+def _outcome(work: Callable[[], Any]) -> list[Any]:
+    try:
+        return [work()]
+    except (StoreError, OutcomeUnknown) as error:
+        return [error]
+    except Exception as error:
+        return [_refusal(error)]
+
+
+def _refusal(error: Exception) -> StoreError:
+    refusal = StoreError(f"nothing was stored: {error}")
+    refusal.__cause__ = error
+    return refusal

@@ -1,0 +1,175 @@
+"""The ready-made stores: effect and completion together, and what a user may get wrong."""
+
+import asyncio
+import contextlib
+import sqlite3
+
+import pytest
+
+from taskrpc import MemoryCompletions, SqliteCompletions
+from taskrpc.errors import StoreError
+from taskrpc.wire.once import Completion, CompletionStore
+
+TABLE = "CREATE TABLE IF NOT EXISTS stock (part TEXT PRIMARY KEY, count INTEGER CHECK (count >= 0))"
+
+FILLED = "INSERT OR IGNORE INTO stock VALUES ('nut', 0)"
+
+
+def completion(sequence, first=1, client=b"c" * 16):
+    return Completion("ann", client, sequence, first, b"f" * 16, b"\x00\xff", 0, 1.0)
+
+
+class Memory:
+    """Counts in a variable."""
+
+    def __init__(self, tmp_path):
+        self.store = MemoryCompletions()
+        self.count = 0
+
+    def effect(self, more):
+        def add():
+            if self.count + more < 0:
+                raise ValueError("there are not so many")
+            self.count += more
+
+        return add
+
+    async def close(self):
+        pass
+
+
+class Sqlite:
+    """Counts in a table."""
+
+    def __init__(self, tmp_path):
+        self.path = tmp_path / "stock.db"
+        self.store = SqliteCompletions(
+            self.path, [TABLE, "INSERT OR IGNORE INTO stock VALUES ('nut', 0)"]
+        )
+
+    def effect(self, more):
+        return [("UPDATE stock SET count = count + :more", {"more": more})]
+
+    @property
+    def count(self):
+        with contextlib.closing(sqlite3.connect(self.path)) as connection:
+            return connection.execute("SELECT count FROM stock").fetchone()[0]
+
+    async def close(self):
+        await self.store.close()
+
+
+@pytest.fixture(params=[Memory, Sqlite])
+async def stock(request, tmp_path):
+    stock = request.param(tmp_path)
+    await stock.store.recall()
+    yield stock
+    await stock.close()
+
+
+async def known(store):
+    return sorted((each.client[:1], each.sequence) for each in (await store.recall()).completions)
+
+
+def as_store(store: CompletionStore) -> CompletionStore:
+    """For mypy: the ready-made stores are what a service wants."""
+    return store
+
+
+async def test_an_effect_and_its_completion_are_remembered_together(stock):
+    await as_store(stock.store).complete(completion(1), stock.effect(5), ())
+    assert stock.count == 5
+    assert (await stock.store.recall()).completions == (completion(1),)
+
+
+async def test_an_effect_that_fails_leaves_nothing_behind(stock):
+    await stock.store.complete(completion(1), stock.effect(1))
+    with pytest.raises(StoreError, match=r"not so many|CHECK constraint failed"):
+        await stock.store.complete(completion(2, first=2), stock.effect(-2), [("ann", b"c" * 16)])
+    assert stock.count == 1
+    assert await known(stock.store) == [(b"c", 1)]
+
+
+async def test_a_request_without_effect_or_without_number_is_taken_too(stock):
+    await stock.store.complete(completion(1), None, ())
+    await stock.store.complete(None, stock.effect(2), ())
+    assert (stock.count, await known(stock.store)) == (2, [(b"c", 1)])
+
+
+async def test_settled_requests_and_lapsed_clients_are_forgotten(stock):
+    for sequence in (1, 2, 3):
+        await stock.store.complete(completion(sequence), None)
+        await stock.store.complete(completion(sequence, client=b"d" * 16), None)
+    await stock.store.complete(completion(4, first=3), None, [("ann", b"d" * 16)])
+    assert await known(stock.store) == [(b"c", 3), (b"c", 4)]
+
+
+async def test_a_store_keeps_its_id(stock):
+    first = (await stock.store.recall()).store_id
+    assert (len(first), (await stock.store.recall()).store_id) == (16, first)
+
+
+async def test_a_file_remembers_after_it_was_closed(tmp_path):
+    stock = Sqlite(tmp_path)
+    await stock.store.complete(completion(1), stock.effect(3))
+    before = await stock.store.recall()
+    await stock.close()
+    assert stock.count == 3
+    again = Sqlite(tmp_path)
+    assert await again.store.recall() == before
+    assert again.count == 3
+    await again.close()
+
+
+@pytest.mark.parametrize(
+    "sql", ["COMMIT", " rollback", "\nBegin immediate", "PRAGMA synchronous = OFF", "VACUUM"]
+)
+async def test_an_effect_cannot_end_the_transaction_of_which_it_is_part(tmp_path, sql):
+    stock = Sqlite(tmp_path)
+    with pytest.raises(StoreError, match="an effect is part of a transaction: it cannot do"):
+        await stock.store.complete(completion(1), [*stock.effect(1), (sql, ())])
+    assert await known(stock.store) == []
+    assert stock.count == 0
+    await stock.close()
+
+
+async def test_a_mistake_in_a_statement_is_one_sentence(tmp_path):
+    stock = Sqlite(tmp_path)
+    with pytest.raises(StoreError, match=r"^nothing was stored: no such table: stocks$"):
+        await stock.store.complete(completion(1), [("DELETE FROM stocks", ())])
+    await stock.close()
+
+
+async def test_the_tables_of_a_program_may_be_there_already(tmp_path):
+    path = tmp_path / "stock.db"
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.execute(TABLE)
+        connection.execute("INSERT INTO stock VALUES ('nut', 7)")
+        connection.commit()
+    store = SqliteCompletions(path)
+    await store.complete(completion(1), [("UPDATE stock SET count = 8", ())])
+    await store.close()
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        assert connection.execute("SELECT * FROM stock").fetchall() == [("nut", 8)]
+
+
+async def test_a_second_program_on_the_file_is_told_who_has_it(tmp_path):
+    stock = Sqlite(tmp_path)
+    await stock.store.recall()
+    with pytest.raises(StoreError, match=r"in use by another program \(pid \d+, since "):
+        await SqliteCompletions(stock.path).recall()
+    await stock.close()
+
+
+async def test_a_schema_with_a_mistake_is_told_and_makes_no_tables(tmp_path):
+    path = tmp_path / "stock.db"
+    with pytest.raises(StoreError, match=rf"{path}: .*syntax error"):
+        await SqliteCompletions(path, ["CREATE TABEL stock (part)"]).recall()
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        assert connection.execute("SELECT * FROM sqlite_master").fetchall() == []
+
+
+async def test_many_at_once_are_all_kept(stock):
+    calls = (stock.store.complete(completion(each), stock.effect(1)) for each in range(1, 101))
+    await asyncio.gather(*calls)
+    assert (stock.count, len(await known(stock.store))) == (100, 100)

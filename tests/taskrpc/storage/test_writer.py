@@ -1,0 +1,176 @@
+"""Group commit: one transaction for many, each with its own outcome, and none of them a guess."""
+
+import asyncio
+import contextlib
+import sqlite3
+import threading
+
+import pytest
+
+from taskrpc.errors import OutcomeUnknown, StoreError
+from taskrpc.storage.stores import SqliteCompletions
+from taskrpc.wire.once import Completion
+
+TABLE = "CREATE TABLE IF NOT EXISTS booked (seat INTEGER PRIMARY KEY)"
+
+
+@pytest.fixture
+async def path(tmp_path):
+    return tmp_path / "seats.db"
+
+
+@pytest.fixture
+async def store(path):
+    store = SqliteCompletions(path, [TABLE])
+    await store.recall()
+    yield store
+    await store.close()
+
+
+def completion(sequence, first=1):
+    return Completion("", b"c" * 16, sequence, first, b"f" * 16, b"", 0, 1.0)
+
+
+async def book(store, *seats):
+    """Book seats at once, each in a request of its own; returns what became of each."""
+    return await asyncio.gather(*(book_one(store, seat) for seat in seats), return_exceptions=True)
+
+
+def book_one(store, seat):
+    effect = [("INSERT INTO booked VALUES (?)", (seat,))]
+    return asyncio.ensure_future(store.complete(completion(seat), effect))
+
+
+def booked(path):
+    """The seats and the requests that the file remembers."""
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        seats = [seat for (seat,) in connection.execute("SELECT seat FROM booked ORDER BY seat")]
+        rows = connection.execute("SELECT sequence FROM taskrpc_completion ORDER BY sequence")
+        return seats, [int(sequence, 16) for (sequence,) in rows]
+
+
+async def test_what_is_asked_for_at_one_moment_is_one_transaction(disk, store, path):
+    before = disk.commits
+    assert await book(store, *range(1, 51)) == [None] * 50
+    assert disk.commits - before == 1
+    assert booked(path) == (list(range(1, 51)), list(range(1, 51)))
+
+
+async def test_what_comes_while_the_disk_is_busy_is_the_next_transaction(disk, store, path):
+    before = disk.commits
+    busy, go_on = threading.Event(), threading.Event()
+
+    def wait_in_the_thread(connection):
+        busy.set()
+        go_on.wait()
+
+    working = asyncio.ensure_future(store._writer.read(wait_in_the_thread))
+    while not busy.is_set():
+        await asyncio.sleep(0)
+    booking = [book_one(store, seat) for seat in (1, 2, 3)]
+    await asyncio.sleep(0)
+    assert disk.commits == before
+    go_on.set()
+    assert await asyncio.gather(*booking) == [None] * 3
+    await working
+    assert disk.commits - before == 1
+
+
+@pytest.mark.parametrize("bad", range(7))
+async def test_one_that_cannot_be_written_does_not_harm_the_others(store, path, bad):
+    await book(store, 100)
+    seats = list(range(1, 8))
+    seats[bad] = 100
+    outcomes = await book(store, *seats)
+    assert [type(outcome) for outcome in outcomes].count(StoreError) == 1
+    assert "UNIQUE constraint failed: booked.seat" in str(outcomes[bad])
+    others = sorted({*range(1, 8)} - {bad + 1} | {100})
+    assert booked(path) == (others, others)
+
+
+async def test_who_stops_waiting_does_not_stop_the_change(store, path):
+    booking = book_one(store, 1)
+    await asyncio.sleep(0)
+    booking.cancel()
+    assert await book(store, 2) == [None]
+    assert booked(path)[0] == [1, 2]
+
+
+async def test_a_full_disk_refuses_and_what_was_refused_is_not_there(disk, store, path):
+    disk.failures = [sqlite3.SQLITE_FULL]
+    outcomes = await book(store, 1, 2, 3)
+    assert [str(outcome) for outcome in outcomes] == [
+        f"{path}: the disk is full; nothing was stored"
+    ] * 3
+    assert await book(store, 4) == [None]
+    assert booked(path) == ([4], [4])
+
+
+async def test_a_commit_that_failed_and_was_not_done_is_refused(disk, store, path):
+    disk.failures = ["before"]
+    outcomes = await book(store, 1, 2, 3)
+    assert {type(outcome) for outcome in outcomes} == {StoreError}
+    assert str(outcomes[0]) == f"{path}: the database cannot be used: disk I/O error"
+    assert await book(store, 4) == [None]
+    assert booked(path) == ([4], [4])
+
+
+async def test_a_commit_that_failed_and_was_done_all_the_same_is_done(disk, store, path):
+    disk.failures = ["after"]
+    assert await book(store, 1, 2, 3) == [None] * 3
+    assert await book(store, 4) == [None]
+    assert booked(path) == ([1, 2, 3, 4], [1, 2, 3, 4])
+
+
+@pytest.mark.parametrize("failures", [["before", "before"], ["after", "after"], ["before", 13]])
+async def test_where_the_next_commit_fails_too_nobody_guesses(disk, store, path, failures):
+    disk.failures = failures
+    outcomes = await book(store, 1, 2)
+    assert {type(outcome) for outcome in outcomes} == {OutcomeUnknown}
+    assert len({id(outcome) for outcome in outcomes}) == 2
+    (refused,) = await book(store, 3)
+    assert type(refused) is StoreError
+    assert str(refused).startswith(f"{path} cannot be used any more, since writing to it failed")
+    assert "\n" not in str(refused)
+    assert 3 not in booked(path)[0]
+
+
+async def test_a_file_that_is_gone_refuses_everything_until_it_is_there_again(disk, store, path):
+    disk.failures, disk.is_gone = ["after"], True
+    (unknown,) = await book(store, 1)
+    assert type(unknown) is OutcomeUnknown
+    assert "unable to open database file" in str(unknown)
+    with pytest.raises(StoreError, match="unable to open database file"):
+        await store.recall()
+    assert type((await book(store, 2))[0]) is StoreError
+    disk.is_gone = False
+    assert [each.sequence for each in (await store.recall()).completions] == [1]
+    assert await book(store, 3) == [None]
+    assert booked(path) == ([1, 3], [1, 3])
+
+
+async def test_calls_take_effect_in_their_order_whatever_fails_between(disk, store):
+    disk.failures = [None, "before"]
+    calls = [
+        book_one(store, 1),
+        asyncio.ensure_future(store._writer.read(_count)),
+        book_one(store, 2),
+        asyncio.ensure_future(store._writer.read(_count)),
+        book_one(store, 3),
+        asyncio.ensure_future(store._writer.read(_count)),
+    ]
+    _, one, refused, still_one, _, two = await asyncio.gather(*calls, return_exceptions=True)
+    assert (one, type(refused), still_one, two) == (1, StoreError, 1, 2)
+
+
+def _count(connection):
+    return connection.execute("SELECT count(*) FROM booked").fetchone()[0]
+
+
+@pytest.mark.real_time
+def test_a_store_serves_another_run_of_asyncio(path):
+    store = SqliteCompletions(path, [TABLE])
+    for seat in (1, 2):
+        assert asyncio.run(book(store, seat)) == [None]
+    asyncio.run(store.close())
+    assert booked(path) == ([1, 2], [1, 2])
