@@ -183,6 +183,7 @@ MODULES = {
     "taskrpc.logs": ["CallFilter", "JsonFormatter", "handler"],
     "taskrpc.metrics": ["Family", "Histogram", "Kind", "Sample", "render"],
     "taskrpc.metrics.tasks": ["MeasuredStore", "task_families"],
+    "taskrpc.web": importlib.import_module("taskrpc.web").__all__,
     "taskrpc.testing": ["NothingWillEverHappen", "VirtualTimeLoop"],
     "taskrpc.robot": importlib.import_module("taskrpc.robot").__all__,
     "srvgen": srvgen.__all__,

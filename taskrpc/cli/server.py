@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+import contextlib
 import importlib
 import inspect
 import logging
@@ -19,6 +20,7 @@ from taskrpc.cli.parsing import Parser, number, whole
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
+    from taskrpc.cli.watching import Watch
     from taskrpc.node import Node
     from taskrpc.robot.protocol import Robot
     from taskrpc.tasks import TaskServer
@@ -70,6 +72,8 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     seconds = number("from 0 on", lambda seconds: seconds >= 0)
     add("--settle", metavar="S", type=seconds, default=0.1, help=settle)
     add("--join", action="store_true", help="start although another server has the name")
+    web = "also show /health and /metrics there, by HTTP"
+    add("--web", metavar="HOST:PORT", type=remote.place, help=web)
     add("--transport", choices=["tcp"], default="tcp", help="how calls travel (tcp)")
     levels = ["debug", "info", "warning", "error"]
     add("--log-level", choices=levels, default="info", help="what to log to stderr (info)")
@@ -105,28 +109,41 @@ async def _serve(options: argparse.Namespace, robot: Robot) -> None:
     from taskrpc.tasks import TaskServer
 
     access = remote.remote_of(options)
+    watch = _watch(options, access)
     node = Node(
         "task_server",
         transport=options.transport,
         listen=options.listen,
         tls=access.tls,
         token=access.token,
+        observer=watch.metrics if watch else None,
     )
-    async with stop_requested() as stopped, node:
+    async with stop_requested() as stopped, node, contextlib.AsyncExitStack() as stack:
         server = TaskServer(
             node,
             robot,
-            _store(options),
+            watch.measured(_store(options)) if watch else _store(options),
             queue_limit=options.queue_limit,
             settle=options.settle,
             join=options.join,
         )
+        if watch is not None:  # before the start: monitors shall see that it takes its time
+            web = await stack.enter_async_context(watch.web(server))
+            _say(options, f"taskrpc-server: /health and /metrics at {web.url}")
         resumed = await server.start(fresh=options.fresh)
         _say(options, f"taskrpc-server: {resumed}")
         what = "/robot_task [my_robot_interfaces/srv/RobotTask]"
         _say(options, f"taskrpc-server ready: {what} at {node.address}")
         await stopped
         await _shut_down(node, server)
+
+
+def _watch(options: argparse.Namespace, access: remote.Remote) -> Watch | None:
+    if not options.web:
+        return None
+    from taskrpc.cli.watching import Watch  # most servers show no pages
+
+    return Watch(options.web, access)
 
 
 def _say(options: argparse.Namespace, text: str) -> None:

@@ -61,9 +61,9 @@ class TcpNetwork:
         context = self._tls.server_context() if self._tls and self.certificate else None
         # Bound here and now, so that the address can be announced before the loop's next turn;
         # callers who are quicker than the loop wait in the backlog.
-        sock = _bound(host, port)
+        sock = bound(host, port)
         self._listener = Listener(sock, factory, lambda: context)
-        return _place(*sock.getsockname()[:2])
+        return join_place(*sock.getsockname()[:2])
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect."""
@@ -128,7 +128,7 @@ class TcpNetwork:
         self._registry.close()
 
     def _refuse_unprotected(self, host: str) -> None:
-        if not _is_loopback(host) and not (self.certificate and self._peer_token):
+        if not is_loopback(host) and not (self.certificate and self._peer_token):
             raise CannotListen(
                 f"cannot listen at {host}: beyond this machine's own addresses (127.0.0.1,"
                 " localhost, ::1) a certificate (tls) and a token are needed"
@@ -145,7 +145,7 @@ class TcpNetwork:
 
 def _refuse_stranger(address: Address, host: str, *, encrypted: bool) -> None:
     """Send nothing in plain where others could read it."""
-    if not encrypted and not _is_loopback(host):
+    if not encrypted and not is_loopback(host):
         raise AuthenticationFailed(
             f"{address.place} is another machine: calls there need TLS (tls) and its secret"
         )
@@ -185,15 +185,17 @@ def split_place(place: str) -> tuple[str, int]:
 
 
 def _checked_place(place: str) -> str:
-    return _place(*split_place(place))
+    return join_place(*split_place(place))
 
 
-def _place(host: str, port: int) -> str:
+def join_place(host: str, port: int) -> str:
+    """The `host:port` of a host and a port."""
     host = "127.0.0.1" if host == "localhost" else host
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
 
-def _is_loopback(host: str) -> bool:
+def is_loopback(host: str) -> bool:
+    """Whether only programs of this machine can reach a host."""
     if host == "localhost":
         return True
     try:
@@ -202,7 +204,8 @@ def _is_loopback(host: str) -> bool:
         return False
 
 
-def _bound(host: str, port: int) -> socket.socket:
+def bound(host: str, port: int) -> socket.socket:
+    """A listening socket. Raises CannotListen."""
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     # Said in so many words: without it asyncio leaves Nagle's algorithm on where it accepts, and
     # a second write in a row waits 40 ms for the peer's acknowledgement.
@@ -216,5 +219,5 @@ def _bound(host: str, port: int) -> socket.socket:
     except OSError as error:
         sock.close()
         reason = error.strerror or str(error)
-        raise CannotListen(f"cannot listen at {_place(host, port)}: {reason}") from None
+        raise CannotListen(f"cannot listen at {join_place(host, port)}: {reason}") from None
     return sock

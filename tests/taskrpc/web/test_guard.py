@@ -1,0 +1,116 @@
+"""A page is shown to who asks for this server by a name of its own, looks only, and may."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taskrpc.web.guard import Guard, Head, own_names
+
+HERE = own_names("127.0.0.1", 8080, machine="robot")
+
+
+def status(head, **options):
+    refusal = Guard(HERE, **options).refusal(head)
+    return refusal.status if refusal else 200
+
+
+def asked(host="127.0.0.1:8080", method="GET", **more):
+    return Head(method, [host], **more)
+
+
+@pytest.mark.parametrize("host", [*HERE, "LOCALHOST:8080", "[::1]:8080"])
+@pytest.mark.parametrize("method", ["GET", "HEAD"])
+def test_whoever_looks_from_this_machine_is_let_in(host, method):
+    assert status(asked(host, method)) == 200
+
+
+@pytest.mark.parametrize(
+    "host",
+    [
+        "evil.example:8080",
+        "evil.example",
+        "localhost",
+        "localhost:80",
+        "localhost:8080.evil.example",
+        "localhost:8080@evil.example",
+        "127.0.0.1:8081",
+        "127.0.0.1.evil.example:8080",
+        "robot:8080",
+        "",
+    ],
+)
+def test_a_name_that_is_not_ours_is_refused_whoever_let_it_point_here(host):
+    assert status(asked(host)) == 421
+
+
+@given(st.text())
+def test_no_other_host_is_ever_let_in(host):
+    assert (status(asked(host)) == 200) == (host.lower() in HERE)
+
+
+@pytest.mark.parametrize("hosts", [[], ["127.0.0.1:8080", "127.0.0.1:8080"]])
+def test_a_request_names_one_host(hosts):
+    assert status(Head("GET", hosts)) == 400
+
+
+@pytest.mark.parametrize("method", ["POST", "PUT", "DELETE", "OPTIONS", "PATCH", "CONNECT", "get"])
+def test_whoever_does_more_than_look_is_refused(method):
+    assert status(asked(method=method)) == 405
+
+
+@pytest.mark.parametrize(
+    ("origin", "expected"),
+    [
+        ("http://127.0.0.1:8080", 200),
+        ("http://localhost:8080", 403),  # another origin than the one that was asked
+        ("https://127.0.0.1:8080", 403),
+        ("http://evil.example", 403),
+        ("null", 403),
+        ("", 403),
+    ],
+)
+def test_a_page_from_elsewhere_gets_nothing(origin, expected):
+    assert status(asked(origins=[origin])) == expected
+
+
+def test_one_good_origin_does_not_excuse_a_bad_one():
+    assert status(asked(origins=["http://127.0.0.1:8080", "null"])) == 403
+
+
+def test_the_usual_port_need_not_be_named():
+    guard = Guard(["robot:443"], encrypted=True)
+    assert guard.refusal(Head("GET", ["robot"])) is None
+    assert Guard(["robot:443"]).refusal(Head("GET", ["robot"])) is not None
+
+
+def test_the_address_at_which_a_request_arrived_is_a_name_too():
+    assert status(asked("10.0.0.7:8080", local="10.0.0.7:8080")) == 200
+    assert status(asked("10.0.0.8:8080", local="10.0.0.7:8080")) == 421
+
+
+def test_beyond_this_machine_its_name_is_one_of_ours():
+    names = own_names("0.0.0.0", 1, machine="robot")
+    assert {"robot:1", "robot.local:1", "localhost:1"} <= set(names)
+
+
+@pytest.mark.parametrize(
+    ("authorizations", "expected"),
+    [
+        (["Bearer secret"], 200),
+        (["bearer   secret"], 200),
+        (["Bearer wrong"], 401),
+        (["Basic secret"], 401),
+        (["secret"], 401),
+        (["Bearer"], 401),
+        ([], 401),
+        (["Bearer secret", "Bearer secret"], 401),
+    ],
+)
+def test_where_a_secret_is_wanted_only_the_right_one_helps(authorizations, expected):
+    head = asked(authorizations=authorizations)
+    assert status(head, may_look="secret".__eq__) == expected
+
+
+def test_a_wrong_host_learns_nothing_of_the_secret():
+    head = asked("evil.example", authorizations=["Bearer secret"])
+    assert status(head, may_look=pytest.fail) == 421

@@ -1,0 +1,166 @@
+"""The web server over real sockets: pages, refusals, TLS, and strangers who say nothing."""
+
+import asyncio
+import ssl
+
+import aiohttp
+import pytest
+import trustme
+
+import taskrpc
+from taskrpc.metrics import CONTENT_TYPE
+from taskrpc.tasks import MemoryStore, TaskServer
+from taskrpc.web import Page, WebServer, server, task_pages
+from tests.taskrpc.metrics.exposition import read
+from tests.taskrpc.tasks.fakes import LineRobot
+
+pytestmark = pytest.mark.real_time
+
+
+async def hello():
+    return Page("hello\n")
+
+
+@pytest.fixture
+async def web():
+    async with WebServer({"/hello": hello}, listen="127.0.0.1:0") as made:
+        yield made
+
+
+async def fetch(url, *, method="GET", **options):
+    async with aiohttp.request(method, url, **options) as response:
+        return response.status, response.headers, await response.text()
+
+
+async def raw(web, data):
+    """What comes back for these bytes, up to the end of the connection."""
+    host, _, port = web.url.rpartition("/")[2].rpartition(":")
+    reader, writer = await asyncio.open_connection(host, int(port))
+    writer.write(data)
+    try:
+        return await asyncio.wait_for(reader.read(), 5)
+    finally:
+        writer.close()
+
+
+async def test_a_page_is_shown_and_kept_by_nobody(web):
+    status, headers, text = await fetch(f"{web.url}/hello")
+    assert (status, text) == (200, "hello\n")
+    assert headers["Cache-Control"] == "no-store"
+    assert headers["X-Content-Type-Options"] == "nosniff"
+    assert headers["Server"] == "taskrpc"
+
+
+async def test_no_answer_invites_pages_from_elsewhere(web):
+    for options in ({}, {"headers": {"Origin": "http://evil.example"}}, {"method": "OPTIONS"}):
+        _, headers, _ = await fetch(f"{web.url}/hello", **options)
+        assert not [name for name in headers if name.lower().startswith("access-control")]
+
+
+async def test_head_has_the_same_headers_and_no_body(web):
+    status, headers, text = await fetch(f"{web.url}/hello", method="HEAD")
+    assert (status, headers["Content-Length"], text) == (200, "6", "")
+
+
+async def test_what_is_not_there_is_said_with_what_is(web):
+    status, _, text = await fetch(f"{web.url}/")
+    assert (status, text) == (404, "no such page; there are /hello\n")
+
+
+@pytest.mark.parametrize(
+    ("head", "status"),
+    [
+        (b"GET /hello HTTP/1.1\r\nHost: evil.example\r\n\r\n", b"421"),
+        (b"GET /hello HTTP/1.1\r\n\r\n", b"400"),
+        (b"POST /hello HTTP/1.1\r\nHost: x\r\nContent-Length: 9\r\n\r\n123456789", b"405"),
+        (b"\x16\x03\x01 this is TLS\r\n\r\n", b"400"),
+    ],
+)
+async def test_a_request_that_is_refused_gets_a_status_and_the_end(web, head, status):
+    answer = await raw(web, head)
+    assert answer.startswith((b"HTTP/1.1 " + status, b"HTTP/1.0 " + status))
+    assert b"hello" not in answer.partition(b"\r\n\r\n")[2]
+    assert b"Traceback" not in answer
+
+
+async def test_a_page_that_fails_shows_nothing_of_the_inside():
+    async def broken():
+        raise OSError("/home/secret")
+
+    async with WebServer({"/broken": broken}, listen="127.0.0.1:0") as web:
+        status, _, text = await fetch(f"{web.url}/broken")
+    assert status == 500
+    assert "secret" not in text
+
+
+async def test_who_says_nothing_loses_his_place(web, monkeypatch):
+    monkeypatch.setattr(server, "PATIENCE", 0.1)
+    assert await raw(web, b"GET /hello HTTP/1.1\r\nHo") == b""
+
+
+async def test_one_connection_too_many_is_turned_away(web, monkeypatch):
+    monkeypatch.setattr(server, "MAX_CONNECTIONS", 0)
+    assert await raw(web, b"") == b""
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1"])
+@pytest.mark.parametrize("secret", [None, "token".__eq__])
+def test_without_tls_and_a_token_it_listens_on_this_machine_only(host, secret):
+    with pytest.raises(taskrpc.CannotListen, match=r"a certificate \(tls\) and a token are needed"):
+        WebServer({}, listen=f"{host}:0", may_look=secret)
+
+
+async def test_an_address_that_is_taken_is_said(web):
+    taken = web.url.removeprefix("http://")
+    with pytest.raises(taskrpc.CannotListen, match="cannot listen at"):
+        await WebServer({}, listen=taken).start()
+
+
+@pytest.fixture(scope="module")
+def authority():
+    return trustme.CA()
+
+
+@pytest.fixture
+def tls(authority, tmp_path):
+    issued = authority.issue_cert("127.0.0.1", "localhost")
+    issued.private_key_pem.write_to_path(tmp_path / "key.pem")
+    issued.cert_chain_pems[0].write_to_path(tmp_path / "cert.pem")
+    return taskrpc.Tls(cert=tmp_path / "cert.pem", key=tmp_path / "key.pem")
+
+
+async def test_beyond_this_machine_it_speaks_tls_and_wants_the_token(authority, tls):
+    trusting = ssl.create_default_context()
+    authority.configure_trust(trusting)
+    pages, may_look = {"/hello": hello}, "secret".__eq__
+    async with WebServer(pages, listen="0.0.0.0:0", tls=tls, may_look=may_look) as web:
+        url = web.url.replace("0.0.0.0", "127.0.0.1")
+        assert url.startswith("https://")
+        status, headers, _ = await fetch(f"{url}/hello", ssl=trusting)
+        assert (status, headers["WWW-Authenticate"]) == (401, "Bearer")
+        secret = {"Authorization": "Bearer secret"}
+        status, _, text = await fetch(f"{url}/hello", ssl=trusting, headers=secret)
+        assert (status, text) == (200, "hello\n")
+        with pytest.raises(aiohttp.ClientError):
+            await fetch(f"{url.replace('https', 'http')}/hello", headers=secret)
+
+
+async def test_the_pages_of_a_task_server_are_its_health_and_its_metrics():
+    metrics = taskrpc.Metrics()
+    async with taskrpc.Node("task_server", transport="memory", observer=metrics) as node:
+        tasks = TaskServer(node, LineRobot(), MemoryStore())
+        async with WebServer(task_pages(tasks, metrics), listen="127.0.0.1:0") as web:
+            status, headers, text = await fetch(f"{web.url}/health")
+            assert (status, headers["Content-Type"]) == (503, "application/json")
+            assert text.startswith('{"ready": false, "message": "not ready: starting')
+            await tasks.start()
+            status, _, text = await fetch(f"{web.url}/health")
+            told = '{"ready": true, "message": "ready: no tasks in the queue"}\n'
+            assert (status, text) == (200, told)
+            status, headers, text = await fetch(f"{web.url}/metrics")
+            assert (status, headers["Content-Type"]) == (200, CONTENT_TYPE)
+            assert "taskrpc_calls_running" in read(text)
+            tasks.dismiss_watchers()
+            status, _, text = await fetch(f"{web.url}/health")
+            assert (status, text) == (503, '{"ready": false, "message": "not ready: ending"}\n')
+        await tasks.close()
