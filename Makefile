@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install test lint types layers check format demo bench clean
+.PHONY: install test faults soak lint types layers check format demo bench clean
 
 install:
 	$(PYTHON) -m venv $(VENV)
@@ -12,6 +12,12 @@ install:
 
 test:
 	$(BIN)/pytest
+
+faults:
+	$(BIN)/pytest -m faults
+
+soak:
+	$(BIN)/pytest -m faults --soak
 
 lint:
 	$(BIN)/ruff check .

@@ -12,6 +12,13 @@ import pytest
 from taskrpc.testing import VirtualTimeLoop
 
 
+def pytest_addoption(parser):
+    """Options of the fault harnesses in `tests/faults`."""
+    group = parser.getgroup("fault harnesses")
+    group.addoption("--soak", action="store_true", help="the large sizes: hours")
+    group.addoption("--seed", type=int, default=5, help="what chance begins with (5)")
+
+
 def pytest_asyncio_loop_factories(config, item):
     """The virtual clock by default; the machine's for `real_time` tests."""
     if item.get_closest_marker("real_time"):
