@@ -31,6 +31,7 @@ CONTENDERS: tuple[Contender, ...] = (
     *_on_both_loops("ideal RPC", "ideal", needs=("msgspec",), distribution="msgspec"),
     *_on_both_loops("taskrpc", "taskrpc_tcp", distribution="taskrpc", idle=True),
     *_on_both_loops("taskrpc async", "taskrpc_tcp", "async", distribution="taskrpc"),
+    *_on_both_loops("taskrpc exactly once", "taskrpc_tcp", "once", distribution="taskrpc"),
     *_on_both_loops(
         "taskrpc.sync", "taskrpc_sync", distribution="taskrpc", most_in_flight=64, shared=True
     ),

@@ -1,6 +1,6 @@
 """taskrpc as in its README, everything at its defaults: a deadline on every call, limits, lookup.
 
-The option `async` makes the callbacks async.
+The option `async` makes the callbacks async, `once` makes the services exactly-once, in memory.
 """
 
 from __future__ import annotations
@@ -39,8 +39,9 @@ async def echo_async(request: Any, response: Any) -> Any:
 def offer(node: taskrpc.Node, options: list[str]) -> None:
     """Offer both services."""
     is_async = "async" in options
-    node.create_service(Add, "add", add_async if is_async else add)
-    node.create_service(Echo, "echo", echo_async if is_async else echo)
+    store = taskrpc.MemoryCompletions() if "once" in options else None
+    node.create_service(Add, "add", add_async if is_async else add, exactly_once=store)
+    node.create_service(Echo, "echo", echo_async if is_async else echo, exactly_once=store)
 
 
 async def serve(announce: Announce, options: list[str]) -> None:

@@ -60,6 +60,13 @@ def _start_up(results: Results, suffix: str) -> float | None:
     return found.ratio if found else None
 
 
+def _once(results: Results, suffix: str) -> float | None:
+    """An exactly-once call's time to a plain call's."""
+    once = _call("taskrpc exactly once", "p50")(results, suffix)
+    plain = _call("taskrpc", "p50")(results, suffix)
+    return once / plain if once and plain else None
+
+
 GOALS = (
     Goal("p50, plain callback", (0.62, 0.48), _call("taskrpc", "p50")),
     Goal("p50, async callback", (0.75, 0.58), _call("taskrpc async", "p50")),
@@ -78,6 +85,7 @@ GOALS = (
     Goal("CPU a call at 64 in flight", (0.55, 0.40), _call("taskrpc", "cpu", in_flight=64)),
     Goal("1 MiB echo, MB/s", (1.0, 1.0), _call("taskrpc", "rate", payload=MIB), at_most=False),
     Goal("server memory for an idle connection", (1.6, 1.6), _idle_memory),
+    Goal("p50 of an exactly-once call in memory to a plain call's", (1.15, 1.15), _once),
     Goal("start of a server to its first answer", (1.5, 1.5), _start_up),
     Goal("p99 at 64 in flight, 1,000 idle connections to none", (1.1, 1.1), _idle_p99),
     Goal("blocking client (`taskrpc.sync`), p50", (0.9, 0.9), _call("taskrpc.sync", "p50")),

@@ -28,9 +28,6 @@ _METHOD = """\
   contender blocks. CPU is that of all processes of a contender, a third one's included."""
 
 
-_UNMEASURED = "Not measured: an exactly-once call, because services cannot ask for it yet."
-
-
 def report(results: Results) -> str:
     """The contents of RESULTS.md."""
     parts = [
@@ -41,7 +38,6 @@ def report(results: Results) -> str:
         _about(results),
         "## Goals",
         _goals(results),
-        _UNMEASURED,
         f"## {'One core' if results.pinned else 'Any core'}",
         _calls(results, pinned=results.pinned),
         *(["## Any core", _calls(results, pinned=False)] if results.pinned else []),
