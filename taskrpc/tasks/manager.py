@@ -256,7 +256,11 @@ class TaskManager:
             return self._refuse(task_id, "only a queued task can be moved")
         self.reckon()
         moved = self._timetable.rerank(task_id, priority)
-        await self.book.save(moved)
+        try:
+            await self.book.save(moved)
+        except TaskRpcError:
+            self._undo_move(moved)
+            raise
         return self._done(f"Task {task_id} has priority {priority}", moved)
 
     async def requeue(self, task_id: int) -> Answer:
@@ -335,9 +339,22 @@ class TaskManager:
 
     async def _call_off(self, task_id: int, reason: str) -> Answer:
         self.reckon()
-        task = self._timetable.remove(task_id, "was cancelled")
-        await self.book.save(task.ended(State.CANCELED, self._wall_clock(), message=reason))
+        removed = self._timetable.remove(task_id, "was cancelled")
+        task = removed.task
+        try:
+            await self.book.save(task.ended(State.CANCELED, self._wall_clock(), message=reason))
+        except TaskRpcError:
+            self.reckon()
+            self._timetable.undo_remove(removed, "could not be cancelled")
+            raise
         return self._done(f"Task {task_id} was cancelled", task)
+
+    def _undo_move(self, moved: Task) -> None:
+        queued, stored = self.queue.find(moved.task_id), self.book.find(moved.task_id)
+        # Somebody may have cancelled it meanwhile, or moved it once more.
+        if queued and stored and queued.priority == moved.priority:
+            self.reckon()
+            self._timetable.rerank(moved.task_id, stored.priority)
 
     def _queued(self, task: Task) -> Answer:
         note = " (the queue is paused)" if self.is_paused else ""

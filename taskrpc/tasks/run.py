@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 import msgspec
 
-from taskrpc.errors import StoreError
+from taskrpc.errors import TaskRpcError
 from taskrpc.robot.protocol import RobotStopped
 from taskrpc.tasks.book import TaskBook
 from taskrpc.tasks.guard import RobotGuard, sentence
@@ -57,11 +57,11 @@ class Run:
         """Store that it runs, then let the robot go.
 
         Raises:
-            StoreError: the robot did not move.
+            TaskRpcError: it could not be stored; the robot did not move.
         """
         try:
             await self._move(lambda task: task.started(self._wall_clock()), State.QUEUED)
-        except StoreError:
+        except TaskRpcError:
             self.is_over.set()
             raise
         if self._verdict is not None:
@@ -165,7 +165,7 @@ class Run:
             moved = change(self.task)
             try:
                 await self._book.save(moved)
-            except StoreError:
+            except TaskRpcError:
                 if not moved.state.is_ended:
                     raise
                 # The robot is done, whatever the disk says. After a restart it is INTERRUPTED.

@@ -21,7 +21,17 @@ from taskrpc.tasks.model import EstimateChange, Key, Task
 from taskrpc.tasks.queue import TaskQueue
 
 _EVERYBODY: Key = (RUNNING_KEY[0] - 1, 0)  # the running task too
+_NOWHERE: Key = (RUNNING_KEY[0] - 2, 0)  # before all that events concern
 _LISTED_CHANGES = 100
+
+
+class Removed(msgspec.Struct, frozen=True):
+    """A task that was taken out of the queue, and all that it takes to put it back."""
+
+    task: Task
+    promise: Promise
+    done_at: float
+    """When it would have been done."""
 
 
 class Timetable:
@@ -85,15 +95,25 @@ class Timetable:
         self._promises[task.task_id].at = now - waited
         self.log.add(_EVERYBODY, late, "the server was restarted", only=task.task_id)
 
-    def remove(self, task_id: int, cause: str) -> Task:
+    def remove(self, task_id: int, cause: str) -> Removed:
         """Take a queued task out; raises KeyError if it does not wait.
 
         `cause` completes the sentence "task 4 …", such as "was cancelled".
         """
         task = self._queued(task_id)
+        removed = Removed(task, self._promises.pop(task_id), self._done_at(task))
+        removed.promise.move(self.log.mark(), _NOWHERE)
         self._enter(self.queue.remove(task_id), f"task {task_id} {cause}")
-        del self._promises[task_id]
-        return task
+        return removed
+
+    def undo_remove(self, removed: Removed, cause: str) -> None:
+        """Put a task back at its old place, with its promise; `cause` as for `remove`."""
+        task = removed.task
+        self._enter(self.queue.put(task), f"task {task.task_id} {cause}")
+        removed.promise.move(self.log.mark(), task.key)
+        self._promises[task.task_id] = removed.promise
+        late = self._done_at(task) - removed.done_at
+        self.log.add(_EVERYBODY, late, f"it {cause}", only=task.task_id)
 
     def rerank(self, task_id: int, priority: int) -> Task:
         """Move a queued task to another priority; raises KeyError if it does not wait."""
@@ -156,6 +176,9 @@ class Timetable:
             forgotten = late - sum(change.seconds for change in changes)
             changes.insert(0, EstimateChange(forgotten, "changes before these"))
         return joined(iter(changes), at_most=_LISTED_CHANGES)
+
+    def _done_at(self, task: Task) -> float:
+        return self._presumed + self.queue.seconds_through(task)
 
     def _queued(self, task_id: int) -> Task:
         task = self.queue.find(task_id)

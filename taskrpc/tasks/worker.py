@@ -7,7 +7,7 @@ import contextlib
 import logging
 from collections.abc import Awaitable, Callable
 
-from taskrpc.errors import StoreError
+from taskrpc.errors import TaskRpcError
 from taskrpc.tasks.book import TaskBook
 from taskrpc.tasks.guard import RobotGuard
 from taskrpc.tasks.model import State, Task
@@ -122,7 +122,7 @@ class Worker:
             task = await self._take()
             try:
                 await self._do(task)
-            except StoreError as error:
+            except TaskRpcError as error:
                 _log.error("the queue is paused: %s", error)
                 self._hold()
             except Exception:
@@ -170,7 +170,7 @@ class Worker:
         self.run = run = Run(self._guard, self._book, task, planned, self._wall_clock)
         try:
             await run.begin()
-        except StoreError:
+        except TaskRpcError:
             self.run = None
             self._timetable.undo_begin(task, self._guard.pose(), planned)
             raise

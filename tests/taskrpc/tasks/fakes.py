@@ -2,7 +2,7 @@
 
 import asyncio
 
-from taskrpc.errors import StoreError
+from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.robot.protocol import Plan, Pose, RobotStopped, TargetError
 from taskrpc.tasks.store import MemoryStore
 
@@ -120,6 +120,7 @@ class FullStore(MemoryStore):
     def __init__(self):
         super().__init__()
         self.is_full = False
+        self.is_lost = False
         self.delay = 0.0
 
     async def apply(self, saved, forgotten=(), completion=None, clients=()):
@@ -127,4 +128,6 @@ class FullStore(MemoryStore):
             await asyncio.sleep(self.delay)
         if self.is_full:
             raise StoreError("the disk is full")
+        if self.is_lost:
+            raise OutcomeUnknown("nobody knows what the disk has done")
         await super().apply(saved, forgotten, completion, clients)

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from taskrpc.errors import StoreError
 from taskrpc.robot import KinematicRobot, default_world
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import State
@@ -19,6 +20,7 @@ meddling = st.one_of(
     st.tuples(st.just("reprioritise"), st.integers(1, 12), st.integers(1, 10)),
     st.tuples(st.sampled_from(["pause", "resume", "stop"]), st.none(), st.none()),
 )
+refusals = st.tuples(st.just("refused"), st.integers(1, 12), st.integers(0, 10))
 pauses = st.tuples(st.just("sleep"), st.floats(0.0, 8.0), st.none())
 
 
@@ -30,6 +32,18 @@ def until(condition):
             await asyncio.sleep(0.05)
 
     return wait()
+
+
+class StubbornStore(MemoryStore):
+    """Takes its time, and then refuses what changes one waiting task."""
+
+    stubborn = 0
+
+    async def apply(self, saved, forgotten=(), completion=None, clients=()):
+        if self.stubborn and [task.task_id for task in saved] == [self.stubborn]:
+            await asyncio.sleep(1.5)
+            raise StoreError("the disk is full")
+        await super().apply(saved, forgotten, completion, clients)
 
 
 class Witness:
@@ -68,8 +82,23 @@ class Witness:
                 await getattr(manager, action)()
             case "cancel":
                 await manager.cancel(a)
+            case "refused" if a in manager.queue:
+                await self.be_refused(a, b)
+            case "refused":
+                pass
             case _:
                 await manager.reprioritise(a, b)
+
+    async def be_refused(self, number, priority):
+        """Cancel or move a task while the disk is full; then all is as it was."""
+        before = self.manager.queue.find(number)
+        self.manager.book._store.stubborn = number
+        manager = self.manager
+        asked = manager.reprioritise(number, priority) if priority else manager.cancel(number)
+        with pytest.raises(StoreError):
+            await asked
+        self.manager.book._store.stubborn = 0
+        assert self.manager.queue.find(number) == before
 
     def check_succeeded(self):
         """Compare for every task that ran to its end; return their number."""
@@ -83,7 +112,7 @@ class Witness:
 
 async def rehearse(robot, actions):
     """Do the actions, let the queue run empty, and compare promises with what came."""
-    manager = TaskManager(robot, MemoryStore(), settle=0.1)
+    manager = TaskManager(robot, StubbornStore(), settle=0.1)
     await manager.start()
     witness = Witness(manager, robot)
     watcher = asyncio.ensure_future(witness.watch())
@@ -117,7 +146,7 @@ def test_where_nobody_interferes_equal_tasks_are_done_when_it_was_said(actions, 
 
 @settings(max_examples=150, deadline=None)
 @given(
-    actions=st.lists(st.one_of(submits, submits, meddling, pauses), max_size=30),
+    actions=st.lists(st.one_of(submits, submits, meddling, refusals, pauses), max_size=30),
     speed=st.sampled_from([1.0, 8.0]),
     slowness=st.sampled_from([1.0, 1.7, 0.6]),
 )

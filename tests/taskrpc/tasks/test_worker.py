@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from taskrpc.errors import StoreError
+from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.robot.protocol import RobotStopped
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import State
@@ -290,6 +290,39 @@ async def test_a_full_disk_pauses_the_queue_and_loses_nothing(scene, caplog):
     scene.store.is_full = False
     await scene.manager.resume()
     await scene.until(2, State.SUCCEEDED)
+
+
+@pytest.mark.parametrize("verb", ["cancel", "drop", "reprioritise"])
+async def test_what_the_disk_refuses_leaves_the_task_in_the_queue(scene, verb):
+    await scene.manager.pause()
+    await scene.submit("5", "6", "7")
+    promised = [scene.manager.estimate(number) for number in (1, 2, 3)]
+    scene.store.is_full, scene.store.delay = True, 3.0
+    more = (9,) if verb == "reprioritise" else ()
+    with pytest.raises(StoreError):
+        await getattr(scene.manager, verb)(2, *more)
+    assert [task.task_id for task, _ in scene.manager.queue.ordered()] == [1, 2, 3]
+    assert scene.state(2) is State.QUEUED
+    estimates = [scene.manager.estimate(number) for number in (1, 2, 3)]
+    assert estimates == [pytest.approx(each) for each in promised]
+    scene.store.is_full = False
+    await scene.manager.resume()
+    await scene.until(3, State.SUCCEEDED)
+    assert [target for _, target in scene.robot.log] == ["5", "6", "7"]
+
+
+async def test_an_unknown_outcome_starts_nothing_and_pauses_the_queue(scene, caplog):
+    await scene.manager.pause()
+    await scene.submit("5")
+    scene.store.is_lost = True
+    with pytest.raises(OutcomeUnknown):
+        await scene.submit("6")
+    assert [task.task_id for task, _ in scene.manager.queue.ordered()] == [1]
+    scene.manager._worker._may_go.set()
+    await asyncio.sleep(10)
+    assert scene.robot.log == []
+    assert "the queue is paused: nobody knows" in caplog.text
+    assert scene.state(1) is State.QUEUED
 
 
 async def test_an_end_that_cannot_be_stored_is_still_shown(scene):
