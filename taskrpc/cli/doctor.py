@@ -8,7 +8,7 @@ import json
 from collections.abc import AsyncIterator
 from dataclasses import asdict
 
-from taskrpc.cli import checks, probe
+from taskrpc.cli import checks, health, probe
 from taskrpc.cli.command import Exit
 from taskrpc.cli.findings import Finding, problem
 from taskrpc.cli.remote import Remote, add_secrets, place, remote_of
@@ -54,6 +54,8 @@ async def _findings(remote: Remote) -> AsyncIterator[Finding]:
         if remote.place:
             async for finding in probe.examine(remote):
                 yield finding
+        async for finding in health.ask(remote):
+            yield finding
     except TaskRpcError as error:
         # The folder or the domain is wrong, which an earlier line has said what to do about.
         yield problem(f"the programs of this machine cannot be seen: {error}", "see above")
