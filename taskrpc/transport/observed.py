@@ -32,7 +32,8 @@ class ObservedCall(ServedCall, eq=False):
     def fail(self, error: TaskRpcError) -> None:
         """Answer with an error."""
         super().fail(error)
-        self._end(code_of(error))
+        code = code_of(error)
+        self._end(Code.CANCELLED if code is Code.UNKNOWN and self.cancelled else code)
 
     def lost(self) -> None:
         """The way back to the caller is gone."""
