@@ -40,7 +40,7 @@ if TYPE_CHECKING:
     )
     from taskrpc.metrics import Metrics
     from taskrpc.node import Node, run
-    from taskrpc.observer import NodeStatus, Observer
+    from taskrpc.observer import NodeStatus, Observer, Observers
     from taskrpc.retry import RetryPolicy
     from taskrpc.robot import (
         KinematicRobot,
@@ -69,7 +69,7 @@ _HOMES = {
     ),
     "metrics": "Metrics",
     "node": "Node run",
-    "observer": "NodeStatus Observer",
+    "observer": "NodeStatus Observer Observers",
     "retry": "RetryPolicy",
     "robot": "KinematicRobot Plan Pose Robot TargetError World default_world read_map",
     "service": "Service",
@@ -102,6 +102,7 @@ __all__ = [
     "Node",
     "NodeStatus",
     "Observer",
+    "Observers",
     "OutcomeUnknown",
     "PermissionDenied",
     "Plan",

@@ -87,6 +87,38 @@ class Observer:
         """One of the node's clients has made a call, which took `seconds` with all retries."""
 
 
+class Observers(Observer):
+    """Tells several observers, in this order: `Node(observer=Observers(metrics, tracing))`."""
+
+    def __init__(self, *observers: Observer) -> None:
+        self._observers = observers
+
+    def node_started(self, node: ObservedNode) -> None:
+        """A node joined the network."""
+        for each in self._observers:
+            told(each.node_started, node)
+
+    def node_ended(self, node: ObservedNode) -> None:
+        """A node is about to leave the network."""
+        for each in self._observers:
+            told(each.node_ended, node)
+
+    def call_began(self, call: CallInfo) -> None:
+        """A call arrived."""
+        for each in self._observers:
+            told(each.call_began, call)
+
+    def call_ended(self, call: CallInfo, code: Code, seconds: float) -> None:
+        """A call has its answer."""
+        for each in self._observers:
+            told(each.call_ended, call, code, seconds)
+
+    def request_ended(self, service: str, code: Code, seconds: float) -> None:
+        """A client has made a call."""
+        for each in self._observers:
+            told(each.request_ended, service, code, seconds)
+
+
 def told(tell: Callable[..., None], *what: Any) -> None:
     """Tell an observer, and survive what it raises."""
     try:

@@ -184,6 +184,7 @@ MODULES = {
     "taskrpc.metrics": ["Family", "Histogram", "Kind", "Sample", "render"],
     "taskrpc.metrics.tasks": ["MeasuredStore", "task_families"],
     "taskrpc.web": importlib.import_module("taskrpc.web").__all__,
+    "taskrpc.otel": ["Tracing"],
     "taskrpc.testing": ["NothingWillEverHappen", "VirtualTimeLoop"],
     "taskrpc.robot": importlib.import_module("taskrpc.robot").__all__,
     "srvgen": srvgen.__all__,

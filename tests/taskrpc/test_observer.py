@@ -165,6 +165,24 @@ async def test_an_observer_that_raises_is_logged_and_harms_no_call(caplog):
     assert "an observer failed" in caplog.text
 
 
+async def test_several_observers_are_told_the_same_whatever_one_of_them_raises(caplog):
+    class Broken(taskrpc.Observer):
+        def call_began(self, call):
+            raise RuntimeError("broken")
+
+        call_ended = node_started = node_ended = request_ended = call_began
+
+    logs = [Log(), Log()]
+    observer = taskrpc.Observers(logs[0], Broken(), logs[1])
+    async with taskrpc.Node("node", transport="memory", observer=observer) as node:
+        assert [log.nodes for log in logs] == [["/node"]] * 2
+        node.create_service(Add, "work", add)
+        await node.create_client(Add, "work").call(ask())
+    for log in logs:
+        assert (len(log.began), log.codes, len(log.requests)) == (1, [Code.OK], 1)
+        assert log.nodes == []
+
+
 async def test_an_observer_is_told_of_its_nodes_only():
     log = Log()
     async with taskrpc.Node("watched", transport="memory", observer=log) as watched:
