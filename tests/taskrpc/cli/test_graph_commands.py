@@ -257,7 +257,7 @@ def test_a_program_is_meant_by_pid_script_node_or_service(name):
 def test_stop_ends_the_only_program(own_server, run):
     assert run("stop") == (0, f"stopped adder.py (pid {own_server.process.pid})\n", "")
     # Windows cannot ask a process to end, it can only end it.
-    assert own_server.process.wait(5) == (15 if sys.platform == "win32" else 0)
+    assert own_server.process.wait(30) == (15 if sys.platform == "win32" else 0)
 
 
 def test_stop_all_and_then_nobody_is_left(own_server, run):
