@@ -44,7 +44,7 @@ class MemoryCompletions:
         """Return what is remembered."""
         return Remembered(self._store_id, self._kept.all())
 
-    async def complete(
+    def complete(
         self,
         completion: Completion | None,
         effect: Callable[[], object] | None = None,
