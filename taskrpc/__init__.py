@@ -12,6 +12,7 @@ TYPE_CHECKING = False  # importing typing would cost `taskrpc --help` more than 
 if TYPE_CHECKING:
     from typing import Any
 
+    from taskrpc.access import Account, Accounts, Role
     from taskrpc.callinfo import CallInfo, current_call
     from taskrpc.client import Client
     from taskrpc.deduplication import Effect
@@ -58,6 +59,7 @@ if TYPE_CHECKING:
     from taskrpc.transport.tls import Tls
 
 _HOMES = {
+    "access": "Account Accounts Role",
     "callinfo": "CallInfo current_call",
     "client": "Client",
     "deduplication": "Effect",
@@ -82,6 +84,8 @@ _HOME_OF = {name: home for home, exported in _HOMES.items() for name in exported
 _MODULES = ("errors", "logs", "metrics", "sync", "testing")
 
 __all__ = [
+    "Account",
+    "Accounts",
     "AuthenticationFailed",
     "CallInfo",
     "CannotListen",
@@ -111,6 +115,7 @@ __all__ = [
     "RequestIdReused",
     "RetryPolicy",
     "Robot",
+    "Role",
     "ServerBusy",
     "Service",
     "ServiceUnavailable",

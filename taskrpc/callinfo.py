@@ -8,6 +8,7 @@ from typing import Any
 
 import msgspec
 
+from taskrpc.access import Role
 from taskrpc.wire.once import Completion
 
 
@@ -19,7 +20,9 @@ class CallInfo(msgspec.Struct, eq=False):
     caller: str
     """The calling node's or program's name."""
     principal: str
-    """The account that the caller proved to have, "" where the server has no accounts."""
+    """The account that the caller proved to have, "" where it has the server's own token."""
+    role: Role
+    """What the caller may do; `ADMIN` where it has the server's own token."""
     number: int
     """Counts the calls of this server; it stands in the log beside a failure."""
     deadline: float | None

@@ -302,6 +302,7 @@ class OnceDesk:
             call.service,
             call.caller,
             call.principal,
+            call.role,
             call.number,
             call.deadline,
             call._clock,

@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 from taskrpc import names, platform
+from taskrpc.access import Role
 from taskrpc.client import DEFAULT_TIMEOUT, Client
 from taskrpc.errors import TaskRpcError
 from taskrpc.observer import NodeStatus, Observer, told
@@ -182,6 +183,7 @@ class Node:
         idempotent: bool = False,
         exactly_once: CompletionStore | None = None,
         join: bool = False,
+        role: Role = Role.SUBMIT,
     ) -> Service:
         """Offer a service: `callback(request, response)` is called for each request.
 
@@ -191,7 +193,8 @@ class Node:
         call does no harm. With `exactly_once=store` a repeated call is not run again but answered
         as before, also by a later server of the same store; the callback may return an `Effect`,
         and as many calls run at a time as a caller may have in flight. `join=True` allows other
-        processes to offer the same name.
+        processes to offer the same name. `role` is the least that the caller's account must have,
+        where the node has accounts.
 
         Raises NameInUse, InvalidName, CannotListen.
         """
@@ -209,6 +212,7 @@ class Node:
             store=exactly_once,
             join=join,
             observer=self._observer,
+            role=role,
         )
         self._services[service] = None
         service.finished.add_done_callback(lambda _: self._services.pop(service, None))

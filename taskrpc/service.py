@@ -10,6 +10,7 @@ from collections.abc import Awaitable, Callable, Hashable
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from taskrpc.access import Role
 from taskrpc.callinfo import answering
 from taskrpc.errors import (
     DeadlineExceeded,
@@ -65,6 +66,7 @@ class Service:
         store: CompletionStore | None = None,
         join: bool = False,
         observer: Observer | None = None,
+        role: Role = Role.SUBMIT,
     ) -> None:
         if concurrency is None:
             # As many as a caller may have in flight, so that a store can commit them together.
@@ -89,7 +91,7 @@ class Service:
         self._warned = False
         self._transport = transport
         self._desk = self._desk_before(store)
-        self._offer = self._offered(node, mode, join, observer)
+        self._offer = self._offered(node, mode, join, observer, role)
         try:
             transport.offer(self._offer)
         except BaseException:
@@ -103,12 +105,14 @@ class Service:
 
         return OnceDesk(store, codec_of(self.srv_type.Response), self._arrived)
 
-    def _offered(self, node: str, mode: Mode, join: bool, observer: Observer | None) -> Offer:
+    def _offered(
+        self, node: str, mode: Mode, join: bool, observer: Observer | None, role: Role
+    ) -> Offer:
         serve, store_id, desk = self._arrived, None, self._desk
         if desk is not None:
             serve, store_id, mode = desk.arrived, desk.store_id, Mode.EXACTLY_ONCE
         name, srv_type = self.service_name, self.srv_type
-        return Offer(name, srv_type, node, serve, mode, join, store_id, observer)
+        return Offer(name, srv_type, node, serve, mode, join, store_id, observer, role)
 
     def _close_desk(self) -> None:
         if self._desk is not None:

@@ -20,6 +20,7 @@ from typing import Any, Self, TypeVar
 from taskrpc import client as _client
 from taskrpc import node as _node
 from taskrpc import platform
+from taskrpc.access import Role
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
 from taskrpc.errors import WouldDeadlock
 from taskrpc.observer import NodeStatus, Observer
@@ -108,6 +109,7 @@ class Node:
         idempotent: bool = False,
         exactly_once: CompletionStore | None = None,
         join: bool = False,
+        role: Role = Role.SUBMIT,
     ) -> Service:
         """Offer a service; as `taskrpc.Node.create_service`, but plain callbacks run in threads."""
         return self._loop.do(
@@ -120,6 +122,7 @@ class Node:
                 idempotent=idempotent,
                 exactly_once=exactly_once,
                 join=join,
+                role=role,
             ),
             "create_service()",
         )

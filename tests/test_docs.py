@@ -189,7 +189,7 @@ MODULES = {
     "taskrpc.robot": importlib.import_module("taskrpc.robot").__all__,
     "srvgen": srvgen.__all__,
 }
-NOT_CONSTRUCTED = {"CallInfo", "Client", "Kind", "NodeStatus", "Robot", "Service"}
+NOT_CONSTRUCTED = {"CallInfo", "Client", "Kind", "NodeStatus", "Robot", "Role", "Service"}
 """Classes whose objects a user gets, or protocols; how they are made is nobody's business."""
 
 ERRORS = {name for name, value in vars(errors).items() if inspect.isclass(value) and name[0] != "_"}
@@ -206,6 +206,7 @@ def _signature(function: Any, name: str) -> str:
     plain = [each.replace(annotation=inspect.Parameter.empty) for each in parameters]
     text = f"{name}{inspect.Signature(plain)}"
     text = text.replace("'", '"')
+    text = re.sub(r"<(\w+\.\w+): [^>]*>", r"\1", text)  # members of an Enum
     text = re.sub(r"<built-in function (\w+)>", r"\1", text)
     return f"await {text}" if inspect.iscoroutinefunction(function) else text
 

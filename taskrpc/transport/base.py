@@ -13,6 +13,7 @@ from typing import Any, Protocol
 
 import msgspec
 
+from taskrpc.access import Role
 from taskrpc.callinfo import CallInfo
 from taskrpc.errors import TaskRpcError
 from taskrpc.observer import Connections, Observer
@@ -93,6 +94,8 @@ class Offer(msgspec.Struct, frozen=True, eq=False):
     """For exactly-once services: the store's name, as soon as it is known."""
     observer: Observer | None = None
     """Who wants to know of each call."""
+    role: Role = Role.SUBMIT
+    """The least that a caller must be."""
 
 
 class SentCall(Protocol):

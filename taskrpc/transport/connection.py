@@ -268,7 +268,9 @@ class Connection(asyncio.BufferedProtocol):
 
     def _refuse(self, error: TaskRpcError) -> None:
         if not self.session.is_client:
-            log.warning("closed the connection from %s: %s", self.peer_name, error)
+            # What is noted beside it the peer is not told.
+            why = "; ".join([str(error), *getattr(error, "__notes__", ())])
+            log.warning("closed the connection from %s: %s", self.peer_name, why)
         self.close(error)
 
     def _handshake_late(self) -> None:

@@ -8,8 +8,16 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
+from taskrpc.access import Role
 from taskrpc.callinfo import log_fields
-from taskrpc.errors import Code, DeadlineExceeded, HandlerFailed, InvalidRequest, TaskRpcError
+from taskrpc.errors import (
+    Code,
+    DeadlineExceeded,
+    HandlerFailed,
+    InvalidRequest,
+    PermissionDenied,
+    TaskRpcError,
+)
 from taskrpc.transport.base import IncomingCall, Offer
 from taskrpc.wire.frames import LARGE
 
@@ -84,6 +92,19 @@ class Route(msgspec.Struct, frozen=True, eq=False):
     encode: Callable[[Any], bytes]
     call: type[ServedCall]
     """What a request becomes: an `ObservedCall` where somebody wants to know of it."""
+
+
+def denied(offer: Offer, account: str, held: Role) -> Callable[[bytes], Any]:
+    """The `decode` of a route whose caller may see the service but not call it."""
+    needed = offer.role.name.lower()
+    sentence = (
+        f"{offer.name} needs the role {needed}; the account {account} has {held.name.lower()}"
+    )
+
+    def refuse(_: bytes) -> Any:
+        raise PermissionDenied(sentence)
+
+    return refuse
 
 
 def answer_unexpected(call: IncomingCall, error: BaseException) -> None:

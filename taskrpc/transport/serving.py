@@ -8,9 +8,11 @@ from collections.abc import Iterable
 from itertools import count
 from typing import ClassVar, Protocol, TypeAlias, cast
 
+from taskrpc.access import Role
 from taskrpc.callinfo import CallInfo
 from taskrpc.errors import (
     InvalidRequest,
+    PermissionDenied,
     ProtocolError,
     ServerBusy,
     ServiceUnavailable,
@@ -20,7 +22,7 @@ from taskrpc.errors import (
 from taskrpc.transport.base import Offer
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.connection import UNREAD_LIMIT, Connection, Owner
-from taskrpc.transport.served import Route, ServedCall
+from taskrpc.transport.served import Route, ServedCall, denied
 from taskrpc.transport.unread import Unread
 from taskrpc.wire import messages
 from taskrpc.wire.events import (
@@ -85,6 +87,8 @@ class ServingConnection(Connection):
         "caller",
         "host",
         "peer_id",
+        "principal",
+        "role",
         "unread",
     )
 
@@ -95,6 +99,9 @@ class ServingConnection(Connection):
         self.caller = ""
         self.peer_id = b""
         """The calling program: all its connections have the same."""
+        self.principal = ""
+        """The account that the caller has proved, "" for the server's own token."""
+        self.role = Role.ADMIN
         self._linger: asyncio.TimerHandle | None = None
         self._writing_paused = False
         self._splitter.most = FRAMES_A_TURN
@@ -208,7 +215,7 @@ class ServingConnection(Connection):
             if event.flags:
                 claim = self._claim(event, route)
             request = route.decode(event.body)
-        except (InvalidRequest, ProtocolError) as error:
+        except (InvalidRequest, PermissionDenied, ProtocolError) as error:
             session.fail(event.call_id, error)
             if route.call is not ServedCall:
                 self._tell_of_refusal(route, error)
@@ -223,7 +230,8 @@ class ServingConnection(Connection):
         call = event.ticket = route.call(
             route.offer.name,
             route.caller,
-            "",  # principal
+            self.principal,
+            self.role,
             next(host.call_numbers),
             deadline,
             host.now,
@@ -270,7 +278,9 @@ class ServingConnection(Connection):
     def _opened(self, event: Ready) -> None:
         self.handshake_over()
         self.host.caller_proved(self)
-        self.caller, self.peer_id = event.peer.name, event.peer.id
+        peer = event.peer
+        self.caller, self.peer_id = peer.name, peer.id
+        self.principal, self.role = peer.principal, peer.role
 
     def _resolved(self, event: ResolveReceived) -> None:
         question = event.question
@@ -315,7 +325,13 @@ class ServingConnection(Connection):
         if handle not in self._routes:
             request, response = codec_of(offer.srv_type.Request), codec_of(offer.srv_type.Response)
             call = _call_class(offer)
-            route = Route(method, offer, caller, request.decode, response.encode, call)
+            # Decided here, so that a call that is allowed costs nothing more.
+            decode = (
+                request.decode
+                if self.role >= offer.role
+                else denied(offer, self.principal, self.role)
+            )
+            route = Route(method, offer, caller, decode, response.encode, call)
             self._routes[handle] = route
         return handle
 
@@ -324,7 +340,16 @@ class ServingConnection(Connection):
         from taskrpc.transport.observed import refused
 
         number = next(self.host.call_numbers)
-        call = CallInfo(route.offer.name, route.caller, "", number, None, self.host.now, False)
+        call = CallInfo(
+            route.offer.name,
+            route.caller,
+            self.principal,
+            self.role,
+            number,
+            None,
+            self.host.now,
+            False,
+        )
         refused(call, route.offer.observer, error)
 
     handlers: ClassVar = {

@@ -1,26 +1,44 @@
 """The start of a connection: versions, domain, and proof of the token from both sides.
 
     client                              server
-    TRPC, HELLO(nonce)          ─▶
+    TRPC, HELLO(nonce, account) ─▶
                                 ◀─      HELLO_ACK(nonce)
     AUTH(proof)                 ─▶
                                 ◀─      AUTH_OK(proof)
 
 A proof is an HMAC over both nonces and the prover's role, so that it can neither be replayed nor
-sent back to the one who asked for it.
+sent back to the one who asked for it. The server knows a token of its own and those of its
+accounts; which of them the caller proves to know says who he is.
+
+Where the connection itself has proved the peer, by a certificate or since the system says which
+user it belongs to, the empty token may be proved instead.
 """
 
 from __future__ import annotations
 
 import hashlib
 import hmac
+from typing import NamedTuple
 
 import msgspec
 
+from taskrpc.access import Account, Accounts, Role, account_of
 from taskrpc.errors import AuthenticationFailed, ProtocolError, TaskRpcError
 from taskrpc.wire import messages, status
 from taskrpc.wire.frames import MAGIC, Frame, FrameType, pack_frame
 from taskrpc.wire.messages import DEFAULT_LIMITS, VERSION, Hello, HelloAck, Limits
+
+_REFUSED = "the token is not this server's"
+"""All that a refused caller learns: not whether there is such an account, nor what became of it."""
+
+
+class Voucher(msgspec.Struct, frozen=True):
+    """What the connection proves of the other side before anything is said on it."""
+
+    name: str
+    """Whom its certificate names."""
+    is_owner: bool = False
+    """Whether it is no certificate, but the system: the peer is a program of this user."""
 
 
 class Identity(msgspec.Struct, frozen=True):
@@ -35,6 +53,10 @@ class Identity(msgspec.Struct, frozen=True):
     name: str = ""
     limits: Limits = DEFAULT_LIMITS
     """What this side accepts as a server; a client always accepts the defaults."""
+    accounts: Accounts | None = None
+    """A server's, where it has any."""
+    today: float = 0.0
+    """Seconds since 1970, when a server looks whether an account has expired."""
 
     def __repr__(self) -> str:
         # Without the token: what is printed ends in logs.
@@ -51,6 +73,10 @@ class Peer(msgspec.Struct, frozen=True):
     name: str
     limits: Limits
     """What the other side accepts (a server's view of a client has the defaults)."""
+    principal: str = ""
+    """The account that a client proved to have, "" where it proved the server's own token."""
+    role: Role = Role.ADMIN
+    """What a client may do."""
 
 
 class ClientHandshake:
@@ -59,12 +85,14 @@ class ClientHandshake:
     def __init__(self, me: Identity) -> None:
         self._me = me
         self._ack: HelloAck | None = None
+        self.voucher: Voucher | None = None
         self.peer: Peer | None = None
 
     def start(self) -> bytes:
         """The first bytes of the connection."""
         me = self._me
-        hello = Hello(VERSION, VERSION, me.id, me.nonce, me.domain, me.name)
+        account = account_of(me.token)
+        hello = Hello(VERSION, VERSION, me.id, me.nonce, me.domain, me.name, account)
         return MAGIC + pack_frame(FrameType.HELLO, 0, 0, 0, 0, messages.encode(hello))
 
     def receive(self, frame: Frame) -> bytes:
@@ -82,7 +110,7 @@ class ClientHandshake:
         raise ProtocolError(f"frame type {type_} came where the server's handshake was expected")
 
     def _prove(self, ack: HelloAck) -> bytes:
-        if not self._me.token:
+        if not self._me.token and self.voucher is None:
             # Whoever listens there knows the empty token too, and would be given our requests.
             raise AuthenticationFailed("its secret is needed (token, TASKRPC_TOKEN)")
         if ack.version != VERSION:
@@ -99,12 +127,22 @@ class ClientHandshake:
         return b""
 
 
+class _Key(NamedTuple):
+    """What a caller must know, and what it opens."""
+
+    token: bytes
+    principal: str
+    role: Role
+
+
 class ServerHandshake:
     """The called side."""
 
     def __init__(self, me: Identity) -> None:
         self._me = me
+        self._own = _Key(me.token, "", Role.ADMIN)
         self._hello: Hello | None = None
+        self.voucher: Voucher | None = None
         self.peer: Peer | None = None
 
     def receive(self, frame: Frame) -> bytes:
@@ -137,12 +175,40 @@ class ServerHandshake:
 
     def _accept(self, auth: messages.Auth, hello: Hello) -> bytes:
         me = self._me
-        expected = _proof(me.token, b"client", hello.nonce, me.nonce)
-        if not hmac.compare_digest(auth.proof, expected):
-            raise AuthenticationFailed("the token is not this server's")
-        self.peer = Peer(hello.client_id, hello.name, DEFAULT_LIMITS)
-        proof = _proof(me.token, b"server", hello.nonce, me.nonce)
+        key, why = self._key_of(hello.account)
+        if not self._proves(auth, hello, key.token):
+            key = self._vouched(auth, hello, why)
+        self.peer = Peer(hello.client_id, hello.name, DEFAULT_LIMITS, key.principal, key.role)
+        proof = _proof(key.token, b"server", hello.nonce, me.nonce)
         return pack_frame(FrameType.AUTH_OK, 0, 0, 0, 0, messages.encode(messages.Auth(proof)))
+
+    def _key_of(self, name: str) -> tuple[_Key, str]:
+        """What a caller of this account must know, and what is wrong if he does not."""
+        accounts = self._me.accounts
+        if not name or accounts is None:
+            return self._own, "it does not know this server's token"
+        account = accounts.find(name, self._me.today)
+        if account is None:
+            # Compared with a token all the same, so that the time tells nothing; and it may be
+            # this server's own, with a dot in it.
+            return self._own, accounts.refusal(name, self._me.today)
+        return _account_key(account), f"it does not know the secret of the account {name}"
+
+    def _vouched(self, auth: messages.Auth, hello: Hello, why: str) -> _Key:
+        """What a caller may do who proved no token. Raises AuthenticationFailed."""
+        accounts, voucher = self._me.accounts, self.voucher
+        if voucher is None or not self._proves(auth, hello, b""):
+            raise _refused(why)
+        if voucher.is_owner or accounts is None:
+            return _Key(b"", "", Role.ADMIN)
+        account = accounts.find(voucher.name, self._me.today)
+        if account is None:
+            raise _refused(f"by its certificate {accounts.refusal(voucher.name, self._me.today)}")
+        return _Key(b"", account.name, account.role)
+
+    def _proves(self, auth: messages.Auth, hello: Hello, token: bytes) -> bool:
+        expected = _proof(token, b"client", hello.nonce, self._me.nonce)
+        return hmac.compare_digest(auth.proof, expected)
 
 
 def refusal(error: TaskRpcError) -> bytes:
@@ -150,6 +216,17 @@ def refusal(error: TaskRpcError) -> bytes:
     wire = status.to_wire(error)
     arg = wire.code << 16 | wire.retry_after
     return pack_frame(FrameType.ERROR, wire.flags, 0, 0, arg, wire.body)
+
+
+def _account_key(account: Account) -> _Key:
+    return _Key(account.token.encode(), account.name, account.role)
+
+
+def _refused(why: str) -> AuthenticationFailed:
+    """The same for every caller; the note is for our own log."""
+    error = AuthenticationFailed(_REFUSED)
+    error.add_note(why)
+    return error
 
 
 def _proof(token: bytes, role: bytes, client_nonce: bytes, server_nonce: bytes) -> bytes:

@@ -45,6 +45,8 @@ class Hello(msgspec.Struct, array_like=True):
     domain: int
     name: Name
     """The caller's node or program, for logs and `current_call().caller`."""
+    account: Name = ""
+    """Whose token the caller is going to prove, "" for the server's own."""
 
 
 class HelloAck(msgspec.Struct, array_like=True):

@@ -40,7 +40,14 @@ from taskrpc.wire.frames import (
     pack_frame,
     pack_header,
 )
-from taskrpc.wire.handshake import ClientHandshake, Identity, Peer, ServerHandshake, refusal
+from taskrpc.wire.handshake import (
+    ClientHandshake,
+    Identity,
+    Peer,
+    ServerHandshake,
+    Voucher,
+    refusal,
+)
 from taskrpc.wire.messages import DEFAULT_LIMITS
 
 HANDSHAKE_LIMIT = 4096
@@ -111,6 +118,11 @@ class Session:
         self._large_out = False
         if isinstance(self._handshake, ClientHandshake):
             self.out.append(self._handshake.start())
+
+    def vouch(self, voucher: Voucher) -> None:
+        """Say what the connection proves of the peer, before anything is heard of it."""
+        if self._handshake is not None:
+            self._handshake.voucher = voucher
 
     # Bytes in, events out
 

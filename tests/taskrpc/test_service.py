@@ -9,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import taskrpc
+from taskrpc.access import Role
 from taskrpc.service import Service
 from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport.base import IncomingCall
@@ -38,7 +39,9 @@ class Fake(IncomingCall, eq=False):
 def FakeCall(number, deadline=None):
     clock = asyncio.get_running_loop().time
     request = Add.Request(a=number)
-    return Fake("/x", "/me", "", number, deadline, clock, False, request, None, False, None, [])
+    return Fake(
+        "/x", "/me", "", Role.ADMIN, number, deadline, clock, False, request, None, False, None, []
+    )
 
 
 def service(callback, **options):
