@@ -1,0 +1,201 @@
+"""Promise 17: what was acknowledged is on the disk, and what was refused never comes to light.
+
+A store under load is recorded, call by call; from the recording come the disks which a failure of
+the machine could leave behind at any moment. Each of them is opened, and holds what it must.
+"""
+
+import random
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from taskrpc.tasks.sqlite_store import SqliteStore
+from tests.faults import submitting
+from tests.faults.disk_states import Disk, recorded
+
+pytestmark = [pytest.mark.faults, pytest.mark.real_time]
+
+PROGRAM = Path(submitting.__file__)
+FAST = Path("/dev/shm")  # where there is one: thousands of small files are made there
+
+PRAGMA = """
+connect = database._connect
+def hasty(path):
+    connection = connect(path)
+    connection.execute("PRAGMA synchronous = {}")
+    return connection
+database._connect = hasty
+"""
+PLANTED = {
+    "synchronous=NORMAL": PRAGMA.format("NORMAL"),
+    "synchronous=OFF": PRAGMA.format("OFF"),
+    "acknowledged before the commit": """
+apply, kept = SqliteStore.apply, []
+async def early(*arguments):
+    kept.append(asyncio.ensure_future(apply(*arguments)))
+    await asyncio.sleep(0)
+SqliteStore.apply = early
+""",
+}
+TAKEN_FOR_REFUSED = """
+def guess(self, number, error):
+    raise error
+database.Database._find_out = guess
+"""
+SYNC_FAILS = "fdatasync:error=EIO:when={}"
+MOMENTS = range(20, 50, 3)  # at which a sync fails: some of them are those of a COMMIT
+
+
+@pytest.fixture
+def folder(tmp_path, counts):
+    if shutil.which("strace") is None:
+        pytest.skip("strace is not installed")
+    probe = subprocess.run(["strace", "-f", "true"], capture_output=True, text=True, check=False)
+    if probe.returncode:
+        pytest.skip(f"strace may not follow programs here: {probe.stderr.splitlines()[0]}")
+    made = FAST / tmp_path.name if FAST.is_dir() else tmp_path / "disks"
+    shutil.rmtree(made, ignore_errors=True)
+    made.mkdir()
+    yield made
+    shutil.rmtree(made)
+
+
+class Ledger:
+    """What the program said: what a disk must hold, may hold and must not hold."""
+
+    def __init__(self):
+        self.begun, self.done, self.refused = {}, set(), set()
+
+    def hear(self, text):
+        for line in text.decode().splitlines():
+            verdict, operation, *numbers = line.split()
+            if verdict == "begun":
+                self.begun[int(operation)] = tuple(map(int, numbers))
+            elif verdict == "done":
+                self.done.add(int(operation))
+            elif verdict == "refused":
+                self.refused.add(int(operation))
+
+    def judge(self, stored, counts):
+        """Count what is wrong with what a store has found."""
+        there = {completion.sequence for completion in stored.completions}
+        counts["lost"] += len(self.done - there)
+        counts["came to light"] += len(self.refused & there)
+        tasks = {}
+        for operation in sorted(there):
+            number, *old = self.begun[operation]
+            tasks[number] = submitting.task(number, operation)
+            for each in old:
+                tasks.pop(each)
+        counts["torn apart"] += dict(tasks) != {task.task_id: task for task in stored.tasks}
+
+
+async def look(folder, files, ledger, counts):
+    """Open a disk as the next server would."""
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir()
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+    store = SqliteStore(folder / "tasks.db")
+    try:
+        stored = await store.load()
+    except Exception as error:
+        counts["corrupt"] += 1
+        print(f"corrupt: {error}")
+        return
+    finally:
+        await store.close()
+    counts["disks"] += 1
+    ledger.judge(stored, counts)
+
+
+async def rehearse(folder, seed, counts, *, large, planted="", limit=0, inject=()):
+    """Record the program, then look at a bounded number of disks at moments that chance picks."""
+    operations, disks = (2400, 8_000) if large else (240, 300)
+    there = folder / "recorded"
+    shutil.rmtree(there, ignore_errors=True)
+    there.mkdir()
+    arguments = [str(there), str(seed), str(operations), str(limit), planted]
+    events = recorded([sys.executable, str(PROGRAM), *arguments], there, inject=inject)
+    chance = random.Random(seed)
+    wanted = sorted(_moments(events, disks, chance))
+    disk, ledger = Disk(ignored=(".lock", "-shm")), Ledger()
+    counts["failed syncs"] += sum(kind == "sync" and not worked for kind, _, worked in events)
+    for moment, (kind, name, detail) in enumerate(events):
+        if name != "said":
+            disk.follow(kind, name, detail)
+        elif kind == "write":
+            ledger.hear(detail[1])
+        while wanted and wanted[0] == moment:
+            wanted.pop(0)
+            left = chance.choice([disk.left, disk.seen, lambda: disk.left(chance)])
+            await look(folder / "left", left(), ledger, counts)
+    counts["acknowledged"] += len(ledger.done)
+    counts["refused"] += len(ledger.refused)
+    counts["unknown"] += len(ledger.begun) - len(ledger.done) - len(ledger.refused)
+
+
+def _moments(events, count, chance):
+    """Any, but more of those at which something was just refused."""
+    refusals = [
+        moment
+        for moment, (kind, name, detail) in enumerate(events)
+        if (kind, name) == ("write", "said") and b"refused" in detail[1]
+    ]
+    special = chance.choices(refusals, k=count // 3) if refusals else []
+    return special + chance.choices(range(len(events)), k=count - len(special))
+
+
+BROKEN = ("lost", "came to light", "torn apart", "corrupt")
+
+
+async def test_whenever_the_machine_fails_all_that_was_acknowledged_is_there(
+    folder, seed, counts, large
+):
+    await rehearse(folder, seed, counts, large=large)
+    counts.require(disks=250, acknowledged=200)
+    assert not counts.broken(*BROKEN)
+    assert not counts["refused"] + counts["unknown"]
+
+
+async def test_whatever_a_failed_sync_has_done_the_answer_is_true(folder, seed, counts, large):
+    for moment in MOMENTS:
+        fault = SYNC_FAILS.format(moment)
+        await rehearse(folder, seed + moment, counts, large=large, inject=[fault])
+        if counts["refused"] > 8:
+            break
+    counts.require(disks=250, acknowledged=200, failed_syncs=1, refused=9)
+    assert not counts.broken(*BROKEN)
+
+
+async def test_a_disk_that_fails_for_good_leaves_what_was_acknowledged(folder, seed, counts, large):
+    fault = SYNC_FAILS.format("30+")
+    await rehearse(folder, seed, counts, large=large, inject=[fault])
+    counts.require(disks=250, acknowledged=50, failed_syncs=2, refused=50, unknown=1)
+    assert not counts.broken(*BROKEN)
+
+
+async def test_what_found_no_room_is_refused_and_never_comes_to_light(folder, seed, counts, large):
+    await rehearse(folder, seed, counts, large=large, limit=150_000)
+    counts.require(disks=250, acknowledged=100, refused=3)
+    assert not counts.broken(*BROKEN)
+
+
+@pytest.mark.parametrize("bug", PLANTED)
+async def test_a_store_that_is_hasty_is_found_out(folder, seed, counts, bug):
+    await rehearse(folder, seed, counts, large=False, planted=PLANTED[bug])
+    assert counts["lost"], bug
+
+
+async def test_a_store_that_guesses_is_found_out(folder, seed, counts):
+    for moment in MOMENTS:
+        fault = SYNC_FAILS.format(moment)
+        await rehearse(
+            folder, seed + moment, counts, large=False, planted=TAKEN_FOR_REFUSED, inject=[fault]
+        )
+        if counts["came to light"]:
+            break
+    assert counts["came to light"]
