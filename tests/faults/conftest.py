@@ -2,15 +2,55 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
-from tests.faults.harness import TOLD, Counts
+from tests.faults.harness import TOLD, Bug, Counts, PromiseBroken
+from tests.faults.programs import Programs
+
+
+def pytest_generate_tests(metafunc):
+    """Once as it is, and once more with each planted bug."""
+    if (marker := metafunc.definition.get_closest_marker("planted")) is not None:
+        named = [pytest.param(bug, id=bug.name) for bug in marker.args]
+        metafunc.fixturenames.append("bug")
+        metafunc.parametrize("bug", [pytest.param(None, id="as it is"), *named])
+
+
+def planted(item) -> Bug | None:
+    callspec = getattr(item, "callspec", None)
+    return None if callspec is None else callspec.params.get("bug")
+
+
+@pytest.hookimpl(wrapper=True)
+def pytest_pyfunc_call(pyfuncitem):
+    """With a bug planted, a harness must fail, and by the count that the bug names."""
+    bug = planted(pyfuncitem)
+    if bug is None:
+        return (yield)
+    try:
+        with bug.planted():
+            yield
+    except PromiseBroken as broken:
+        if bug.breaks in broken.counts:
+            return True
+        pytest.fail(f"{bug.name} was seen as {broken}, expected {bug.breaks}")
+    return pytest.fail(f"the harness does not see what was planted: {bug.name}")
 
 
 @pytest.fixture
 def large(request):
-    """Whether the large size is wanted."""
-    return request.config.getoption("soak")
+    """Whether the large size is wanted; planted bugs are seen at the small one."""
+    soak = request.config.getoption("soak") or os.environ.get("TASKRPC_SOAK") == "1"
+    return soak and planted(request.node) is None
+
+
+@pytest.fixture
+def programs(request, tmp_path):
+    """Starts programs, which end with the test; a planted bug is in them as well."""
+    with Programs(tmp_path, planted(request.node)) as programs:
+        yield programs
 
 
 @pytest.fixture

@@ -1,12 +1,22 @@
 """What every fault harness needs: its size, its seed, and a count of what really happened.
 
 A harness that breaks nothing shows nothing: it requires the faults that it meant to cause. The
-same rehearsal, with a bug planted in the product, must find it.
+same rehearsal, with a bug planted in the product, must find it: `@pytest.mark.planted(Bug(...), …)`
+runs a test once more with each bug, and then it must fail by the count that the bug names.
 """
 
 from __future__ import annotations
 
+import asyncio
 import collections
+import contextlib
+import importlib
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import pytest
 
 TOLD: list[tuple[str, Counts]] = []
 """The counts of every harness of this run, for the summary."""
@@ -14,6 +24,16 @@ TOLD: list[tuple[str, Counts]] = []
 
 class Counts(collections.Counter[str]):
     """How often each thing happened; told at the end of the run."""
+
+    def check(self, *promises: str, happened: tuple[str, ...] = ()) -> None:
+        """The verdict: `promises` are counts that must be zero, `happened` those that must not.
+
+        Raises PromiseBroken; AssertionError where too little happened to show anything.
+        """
+        if wrong := self.broken(*promises):
+            raise PromiseBroken(wrong)
+        idle = [what for what in happened if not self[what]]
+        assert not idle, f"this shows nothing: no {', no '.join(idle)}"
 
     def require(self, **least: int) -> None:
         """Fail unless each fault (`_` stands for a space) happened at least so often."""
@@ -27,3 +47,86 @@ class Counts(collections.Counter[str]):
 
     def __str__(self) -> str:
         return ", ".join(f"{name} {count}" for name, count in sorted(self.items()))
+
+
+class PromiseBroken(AssertionError):
+    """A harness saw the product break its promise; `counts` are those that should be zero."""
+
+    def __init__(self, counts: dict[str, int]) -> None:
+        self.counts = counts
+        super().__init__(", ".join(f"{what}: {count}" for what, count in counts.items()))
+
+
+class Patch(Protocol):
+    """Puts something else in the place of a name of the product."""
+
+    def __call__(self, owner: Any, name: str, replacement: Any) -> object: ...
+
+
+@dataclass(frozen=True)
+class Bug:
+    """A fault of the product that a harness must see.
+
+    `plant` stands at the top level of its module, so that a child process finds it; it patches the
+    product with `patch(owner, name, replacement)`. `breaks` names the count that gives it away.
+    """
+
+    plant: Callable[[Patch], object]
+    breaks: str
+
+    @property
+    def name(self) -> str:
+        return self.plant.__name__
+
+    @property
+    def place(self) -> str:
+        """Where a child process finds it: see `plant_from`."""
+        return f"{self.plant.__module__}:{self.plant.__qualname__}"
+
+    @contextlib.contextmanager
+    def planted(self) -> Iterator[None]:
+        """The product of this process has the bug inside the block."""
+        with pytest.MonkeyPatch.context() as monkeypatch:
+            self.plant(monkeypatch.setattr)
+            yield
+
+
+def plant_from(place: str) -> None:
+    """Plant a bug in this process for good: what child processes do first."""
+    module, _, name = place.partition(":")
+    getattr(importlib.import_module(module), name)(setattr)
+
+
+class Lateness:
+    """How late the running loop itself is, so that a busy machine can be told from a late call."""
+
+    PERIOD = 0.005
+
+    def __init__(self) -> None:
+        self.longest = 0.0
+        """Seconds."""
+        self._loop = asyncio.get_running_loop()
+        self._arm()
+
+    def stop(self) -> float:
+        """End the measurement; the longest lateness in seconds."""
+        self._timer.cancel()
+        return self.longest
+
+    def _arm(self) -> None:
+        due = self._loop.time() + self.PERIOD
+        self._timer = self._loop.call_at(due, self._ring, due)
+
+    def _ring(self, due: float) -> None:
+        self.longest = max(self.longest, self._loop.time() - due)
+        self._arm()
+
+
+def percentile(values: list[float], share: float) -> float:
+    """The value below which this share of the values lies."""
+    return sorted(values)[min(len(values) - 1, int(share * len(values)))]
+
+
+def milliseconds(seconds: float) -> int:
+    """For counts: a measured time, rounded up."""
+    return math.ceil(seconds * 1000)

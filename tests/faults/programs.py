@@ -1,0 +1,105 @@
+"""Programs that a harness starts, kills and ends: real processes with the product in them."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+from tests.faults.harness import Bug
+
+ROOT = Path(__file__).parents[2]
+
+PLANTING = """\
+import runpy, sys
+from tests.faults.harness import plant_from
+plant_from(sys.argv.pop(1))
+del sys.argv[0]
+runpy.run_path(sys.argv[0], run_name="__main__")
+"""
+
+ADDER = """\
+import asyncio, sys
+import srvgen, taskrpc
+Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+
+async def add(request, response):
+    if request.b:
+        await asyncio.sleep(request.b / 1000)
+    response.sum = request.a
+    return response
+
+async def main():
+    async with taskrpc.Node("adder") as node:
+        node.create_service(
+            Add, "add", add, concurrency=10_000, idempotent="idempotent" in sys.argv,
+            join="join" in sys.argv,
+        )
+        print("ready", flush=True)
+        await node.spin()
+
+taskrpc.run(main())
+"""
+"""Offers `add`: answers with `a` after `b` milliseconds; options `join` and `idempotent`."""
+
+
+class Programs:
+    """Starts programs and ends them, each by its process id."""
+
+    def __init__(self, folder: Path, bug: Bug | None) -> None:
+        self._folder = folder
+        self._bug = bug
+        self._started: list[subprocess.Popen[str]] = []
+
+    def __enter__(self) -> Programs:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for program in self._started:
+            if program.poll() is None:
+                program.kill()
+            program.wait(10)
+            for pipe in (program.stdout, program.stderr):
+                pipe.close()
+
+    async def start(
+        self, source: str = ADDER, *arguments: str, ready: str = "ready", name: str = "adder.py"
+    ) -> subprocess.Popen[str]:
+        """Start a program of this text and wait until it prints a line that begins with `ready`."""
+        return await asyncio.to_thread(self._start, source, arguments, ready, name)
+
+    def _start(
+        self, source: str, arguments: tuple[str, ...], ready: str, name: str
+    ) -> subprocess.Popen[str]:
+        script = self._folder / name
+        script.write_text(source)
+        command = [sys.executable, str(script), *arguments]
+        if self._bug is not None:
+            planting = ["-c", PLANTING, self._bug.place]
+            command = [sys.executable, *planting, str(script), *arguments]
+        program = subprocess.Popen(
+            command,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+            cwd=self._folder,
+            env={**os.environ, "PYTHONPATH": str(ROOT)},
+        )
+        self._started.append(program)
+        line = program.stdout.readline()
+        assert line.startswith(ready), f"{line}{program.stderr.read()}"
+        return program
+
+
+async def kill(program: subprocess.Popen[str]) -> None:
+    """`kill -9`, and wait until it is gone."""
+    program.kill()
+    await asyncio.to_thread(program.wait, 10)
+
+
+async def terminate(program: subprocess.Popen[str], patience: float = 30) -> int:
+    """SIGTERM; returns the exit status."""
+    program.terminate()
+    return await asyncio.to_thread(program.wait, patience)
