@@ -4,6 +4,7 @@ A store under load is recorded, call by call; from the recording come the disks 
 the machine could leave behind at any moment. Each of them is opened, and holds what it must.
 """
 
+import json
 import random
 import shutil
 import subprocess
@@ -18,6 +19,7 @@ from tests.faults.disk_states import Disk, recorded
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 
+ROOT = Path(__file__).parents[2]
 PROGRAM = Path(submitting.__file__)
 FAST = Path("/dev/shm")  # where there is one: thousands of small files are made there
 
@@ -199,3 +201,24 @@ async def test_a_store_that_guesses_is_found_out(folder, seed, counts):
         if counts["came to light"]:
             break
     assert counts["came to light"]
+
+
+async def test_a_disk_without_room_refuses_clearly_and_loses_nothing(tmp_path, counts):
+    place = ["unshare", "-rm"]
+    if shutil.which("unshare") is None:
+        pytest.skip("unshare is not installed")
+    probe = subprocess.run([*place, "true"], capture_output=True, text=True, check=False)
+    if probe.returncode:
+        pytest.skip(f"no disk can be mounted here: {probe.stderr.strip()}")
+    command = [*place, sys.executable, "-m", "tests.faults.full_disk", str(tmp_path)]
+    ran = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+    assert ran.returncode == 0, ran.stderr
+    told = json.loads(ran.stdout)
+    counts.update({name: len(told[name]) for name in ("done", "refused", "unknown")})
+    counts.require(done=200, refused=40)
+    assert set(told["sentences"]) == {
+        f"{tmp_path / 'disk' / 'tasks.db'}: the disk is full; nothing was stored"
+    }
+    assert told["killed when full"] == sorted(told["done when full"])
+    assert told["killed afterwards"] == told["closed"] == sorted(told["done"])
+    assert max(told["done"]) > max(told["refused"]), "there was room again"
