@@ -13,7 +13,6 @@ CALL_FIELDS = ("call", "service", "caller", "principal")
 STYLES = ("text", "json")
 
 _CONSOLE = "[%(levelname)s] [%(created).9f] [%(name)s]: %(message)s"  # as ROS 2 prints it
-_USUAL = {*vars(logging.LogRecord("", 0, "", 0, "", (), None)), "message", "asctime", "taskName"}
 
 
 class CallFilter(logging.Filter):
@@ -47,6 +46,8 @@ class JsonFormatter(logging.Formatter):
 
     def __init__(self) -> None:
         super().__init__()
+        usual = vars(logging.LogRecord("", 0, "", 0, "", (), None))
+        self._usual = {*usual, "message", "asctime", "taskName"}
 
     def format(self, record: logging.LogRecord) -> str:
         """The line, without its end."""
@@ -55,7 +56,7 @@ class JsonFormatter(logging.Formatter):
             "level": record.levelname,
             "logger": record.name,
             "message": record.getMessage(),
-            **{name: value for name, value in vars(record).items() if name not in _USUAL},
+            **{name: value for name, value in vars(record).items() if name not in self._usual},
         }
         if record.exc_info:
             fields["error"] = self.formatException(record.exc_info)

@@ -14,7 +14,6 @@ from taskrpc import names, platform
 from taskrpc.access import Role
 from taskrpc.client import DEFAULT_TIMEOUT, Client
 from taskrpc.errors import TaskRpcError
-from taskrpc.observer import NodeStatus, Observer, told
 from taskrpc.retry import RetryPolicy
 from taskrpc.transport.base import Mode, Transport
 from taskrpc.transport.entries import Entry
@@ -23,6 +22,7 @@ from taskrpc.transport.tls import Tls
 from taskrpc.wire.once import CompletionStore
 
 if TYPE_CHECKING:
+    from taskrpc.observer import NodeStatus, Observer
     from taskrpc.service import Callback, Service
 
 _Result = TypeVar("_Result")
@@ -126,8 +126,7 @@ class Node:
                 threads=self._threads,
             )
             self._transport.add_node(self.get_fully_qualified_name())
-            if self._observer is not None:
-                told(self._observer.node_started, self)
+            self._tell(lambda observer: observer.node_started(self))
 
     async def destroy(self) -> None:
         """Withdraw services and clients and leave the network; `async with` does it.
@@ -137,8 +136,7 @@ class Node:
         """
         if self._transport is None:
             return
-        if self._observer is not None:
-            told(self._observer.node_ended, self)
+        self._tell(lambda observer: observer.node_ended(self))
         for service in self._services:
             service.abandon()
         for client in list(self._clients):
@@ -257,7 +255,15 @@ class Node:
             name = client.service_name
             retries[name] = retries.get(name, 0) + client.retries
         services = tuple(service.status() for service in list(self._services))
+        from taskrpc.observer import NodeStatus  # few programs ask
+
         return NodeStatus(services, retries, *self._started().traffic())
+
+    def _tell(self, tell: Callable[[Observer], None]) -> None:
+        if self._observer is not None:
+            from taskrpc.observer import told
+
+            told(tell, self._observer)
 
     def _client_maker(self) -> Callable[..., Client]:
         if self._observer is None:

@@ -21,7 +21,6 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
-from taskrpc.observer import Observer, ServiceStatus
 from taskrpc.stepping import Stepper
 from taskrpc.transport.base import IncomingCall, Mode, Offer, Transport
 from taskrpc.transport.codec import ServiceType, codec_of
@@ -35,6 +34,7 @@ if TYPE_CHECKING:
     from concurrent.futures import ThreadPoolExecutor
 
     from taskrpc.deduplication import OnceDesk
+    from taskrpc.observer import Observer, ServiceStatus
 
 log = logging.getLogger("taskrpc.server")
 
@@ -126,6 +126,8 @@ class Service:
 
     def status(self) -> ServiceStatus:
         """How many calls run and wait."""
+        from taskrpc.observer import ServiceStatus  # few programs ask
+
         return ServiceStatus(self.service_name, self._running, self._waiting.count)
 
     def abandon(self) -> None:

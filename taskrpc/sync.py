@@ -15,7 +15,7 @@ from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as WaitTimeout
 from types import TracebackType
-from typing import Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from taskrpc import client as _client
 from taskrpc import node as _node
@@ -23,11 +23,13 @@ from taskrpc import platform
 from taskrpc.access import Role
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
 from taskrpc.errors import WouldDeadlock
-from taskrpc.observer import NodeStatus, Observer
 from taskrpc.retry import RetryPolicy
 from taskrpc.service import Callback, Service
 from taskrpc.transport.entries import Entry
 from taskrpc.transport.tls import Tls
+
+if TYPE_CHECKING:
+    from taskrpc.observer import NodeStatus, Observer
 from taskrpc.wire.once import CompletionStore
 
 _Result = TypeVar("_Result")

@@ -9,17 +9,19 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Hashable
 from enum import IntEnum
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
 from taskrpc.access import Role
 from taskrpc.callinfo import CallInfo
 from taskrpc.errors import TaskRpcError
-from taskrpc.observer import Connections, Observer
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.entries import Entry
 from taskrpc.wire.once import Claim, Number, Numbers
+
+if TYPE_CHECKING:
+    from taskrpc.observer import Connections, Observer
 
 
 class Mode(IntEnum):

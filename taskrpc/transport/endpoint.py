@@ -9,8 +9,9 @@ import logging
 import os
 import sys
 import time
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import msgspec
 
@@ -21,7 +22,6 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
-from taskrpc.observer import Connections
 from taskrpc.transport.admission import Admission
 from taskrpc.transport.base import Offer
 from taskrpc.transport.calling import CallingConnection
@@ -36,10 +36,14 @@ from taskrpc.transport.news import News
 from taskrpc.transport.serving import ServingConnection
 from taskrpc.transport.threads import ThreadedConnection
 from taskrpc.transport.timers import clock_of
+from taskrpc.transport.traffic import Traffic
 from taskrpc.transport.unread import Unread
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import DEFAULT_LIMITS, Listing, Resolve
 from taskrpc.wire.messages import Endpoint as Named
+
+if TYPE_CHECKING:
+    from taskrpc.observer import Connections
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -86,7 +90,7 @@ class Endpoint:
         self._ticker: asyncio.TimerHandle | None = None
         self._forget = forget
         self._closed = False
-        self._accepted_ones, self._dialled_ones = Connections(), Connections()
+        self._called, self._calls = Traffic(), Traffic()
 
     # Transport: nodes, services, clients
 
@@ -163,8 +167,8 @@ class Endpoint:
 
     def traffic(self) -> tuple[str, Connections, Connections]:
         """Which endpoint this is, and what it has accepted and dialled."""
-        accepted = _with_open(self._accepted_ones, self._served)
-        return self._id.hex(), accepted, _with_open(self._dialled_ones, self.dialler.connections)
+        dialled = self._calls.counts(self.dialler.connections)
+        return self._id.hex(), self._called.counts(self._served), dialled
 
     # Transport: ends
 
@@ -207,7 +211,7 @@ class Endpoint:
 
     def connection_began(self, connection: Connection) -> None:
         """A connection has its transport."""
-        self._counts(connection).opened += 1
+        self._traffic_of(connection).began()
         if isinstance(connection, ServingConnection):
             self._served.add(connection)
             if self._admission is not None:
@@ -219,12 +223,7 @@ class Endpoint:
 
     def connection_ended(self, connection: Connection) -> None:
         """A connection is gone."""
-        counts = self._counts(connection)
-        why = connection.why_closed
-        reason = "" if why is None else type(why).__name__
-        counts.ended[reason] = counts.ended.get(reason, 0) + 1
-        counts.received += connection.received
-        counts.sent += connection.written
+        self._traffic_of(connection).left(connection)
         if isinstance(connection, ServingConnection):
             self._served.discard(connection)
             if self._admission is not None:
@@ -234,9 +233,8 @@ class Endpoint:
 
     # Inside
 
-    def _counts(self, connection: Connection) -> Connections:
-        served = isinstance(connection, ServingConnection)
-        return self._accepted_ones if served else self._dialled_ones
+    def _traffic_of(self, connection: Connection) -> Traffic:
+        return self._called if isinstance(connection, ServingConnection) else self._calls
 
     def _caller(self, address: Address) -> CallingConnection:
         name = self._roster.first_node or _script()
@@ -303,18 +301,6 @@ class Endpoint:
             connection.tick(now)
         if connections:
             self._ticker = self.loop.call_later(TICK, self._tick)
-
-
-def _with_open(counts: Connections, connections: Iterable[Connection]) -> Connections:
-    """The counts of what has ended, and of what is open."""
-    now = list(connections)
-    return msgspec.structs.replace(
-        counts,
-        open=len(now),
-        ended=dict(counts.ended),
-        received=counts.received + sum(each.received for each in now),
-        sent=counts.sent + sum(each.written for each in now),
-    )
 
 
 def _named(offer: Offer) -> Named:

@@ -83,7 +83,7 @@ class WebServer:
         encrypted = self._context is not None
         self.url = f"http{'s' if encrypted else ''}://{join_place(self._host, port)}"
         self._guard = Guard(names, encrypted=encrypted, may_look=self._may_look)
-        self._server = web.Server(self._answer, access_log=None)
+        self._server = web.Server(self._answer)
         factory = cast("Factory", self._protocol)
         self._listener = Listener(sock, factory, self._tls_context)
 
@@ -101,10 +101,9 @@ class WebServer:
         assert self._server is not None, "connections come after the start"
         if len(self._server.connections) >= MAX_CONNECTIONS:
             return _TurnedAway()
-        handler = self._server()
-        # Whatever a stranger does not say or read, he holds his place for so long only.
-        asyncio.get_running_loop().call_later(PATIENCE, handler.force_close)
-        return handler
+        no_log: Any = None  # a line a request would be too many
+        loop = asyncio.get_running_loop()
+        return _Impatient(self._server, loop=loop, access_log=no_log)
 
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
         refusal = self._guard.refusal(_head(request))
@@ -140,6 +139,20 @@ def _response(page: Page) -> web.Response:
     response = web.Response(body=page.body.encode(), status=page.status, headers=headers)
     response.force_close()
     return response
+
+
+class _Impatient(web.RequestHandler):
+    """Whatever a stranger does not say or read, he holds his place for a while only."""
+
+    __slots__ = ("_timer",)
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        self._timer = asyncio.get_running_loop().call_later(PATIENCE, self.force_close)
+
+    def connection_lost(self, exc: BaseException | None) -> None:
+        self._timer.cancel()
+        super().connection_lost(exc)
 
 
 class _TurnedAway(asyncio.Protocol):

@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 import taskrpc
+import taskrpc.sync
 from taskrpc import Code
 from taskrpc.transport.observed import ObservedCall
 from taskrpc.transport.served import ServedCall
@@ -234,6 +235,18 @@ async def test_a_node_says_what_it_has_to_do(pair):
     after = pair.server.status().accepted
     assert (after.opened, after.open, sum(after.ended.values())) == (1, 0, 1)
     assert after.received >= status.accepted.received
+
+
+@pytest.mark.real_time
+def test_a_blocking_program_is_observed_too():
+    log = Log()
+    with taskrpc.sync.Node("blocking", observer=log) as node:
+        node.create_service(Add, "work", add)
+        client = node.create_client(Add, "work")
+        assert [client.call(ask(1, 2)).sum for _ in range(3)] == [3, 3, 3]
+        assert [each.name for each in node.status().services] == ["/work"]
+    assert log.codes == [Code.OK] * 3
+    assert [code for _, code, _ in log.requests] == [Code.OK] * 3
 
 
 async def test_retries_are_counted_also_of_clients_that_are_gone(pair):
