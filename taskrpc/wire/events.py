@@ -89,7 +89,7 @@ class Draining(msgspec.Struct, gc=False):
     refused: list[Any]
 
 
-class Closed(msgspec.Struct, gc=False):
+class Closed(msgspec.Struct):
     """The connection must end: the peer broke the protocol, or refused us."""
 
     error: TaskRpcError

@@ -449,7 +449,8 @@ class Session:
         if self._magic_seen:
             self.reject(error)
         self.state = State.CLOSED
-        return Closed(error)
+        # Its traceback has the frames through which it came, and these have what it came with.
+        return Closed(error.with_traceback(None))
 
     def _send(
         self, type_: int, flags: int, method: int, call_id: int, arg: int, body: Body

@@ -1,0 +1,354 @@
+"""Promise 13: garbage ends one connection with one log line, and nobody else notices."""
+
+import asyncio
+import collections
+import contextlib
+import logging
+import os
+import random
+import re
+import time
+from typing import get_args
+
+import pytest
+
+import srvgen
+import taskrpc
+from taskrpc.errors import TaskRpcError
+from taskrpc.transport import endpoint
+from taskrpc.transport.serving import ServingConnection
+from taskrpc.wire import messages
+from taskrpc.wire.events import Closed, Event
+from taskrpc.wire.frames import HEADER, NO_DEADLINE, Splitter
+from taskrpc.wire.handshake import Identity, Peer
+from taskrpc.wire.messages import DEFAULT_LIMITS, Auth, Hello, HelloAck, Resolve, encode
+from taskrpc.wire.session import Session, State
+from tests.faults.harness import Bug
+
+pytestmark = [
+    pytest.mark.faults,
+    pytest.mark.real_time,
+    pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="needs /proc"),
+]
+
+DRIFT = 64 * 1024 * 1024
+HANG = 5.0  # seconds for a few kilobytes
+DOCUMENTED = get_args(Event)
+TOKEN = b"known to both"
+CLIENT, SERVER = (Identity(name * 16, name * 16, TOKEN) for name in (b"C", b"S"))
+
+
+def memory(pid="self"):
+    """Resident bytes of a process."""
+    with open(f"/proc/{pid}/statm", encoding="ascii") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+def drift(before, pid="self"):
+    """Bytes beyond what is allowed, since the memory was `before`."""
+    return max(0, memory(pid) - before - DRIFT)
+
+
+# What is sent
+
+HELLO = encode(Hello(1, 1, b"C" * 16, b"c" * 16, 0, "/caller"))
+BODIES = [
+    b"", b"\x92\x01\x02", encode(Resolve("/work")), encode(Resolve("")), HELLO,
+    encode(HelloAck(1, b"S" * 16, b"s" * 16, DEFAULT_LIMITS)), encode(Auth(bytes(32))),
+    b"\x92\xcf" + b"\xff" * 8 + b"\x01", b"\x91" * 2000, b"\x91\xa1\xff", b"\xdd\xff\xff\xff\xff",
+]  # fmt: skip
+KINDS = 8
+TYPES = [*range(18), 0x7F, 0x80, 0xFF]
+LENGTHS = [0, 1, 11, 12, 0xFFFFFFFF, 0x7FFFFFFF, DEFAULT_LIMITS.body + 13]
+
+
+class Mutator:
+    """Frames as a peer might send them, each with one thing wrong, or several, or none."""
+
+    def __init__(self, seed):
+        self.chance = random.Random(seed)
+        self.kinds = collections.Counter()
+        self.call_id = 0
+
+    def frame(self):
+        chance = self.chance.random
+        self.call_id += 1
+        kind = int(chance() * KINDS)
+        type_ = 7 if chance() < 0.4 else TYPES[int(chance() * len(TYPES))]
+        body = BODIES[int(chance() * len(BODIES))]
+        header = [len(body) + 12, type_, 0, int(chance() * 3), self.call_id, NO_DEADLINE]
+        self.kinds[kind] += 1
+        if kind == 1:
+            header[0] = LENGTHS[int(chance() * len(LENGTHS))]
+        elif kind == 2:
+            header[2] = int(chance() * 256)
+        elif kind == 3:
+            header[4] = int(chance() * 2**32) if chance() < 0.5 else self.call_id // 2
+        elif kind == 4:
+            header[5] = int(chance() * 2**32)
+        data = bytearray(HEADER.pack(*header) + body)
+        if kind == 5:
+            data[int(chance() * len(data))] = int(chance() * 256)
+        elif kind == 6:
+            del data[int(chance() * len(data)) :]
+        elif kind == 7:
+            data += self.chance.randbytes(int(chance() * 20))
+        return bytes(data)
+
+    def stream(self, count):
+        return [self.frame() for _ in range(count)]
+
+
+# Against the session itself
+
+
+def opened(*, is_client):
+    """A session behind its handshake, made in a tenth of a handshake's time."""
+    end = Session(CLIENT if is_client else SERVER, is_client=is_client)
+    end._magic_seen = True
+    end._open(Peer(b"P" * 16, "/peer", DEFAULT_LIMITS))
+    if is_client:
+        for ticket in range(20):
+            end.request(ticket, 1, b"", 1000)
+    return end
+
+
+def greeted(*, is_client):
+    end = Session(CLIENT if is_client else SERVER, is_client=is_client)
+    if not is_client:
+        end.feed(b"TRPC")
+    return end
+
+
+def lies_about_length(frame):
+    length = int.from_bytes(frame[:4], "little")
+    return len(frame) >= HEADER.size and not 12 <= length <= DEFAULT_LIMITS.body + 12
+
+
+def hear(end, frame, counts):
+    """Feed one frame; count what must not be."""
+    clean = end.state is State.OPEN and not end.mid_frame
+    counts["frames"] += 1
+    try:
+        events = end.feed(frame)
+    except Exception:
+        logging.exception("a mutated frame: %r", frame)
+        counts["crashes"] += 1
+        return
+    ends = [place for place, each in enumerate(events, 1) if type(each) is Closed]
+    counts["undocumented"] += not all(isinstance(each, DOCUMENTED) for each in events)
+    counts["not the last word"] += bool(ends) and ends != [len(events)]
+    reasons = [events[place - 1].error for place in ends]
+    counts["no reason"] += not all(isinstance(each, TaskRpcError) for each in reasons)
+    if clean and lies_about_length(frame):
+        counts["lies"] += 1
+        counts["believed"] += end.state is not State.CLOSED
+    if end.state is State.CLOSED:
+        counts["closed"] += 1
+        counts["heard after the end"] += bool(end.feed(frame))
+
+
+def bombard(frames, seed, counts):
+    """Feed mutated frames to sessions until so many were heard."""
+    mutator = Mutator(seed)
+    while counts["frames"] < frames:
+        make = greeted if mutator.chance.random() < 0.05 else opened
+        end = make(is_client=mutator.chance.random() < 0.3)
+        mutator.call_id = 0
+        began = time.monotonic()
+        for frame in mutator.stream(20):
+            hear(end, frame, counts)
+            if end.state is State.CLOSED:
+                break
+        counts["hangs"] += time.monotonic() - began > HANG
+    assert len(mutator.kinds) == KINDS
+
+
+def lengths_are_believed(patch):
+    patch(Splitter, "_bad_length", lambda self, length: None)
+
+
+def errors_get_out(patch):
+    patch(messages, "decode_resolve", messages.msgspec.msgpack.Decoder(Resolve).decode)
+
+
+def the_end_is_overheard(patch):
+    patch(Session, "_closed", lambda self, error: Closed(error))
+
+
+def what_is_closed_is_kept(patch):
+    hoard, closed = [], Session._closed
+
+    def hoarding(self, error):
+        hoard.append(bytes(10_000))
+        return closed(self, error)
+
+    patch(Session, "_closed", hoarding)
+
+
+@pytest.mark.planted(
+    Bug(lengths_are_believed, "believed"),
+    Bug(errors_get_out, "crashes"),
+    Bug(the_end_is_overheard, "believed"),
+    Bug(what_is_closed_is_kept, "drifted"),
+)
+def test_mutated_frames_raise_nothing_and_leave_nothing(counts, seed, large, bug):
+    frames = 10**9 if large else 10**6 if bug is None else 50_000
+    bombard(10_000, seed, collections.Counter())
+    before = memory()
+    bombard(frames, seed + 1, counts)
+    counts["drifted"] = drift(before)
+    broken = ("crashes", "undocumented", "not the last word", "no reason", "believed", "hangs")
+    counts.check(*broken, "heard after the end", "drifted", happened=("closed", "lies"))
+
+
+# Against a server that listens
+
+SERVING = """\
+import asyncio, logging, sys
+import srvgen, taskrpc
+Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+logging.basicConfig(filename=sys.argv[1], level="INFO")
+
+def work(request, response):
+    response.sum = request.a
+    return response
+
+async def main():
+    async with taskrpc.Node("server", token="known to both") as node:
+        node.create_service(Add, "work", work)
+        print(node.address, flush=True)
+        await node.spin()
+
+taskrpc.run(main())
+"""
+
+Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+
+
+async def shake_hands(reader, writer):
+    """Become a caller that has proved itself."""
+    me = Identity(os.urandom(16), os.urandom(16), TOKEN, name="/hostile")
+    session = Session(me, is_client=True)
+    while session.state is State.HANDSHAKE:
+        writer.write(b"".join(session.take()))
+        if not (data := await reader.read(65_536)):
+            raise ConnectionResetError("closed in the handshake")
+        session.feed(data)
+
+
+class Attack:
+    """Connections that say what nobody should, and a neighbour that goes on calling."""
+
+    def __init__(self, program, place, counts, seed):
+        host, _, port = place.rpartition(":")
+        self.program, self.place, self.where = program, place, (host, int(port))
+        self.counts = counts
+        self.mutator = Mutator(seed)
+        self.ports = set()
+        self.over = False
+
+    async def one(self, number):
+        reader, writer = await asyncio.open_connection(*self.where)
+        self.ports.add(writer.get_extra_info("sockname")[1])
+        try:
+            async with asyncio.timeout(HANG):
+                if number % 10:
+                    await shake_hands(reader, writer)
+                elif number % 20:
+                    writer.write(b"TRPC")
+                frames = self.mutator.stream(50)
+                self.counts["frames"] += len(frames)
+                writer.write(b"".join(frames))
+                writer.write_eof()
+                await reader.read()
+        except TimeoutError:
+            self.counts["hangs"] += 1
+        except OSError:
+            pass  # closed while we still talked
+        finally:
+            writer.close()
+
+    async def neighbour(self):
+        async with taskrpc.Node("neighbour", peers=[self.place], token=TOKEN.decode()) as node:
+            client = node.create_client(Add, "work")
+            while not self.over:
+                self.counts["neighbour calls"] += 1
+                with contextlib.suppress(taskrpc.TaskRpcError):
+                    answer = await client.call(Add.Request(a=self.counts["neighbour calls"]))
+                    self.counts["neighbour answers"] += answer.sum == self.counts["neighbour calls"]
+                await asyncio.sleep(0.002)
+
+    async def run(self, connections):
+        calling = asyncio.ensure_future(self.neighbour())
+        for start in range(0, connections, 20):
+            if start == 200:
+                before = memory(self.program.pid)
+            await asyncio.gather(*[self.one(start + number) for number in range(20)])
+        self.over = True
+        await calling
+        self.counts["neighbour troubles"] = (
+            self.counts["neighbour calls"] - self.counts["neighbour answers"]
+        )
+        self.counts["drifted"] = drift(before, self.program.pid)
+        self.counts["crashes"] += self.program.poll() is not None
+
+    def read(self, log):
+        text = log.read_text()
+        told = collections.Counter(map(int, re.findall(r"127\.0\.0\.1:(\d+)", text)))
+        lines = [count for port, count in told.items() if port in self.ports]
+        self.counts["ended with a line"] = len(lines)
+        self.counts["lines too many"] = sum(lines) - len(lines)
+        self.counts["crashes"] += text.count("Traceback")
+
+
+def a_line_too_many(patch):
+    refuse = ServingConnection._refuse
+
+    def talkative(self, error):
+        refuse(self, error)
+        refuse(self, error)
+
+    patch(ServingConnection, "_refuse", talkative)
+
+
+def one_ends_all(patch):
+    def refuse(self, error):
+        for each in list(self.host._served):
+            each.abort(error)
+
+    patch(ServingConnection, "_refuse", refuse)
+
+
+def connections_are_kept(patch):
+    kept, ended = [], endpoint.Endpoint.connection_ended
+
+    def hoarding(self, connection):
+        kept.append(bytearray(400_000))
+        ended(self, connection)
+
+    patch(endpoint.Endpoint, "connection_ended", hoarding)
+
+
+@pytest.mark.planted(
+    Bug(a_line_too_many, "lines too many"),
+    Bug(one_ends_all, "neighbour troubles"),
+    Bug(connections_are_kept, "drifted"),
+)
+async def test_a_server_ends_one_connection_with_one_line_and_no_neighbour_notices(
+    counts, seed, large, bug, programs, tmp_path
+):
+    log = tmp_path / "log"
+    program = await programs.start(SERVING, str(log), ready="")
+    place = next(entry.address for entry in await entries() if entry.nodes == ("/server",))
+    attack = Attack(program, place, counts, seed)
+    await attack.run(100_000 if large else 1000 if bug is None else 600)
+    attack.read(log)
+    broken = ("crashes", "hangs", "drifted", "lines too many", "neighbour troubles")
+    counts.check(*broken, happened=("ended with a line",) if bug is None else ())
+    counts.require(neighbour_calls=50, frames=20_000)
+
+
+async def entries():
+    async with taskrpc.Node("looking") as node:
+        return await node.graph()

@@ -1,0 +1,33 @@
+"""What a connection's end leaves is freed with it, however it ended."""
+
+import gc
+
+import pytest
+
+from taskrpc.wire.frames import FrameType, pack_frame
+from tests.taskrpc.wire.helpers import open_pair, receive
+
+OFFENCES = {
+    "garbage": pack_frame(0x7F, 0, 0, 0, 0),
+    "a length": bytes(16),
+    "a body": pack_frame(FrameType.RESOLVE, 0, 0, 1, 0, b"\xc1" * 100),
+}
+
+
+@pytest.mark.parametrize("offence", OFFENCES)
+def test_a_peer_that_is_cut_off_leaves_nothing_behind(offence):
+    """An error's traceback has the frames that it came through, and these may hold the error."""
+
+    def offend():
+        pair = open_pair()
+        receive(pair.server, OFFENCES[offence])
+
+    def objects():
+        gc.collect()
+        return len(gc.get_objects())
+
+    offend()
+    before = objects()
+    for _ in range(50):
+        offend()
+    assert objects() - before < 50
