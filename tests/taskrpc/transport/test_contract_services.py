@@ -40,9 +40,10 @@ async def test_a_service_withdrawn_and_offered_again_is_found_by_the_same_client
 
 async def test_a_destroyed_service_answers_the_calls_that_had_arrived(net):
     for options in ({}, {"threaded": True}):
-        ends = threading.Event()
+        began, ends = threading.Event(), threading.Event()
 
-        def slow(request, response, ends=ends):
+        def slow(request, response, began=began, ends=ends):
+            began.set()
             ends.wait(0.005)
             response.sum = request.a
             return response
@@ -50,6 +51,7 @@ async def test_a_destroyed_service_answers_the_calls_that_had_arrived(net):
         name = f"slow{len(options)}"
         server, client = await served(net, slow, name, **options)
         calls = [client.call_async(ask(n)) for n in range(5)]
+        await until(began.is_set)
         await asyncio.sleep(0.01)
         list(server._services)[-1].destroy()
         assert [(await each).sum for each in calls] == [0, 1, 2, 3, 4]
