@@ -83,6 +83,8 @@ class Chain:
 
     def rebase(self, base: Pose) -> list[Shift]:
         """Say anew where the robot will be when the first task begins."""
+        if base == self._base:
+            return []
         self._base = base
         return list(self._relink(RUNNING_KEY, None))
 

@@ -69,7 +69,7 @@ MOVES: Mapping[State, frozenset[State]] = MappingProxyType(
 """Every move from one state to another that a task may make."""
 
 
-class EstimateChange(msgspec.Struct, frozen=True):
+class EstimateChange(msgspec.Struct, frozen=True, gc=False):
     """One reason why a task will be done at another time than was promised."""
 
     seconds: float
@@ -78,7 +78,7 @@ class EstimateChange(msgspec.Struct, frozen=True):
     """What happened, as a user reads it."""
 
 
-class Task(msgspec.Struct, frozen=True, kw_only=True):
+class Task(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """One task as it was at one moment; a change makes a new value.
 
     Instants are seconds since 1970 (the wall clock's), estimates are robot seconds.

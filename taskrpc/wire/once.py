@@ -74,7 +74,7 @@ def fingerprint(service: str, body: bytes) -> bytes:
     return hashlib.blake2b(service.encode() + b"\0" + body, digest_size=16).digest()
 
 
-class Completion(msgspec.Struct, frozen=True, array_like=True):
+class Completion(msgspec.Struct, frozen=True, array_like=True, gc=False):
     """What a store keeps of a request that is done: enough to answer it once more."""
 
     principal: str

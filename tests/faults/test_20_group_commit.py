@@ -1,0 +1,128 @@
+"""Promise 20: durable acceptance is fast, since what is asked for at one moment waits once.
+
+A store takes tasks, 64 at a time, on a loop that serves a stream of calls from another process.
+"""
+
+import asyncio
+import contextlib
+import itertools
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+import srvgen
+import taskrpc
+from taskrpc.storage.database import Database
+from taskrpc.storage.writer import Writer
+from taskrpc.tasks.model import Task
+from taskrpc.tasks.sqlite_store import SqliteStore
+from taskrpc.wire.once import Completion
+
+pytestmark = [pytest.mark.faults, pytest.mark.real_time]
+
+ROOT = Path(__file__).parents[2]
+IN_FLIGHT = 64
+Trigger = srvgen.load("std_srvs/srv/Trigger")
+CALLERS = """
+import asyncio, srvgen, taskrpc
+
+Trigger = srvgen.load("std_srvs/srv/Trigger")
+
+async def main():
+    async with taskrpc.Node("load") as node:
+        client = node.create_client(Trigger, "work", timeout=60)
+        async def call():
+            while True:
+                await client.call(Trigger.Request())
+        await asyncio.gather(*(call() for _ in range(16)))
+
+asyncio.run(main())
+"""
+
+
+@contextlib.asynccontextmanager
+async def called(counts):
+    """A loop that serves calls while the block runs."""
+
+    def work(request, response):
+        counts["calls served"] += 1
+        return response
+
+    async with taskrpc.Node("server") as node:
+        node.create_service(Trigger, "work", work)
+        callers = await asyncio.create_subprocess_exec(sys.executable, "-c", CALLERS, cwd=ROOT)
+        while not counts["calls served"]:
+            await asyncio.sleep(0.01)
+        try:
+            yield
+        finally:
+            callers.kill()
+            await callers.wait()
+
+
+async def accept(store, seconds, counts):
+    """Have tasks accepted for so long."""
+    numbers, end = itertools.count(1), time.monotonic() + seconds
+
+    async def caller():
+        while time.monotonic() < end:
+            number = next(numbers)
+            done = Completion("", bytes(16), number, number, bytes(16), b"ok", 0, 1.0)
+            task = Task(
+                task_id=number,
+                task_type="move",
+                target="warehouse",
+                priority=5,
+                arrival=number,
+                submitted_at=1.0,
+            )
+            await store.apply([task], completion=done)
+            counts["acknowledged"] += 1
+
+    await asyncio.gather(*(caller() for _ in range(IN_FLIGHT)))
+
+
+@pytest.fixture
+def rehearse(tmp_path, monkeypatch, counts):
+    """Accept tasks under load; returns how many a transaction and how many a second."""
+
+    async def rehearsed(seconds):
+        change = Database.change
+
+        def counted(self, work):
+            counts["transactions"] += 1
+            change(self, work)
+
+        monkeypatch.setattr(Database, "change", counted)
+        store = SqliteStore(tmp_path / "tasks.db")
+        await store.load()
+        async with called(counts):
+            await accept(store, seconds, counts)
+        assert len((await store.load()).tasks) == counts["acknowledged"]
+        await store.close()
+        counts["acknowledged a second"] = round(counts["acknowledged"] / seconds)
+        return counts["acknowledged"] / counts["transactions"], counts["acknowledged"] / seconds
+
+    return rehearsed
+
+
+async def test_many_are_accepted_in_one_transaction_beside_a_stream_of_calls(
+    rehearse, counts, large
+):
+    a_transaction, a_second = await rehearse(10.0 if large else 1.0)
+    counts.require(calls_served=100, acknowledged=500)
+    assert a_transaction > IN_FLIGHT / 4
+    assert a_second >= 10_000 or not large
+
+
+async def test_one_transaction_for_each_is_found_out(rehearse, counts, monkeypatch):
+    everything = Writer._change_all
+
+    def one_by_one(self, changes):
+        return [everything(self, [change])[0] for change in changes]
+
+    monkeypatch.setattr(Writer, "_change_all", one_by_one)
+    a_transaction, _ = await rehearse(0.5)
+    assert a_transaction <= IN_FLIGHT / 4
