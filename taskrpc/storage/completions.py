@@ -23,25 +23,26 @@ _TABLES = (
     """,
 )
 # One statement a batch: each step of a statement takes the interpreter's lock from the event loop.
-_SAVE = """
+# For {} comes what has the rows, as JSON.
+SAVE = """
     INSERT OR REPLACE INTO taskrpc_completion (principal, client, sequence, checksum, record)
     SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'), json_extract(value, '$[2]'),
            json_extract(value, '$[3]'), json_extract(value, '$[4]')
-    FROM json_each(?)
+    FROM json_each({})
 """
-_SETTLE = """
+SETTLE = """
     DELETE FROM taskrpc_completion WHERE (principal, client, sequence) IN (
         SELECT found.principal, found.client, found.sequence
-        FROM json_each(?) AS settled CROSS JOIN taskrpc_completion AS found
+        FROM json_each({}) AS settled CROSS JOIN taskrpc_completion AS found
         ON found.principal = json_extract(settled.value, '$[0]')
         AND found.client = json_extract(settled.value, '$[1]')
         AND found.sequence < json_extract(settled.value, '$[2]')
     )
 """
-_FORGET = """
+FORGET = """
     DELETE FROM taskrpc_completion WHERE (principal, client, sequence) IN (
         SELECT found.principal, found.client, found.sequence
-        FROM json_each(?) AS forgotten CROSS JOIN taskrpc_completion AS found
+        FROM json_each({}) AS forgotten CROSS JOIN taskrpc_completion AS found
         ON found.principal = json_extract(forgotten.value, '$[0]')
         AND found.client = json_extract(forgotten.value, '$[1]')
     )
@@ -99,20 +100,26 @@ class CompletionBatch:
             client = (completion.principal, completion.client)
             self._saved.setdefault(client, {})[completion.sequence] = completion
 
-    def write(self, connection: sqlite3.Connection) -> None:
-        """Carry it out in the transaction that is open."""
-        if self._forgotten:
-            forgotten = [(principal, client.hex()) for principal, client in self._forgotten]
-            connection.execute(_FORGET, (_json(forgotten),))
-        if not self._saved:
-            return
-        saved = [each for known in self._saved.values() for each in known.values()]
-        connection.execute(_SAVE, (_json([_row(each) for each in saved]),))
-        settled = []
+    def rows(self) -> tuple[str, str, str]:
+        """What `FORGET`, `SAVE` and `SETTLE` are to be given, in this order."""
+        forgotten = [(principal, client.hex()) for principal, client in self._forgotten]
+        saved, settled = [], []
         for (principal, client), known in self._saved.items():
+            saved += [_row(each) for each in known.values()]
             first = max(each.first_incomplete for each in known.values())
             settled.append((principal, client.hex(), _number(first)))
-        connection.execute(_SETTLE, (_json(settled),))
+        return as_json(forgotten), as_json(saved), as_json(settled)
+
+    def write(self, connection: sqlite3.Connection) -> None:
+        """Carry it out in the transaction that is open."""
+        for statement, rows in zip((FORGET, SAVE, SETTLE), self.rows(), strict=True):
+            if rows != "[]":
+                connection.execute(statement.format("?"), (rows,))
+
+
+def as_json(rows: Sequence[object]) -> str:
+    """Rows as a statement takes them."""
+    return msgspec.json.encode(rows).decode()
 
 
 def _row(completion: Completion) -> tuple[str, str, str, int, str]:
@@ -123,7 +130,3 @@ def _row(completion: Completion) -> tuple[str, str, str, int, str]:
 
 def _number(sequence: int) -> str:
     return f"{sequence:016x}"
-
-
-def _json(rows: Sequence[object]) -> str:
-    return msgspec.json.encode(rows).decode()

@@ -20,6 +20,7 @@ from taskrpc.storage.sentences import is_about_the_file, is_full, plainly
 
 _SIDE_FILES = ("", "-wal", "-shm")
 _Result = TypeVar("_Result")
+_Work = Callable[[sqlite3.Connection], None]
 
 
 class Database:
@@ -29,16 +30,16 @@ class Database:
         path: the database file; made if it is not there. A file `<path>.lock` beside it says
             which process uses it.
         prepare: makes the tables that a file lacks, in a transaction, or refuses the file.
+        equip: gives a connection what it needs besides tables, whenever there is a new one.
         holder: what uses such a file, as a sentence names it.
 
     Raises:
         StoreError: it cannot be opened.
     """
 
-    def __init__(
-        self, path: Path, prepare: Callable[[sqlite3.Connection], None], *, holder: str
-    ) -> None:
+    def __init__(self, path: Path, prepare: _Work, equip: _Work, *, holder: str) -> None:
         self._path = path
+        self._equip = equip
         self._why_broken = ""
         with contextlib.ExitStack() as undo, plainly(path):
             undo.enter_context(held(path, holder))
@@ -48,6 +49,7 @@ class Database:
             self._prepare(prepare)
             _make_private(path.resolve())
             self._connection.execute("PRAGMA journal_mode = WAL")
+            equip(self._connection)
             self._commits = self._count()
             self._undo = undo.pop_all()
 
@@ -62,7 +64,7 @@ class Database:
             self._check()
             return work(self._connection)
 
-    def change(self, work: Callable[[sqlite3.Connection], None]) -> None:
+    def change(self, work: _Work) -> None:
         """Do all of it or nothing of it; it is on the disk when this returns.
 
         Raises:
@@ -87,7 +89,7 @@ class Database:
         with contextlib.suppress(sqlite3.Error):
             self._connection.close()
 
-    def _prepare(self, prepare: Callable[[sqlite3.Connection], None]) -> None:
+    def _prepare(self, prepare: _Work) -> None:
         try:
             self._in_transaction(prepare)
         except _CommitFailed as failed:
@@ -97,7 +99,7 @@ class Database:
         if self._why_broken:
             raise StoreError(self._why_broken)
 
-    def _in_transaction(self, work: Callable[[sqlite3.Connection], None], number: int = 0) -> None:
+    def _in_transaction(self, work: _Work, number: int = 0) -> None:
         connection = self._connection
         connection.execute("BEGIN IMMEDIATE")
         try:
@@ -116,6 +118,7 @@ class Database:
         try:
             self._disconnect()
             self._connection = _connect(self._path)
+            self._equip(self._connection)
             was_done = self._count() == number
             # Reading shows what the system remembers, be it on the disk or not. This writes it
             # anew, and writes over what would come to light again if the machine failed now.

@@ -114,7 +114,7 @@ class SqliteCompletions:
         await self._writer.close()
 
     def _open_file(self) -> Database:
-        return Database(self._path, self._prepare, holder="program")
+        return Database(self._path, self._prepare, lambda _: None, holder="program")
 
     def _prepare(self, connection: sqlite3.Connection) -> None:
         if not has_tables(connection):

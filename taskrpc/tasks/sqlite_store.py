@@ -58,4 +58,4 @@ class SqliteStore:
         await self._writer.close()
 
     def _open_file(self) -> Database:
-        return Database(self._path, task_tables.prepare, holder="task server")
+        return Database(self._path, task_tables.prepare, task_tables.equip, holder="task server")

@@ -10,7 +10,11 @@ import msgspec
 
 from taskrpc.errors import StoreError
 from taskrpc.storage.completions import (
+    FORGET,
+    SAVE,
+    SETTLE,
     CompletionBatch,
+    as_json,
     make_tables,
     read_completions,
     read_store_id,
@@ -37,14 +41,29 @@ _TABLES = (
     f"PRAGMA application_id = {_APPLICATION_ID}",
     f"PRAGMA user_version = {FORMAT}",
 )
-# One statement a batch: each step of a statement takes the interpreter's lock from the event loop.
 _SAVE = """
     INSERT OR REPLACE INTO task (task_id, checksum, record)
     SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'), json_extract(value, '$[2]')
-    FROM json_each(?)
+    FROM json_each(NEW.saved)
 """
-_FORGET = "DELETE FROM task WHERE task_id IN (SELECT value FROM json_each(?))"
-_COUNT = "UPDATE server SET next_id = max(next_id, ?)"
+# One statement for all: each step of a statement takes the interpreter's lock from the event loop.
+_EQUIPMENT = (
+    """
+    CREATE TEMP VIEW IF NOT EXISTS batch AS
+    SELECT '' AS saved, '' AS gone, 0 AS next_id, '' AS lapsed, '' AS completed, '' AS settled
+    """,
+    f"""
+    CREATE TEMP TRIGGER IF NOT EXISTS write_batch INSTEAD OF INSERT ON batch BEGIN
+        {_SAVE};
+        UPDATE server SET next_id = NEW.next_id WHERE next_id < NEW.next_id;
+        DELETE FROM task WHERE task_id IN (SELECT value FROM json_each(NEW.gone));
+        {FORGET.format("NEW.lapsed")};
+        {SAVE.format("NEW.completed")};
+        {SETTLE.format("NEW.settled")};
+    END
+    """,
+)
+_WRITE = "INSERT INTO batch VALUES (?, ?, ?, ?, ?, ?)"
 
 Row: TypeAlias = tuple[int, int, str]
 """A task as it stands in its table: number, checksum, record."""
@@ -71,6 +90,12 @@ def prepare(connection: sqlite3.Connection) -> None:
             f"expected a task database of format {FORMAT}, found format {version}; "
             "use the taskrpc that wrote it, or another file"
         )
+
+
+def equip(connection: sqlite3.Connection) -> None:
+    """Give a connection what `write` needs."""
+    for statement in _EQUIPMENT:
+        connection.execute(statement)
 
 
 def load(connection: sqlite3.Connection) -> Stored:
@@ -110,19 +135,18 @@ def write(connection: sqlite3.Connection, changes: Sequence[Change]) -> None:
         completions.add(change.completion, change.clients)
         if change.paused is not None:
             connection.execute("UPDATE server SET paused = ?", (change.paused,))
-    _write_tasks(connection, tasks)
-    completions.write(connection)
+    _write(connection, tasks, completions)
 
 
-def _write_tasks(connection: sqlite3.Connection, tasks: Mapping[int, Row | None]) -> None:
+def _write(
+    connection: sqlite3.Connection, tasks: Mapping[int, Row | None], completions: CompletionBatch
+) -> None:
     """Save the rows of these numbers; forget the numbers that have none."""
     saved = [row for row in tasks.values() if row is not None]
-    if saved:
-        connection.execute(_SAVE, (msgspec.json.encode(saved).decode(),))
-        connection.execute(_COUNT, (1 + max(number for number, *_ in saved),))
-    if len(saved) < len(tasks):
-        forgotten = [number for number, row in tasks.items() if row is None]
-        connection.execute(_FORGET, (msgspec.json.encode(forgotten).decode(),))
+    gone = [number for number, row in tasks.items() if row is None]
+    next_id = 1 + max((number for number, *_ in saved), default=0)
+    rows = (as_json(saved), as_json(gone), next_id, *completions.rows())
+    connection.execute(_WRITE, rows)
 
 
 def clear(connection: sqlite3.Connection) -> None:
@@ -142,6 +166,7 @@ def _upgrade(connection: sqlite3.Connection) -> None:
         raise StoreError(f"holds a damaged task: {error}") from None
     connection.execute("DROP TABLE task")
     connection.execute(_TABLES[0])
-    _write_tasks(connection, {task.task_id: row_of(task) for task in tasks})
     make_tables(connection)
+    equip(connection)
+    _write(connection, {task.task_id: row_of(task) for task in tasks}, CompletionBatch())
     connection.execute(f"PRAGMA user_version = {FORMAT}")
