@@ -186,10 +186,10 @@ async def test_what_found_no_room_is_refused_and_never_comes_to_light(folder, se
     assert not counts.broken(*BROKEN)
 
 
-@pytest.mark.parametrize("bug", PLANTED)
-async def test_a_store_that_is_hasty_is_found_out(folder, seed, counts, bug):
-    await rehearse(folder, seed, counts, large=False, planted=PLANTED[bug])
-    assert counts["lost"], bug
+@pytest.mark.parametrize("patch", PLANTED)
+async def test_a_store_that_is_hasty_is_found_out(folder, seed, counts, patch):
+    await rehearse(folder, seed, counts, large=False, planted=PLANTED[patch])
+    assert counts["lost"], patch
 
 
 async def test_a_store_that_guesses_is_found_out(folder, seed, counts):
