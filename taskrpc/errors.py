@@ -89,7 +89,7 @@ class ConnectionLost(TaskRpcError):
 
 
 class OutcomeUnknown(ConnectionLost):
-    """The connection ended after the request was sent: it may or may not have run."""
+    """It may or may not have run: the connection ended after it was sent, or a disk failed."""
 
 
 class TypeMismatch(TaskRpcError):
