@@ -7,11 +7,12 @@ import contextlib
 import os
 from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from functools import partial
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 from taskrpc import names, platform
-from taskrpc.access import Role
+from taskrpc.access import Accounts, Role
 from taskrpc.client import DEFAULT_TIMEOUT, Client
 from taskrpc.errors import TaskRpcError
 from taskrpc.retry import RetryPolicy
@@ -40,12 +41,15 @@ class Node:
     Arguments:
         name, namespace: by ROS's naming rules.
         transport: `tcp`, or `memory` for nodes of this event loop only (tests, demos).
-        listen: `HOST:PORT` to take calls at; any free loopback port unless said.
-        peers: `HOST:PORT` of processes to call, instead of this machine's registry
-            (`TASKRPC_PEERS` where not given).
+        listen: `HOST:PORT` to take calls at, or `unix:/path` (`unix:` alone: in the runtime
+            folder); any free loopback port unless said.
+        peers: `HOST:PORT` (or `unix:/path`) of processes to call, instead of this machine's
+            registry (`TASKRPC_PEERS` where not given).
         tls: certificates, for nodes that are reached from, or call, other machines.
         token: the secret that callers and peers on other machines must know
             (`TASKRPC_TOKEN` where not given); processes of one user and machine need none.
+        accounts: who else may call, and what; `Accounts`, or a file of them (JSON, TOML) that is
+            read afresh when it changes. Without them whoever has the token may do everything.
         observer: is told what becomes of each call; a `Metrics`, or an `Observer` of your own.
     """
 
@@ -62,6 +66,7 @@ class Node:
         peers: Sequence[str] | None = None,
         tls: Tls | None = None,
         token: str | None = None,
+        accounts: Accounts | str | Path | None = None,
         observer: Observer | None = None,
     ) -> None:
         self._name = names.check_node_name(name)
@@ -69,6 +74,7 @@ class Node:
         self._transport_name = transport
         self._listen, self._peers, self._tls = listen, peers, tls
         self._token = token or os.environ.get("TASKRPC_TOKEN")
+        self._accounts = accounts
         self._observer = observer
         self._transport: Transport | None = None
         # Ordered sets: thousands may come and go.
@@ -97,7 +103,7 @@ class Node:
 
     @property
     def address(self) -> str:
-        """`HOST:PORT` at which this program takes calls, "" before it offers anything."""
+        """Where it takes calls: `HOST:PORT` or `unix:/path`, "" before it offers anything."""
         return self._transport.address if self._transport is not None else ""
 
     # Its life
@@ -122,6 +128,7 @@ class Node:
                 listen=self._listen,
                 peers=self._peers,
                 token=self._token,
+                accounts=self._accounts,
                 tls=self._tls,
                 threads=self._threads,
             )

@@ -24,6 +24,8 @@ _LOCK_OFFSET = 0x7FFF_0000  # far behind the contents: Windows forbids reading l
 _NO_LIMIT = 2**20
 _TCP_MAXRT = 5  # Windows: seconds of retransmission before the connection is dropped
 _TCP_RXT_CONNDROPTIME = 0x80  # macOS: the same
+_SOL_LOCAL, _LOCAL_PEERCRED = 0, 1  # macOS: who is at the other end of a unix socket
+_XUCRED = 76  # bytes of the answer: version, user id, groups
 
 
 def runtime_dir() -> Path:
@@ -82,6 +84,39 @@ def private_dir(path: Path) -> Path:
     return path
 
 
+def check_private_dir(path: Path) -> None:
+    """Make a folder that only this user can enter, or check that one is; nothing is changed of it.
+
+    Raises TaskRpcError with what to do about it, or OSError.
+    """
+    path.mkdir(mode=0o700, parents=True, exist_ok=True)
+    found = path.lstat()
+    if WINDOWS:
+        return
+    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+        raise TaskRpcError(f"{path}: expected a folder of this user's")
+    if found.st_mode & 0o077:
+        mode = stat.S_IMODE(found.st_mode)
+        raise TaskRpcError(
+            f"{path}: expected a folder that only its owner can enter, its mode is {mode:04o};"
+            f" do `chmod 700 {path}`, or name another one"
+        )
+
+
+def peer_user(sock: socket.socket) -> int | None:
+    """The user id of the program at the other end of a unix socket; None where nobody says."""
+    import socket
+    import struct
+
+    if hasattr(socket, "SO_PEERCRED"):
+        found = sock.getsockopt(socket.SOL_SOCKET, socket.SO_PEERCRED, struct.calcsize("3i"))
+        return int(struct.unpack("3i", found)[1])
+    if sys.platform == "darwin":
+        credentials = sock.getsockopt(_SOL_LOCAL, _LOCAL_PEERCRED, _XUCRED)
+        return int(struct.unpack_from("2I", credentials)[1])
+    return None
+
+
 def _check_owner(path: Path, found: os.stat_result) -> None:
     if found.st_uid != os.getuid():
         raise TaskRpcError(f"{path}: expected a folder of this user's, it belongs to another user")
@@ -93,6 +128,24 @@ def open_private(path: Path) -> int:
     """Open or create a file that only this user can read; returns the descriptor."""
     flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
     return os.open(path, flags, 0o600)
+
+
+def check_private(descriptor: int, path: object) -> None:
+    """Check that nobody but this user, or root, can read or write a file with secrets.
+
+    Raises TaskRpcError with what to do about it.
+    """
+    if WINDOWS:  # who may read is the folder's matter there: the user's own profile
+        return
+    found = os.fstat(descriptor)
+    if found.st_uid not in (os.getuid(), 0):
+        raise TaskRpcError(f"{path}: expected a file of this user's, it belongs to another user")
+    if found.st_mode & 0o077:
+        mode = stat.S_IMODE(found.st_mode)
+        raise TaskRpcError(
+            f"{path}: expected a file that only its owner can read, its mode is {mode:04o};"
+            f" do `chmod 600 {path}`"
+        )
 
 
 def lock(descriptor: int) -> None:

@@ -14,13 +14,14 @@ import threading
 from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as WaitTimeout
+from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from taskrpc import client as _client
 from taskrpc import node as _node
 from taskrpc import platform
-from taskrpc.access import Role
+from taskrpc.access import Accounts, Role
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
 from taskrpc.errors import WouldDeadlock
 from taskrpc.retry import RetryPolicy
@@ -57,6 +58,7 @@ class Node:
         peers: Sequence[str] | None = None,
         tls: Tls | None = None,
         token: str | None = None,
+        accounts: Accounts | str | Path | None = None,
         observer: Observer | None = None,
     ) -> None:
         self._loop = _LoopThread.shared()
@@ -68,6 +70,7 @@ class Node:
             peers=peers,
             tls=tls,
             token=token,
+            accounts=accounts,
             observer=observer,
         )
 
@@ -97,7 +100,7 @@ class Node:
 
     @property
     def address(self) -> str:
-        """`HOST:PORT` at which this program takes calls, "" before it offers anything."""
+        """Where it takes calls: `HOST:PORT` or `unix:/path`, "" before it offers anything."""
         return self._node.address
 
     def create_service(

@@ -87,8 +87,8 @@ HERE = Remote()
 def add_connect(parser: argparse.ArgumentParser) -> None:
     """Give a command `--connect` and what goes with it."""
     group = parser.add_argument_group("a program on another machine")
-    what = "ask the program there instead of those of this machine"
-    group.add_argument("--connect", metavar="HOST:PORT", type=place, help=what)
+    what = "ask the program there (or at unix:/path) instead of those of this machine"
+    group.add_argument("--connect", metavar="HOST:PORT", type=any_place, help=what)
     add_secrets(group)
 
 
@@ -110,6 +110,20 @@ def place(text: str) -> str:
     except TaskRpcError as error:
         raise ArgumentTypeError(str(error)) from None
     return text
+
+
+def any_place(text: str) -> str:
+    """A `HOST:PORT` or `unix:/path` argument. Raises argparse's ArgumentTypeError."""
+    if not text.startswith("unix:"):
+        return place(text)
+    from argparse import ArgumentTypeError
+
+    from taskrpc.transport.unix import checked_unix
+
+    try:
+        return text if text == "unix:" else checked_unix(text)
+    except TaskRpcError as error:
+        raise ArgumentTypeError(str(error)) from None
 
 
 def add_secrets(group: argparse._ActionsContainer) -> None:
@@ -140,10 +154,12 @@ def _tls(options: argparse.Namespace) -> Tls | None:
 def _token(file: str | None) -> str | None:
     if not file:
         return None
-    from pathlib import Path
+    from taskrpc import platform
 
     try:
-        token = Path(file).read_text(encoding="utf-8").strip()
+        with open(file, encoding="utf-8") as opened:
+            platform.check_private(opened.fileno(), file)
+            token = opened.read().strip()
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "expected UTF-8 text"
         raise TaskRpcError(f"--token-file {file}: {reason}") from None

@@ -63,8 +63,8 @@ def _parser() -> Parser:
 
 def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    listen = "where to take calls (127.0.0.1:0)"
-    add("--listen", metavar="HOST:PORT", type=remote.place, help=listen)
+    listen = "where to take calls, also unix:/path (127.0.0.1:0)"
+    add("--listen", metavar="HOST:PORT", type=remote.any_place, help=listen)
     add("--db", metavar="FILE", help="where tasks survive; :memory: forgets them at the end")
     add("--fresh", action="store_true", help="forget the tasks of earlier runs")
     add("--queue-limit", metavar="N", type=whole(1), default=10_000, help="(10000)")
@@ -99,6 +99,8 @@ def _add_robot_options(parser: argparse.ArgumentParser) -> None:
 def _add_security_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--token-file", metavar="FILE", help="the secret that callers elsewhere must know")
+    what = "who else may call, and what: a file of accounts (TOML or JSON), read when it changes"
+    add("--accounts", metavar="FILE", help=what)
     add("--tls-cert", metavar="FILE", help="this server's certificate (PEM)")
     add("--tls-key", metavar="FILE", help="its key (PEM)")
     add("--tls-ca", metavar="FILE", help="callers must show a certificate signed by this one")
@@ -116,6 +118,7 @@ async def _serve(options: argparse.Namespace, robot: Robot) -> None:
         listen=options.listen,
         tls=access.tls,
         token=access.token,
+        accounts=options.accounts,
         observer=watch.metrics if watch else None,
     )
     async with stop_requested() as stopped, node, contextlib.AsyncExitStack() as stack:

@@ -20,6 +20,7 @@ from taskrpc.tasks.listing import page
 from taskrpc.tasks.manager import Answer, Resumed, TaskManager
 from taskrpc.tasks.messages import Messages
 from taskrpc.tasks.model import Task
+from taskrpc.tasks.rights import ROLES, client_name, refuse_others_task
 from taskrpc.tasks.store import TaskStore
 from taskrpc.wire.once import Completion
 
@@ -166,6 +167,7 @@ class TaskServer:
                 concurrency=_WATCHERS if verb == "watch" else _CONCURRENCY,
                 idempotent=may_repeat,
                 join=self._join,
+                role=ROLES[verb],
             )
             self._services.append(service)
         health = self._node.create_service(
@@ -175,6 +177,7 @@ class TaskServer:
             concurrency=_CONCURRENCY,
             idempotent=True,
             join=self._join,
+            role=ROLES["health"],
         )
         self._services.append(health)
 
@@ -203,7 +206,7 @@ class TaskServer:
             request.task_type,
             request.target,
             request.priority,
-            client=_caller(),
+            client=client_name(),
             completing=lambda answer: _completed(_answered(response, answer)),
         )
         return response
@@ -258,7 +261,8 @@ class TaskServer:
 
     async def cancel(self, request: Any, response: Any) -> Any:
         """Call a task off; see CancelTask.srv."""
-        return _answered(response, await self.manager.cancel(request.task_id, client=_caller()))
+        refuse_others_task(self.manager.book.find(request.task_id))
+        return _answered(response, await self.manager.cancel(request.task_id, client=client_name()))
 
     async def pause(self, request: Any, response: Any) -> Any:
         """Halt the robot and the queue; see PauseTasks.srv."""
@@ -279,11 +283,12 @@ class TaskServer:
 
     async def drop(self, request: Any, response: Any) -> Any:
         """Give a task up; see DropTask.srv."""
-        return _answered(response, await self.manager.drop(request.task_id, client=_caller()))
+        refuse_others_task(self.manager.book.find(request.task_id))
+        return _answered(response, await self.manager.drop(request.task_id, client=client_name()))
 
     async def stop(self, request: Any, response: Any) -> Any:
         """Halt the robot at once; see StopRobot.srv."""
-        return _answered(response, await self.manager.stop(client=_caller()))
+        return _answered(response, await self.manager.stop(client=client_name()))
 
     async def tell_health(self, request: Any, response: Any) -> Any:
         """Say whether tasks are taken now; a std_srvs/srv/Trigger."""
@@ -313,13 +318,6 @@ def _completed(response: Any) -> Completion | None:
         return current_call().completed_by(response)
     except LookupError:  # called without a network
         return None
-
-
-def _caller() -> str:
-    try:
-        return current_call().caller
-    except LookupError:  # called without a network
-        return ""
 
 
 def _patience(asked: float) -> float:

@@ -19,6 +19,7 @@ from taskrpc import platform
 from taskrpc.errors import (
     ConnectionLost,
     NameInUse,
+    PermissionDenied,
     ServiceUnavailable,
     TaskRpcError,
 )
@@ -33,6 +34,7 @@ from taskrpc.transport.dialling import READY_TIMEOUT, Dialler
 from taskrpc.transport.entries import Change, Entry, Roster
 from taskrpc.transport.network import Address, Network
 from taskrpc.transport.news import News
+from taskrpc.transport.revoking import look_after_accounts
 from taskrpc.transport.serving import ServingConnection
 from taskrpc.transport.threads import ThreadedConnection
 from taskrpc.transport.timers import clock_of
@@ -218,6 +220,7 @@ class Endpoint:
                 self._admission.came(connection)
         elif isinstance(connection, CallingConnection):
             self.dialler.connections.add(connection)
+        self._vouch(connection)
         if self._ticker is None:
             self._ticker = self.loop.call_later(TICK, self._tick)
 
@@ -241,16 +244,35 @@ class Endpoint:
         return self._calling(self, self._identity(address.token, name), self.news.pulse)
 
     def _accepted(self) -> ServingConnection:
-        return ServingConnection(self, self._identity(self.network.token, ""))
+        me, book = self._identity(self.network.token, ""), self.network.accounts
+        if book is not None:
+            if self._ticker is None:  # nobody was here to look after
+                book.look()
+            me = msgspec.structs.replace(me, accounts=book.now, today=time.time())
+        return ServingConnection(self, me)
 
     def _identity(self, token: bytes, name: str) -> Identity:
         nonce = os.urandom(16)
         return Identity(self._id, nonce, token, self.network.domain, name)
 
+    def _vouch(self, connection: Connection) -> None:
+        served = isinstance(connection, ServingConnection)
+        if connection.transport is None:
+            return
+        try:
+            voucher = self.network.voucher(connection.transport, serving=served)
+        except PermissionDenied as error:
+            connection.abort(error)
+            log.warning("closed the connection of another user: %s", error)
+        else:
+            if voucher is not None:
+                connection.session.vouch(voucher)
+
     def _publish(self, change: Change, *, claim: str = "") -> None:
         if self._closed:
             return
-        if self.address != self._roster.about.address:
+        about = self._roster.about
+        if (self.address, self.network.certificate) != (about.address, about.certificate):
             change = msgspec.structs.replace(
                 change,
                 address=self.address,
@@ -299,6 +321,11 @@ class Endpoint:
         self.unread.measure_all()
         for connection in connections:
             connection.tick(now)
+        if (book := self.network.accounts) is not None:
+            book.look()
+            look_after_accounts(self._served, book.now, time.time())
+        if self.address and self.network.certificate != self._roster.about.certificate:
+            self._publish(Change())
         if connections:
             self._ticker = self.loop.call_later(TICK, self._tick)
 

@@ -60,10 +60,7 @@ class Listener:
 
     async def close(self) -> None:
         """Take no more connections, and give up those that are being made."""
-        try:
-            # On Linux this ends the accepting without a cancel, which could lose who just came.
-            self._sock.shutdown(socket.SHUT_RDWR)
-        except OSError:
+        if not _shut_down(self._sock):
             self._accepting.cancel()
         for task in self._arriving:
             task.cancel()
@@ -138,6 +135,17 @@ class Listener:
             error.strerror,
             count,
         )
+
+
+def _shut_down(sock: socket.socket) -> bool:
+    """End the accepting without a cancel, which could lose who just came; Linux can."""
+    if sock.family not in (socket.AF_INET, socket.AF_INET6):
+        return False  # a unix socket may stay readable for ever then
+    try:
+        sock.shutdown(socket.SHUT_RDWR)
+    except OSError:
+        return False
+    return True
 
 
 def _spare() -> socket.socket | None:

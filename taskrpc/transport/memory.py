@@ -13,6 +13,7 @@ from collections import deque
 from typing import Any
 
 from taskrpc.errors import NameInUse
+from taskrpc.transport.accounts import AccountBook
 from taskrpc.transport.entries import Change, Entry, Roster
 from taskrpc.transport.network import Address, Factory
 
@@ -53,6 +54,7 @@ class MemoryNetwork:
     """One endpoint's share in its loop's hub."""
 
     certificate = ""
+    accounts: AccountBook | None = None
 
     def __init__(self, *, domain: int) -> None:
         self.domain = domain
@@ -77,6 +79,9 @@ class MemoryNetwork:
         client, server = factory(), server_factory()
         join(client, server, address.place)
         return client
+
+    def voucher(self, transport: asyncio.BaseTransport, *, serving: bool) -> None:
+        """Nothing: the hub's token is proof enough."""
 
     def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
         """Tell everybody in this loop of a change to what this endpoint has."""

@@ -8,7 +8,9 @@ from typing import Protocol
 
 import msgspec
 
+from taskrpc.transport.accounts import AccountBook
 from taskrpc.transport.entries import Change, Entry, Roster
+from taskrpc.wire.handshake import Voucher
 
 
 class Address(msgspec.Struct, frozen=True):
@@ -35,14 +37,24 @@ class Network(Protocol):
     token: bytes
     """What callers of this process must prove to know."""
     domain: int
-    certificate: str
-    """What callers of this process must be shown (PEM), "" where it takes plain connections."""
+    accounts: AccountBook | None
+    """Who may call beside those who know the token; None where there are no accounts."""
+
+    @property
+    def certificate(self) -> str:
+        """What callers of this process are shown now (PEM), "" for plain connections."""
 
     def listen(self, factory: Factory) -> str:
         """Take connections from now on; returns the place. Raises CannotListen."""
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect. Raises OSError."""
+
+    def voucher(self, transport: asyncio.BaseTransport, *, serving: bool) -> Voucher | None:
+        """What a connection proves of the other side by itself.
+
+        `serving` says that we are called on it. Raises PermissionDenied for one that may not stay.
+        """
 
     def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
         """Tell everybody of a change to what this process has; the roster takes note of it.

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from itertools import count
 from typing import ClassVar, Protocol, TypeAlias, cast
 
-from taskrpc.access import Role
+from taskrpc.access import Account, Role
 from taskrpc.callinfo import CallInfo
 from taskrpc.errors import (
     InvalidRequest,
@@ -84,6 +84,7 @@ class ServingConnection(Connection):
         "_linger",
         "_routes",
         "_writing_paused",
+        "account",
         "caller",
         "host",
         "peer_id",
@@ -99,6 +100,7 @@ class ServingConnection(Connection):
         self.caller = ""
         self.peer_id = b""
         """The calling program: all its connections have the same."""
+        self.account: Account | None = None
         self.principal = ""
         """The account that the caller has proved, "" for the server's own token."""
         self.role = Role.ADMIN
@@ -280,7 +282,8 @@ class ServingConnection(Connection):
         self.host.caller_proved(self)
         peer = event.peer
         self.caller, self.peer_id = peer.name, peer.id
-        self.principal, self.role = peer.principal, peer.role
+        if (account := peer.account) is not None:
+            self.account, self.principal, self.role = account, account.name, account.role
 
     def _resolved(self, event: ResolveReceived) -> None:
         question = event.question

@@ -5,8 +5,11 @@ from __future__ import annotations
 import asyncio
 import weakref
 from collections.abc import Hashable, Sequence
+from pathlib import Path
 
+from taskrpc.access import Accounts
 from taskrpc.errors import TaskRpcError
+from taskrpc.transport.accounts import AccountBook
 from taskrpc.transport.base import Transport
 from taskrpc.transport.endpoint import Endpoint
 from taskrpc.transport.memory import MemoryNetwork
@@ -26,6 +29,7 @@ def shared_transport(
     peers: Sequence[str] | None,
     token: str | None,
     tls: Tls | None,
+    accounts: Accounts | str | Path | None = None,
     threads: bool = False,
 ) -> Transport:
     """The running loop's endpoint for these settings, made for the first who asks.
@@ -37,11 +41,12 @@ def shared_transport(
     domain = domain_id()
     where = tuple(environment_peers() if peers is None else _listed(peers))
     endpoints = _endpoints.setdefault(asyncio.get_running_loop(), {})
-    key = (name, domain, listen, where, token, tls)
+    key = (name, domain, listen, where, token, tls, accounts)
     endpoint = endpoints.get(key)
     if endpoint is None:
         secret = token.encode() if token else None
-        network = _network(name, domain, listen, where, secret, tls)
+        book = None if accounts is None else AccountBook(accounts)
+        network = _network(name, domain, listen, where, secret, tls, book)
         # An endpoint holds its loop: one that stayed here would keep the loop alive for ever.
         forget = lambda: endpoints.pop(key)  # noqa: E731
         endpoints[key] = endpoint = Endpoint(network, forget, threads=threads)
@@ -57,9 +62,12 @@ def _network(
     peers: Sequence[str],
     token: bytes | None,
     tls: Tls | None,
+    accounts: AccountBook | None,
 ) -> Network:
     if name == "tcp":
-        return TcpNetwork(domain=domain, listen=listen, peers=peers, token=token, tls=tls)
+        return TcpNetwork(
+            domain=domain, listen=listen, peers=peers, token=token, tls=tls, accounts=accounts
+        )
     if name == "memory":
         return MemoryNetwork(domain=domain)
     raise TaskRpcError(f"transport: expected 'tcp' or 'memory', got {name!r}")

@@ -10,12 +10,27 @@ import socket
 import ssl
 from collections.abc import Sequence
 
+from msgspec.structs import replace
+
+from taskrpc.access import account_of
 from taskrpc.errors import AuthenticationFailed, CannotListen, TaskRpcError
+from taskrpc.transport.accounts import AccountBook
 from taskrpc.transport.entries import Change, Entry, Roster
+from taskrpc.transport.exposure import refuse_exposure
 from taskrpc.transport.listening import BACKLOG, Listener
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.registry import Registry
-from taskrpc.transport.tls import Tls, pinned_context, shown_certificate
+from taskrpc.transport.tls import ServerTls, Tls, common_name, pinned_context
+from taskrpc.transport.unix import (
+    PREFIX,
+    bound_unix,
+    checked_unix,
+    is_unix,
+    path_of,
+    remove_unix,
+    unix_voucher,
+)
+from taskrpc.wire.handshake import Voucher
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -29,7 +44,8 @@ class TcpNetwork:
     """TCP on this machine's loopback, or wherever `listen` and `peers` say.
 
     `listen` is `host:port` (port 0: any free one). `peers` are `host:port` of processes on other
-    machines; without them the registry of this machine is asked.
+    machines; without them the registry of this machine is asked. Either may be `unix:/path`; to
+    listen at `unix:` alone makes a socket in the runtime folder.
     """
 
     def __init__(
@@ -40,9 +56,13 @@ class TcpNetwork:
         peers: Sequence[str] = (),
         token: bytes | None = None,
         tls: Tls | None = None,
+        accounts: AccountBook | None = None,
     ) -> None:
         self._tls = tls
-        self.certificate = shown_certificate(tls)
+        # A node that has no certificate of its own uses TLS for calling only.
+        unencrypted = tls is None or tls.cert is None or is_unix(listen or "")
+        self._server_tls = None if tls is None or unencrypted else ServerTls(tls)
+        self.accounts = accounts
         self.domain = domain
         self.token = token or os.urandom(32)
         self._peers = [_checked_place(peer) for peer in peers]
@@ -50,29 +70,64 @@ class TcpNetwork:
         self._listen_at = listen or "127.0.0.1:0"
         self._registry = Registry(domain)
         self._listener: Listener | None = None
+        self._unix_path = ""
         self._seen: object = None
         self._looked = float("-inf")
 
     def listen(self, factory: Factory) -> str:
         """Take connections from now on."""
+        if is_unix(self._listen_at):
+            name = f"{os.getpid()}-{id(self):x}.sock"
+            sock, self._unix_path = bound_unix(self._listen_at, name)
+            self._listener = Listener(sock, factory)
+            return PREFIX + self._unix_path
         host, port = split_place(self._listen_at)
-        self._refuse_unprotected(host)
-        # A node that has no certificate of its own uses TLS for calling only.
-        context = self._tls.server_context() if self._tls and self.certificate else None
+        if not is_loopback(host):
+            refuse_exposure(
+                host,
+                certificate=self.certificate != "",
+                token=(self._peer_token or b"").decode(),
+                accounts=None if self.accounts is None else self.accounts.now,
+                ca=self._tls is not None and self._tls.ca is not None,
+            )
+        tls = self._server_tls
         # Bound here and now, so that the address can be announced before the loop's next turn;
         # callers who are quicker than the loop wait in the backlog.
         sock = bound(host, port)
-        self._listener = Listener(sock, factory, lambda: context)
+        self._listener = Listener(sock, factory, tls.context if tls else lambda: None)
         return join_place(*sock.getsockname()[:2])
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect."""
+        loop = asyncio.get_running_loop()
+        if is_unix(address.place):
+            path = path_of(address.place)
+            _, protocol = await loop.create_unix_connection(factory, path)
+            return protocol
         host, port = split_place(address.place)
         context = self._context(address)
         _refuse_stranger(address, host, encrypted=context is not None)
-        loop = asyncio.get_running_loop()
         _, protocol = await loop.create_connection(factory, host, port, ssl=context)
         return protocol
+
+    @property
+    def certificate(self) -> str:
+        """What callers are shown now (PEM), "" where connections are plain."""
+        return "" if self._server_tls is None else self._server_tls.certificate
+
+    def voucher(self, transport: asyncio.BaseTransport, *, serving: bool) -> Voucher | None:
+        """What a connection proves of the other side by itself."""
+        sock = transport.get_extra_info("socket")
+        if sock is not None and sock.family == getattr(socket, "AF_UNIX", None):
+            return unix_voucher(sock, serving=serving, has_accounts=self.accounts is not None)
+        if not serving:
+            # All our contexts check the server; it can check us where we show a certificate.
+            encrypted = transport.get_extra_info("ssl_object") is not None
+            return Voucher("") if encrypted and self._tls and self._tls.key else None
+        certificate = transport.get_extra_info("peercert")
+        if not certificate or (self._peer_token and self.accounts is None):
+            return None  # a token that was given must be proved beside the certificate
+        return Voucher(common_name(certificate))
 
     def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
         """Tell everybody on this machine of a change to what this process has."""
@@ -101,6 +156,8 @@ class TcpNetwork:
         here = [_address(roster.about) for roster in self._registry.rosters()]
         known = {each.place: each for each in here if each.place}
         given = self._peer_token or b""
+        if account_of(given):  # who gives an account's token wants to be that account
+            known = {place: replace(each, token=given) for place, each in known.items()}
         return [known.get(place) or Address(place, given) for place in self._peers]
 
     def mark(self) -> object:
@@ -122,17 +179,12 @@ class TcpNetwork:
         if self._listener is not None:
             listener, self._listener = self._listener, None
             await listener.close()
+            if self._unix_path:
+                remove_unix(self._unix_path)
 
     def close(self) -> None:
         """Remove this process's registry entry."""
         self._registry.close()
-
-    def _refuse_unprotected(self, host: str) -> None:
-        if not is_loopback(host) and not (self.certificate and self._peer_token):
-            raise CannotListen(
-                f"cannot listen at {host}: beyond this machine's own addresses (127.0.0.1,"
-                " localhost, ::1) a certificate (tls) and a token are needed"
-            )
 
     def _context(self, address: Address) -> ssl.SSLContext | None:
         """TLS as the registry says; for peers elsewhere, as this node was told."""
@@ -185,6 +237,8 @@ def split_place(place: str) -> tuple[str, int]:
 
 
 def _checked_place(place: str) -> str:
+    if is_unix(place):
+        return checked_unix(place)
     return join_place(*split_place(place))
 
 

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import logging
+import os
 import ssl
 from collections.abc import Callable
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import msgspec
 
 from taskrpc.errors import CannotListen, TaskRpcError
+
+log = logging.getLogger("taskrpc.transport")
 
 _Loaded = TypeVar("_Loaded")
 
@@ -49,6 +53,43 @@ class Tls(msgspec.Struct, frozen=True):
         return context
 
 
+class ServerTls:
+    """How a server accepts connections now: its files may change while it runs."""
+
+    def __init__(self, tls: Tls) -> None:
+        self._tls = tls
+        self._seen = _signatures(tls)
+        self._context = tls.server_context()
+        self.certificate = shown_certificate(tls)
+        """What callers are shown (PEM)."""
+
+    def context(self) -> ssl.SSLContext:
+        """The context for a new connection, made afresh where a file has changed.
+
+        Files that cannot be used leave everything as it was, and a line in the log.
+        """
+        seen = _signatures(self._tls)
+        if seen != self._seen:
+            self._seen = seen
+            try:
+                context, certificate = self._tls.server_context(), shown_certificate(self._tls)
+            except TaskRpcError as error:
+                log.error("the certificate stays as it was: %s", error)
+            else:
+                self._context, self.certificate = context, certificate
+                log.info("%s: a new certificate for new connections", self._tls.cert)
+        return self._context
+
+
+def common_name(certificate: Any) -> str:
+    """Whom a certificate names, as Python's ssl tells its contents; "" where nobody."""
+    for part in certificate.get("subject", ()):
+        for key, value in part:
+            if key == "commonName":
+                return str(value)
+    return ""
+
+
 def shown_certificate(tls: Tls | None) -> str:
     """The certificate that a server with these settings shows (PEM), "" where it has none."""
     if tls is None or tls.cert is None:
@@ -72,6 +113,19 @@ def pinned_context(certificate: str, own: Tls | None) -> ssl.SSLContext:
     if own is not None:
         _show(own, context)
     return context
+
+
+def _signatures(tls: Tls) -> object:
+    """A value that changes when any of the files does."""
+    return [_signature(each) for each in (tls.cert, tls.key, tls.ca) if each is not None]
+
+
+def _signature(path: str | Path) -> object:
+    try:
+        found = os.stat(path)
+    except OSError:
+        return None
+    return found.st_mtime_ns, found.st_size, found.st_ino
 
 
 def _show(tls: Tls, context: ssl.SSLContext) -> None:

@@ -22,7 +22,7 @@ from typing import NamedTuple
 
 import msgspec
 
-from taskrpc.access import Account, Accounts, Role, account_of
+from taskrpc.access import Account, Accounts, account_of
 from taskrpc.errors import AuthenticationFailed, ProtocolError, TaskRpcError
 from taskrpc.wire import messages, status
 from taskrpc.wire.frames import MAGIC, Frame, FrameType, pack_frame
@@ -73,10 +73,8 @@ class Peer(msgspec.Struct, frozen=True):
     name: str
     limits: Limits
     """What the other side accepts (a server's view of a client has the defaults)."""
-    principal: str = ""
-    """The account that a client proved to have, "" where it proved the server's own token."""
-    role: Role = Role.ADMIN
-    """What a client may do."""
+    account: Account | None = None
+    """What a client proved to have, None where it proved the server's own token."""
 
 
 class ClientHandshake:
@@ -131,8 +129,8 @@ class _Key(NamedTuple):
     """What a caller must know, and what it opens."""
 
     token: bytes
-    principal: str
-    role: Role
+    account: Account | None = None
+    """None for everything."""
 
 
 class ServerHandshake:
@@ -140,7 +138,7 @@ class ServerHandshake:
 
     def __init__(self, me: Identity) -> None:
         self._me = me
-        self._own = _Key(me.token, "", Role.ADMIN)
+        self._own = _Key(me.token)
         self._hello: Hello | None = None
         self.voucher: Voucher | None = None
         self.peer: Peer | None = None
@@ -178,7 +176,7 @@ class ServerHandshake:
         key, why = self._key_of(hello.account)
         if not self._proves(auth, hello, key.token):
             key = self._vouched(auth, hello, why)
-        self.peer = Peer(hello.client_id, hello.name, DEFAULT_LIMITS, key.principal, key.role)
+        self.peer = Peer(hello.client_id, hello.name, DEFAULT_LIMITS, key.account)
         proof = _proof(key.token, b"server", hello.nonce, me.nonce)
         return pack_frame(FrameType.AUTH_OK, 0, 0, 0, 0, messages.encode(messages.Auth(proof)))
 
@@ -192,7 +190,8 @@ class ServerHandshake:
             # Compared with a token all the same, so that the time tells nothing; and it may be
             # this server's own, with a dot in it.
             return self._own, accounts.refusal(name, self._me.today)
-        return _account_key(account), f"it does not know the secret of the account {name}"
+        why = f"it does not know the secret of the account {name}"
+        return _Key(account.token.encode(), account), why
 
     def _vouched(self, auth: messages.Auth, hello: Hello, why: str) -> _Key:
         """What a caller may do who proved no token. Raises AuthenticationFailed."""
@@ -200,11 +199,11 @@ class ServerHandshake:
         if voucher is None or not self._proves(auth, hello, b""):
             raise _refused(why)
         if voucher.is_owner or accounts is None:
-            return _Key(b"", "", Role.ADMIN)
+            return _Key(b"")
         account = accounts.find(voucher.name, self._me.today)
         if account is None:
             raise _refused(f"by its certificate {accounts.refusal(voucher.name, self._me.today)}")
-        return _Key(b"", account.name, account.role)
+        return _Key(b"", account)
 
     def _proves(self, auth: messages.Auth, hello: Hello, token: bytes) -> bool:
         expected = _proof(token, b"client", hello.nonce, self._me.nonce)
@@ -216,10 +215,6 @@ def refusal(error: TaskRpcError) -> bytes:
     wire = status.to_wire(error)
     arg = wire.code << 16 | wire.retry_after
     return pack_frame(FrameType.ERROR, wire.flags, 0, 0, arg, wire.body)
-
-
-def _account_key(account: Account) -> _Key:
-    return _Key(account.token.encode(), account.name, account.role)
 
 
 def _refused(why: str) -> AuthenticationFailed:

@@ -56,6 +56,7 @@ def test_a_program_elsewhere_is_called_with_its_secret(tmp_path, monkeypatch, ca
     """Another runtime folder stands for another machine: no token is found there."""
     secret = tmp_path / "secret.txt"
     secret.write_text("open sesame\n")
+    secret.chmod(0o600)
     with sync.Node("server", token="open sesame") as node:
         node.create_service(ADD, "add", add)
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "elsewhere"))
@@ -79,6 +80,6 @@ def test_a_program_elsewhere_that_is_not_there_is_pointed_to_the_doctor(capsys):
 
 def test_an_empty_secret_is_refused(tmp_path, capsys):
     empty = tmp_path / "secret.txt"
-    empty.touch()
+    empty.touch(0o600)
     assert main(["service", "list", "--connect", "a:1", "--token-file", str(empty)]) == 1
     assert capsys.readouterr().err == f"--token-file {empty}: the file is empty\n"

@@ -36,7 +36,8 @@ def shaken(token=b"", server=KNOWING, voucher=None, trusted=None):
 
 def right(event):
     assert isinstance(event, Ready), event
-    return event.peer.principal, event.peer.role
+    account = event.peer.account
+    return ("", Role.ADMIN) if account is None else (account.name, account.role)
 
 
 def why_not(event):

@@ -1,0 +1,50 @@
+"""Who asks the task server, and what he may do to whose tasks."""
+
+from __future__ import annotations
+
+from taskrpc.access import Role
+from taskrpc.callinfo import current_call
+from taskrpc.errors import Code, HandlerError
+from taskrpc.tasks.model import Task
+
+ROLES = {
+    "list": Role.OBSERVE,
+    "show": Role.OBSERVE,
+    "watch": Role.OBSERVE,
+    "health": Role.OBSERVE,
+    "cancel": Role.SUBMIT,
+    "drop": Role.SUBMIT,
+    "pause": Role.OPERATE,
+    "resume": Role.OPERATE,
+    "reprioritise": Role.OPERATE,
+    "requeue": Role.OPERATE,
+    "stop": Role.OPERATE,
+}
+"""The least role for each service below `/robot_task`."""
+
+
+def client_name() -> str:
+    """Whose task the running call submits: the account's, else the calling node's."""
+    try:
+        call = current_call()
+    except LookupError:  # called without a network
+        return ""
+    return call.principal or call.caller
+
+
+def refuse_others_task(task: Task | None) -> None:
+    """Let nobody below OPERATE touch what another client has submitted.
+
+    Raises HandlerError with PERMISSION_DENIED.
+    """
+    try:
+        call = current_call()
+    except LookupError:
+        return
+    if task is None or call.role >= Role.OPERATE or task.client == call.principal:
+        return
+    raise HandlerError(
+        Code.PERMISSION_DENIED,
+        f"task {task.task_id} is not the account {call.principal}'s: what others submitted needs"
+        f" the role operate; the account has {call.role.name.lower()}",
+    )

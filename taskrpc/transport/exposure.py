@@ -1,0 +1,30 @@
+"""Where a server may listen: beyond this machine only with a certificate, and asking for proof."""
+
+from __future__ import annotations
+
+from taskrpc.access import MIN_SECRET, Accounts
+from taskrpc.errors import CannotListen
+
+
+def refuse_exposure(
+    host: str, *, certificate: bool, token: str, accounts: Accounts | None, ca: bool
+) -> None:
+    """Check that a server is protected well enough to listen where other machines reach it.
+
+    `ca` says that callers must show certificates. Raises CannotListen.
+    """
+    if not (certificate and (token or ca or accounts is not None)):
+        raise CannotListen(
+            f"cannot listen at {host}: beyond this machine's own addresses (127.0.0.1,"
+            " localhost, ::1) a certificate (tls) and a token are needed; accounts or client"
+            " certificates (ca) will do in the token's place"
+        )
+    secrets = {"the token": token} if token else {}
+    for account in accounts or ():
+        secrets[f"the secret of the account {account.name}"] = account.secret
+    for what, secret in secrets.items():
+        if len(secret) < MIN_SECRET:
+            raise CannotListen(
+                f"cannot listen at {host}: {what} has {len(secret)} characters; where other"
+                f" machines can try to guess it, at least {MIN_SECRET} are needed"
+            )

@@ -1,0 +1,34 @@
+"""What becomes of connections whose account is taken away, expires or changes."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+
+from taskrpc.access import Accounts
+from taskrpc.errors import AuthenticationFailed
+from taskrpc.transport.serving import ServingConnection
+from taskrpc.wire.session import State
+
+log = logging.getLogger("taskrpc.transport")
+
+
+def look_after_accounts(
+    served: Iterable[ServingConnection], accounts: Accounts, today: float
+) -> None:
+    """End connections whose caller's account is not what it was; `today` in seconds since 1970.
+
+    A caller whose account only changed may finish its calls, and comes back to what it may do now.
+    """
+    for connection in list(served):
+        proved = connection.account
+        if proved is None or connection.session.state is State.CLOSED:
+            continue
+        account = accounts.find(proved.name, today)
+        if account is None or account.secret != proved.secret:
+            why = accounts.refusal(proved.name, today) or f"{proved.name} has another secret now"
+            log.warning("closed the connection from %s: %s", connection.peer_name, why)
+            connection.refuse(AuthenticationFailed("the token is not this server's any more"))
+        elif account != proved and connection.session.state is State.OPEN:
+            log.info("the account %s changed; its connections begin anew", proved.name)
+            connection.drain()

@@ -1,0 +1,107 @@
+"""Unix sockets: calls that never leave this machine, from programs that the system knows."""
+
+from __future__ import annotations
+
+import os
+import socket
+import stat
+from pathlib import Path
+
+from taskrpc import platform
+from taskrpc.errors import CannotListen, PermissionDenied, TaskRpcError
+from taskrpc.transport.listening import BACKLOG
+from taskrpc.wire.handshake import Voucher
+
+PREFIX = "unix:"
+
+_PATIENCE = 1.0
+"""Seconds in which a server must take a connection to count as one that answers."""
+
+
+def is_unix(place: str) -> bool:
+    """Whether a place is `unix:/path`."""
+    return place.startswith(PREFIX)
+
+
+def checked_unix(place: str) -> str:
+    """The place, with an absolute path. Raises TaskRpcError where there are no unix sockets."""
+    if not hasattr(socket, "AF_UNIX") or platform.WINDOWS:
+        raise TaskRpcError(f"{place}: Python has no unix sockets on Windows; use 127.0.0.1:PORT")
+    return PREFIX + os.path.abspath(place.removeprefix(PREFIX))
+
+
+def path_of(place: str) -> str:
+    """The path in `unix:/path`. Raises TaskRpcError where there are no unix sockets."""
+    return checked_unix(place).removeprefix(PREFIX)
+
+
+def bound_unix(place: str, name: str) -> tuple[socket.socket, str]:
+    """A listening socket that only this user can reach, and its path.
+
+    `unix:` alone means a socket of this name in the runtime folder. A socket file that a dead
+    server left is replaced. Raises CannotListen, also where a server answers at it.
+    """
+    own = place == PREFIX
+    path = Path(path_of(place)) if not own else platform.runtime_dir() / name
+    try:
+        platform.check_private_dir(path.parent)
+        with platform.locked(path.with_name(f".{path.name}.lock")):
+            _clear(path)
+            return _bound(path), str(path)
+    except OSError as error:
+        raise CannotListen(f"cannot listen at {PREFIX}{path}: {error.strerror or error}") from None
+    except TaskRpcError as error:
+        raise CannotListen(f"cannot listen at {PREFIX}{path}: {error}") from None
+
+
+def remove_unix(path: str) -> None:
+    """Remove a listening socket's files."""
+    for file in (Path(path), Path(path).with_name(f".{Path(path).name}.lock")):
+        file.unlink(missing_ok=True)
+
+
+def unix_voucher(sock: socket.socket, *, serving: bool, has_accounts: bool) -> Voucher | None:
+    """What the system says of the other end.
+
+    Raises PermissionDenied for a program of another user that calls a server without accounts.
+    """
+    uid = platform.peer_user(sock)
+    if uid in (os.getuid(), 0):
+        return Voucher("", is_owner=True)
+    if serving and not has_accounts:
+        raise PermissionDenied("this socket is for programs of its own user only")
+    return None
+
+
+def _clear(path: Path) -> None:
+    """Remove the socket of a dead server."""
+    try:
+        found = path.lstat()
+    except FileNotFoundError:
+        return
+    if not stat.S_ISSOCK(found.st_mode):
+        raise TaskRpcError("there is a file that is no socket")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+        probe.settimeout(_PATIENCE)
+        try:
+            probe.connect(str(path))
+        except ConnectionRefusedError:
+            path.unlink()
+            return
+        except OSError as error:  # a full backlog, too, is somebody's
+            raise TaskRpcError(f"a server is there: {error.strerror or error}") from None
+    raise TaskRpcError("another server answers there")
+
+
+def _bound(path: Path) -> socket.socket:
+    sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        sock.bind(str(path))
+        # Whatever the umask is; and the folder lets nobody in meanwhile.
+        path.chmod(0o600)
+        sock.listen(BACKLOG)
+        sock.setblocking(False)
+    except BaseException:
+        sock.close()
+        raise
+    return sock
