@@ -1,0 +1,195 @@
+"""Promise 14: who does not read, or hardly writes, costs the server a bounded amount of memory."""
+
+import asyncio
+import contextlib
+import os
+import socket
+import time
+
+import pytest
+
+import srvgen
+import taskrpc
+from taskrpc.transport import connection
+from taskrpc.transport.codec import codec_of
+from taskrpc.transport.serving import ServingConnection
+from taskrpc.wire.events import Answered
+from taskrpc.wire.frames import NO_DEADLINE, FrameType, pack_frame, pack_header
+from taskrpc.wire.handshake import Identity
+from taskrpc.wire.messages import Resolve, decode_resolved
+from taskrpc.wire.session import Session, State
+from tests.faults.harness import Bug, Lateness
+
+pytestmark = [
+    pytest.mark.faults,
+    pytest.mark.real_time,
+    pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="needs /proc"),
+]
+
+MEBI = 1024 * 1024
+ALLOWED = 100 * MEBI
+CUT_AFTER = 12.0
+TOKEN = b"known to both"
+SERVING = """\
+import asyncio
+import srvgen, taskrpc
+Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+Text = srvgen.load("my_robot_interfaces/srv/RobotTask")
+
+def work(request, response):
+    response.sum = request.a
+    return response
+
+def big(request, response):
+    response.message = "x" * 1024 * 1024
+    return response
+
+async def main():
+    async with taskrpc.Node("server", token="known to both") as node:
+        node.create_service(Add, "work", work)
+        node.create_service(Text, "big", big)
+        print(node.address, flush=True)
+        await node.spin()
+
+asyncio.run(main())
+"""
+Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+Text = srvgen.load("my_robot_interfaces/srv/RobotTask")
+
+
+def memory(pid):
+    """Resident bytes of a process."""
+    with open(f"/proc/{pid}/statm", encoding="ascii") as file:
+        return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+
+
+class Peer:
+    """A caller with a socket of its own, that reads and writes only what it wants."""
+
+    def __init__(self):
+        self.sock = socket.socket()
+        # Small, so that what is not read stays in the server and not in the kernel.
+        self.sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        self.sock.setblocking(False)
+        me = Identity(os.urandom(16), os.urandom(16), TOKEN, name="/slow")
+        self.session = Session(me, is_client=True)
+        self.loop = asyncio.get_running_loop()
+
+    async def say(self):
+        await self.loop.sock_sendall(self.sock, b"".join(self.session.take()))
+
+    async def hear(self):
+        if not (data := await self.loop.sock_recv(self.sock, 4096)):
+            raise ConnectionResetError
+        return self.session.feed(data)
+
+    async def connect(self, where):
+        """Connect and prove itself; returns the number of the service that answers at length."""
+        await self.loop.sock_connect(self.sock, where)
+        while self.session.state is State.HANDSHAKE:
+            await self.say()
+            await self.hear()
+        self.session.resolve("", Resolve("/big"))
+        await self.say()
+        while True:
+            for event in await self.hear():
+                if isinstance(event, Answered):
+                    return decode_resolved(event.body).method
+
+    async def ask_and_never_read(self, where):
+        method = await self.connect(where)
+        body = codec_of(Text.Request).encode(Text.Request())
+        # The kernel's own buffers take the first answers.
+        for call_id in range(10, 16):
+            request = pack_frame(FrameType.REQUEST, 0, method, call_id, NO_DEADLINE, body)
+            await self.loop.sock_sendall(self.sock, request)
+
+    async def dribble(self, where):
+        """Send a frame a few bytes at a time; returns the seconds until we are cut off."""
+        await self.connect(where)
+        began = time.monotonic()
+        with contextlib.suppress(OSError):
+            await self.loop.sock_sendall(
+                self.sock, pack_header(FrameType.REQUEST, 0, 1, 9, NO_DEADLINE, 5000)
+            )
+            while time.monotonic() - began < 2 * CUT_AFTER:
+                await self.loop.sock_sendall(self.sock, b"xx")
+                await asyncio.sleep(0.2)
+        return time.monotonic() - began
+
+
+class Siege:
+    """Slow peers around a server, its memory, and a neighbour that goes on calling."""
+
+    def __init__(self, program, where, counts):
+        self.pid, self.where, self.counts = program.pid, where, counts
+        self.before = memory(self.pid)
+        self.over = False
+
+    async def watch(self):
+        while not self.over:
+            grown = (memory(self.pid) - self.before) // MEBI
+            self.counts["MiB grown"] = max(self.counts["MiB grown"], grown)
+            await asyncio.sleep(0.05)
+
+    async def neighbour(self):
+        place = "{}:{}".format(*self.where)
+        async with taskrpc.Node("neighbour", peers=[place], token=TOKEN.decode()) as node:
+            client = node.create_client(Add, "work")
+            while not self.over:
+                self.counts["neighbour calls"] += 1
+                try:
+                    await client.call(Add.Request(a=1), timeout=2)
+                except taskrpc.TaskRpcError:
+                    self.counts["neighbour troubles"] += 1
+                await asyncio.sleep(0.01)
+
+    async def run(self, readers, dribblers):
+        others = [asyncio.ensure_future(each()) for each in (self.watch, self.neighbour)]
+        lateness = Lateness()
+        peers = [Peer() for _ in range(readers)]
+        for start in range(0, readers, 50):
+            some = peers[start : start + 50]
+            await asyncio.gather(*[each.ask_and_never_read(self.where) for each in some])
+        self.counts["never read"] = readers
+        slow = [Peer() for _ in range(dribblers)]
+        times = await asyncio.gather(*[each.dribble(self.where) for each in slow])
+        await asyncio.sleep(1)
+        self.counts["cut off"] = sum(each < 2 * CUT_AFTER for each in times)
+        late = lateness.stop()
+        self.counts["not cut off in time"] = sum(each > CUT_AFTER + late for each in times)
+        self.over = True
+        await asyncio.gather(*others)
+        for each in peers + slow:
+            each.sock.close()
+
+
+def nothing_is_bounded(patch):
+    patch(ServingConnection, "pause_writing", lambda self: None)
+    patch(ServingConnection, "must_wait", lambda self, call: False)
+
+
+def nobody_is_cut_off(patch):
+    patch(connection._Watch, "stalled", lambda self, now, unread, *, owes: False)
+
+
+@pytest.mark.planted(
+    Bug(nothing_is_bounded, "memory"), Bug(nobody_is_cut_off, "not cut off in time")
+)
+async def test_a_thousand_that_never_read_and_some_that_dribble_cost_little(
+    counts, large, bug, programs
+):
+    resource = pytest.importorskip("resource")
+    if resource.getrlimit(resource.RLIMIT_NOFILE)[0] < 1500:
+        pytest.skip("needs 1,500 descriptors")
+    program = await programs.start(SERVING, ready="")
+    async with taskrpc.Node("looking") as node:
+        (entry,) = [each for each in await node.graph() if each.nodes == ("/server",)]
+    host, _, port = entry.address.rpartition(":")
+    siege = Siege(program, (host, int(port)), counts)
+    for _ in range(5 if large else 1):
+        await siege.run(1000 if bug is None else 80, dribblers=10)
+        siege.over = False
+    counts["memory"] = max(0, counts["MiB grown"] - ALLOWED // MEBI)
+    counts.check("memory", "not cut off in time", "neighbour troubles", happened=("cut off",))
+    counts.require(never_read=80, neighbour_calls=100, MiB_grown=10)
