@@ -74,7 +74,7 @@ anything = st.recursive(
 )
 
 
-@settings(max_examples=40)
+@settings(max_examples=40, deadline=None)
 @given(st.text(), st.dictionaries(st.from_regex(r"x_[a-z]{1,5}", fullmatch=True), anything))
 def test_whatever_is_logged_becomes_one_line_of_valid_json(message, extra):
     got = line("%s", message, **extra)
