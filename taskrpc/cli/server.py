@@ -146,7 +146,7 @@ def _watch(options: argparse.Namespace, access: remote.Remote) -> Watch | None:
         return None
     from taskrpc.cli.watching import Watch  # most servers show no pages
 
-    return Watch(options.web, access)
+    return Watch(options.web, access, options.accounts)
 
 
 def _say(options: argparse.Namespace, text: str) -> None:

@@ -16,7 +16,7 @@ from taskrpc.errors import CannotListen
 from taskrpc.transport.listening import Listener
 from taskrpc.transport.network import Factory
 from taskrpc.transport.tcp import bound, is_loopback, join_place, split_place
-from taskrpc.transport.tls import Tls
+from taskrpc.transport.tls import ServerTls, Tls
 from taskrpc.web.guard import Guard, Head, own_names
 from taskrpc.web.pages import Page, Pages
 
@@ -53,9 +53,9 @@ class WebServer:
         """Where the pages are, once it has started."""
         self._pages = pages
         self._host, self._port = split_place(listen)
-        self._context = tls.server_context() if tls is not None and tls.cert is not None else None
+        self._tls = ServerTls(tls) if tls is not None and tls.cert is not None else None
         self._may_look = None if is_loopback(self._host) else may_look
-        if not is_loopback(self._host) and (self._context is None or may_look is None):
+        if not is_loopback(self._host) and (self._tls is None or may_look is None):
             raise CannotListen(
                 f"cannot show pages at {self._host}: beyond this machine's own addresses"
                 " (127.0.0.1, localhost, ::1) a certificate (tls) and a token are needed"
@@ -80,7 +80,7 @@ class WebServer:
         sock = bound(self._host, self._port)
         port = sock.getsockname()[1]
         names = own_names(self._host, port, machine=socket.gethostname())
-        encrypted = self._context is not None
+        encrypted = self._tls is not None
         self.url = f"http{'s' if encrypted else ''}://{join_place(self._host, port)}"
         self._guard = Guard(names, encrypted=encrypted, may_look=self._may_look)
         self._server = web.Server(self._answer)
@@ -95,7 +95,7 @@ class WebServer:
             await self._server.shutdown(0.0)
 
     def _tls_context(self) -> ssl.SSLContext | None:
-        return self._context
+        return None if self._tls is None else self._tls.context()
 
     def _protocol(self) -> asyncio.BaseProtocol:
         assert self._server is not None, "connections come after the start"

@@ -1,0 +1,93 @@
+"""Who may see the pages of `taskrpc-server --web` elsewhere: who knows a token that holds now."""
+
+import time
+
+import pytest
+import trustme
+
+import taskrpc
+from taskrpc.cli.remote import Remote
+from taskrpc.cli.watching import Watch
+from taskrpc.tasks import TaskServer
+from tests.taskrpc.tasks.fakes import FullStore, LineRobot
+
+SECRET = "s" * 20
+ACCOUNTS = f"""
+[accounts.ana]
+secret = "{SECRET}"
+role = "observe"
+[accounts.bo]
+secret = "{SECRET}"
+revoked = true
+[accounts.cy]
+secret = "{SECRET}"
+expires = {time.time() - 1}
+"""
+
+
+@pytest.fixture
+def accounts(tmp_path):
+    path = tmp_path / "accounts.toml"
+    path.write_text(ACCOUNTS, encoding="utf-8")
+    path.chmod(0o600)
+    return path
+
+
+@pytest.fixture
+def tls(tmp_path):
+    issued = trustme.CA().issue_cert("localhost")
+    issued.private_key_pem.write_to_path(tmp_path / "key.pem")
+    issued.cert_chain_pems[0].write_to_path(tmp_path / "cert.pem")
+    return taskrpc.Tls(cert=tmp_path / "cert.pem", key=tmp_path / "key.pem")
+
+
+@pytest.mark.parametrize(
+    ("token", "expected"),
+    [
+        ("the server's own", True),
+        (f"ana.{SECRET}", True),
+        (f"bo.{SECRET}", False),
+        (f"cy.{SECRET}", False),
+        (f"nobody.{SECRET}", False),
+        (f"ana.{SECRET}x", False),
+        ("ana.", False),
+        (SECRET, False),
+        ("", False),
+        ("\udcff", False),
+    ],
+)
+def test_the_servers_own_token_and_those_of_its_accounts_open(accounts, token, expected):
+    watch = Watch("127.0.0.1:0", Remote(token="the server's own"), str(accounts))
+    assert watch._may_look(token) is expected
+
+
+def test_without_accounts_only_the_servers_own_token_opens(monkeypatch):
+    monkeypatch.setenv("TASKRPC_TOKEN", "environment")
+    watch = Watch("127.0.0.1:0", Remote(), None)
+    assert watch._may_look("environment")
+    assert not watch._may_look("")
+    assert not watch._may_look(f"ana.{SECRET}")
+
+
+def test_an_account_that_is_taken_out_of_the_file_opens_no_more(accounts):
+    watch = Watch("127.0.0.1:0", Remote(), str(accounts))
+    assert watch._may_look(f"ana.{SECRET}")
+    accounts.write_text(ACCOUNTS.replace("ana", "anna"), encoding="utf-8")
+    assert not watch._may_look(f"ana.{SECRET}")
+
+
+async def test_elsewhere_a_secret_that_can_be_guessed_is_refused(tls):
+    async with taskrpc.Node("task_server", transport="memory") as node:
+        server = TaskServer(node, LineRobot(), FullStore())
+        watch = Watch("0.0.0.0:0", Remote(tls=tls, token="short"), None)
+        with pytest.raises(taskrpc.CannotListen, match="the token has 5 characters"):
+            watch.web(server)
+        Watch("0.0.0.0:0", Remote(tls=tls, token=SECRET), None).web(server)
+        Watch("127.0.0.1:0", Remote(token="short"), None).web(server)
+
+
+async def test_elsewhere_neither_a_token_nor_accounts_is_refused(tls):
+    async with taskrpc.Node("task_server", transport="memory") as node:
+        server = TaskServer(node, LineRobot(), FullStore())
+        with pytest.raises(taskrpc.CannotListen, match=r"a certificate \(tls\) and a token"):
+            Watch("0.0.0.0:0", Remote(tls=tls), None).web(server)
