@@ -77,9 +77,9 @@ class Database:
             number = self._commits + 1
             try:
                 self._in_transaction(work, number)
+                self._commits = number
             except _CommitFailed as failed:
                 self._find_out(number, failed.error)
-            self._commits = number
 
     def close(self) -> None:
         """Write everything into the one file and let others use it."""
@@ -132,7 +132,8 @@ class Database:
             )
             raise OutcomeUnknown(self._why_broken) from error
         if not was_done:
-            raise error
+            text = f"{self._path}: writing to it failed ({error}); nothing was stored"
+            raise StoreError(text) from error
 
     def _empty_log(self) -> None:
         busy, *_ = self._connection.execute("PRAGMA wal_checkpoint(TRUNCATE)").fetchone()
@@ -172,7 +173,11 @@ def _connect(path: Path) -> sqlite3.Connection:
     connection = sqlite3.connect(path, isolation_level=None)
     # What a damaged file holds need not be text.
     connection.text_factory = bytes
-    connection.execute("PRAGMA synchronous = FULL")
+    try:
+        connection.execute("PRAGMA synchronous = FULL")
+    except BaseException:
+        connection.close()
+        raise
     return connection
 
 

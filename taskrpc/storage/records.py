@@ -64,8 +64,12 @@ def _key_sum(key: Sequence[Any]) -> int:
 
 
 def _where(row: tuple[Any, ...], columns: tuple[str, ...]) -> str:
-    values = (f"{key}" if isinstance(key, int) else f"'{_text(key)}'" for key in row)
-    return " AND ".join(f"{name} = {value}" for name, value in zip(columns, values, strict=False))
+    """The row in SQL, or "" where its key is damaged too: a user is to be able to copy it."""
+    key = row[: len(columns)]
+    if not all(isinstance(each, int) or _text(each).isalnum() for each in key):
+        return ""
+    values = (f"{each}" if isinstance(each, int) else f"'{_text(each)}'" for each in key)
+    return " AND ".join(f"{name} = {value}" for name, value in zip(columns, values, strict=True))
 
 
 def _text(key: Any) -> str:

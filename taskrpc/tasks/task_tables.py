@@ -100,6 +100,10 @@ def equip(connection: sqlite3.Connection) -> None:
 
 def load(connection: sqlite3.Connection) -> Stored:
     """Read everything. Raises Damaged."""
+    # A tree that is damaged may lose rows without a word; the checksums are only of those there.
+    found = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
+    if found != b"ok":
+        raise Damaged("task", " ".join(found.decode(errors="replace").split()))
     rows = connection.execute("SELECT task_id, record, checksum FROM task ORDER BY task_id")
     tasks = tuple(read_records(rows.fetchall(), Task, "task", "task_id"))
     server = connection.execute("SELECT next_id, paused FROM server").fetchone()

@@ -4,7 +4,6 @@ import asyncio
 import itertools
 import os
 import random
-import resource
 import sys
 from pathlib import Path
 
@@ -65,6 +64,8 @@ async def main(folder, seed, count, limit):
     store = SqliteStore(Path(folder) / "tasks.db")
     await store.load()
     if limit:
+        import resource  # which Windows has not; nor has it strace
+
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
     callers = [
         Caller(

@@ -110,7 +110,7 @@ async def test_a_commit_that_failed_and_was_not_done_is_refused(disk, store, pat
     disk.failures = ["before"]
     outcomes = await book(store, 1, 2, 3)
     assert {type(outcome) for outcome in outcomes} == {StoreError}
-    assert str(outcomes[0]) == f"{path}: the database cannot be used: disk I/O error"
+    assert str(outcomes[0]) == f"{path}: writing to it failed (disk I/O error); nothing was stored"
     assert await book(store, 4) == [None]
     assert booked(path) == ([4], [4])
 
@@ -120,6 +120,18 @@ async def test_a_commit_that_failed_and_was_done_all_the_same_is_done(disk, stor
     assert await book(store, 1, 2, 3) == [None] * 3
     assert await book(store, 4) == [None]
     assert booked(path) == ([1, 2, 3, 4], [1, 2, 3, 4])
+
+
+@pytest.mark.parametrize("first", ["before", "after"])
+@pytest.mark.parametrize("then", ["before", "after"])
+async def test_what_one_failure_left_is_not_taken_for_what_the_next_one_did(
+    disk, store, path, first, then
+):
+    disk.failures = [first, None, then]
+    outcomes = [*await book(store, 1), *await book(store, 2)]
+    done = [seat for seat, outcome in enumerate(outcomes, 1) if outcome is None]
+    assert done == [seat for seat, failure in ((1, first), (2, then)) if failure == "after"]
+    assert booked(path) == (done, done)
 
 
 @pytest.mark.parametrize("failures", [["before", "before"], ["after", "after"], ["before", 13]])

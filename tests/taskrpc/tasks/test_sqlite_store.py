@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import random
 import re
 import sqlite3
 
@@ -147,6 +148,42 @@ async def test_what_is_damaged_is_told_with_its_file_table_and_number(path, dama
     message = await refused(path)
     assert message.startswith(str(path))
     assert said in message
+
+
+DAMAGE = {
+    "a byte": lambda data, chance: _overwritten(data, chance.randrange(len(data)), b"\xa5"),
+    "a sector": lambda data, chance: _overwritten(
+        data, chance.randrange(len(data) // 512) * 512, chance.randbytes(512)
+    ),
+    "an empty page": lambda data, chance: _overwritten(
+        data, chance.randrange(len(data) // 4096) * 4096, bytes(4096)
+    ),
+    "a missing end": lambda data, chance: data[: chance.randrange(len(data))],
+}
+
+
+def _overwritten(data, at, new):
+    return data[:at] + new + data[at + len(new) :]
+
+
+@pytest.mark.parametrize("damage", DAMAGE)
+async def test_a_file_that_is_damaged_anywhere_is_told_in_a_sentence_or_is_whole(path, damage):
+    store = SqliteStore(path)
+    calls = (store.apply([make(each)], completion=completion(each)) for each in range(1, 200))
+    await asyncio.gather(*calls)
+    whole = await store.load()
+    await store.close()
+    data, chance, told = path.read_bytes(), random.Random(7), []
+    for _ in range(40):
+        path.write_bytes(DAMAGE[damage](data, chance))
+        store = SqliteStore(path)
+        try:
+            assert await store.load() == whole
+        except StoreError as error:
+            told.append(str(error))
+        await store.close()
+    assert len(told) > 10
+    assert all(text.startswith(str(path)) and text.isprintable() for text in told)
 
 
 async def test_the_rest_is_there_once_a_damaged_task_was_given_up_as_the_sentence_says(path):
