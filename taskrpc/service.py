@@ -6,12 +6,14 @@ import asyncio
 import contextvars
 import inspect
 import logging
+from collections import deque
 from collections.abc import Awaitable, Callable, Hashable
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from taskrpc.access import Role
 from taskrpc.callinfo import answering
+from taskrpc.deadline import TICK
 from taskrpc.errors import (
     DeadlineExceeded,
     HandlerError,
@@ -43,6 +45,9 @@ Callback: TypeAlias = Callable[[Any, Any], Any] | Callable[[Any, Any], Awaitable
 
 QUEUE_LIMIT = 1024
 """Calls that wait for their turn; more are refused as ServerBusy."""
+
+MEASURED = 16
+"""Calls whose quickest tells how long a call takes at least."""
 
 RETRY_AFTER = 0.1
 HOLDS_LOOP_AFTER = 0.25
@@ -79,7 +84,9 @@ class Service:
         self._concurrency = concurrency
         self._running = 0
         self._waiting: Turns[IncomingCall] = Turns()
-        self._jobs: dict[asyncio.Future[Any], IncomingCall] = {}
+        self._jobs: dict[asyncio.Future[Any], tuple[IncomingCall, float]] = {}
+        self._durations: deque[float] = deque(maxlen=MEASURED)
+        """Seconds of the latest calls, measured while others wait."""
         self._loop = asyncio.get_running_loop()
         self._now = clock_of(self._loop)
         self._stepper = Stepper(self._loop, self._held_loop)
@@ -135,7 +142,7 @@ class Service:
         self.destroy()
         while self._waiting.count:
             self._waiting.take().fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))
-        for job, call in list(self._jobs.items()):
+        for job, (call, _) in list(self._jobs.items()):
             call.cancel()
             call.fail(OutcomeUnknown("the server was shut down while it ran this call"))
             # A thread runs on; but nobody may wait for it, least of all a loop that has ended.
@@ -176,13 +183,13 @@ class Service:
         call.on_cancel = None
         self._running += 1
         if self._threads is not None:
-            self._run_in_thread(self._threads, call, self._response())
+            self._run_in_thread(self._threads, call, self._response(), began)
             return True
         token = answering.set(call)
         try:
             result = self._callback(call.request, self._response())
             if result.__class__ is not self._response and hasattr(result, "__await__"):
-                if self._run_async(call, result):
+                if self._run_async(call, result, began):
                     return True
             else:
                 self._returned(call, result)
@@ -198,10 +205,10 @@ class Service:
                 self._held_loop(held)
         self._running -= 1
         if self._waiting.count or self._destroyed:
-            self._finished()
+            self._finished(began)
         return True
 
-    def _run_async(self, call: IncomingCall, result: Awaitable[Any]) -> bool:
+    def _run_async(self, call: IncomingCall, result: Awaitable[Any], began: float) -> bool:
         """Run an awaitable; returns whether a task carries it on."""
         # A future may be the answer to several calls, each of which needs a task of its own.
         coroutine = result if inspect.iscoroutine(result) else _awaited(result)
@@ -211,11 +218,11 @@ class Service:
             self._returned(call, done.value)
             return False
         call.on_cancel = job.cancel
-        self._await(job, call)
+        self._await(job, call, began)
         return True
 
     def _run_in_thread(
-        self, threads: ThreadPoolExecutor, call: IncomingCall, response: Any
+        self, threads: ThreadPoolExecutor, call: IncomingCall, response: Any, began: float
     ) -> None:
         token = answering.set(call)
         context = contextvars.copy_context()
@@ -223,14 +230,14 @@ class Service:
         job = self._loop.run_in_executor(
             threads, lambda: context.run(_run_to_end, self._callback, call.request, response)
         )
-        self._await(job, call)
+        self._await(job, call, began)
 
-    def _await(self, job: asyncio.Future[Any], call: IncomingCall) -> None:
-        self._jobs[job] = call
+    def _await(self, job: asyncio.Future[Any], call: IncomingCall, began: float) -> None:
+        self._jobs[job] = call, began
         job.add_done_callback(self._job_done)
 
     def _job_done(self, done: asyncio.Future[Any]) -> None:
-        call = self._jobs.pop(done)
+        call, began = self._jobs.pop(done)
         if done.cancelled():
             if call.cancelled:
                 call.fail(TaskRpcError("cancelled by the caller"))
@@ -241,7 +248,7 @@ class Service:
         else:
             self._returned(call, done.result())
         self._running -= 1
-        self._finished()
+        self._finished(began)
 
     def _returned(self, call: IncomingCall, response: Any) -> None:
         try:
@@ -266,8 +273,9 @@ class Service:
         else:
             call.fail(failed)
 
-    def _finished(self) -> None:
+    def _finished(self, began: float) -> None:
         if self._waiting.count:
+            self._durations.append(self._now() - began)
             # Not from here: a chain of short calls would grow the stack and starve the loop.
             self._loop.call_soon(self._start_waiting)
         elif self._destroyed:
@@ -278,9 +286,22 @@ class Service:
             call = self._waiting.take()
             if call.must_wait():
                 self._postpone(call)
+            elif self._is_in_vain(call):
+                problem = "too little time was left when the call's turn came"
+                call.fail(DeadlineExceeded(problem, not_executed=True))
             elif self._start(call):
                 return
         self._finish_if_idle()
+
+    def _is_in_vain(self, call: IncomingCall) -> bool:
+        """Whether a call has hardly the time that the quickest of many took, and others wait.
+
+        Without this, a service that lags behind by its callers' deadline begins each call just
+        in time to be too late, and answers nobody any more.
+        """
+        if call.deadline is None or not self._waiting.count or len(self._durations) < MEASURED:
+            return False
+        return call.deadline - self._now() < 1.25 * min(self._durations) + TICK
 
     def _postpone(self, call: IncomingCall) -> None:
         """Let a call come again once there is room for its answer, and what follows it too."""

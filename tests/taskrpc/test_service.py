@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 import taskrpc
 from taskrpc.access import Role
-from taskrpc.service import Service
+from taskrpc.service import MEASURED, Service
 from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport.base import IncomingCall
 from tests.taskrpc.transport.helpers import Add, ask
@@ -110,6 +110,36 @@ async def test_the_queue_checks_deadlines_itself():
     await asyncio.sleep(1)
     assert started == [0, 2]
     assert isinstance(calls[1].ends[0], taskrpc.DeadlineExceeded)
+
+
+async def test_a_call_whose_turn_comes_too_late_leaves_it_to_one_that_has_time():
+    loop = asyncio.get_running_loop()
+    started = []
+
+    async def work(request, response):
+        started.append(request.a)
+        await asyncio.sleep(1.0)
+        return response
+
+    transport, _ = service(work)
+    calls = [FakeCall(n) for n in range(MEASURED + 1)]
+    for call in calls:
+        transport.serve(call)
+    await asyncio.sleep(MEASURED - 0.5)
+    late = FakeCall(100, deadline=loop.time() + 2.4)
+    last = FakeCall(101, deadline=loop.time() + 9)
+    for call in (late, last):
+        call.caller = "/other"
+        transport.serve(call)
+    await asyncio.sleep(4)
+    assert started == [*range(MEASURED + 1), 101]
+    assert isinstance(late.ends[0], taskrpc.DeadlineExceeded)
+    assert late.ends[0].not_executed
+    assert "too little time was left" in str(late.ends[0])
+    alone = FakeCall(102, deadline=loop.time() + 0.5)
+    transport.serve(alone)
+    await asyncio.sleep(2)
+    assert started[-1] == 102, "nobody else waits: it may try"
 
 
 async def test_abandoned_calls_are_told_apart_by_whether_they_had_begun():

@@ -1,0 +1,103 @@
+"""Promise 15: four times the load that a service can bear costs it a tenth of its work at most."""
+
+import asyncio
+import contextlib
+
+import pytest
+
+import taskrpc
+from taskrpc.service import Service
+from tests.faults.harness import Bug
+from tests.taskrpc.transport.helpers import Add, ask
+
+pytestmark = pytest.mark.faults
+
+WORK = 0.05  # seconds that a call takes
+CONCURRENCY = 4
+PEAK = CONCURRENCY / WORK  # calls a second
+CALLERS = 4
+
+
+class Load:
+    """Callers that send at a fixed rate, whatever becomes of their calls."""
+
+    def __init__(self, counts, deadline):
+        self.counts = counts
+        self.deadline = deadline
+        self.started, self.refused = set(), set()
+
+    async def work(self, request, response):
+        self.started.add(request.a)
+        await asyncio.sleep(WORK)
+        response.sum = request.a
+        return response
+
+    async def call(self, client, number):
+        self.counts["calls"] += 1
+        try:
+            await client.call(ask(number), timeout=self.deadline)
+            self.counts["answered"] += 1
+        except taskrpc.TaskRpcError as error:
+            kind = "refused" if error.not_executed else "in vain"
+            self.counts[kind] += 1
+            self.counts["busy"] += isinstance(error, taskrpc.ServerBusy)
+            if error.not_executed:
+                self.refused.add(number)
+
+    async def run(self, times, seconds):
+        async with contextlib.AsyncExitStack() as stack:
+            names = ["server", *(f"caller{n}" for n in range(CALLERS))]
+            nodes = [taskrpc.Node(each, transport="memory", token=each) for each in names]
+            server, *callers = [await stack.enter_async_context(each) for each in nodes]
+            server.create_service(Add, "work", self.work, concurrency=CONCURRENCY)
+            clients = [each.create_client(Add, "work") for each in callers]
+            for each in clients:
+                await each.wait_for_service()
+            loop, calls = asyncio.get_running_loop(), []
+            began = loop.time()
+            for number in range(int(times * PEAK * seconds)):
+                await asyncio.sleep(max(0.0, began + number / (times * PEAK) - loop.time()))
+                client = clients[number % CALLERS]
+                calls.append(asyncio.ensure_future(self.call(client, number)))
+            await asyncio.wait(calls)
+        self.counts["refused and run"] = len(self.refused & self.started)
+
+
+def begun_although_in_vain(patch):
+    patch(Service, "_is_in_vain", lambda self, call: False)
+
+
+def refused_while_it_runs(patch):
+    start = Service._start
+
+    def hasty(self, call):
+        started = start(self, call)
+        if self._waiting.count > 10:
+            call.fail(taskrpc.ServerBusy("planted"))
+        return started
+
+    patch(Service, "_start", hasty)
+
+
+@pytest.mark.parametrize("deadline", [0.2, 2.0, 60.0])
+@pytest.mark.planted(
+    Bug(begun_although_in_vain, "percent lost"),
+    Bug(refused_while_it_runs, "refused and run"),
+)
+async def test_goodput_at_four_times_the_load_is_that_of_the_peak(counts, large, bug, deadline):
+    if bug is not None and bug.plant is begun_although_in_vain and deadline > 0.2:
+        deadline = 0.2  # later deadlines bear it
+    seconds = 600 if large else 30
+    load = Load(counts, deadline)
+    await load.run(4, seconds)
+    # What still waits when the load ends is answered too, and is no loss.
+    share = counts["answered"] / (PEAK * seconds)
+    counts["percent lost"] = max(0, round(90 - 100 * share))
+    counts.check("percent lost", "refused and run", happened=("refused", "answered"))
+    counts.require(calls=9000)
+
+
+async def test_as_many_as_a_service_can_bear_are_all_answered(counts):
+    load = Load(counts, 2.0)
+    await load.run(0.9, 30)
+    counts.check("refused", "in vain", "refused and run", happened=("answered",))
