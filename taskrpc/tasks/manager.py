@@ -70,6 +70,7 @@ class TaskManager:
         robot: the robot, an object that follows the `Robot` protocol.
         store: where tasks survive the server.
         queue_limit: how many tasks may wait.
+        share: how many of them may be of one account; None for all.
         settle: real seconds that an idle robot waits for company before it takes the first task.
         keep_ended: how many ended tasks are remembered.
         wall_clock: the time of day, in seconds since 1970.
@@ -81,6 +82,7 @@ class TaskManager:
         store: TaskStore,
         *,
         queue_limit: int = 10_000,
+        share: int | None = None,
         settle: float = 0.1,
         keep_ended: int = 1000,
         wall_clock: Callable[[], float] = time.time,
@@ -90,6 +92,7 @@ class TaskManager:
         """Whether `close` has begun, so that nothing more may be asked."""
         self._wall_clock = wall_clock
         self._queue_limit = queue_limit
+        self._share = share
         self.board = Board(int(wall_clock() * 1000))
         """Tells who waits for it what has changed."""
         self.book = TaskBook(store, self.board, keep_ended=keep_ended)
@@ -185,10 +188,12 @@ class TaskManager:
         priority: int,
         *,
         client: str = "",
+        account: str = "",
         completing: Completing | None = None,
     ) -> Answer:
         """Queue a task, or say what is wrong with it.
 
+        `account` is the caller's, where there are accounts; `client` is the same then.
         `completing` is asked for the request's completion once the answer is known; what it
         returns is stored together with the task, or alone if the task is refused.
 
@@ -196,7 +201,7 @@ class TaskManager:
             StoreError: it could not be stored, and so was not queued.
             OutcomeUnknown: it was not queued, but the next server may find it stored.
         """
-        if refusal := self._refusal(task_type, target, priority):
+        if refusal := self._refusal(task_type, target, priority, account):
             answer = Answer(False, refusal)
             if completing and (completion := completing(answer)):
                 await self.book.save(completion=completion)
@@ -272,7 +277,7 @@ class TaskManager:
             return self._refuse(
                 task_id, "only one that was interrupted, failed or cancelled can be queued again"
             )
-        if refusal := self._refusal(task.task_type, task.target, task.priority):
+        if refusal := self._refusal(task.task_type, task.target, task.priority, account=""):
             return Answer(False, refusal)
         again = task.requeued(self._wall_clock(), self.book.new_arrival())
         return await self._accept(again)
@@ -307,7 +312,7 @@ class TaskManager:
 
     # How
 
-    def _refusal(self, task_type: str, target: str, priority: int) -> str:
+    def _refusal(self, task_type: str, target: str, priority: int, account: str) -> str:
         robot = self._guard.robot
         if task_type not in robot.task_types:
             expected = " or ".join(", ".join(robot.task_types).rsplit(", ", 1))
@@ -322,7 +327,15 @@ class TaskManager:
             return refusal
         if len(self.queue) >= self._queue_limit:
             return f"Queue full: {len(self.queue)} tasks wait, and no more may"
-        return ""
+        return self._share_refusal(account)
+
+    def _share_refusal(self, account: str) -> str:
+        if self._share is None or not account:
+            return ""
+        waiting = self.queue.waiting_of(account)
+        if waiting < self._share:
+            return ""
+        return f"Share full: {waiting} tasks of {account} wait, and no more of one account may"
 
     async def _accept(self, task: Task, completing: Completing | None = None) -> Answer:
         self.reckon()

@@ -49,6 +49,11 @@ class TaskQueue:
         """Return the queued task of this number, None if it does not wait here."""
         return self._tasks.get(task_id)
 
+    def waiting_of(self, account: str) -> int:
+        """How many tasks of an account wait."""
+        # Looked for, not counted along: whoever has shares has short queues.
+        return sum(task.client == account for task in self._tasks.values())
+
     def put(self, task: Task) -> list[Shift]:
         """Add a task at the place that its priority and arrival give it."""
         if task.task_id in self._tasks:

@@ -32,6 +32,14 @@ def client_name() -> str:
     return call.principal or call.caller
 
 
+def account_name() -> str:
+    """The account of the running call, "" for whoever has the server's own token."""
+    try:
+        return current_call().principal
+    except LookupError:
+        return ""
+
+
 def refuse_others_task(task: Task | None) -> None:
     """Let nobody below OPERATE touch what another client has submitted.
 

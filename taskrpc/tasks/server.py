@@ -20,7 +20,7 @@ from taskrpc.tasks.listing import page
 from taskrpc.tasks.manager import Answer, Resumed, TaskManager
 from taskrpc.tasks.messages import Messages
 from taskrpc.tasks.model import Task
-from taskrpc.tasks.rights import ROLES, client_name, refuse_others_task
+from taskrpc.tasks.rights import ROLES, account_name, client_name, refuse_others_task
 from taskrpc.tasks.store import TaskStore
 from taskrpc.wire.once import Completion
 
@@ -44,6 +44,7 @@ class TaskServer:
         robot: the robot, an object that follows the `Robot` protocol.
         store: where tasks survive; `close` closes it.
         queue_limit: how many tasks may wait.
+        share: how many of them may be of one account; None for all.
         settle: real seconds that an idle robot waits for company before it takes the first task.
         service_name: the name of the service that takes tasks.
         keep_ended: how many ended tasks are remembered.
@@ -58,6 +59,7 @@ class TaskServer:
         store: TaskStore,
         *,
         queue_limit: int = 10_000,
+        share: int | None = None,
         settle: float = 0.1,
         service_name: str = "robot_task",
         keep_ended: int = 1000,
@@ -70,6 +72,7 @@ class TaskServer:
             robot,
             store,
             queue_limit=queue_limit,
+            share=share,
             settle=settle,
             keep_ended=keep_ended,
             wall_clock=wall_clock,
@@ -207,6 +210,7 @@ class TaskServer:
             request.target,
             request.priority,
             client=client_name(),
+            account=account_name(),
             completing=lambda answer: _completed(_answered(response, answer)),
         )
         return response

@@ -1,0 +1,63 @@
+"""No account fills the queue: each has a share, and the order of run stays what it was."""
+
+import pytest
+
+from taskrpc.tasks.manager import TaskManager
+from taskrpc.tasks.store import MemoryStore
+from tests.taskrpc.tasks.fakes import LineRobot
+
+
+@pytest.fixture
+async def manager():
+    manager = TaskManager(LineRobot(), MemoryStore(), queue_limit=20, share=3)
+    await manager.start()
+    await manager.pause()
+    yield manager
+    await manager.close()
+
+
+async def submit(manager, account, priority=5):
+    client = account or "/node"
+    return await manager.submit("move", "3", priority, client=client, account=account)
+
+
+async def test_a_full_share_is_refused_with_how_many_wait(manager):
+    for _ in range(3):
+        assert (await submit(manager, "ada")).success
+    refused = await submit(manager, "ada")
+    assert not refused.success
+    assert refused.message == "Share full: 3 tasks of ada wait, and no more of one account may"
+    assert refused.task_id == -1
+
+
+async def test_others_and_the_lecturer_are_not_kept_out(manager):
+    for _ in range(3):
+        await submit(manager, "ada")
+    assert (await submit(manager, "ad")).success
+    for _ in range(5):
+        assert (await submit(manager, "")).success
+
+
+async def test_a_task_that_leaves_the_queue_frees_its_place(manager):
+    answers = [await submit(manager, "ada") for _ in range(3)]
+    await manager.cancel(answers[1].task_id)
+    assert (await submit(manager, "ada")).success
+    assert not (await submit(manager, "ada")).success
+
+
+async def test_priority_and_arrival_decide_alone_who_is_next(manager):
+    low = await submit(manager, "ada", 1)
+    first = await submit(manager, "bob", 5)
+    second = await submit(manager, "ada", 5)
+    order = [task.task_id for task, _ in manager.queue.ordered()]
+    assert order == [first.task_id, second.task_id, low.task_id]
+
+
+async def test_the_tasks_of_the_server_before_count(manager):
+    store = MemoryStore()
+    for expected in (True, False):
+        server = TaskManager(LineRobot(), store, share=1)
+        await server.start()
+        await server.pause()
+        assert (await submit(server, "ada")).success is expected
+        await server.close()
