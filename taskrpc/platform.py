@@ -53,18 +53,25 @@ def _temporary() -> str:
 
 
 def state_dir() -> Path:
-    """The folder for what outlives its process, such as the task server's database."""
+    """The folder for what outlives its process, such as the task server's database; made if need
+    be, open to this user only.
+
+    Raises TaskRpcError when the folder is not ours alone.
+    """
+    return private_dir(find_state_dir())
+
+
+def find_state_dir() -> Path:
+    """Where `state_dir` is, without making it."""
     from pathlib import Path
 
     if xdg := os.environ.get("XDG_STATE_HOME"):
-        base = Path(xdg) / "taskrpc"
-    elif WINDOWS:
-        base = Path(os.environ.get("LOCALAPPDATA") or Path.home()) / "taskrpc"
-    elif sys.platform == "darwin":
-        base = Path.home() / "Library" / "Application Support" / "taskrpc"
-    else:
-        base = Path.home() / ".local" / "state" / "taskrpc"
-    return private_dir(base)
+        return Path(xdg) / "taskrpc"
+    if WINDOWS:
+        return Path(os.environ.get("LOCALAPPDATA") or Path.home()) / "taskrpc"
+    if sys.platform == "darwin":
+        return Path.home() / "Library" / "Application Support" / "taskrpc"
+    return Path.home() / ".local" / "state" / "taskrpc"
 
 
 def private_dir(path: Path) -> Path:
@@ -146,6 +153,26 @@ def check_private(descriptor: int, path: object) -> None:
             f"{path}: expected a file that only its owner can read, its mode is {mode:04o};"
             f" do `chmod 600 {path}`"
         )
+
+
+def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
+    """Write a file that only this user can read; whoever reads it sees it whole, old or new.
+
+    Without `sync` it does not wait for the disk, and may be lost when the machine fails.
+    """
+    new = path.with_name(f"{path.name}.{os.getpid()}.new")
+    descriptor = open_private(new)
+    try:
+        with os.fdopen(descriptor, "wb") as file:
+            file.truncate()
+            file.write(content)
+            file.flush()
+            if sync:
+                os.fsync(file.fileno())
+        os.replace(new, path)
+    except BaseException:
+        new.unlink(missing_ok=True)
+        raise
 
 
 def lock(descriptor: int) -> None:

@@ -36,10 +36,14 @@ class Remote:
 
     @property
     def places(self) -> list[str]:
-        """Every `host:port` to call; empty where the registry of this machine says whom."""
+        """Every `host:port` to call beside those that the registry of this machine names."""
+        from taskrpc.lab import remembered_lab
         from taskrpc.transport.tcp import environment_peers
 
-        return [self.place] if self.place else environment_peers()
+        if self.place:
+            return [self.place]
+        lab = remembered_lab()
+        return environment_peers() or ([] if lab is None else [lab.place])
 
     def node(self, *, transport: str = "tcp") -> Node:
         """A node for a command, whose name listings hide."""
@@ -59,14 +63,14 @@ class Remote:
 
         Raises AuthenticationFailed, ProtocolError, ConnectionLost or what else the program said.
         """
+        from taskrpc.lab import remembered_lab
         from taskrpc.transport.endpoint import Endpoint
         from taskrpc.transport.tcp import TcpNetwork, domain_id
         from taskrpc.wire.messages import Resolve
 
         token = self.token or os.environ.get("TASKRPC_TOKEN") or ""
-        network = TcpNetwork(
-            domain=domain_id(), peers=[place], token=token.encode() or None, tls=self.tls
-        )
+        secret, lab = token.encode() or None, remembered_lab()
+        network = TcpNetwork(domain=domain_id(), peers=[place], token=secret, tls=self.tls, lab=lab)
         endpoint = Endpoint(network)
         try:
             deadline = endpoint.loop.time() + PATIENCE

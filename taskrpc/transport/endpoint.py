@@ -241,7 +241,10 @@ class Endpoint:
 
     def _caller(self, address: Address) -> CallingConnection:
         name = self._roster.first_node or _script()
-        return self._calling(self, self._identity(address.token, name), self.news.pulse)
+        me = self._identity(address.token, name)
+        if address.domain is not None:
+            me = msgspec.structs.replace(me, domain=address.domain)
+        return self._calling(self, me, self.news.pulse)
 
     def _accepted(self) -> ServingConnection:
         me, book = self._identity(self.network.token, ""), self.network.accounts

@@ -23,6 +23,8 @@ class Address(msgspec.Struct, frozen=True):
     """Whether a directory says that the wanted service is there (a bare peer must be asked)."""
     certificate: str | None = None
     """The one that a directory says is shown there (PEM), "" for none; None where nobody says."""
+    domain: int | None = None
+    """The one that it is in where that is another than ours."""
 
     def __repr__(self) -> str:
         return f"Address({self.place!r})"  # without the token: what is printed ends in logs

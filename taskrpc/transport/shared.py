@@ -9,6 +9,7 @@ from pathlib import Path
 
 from taskrpc.access import Accounts
 from taskrpc.errors import TaskRpcError
+from taskrpc.lab import Lab, remembered_lab
 from taskrpc.transport.accounts import AccountBook
 from taskrpc.transport.base import Transport
 from taskrpc.transport.endpoint import Endpoint
@@ -40,13 +41,14 @@ def shared_transport(
     """
     domain = domain_id()
     where = tuple(environment_peers() if peers is None else _listed(peers))
+    lab = remembered_lab() if name == "tcp" else None
     endpoints = _endpoints.setdefault(asyncio.get_running_loop(), {})
-    key = (name, domain, listen, where, token, tls, accounts)
+    key = (name, domain, listen, where, token, tls, lab, accounts)
     endpoint = endpoints.get(key)
     if endpoint is None:
         secret = token.encode() if token else None
         book = None if accounts is None else AccountBook(accounts)
-        network = _network(name, domain, listen, where, secret, tls, book)
+        network = _network(name, domain, listen, where, secret, tls, lab, book)
         # An endpoint holds its loop: one that stayed here would keep the loop alive for ever.
         forget = lambda: endpoints.pop(key)  # noqa: E731
         endpoints[key] = endpoint = Endpoint(network, forget, threads=threads)
@@ -62,11 +64,18 @@ def _network(
     peers: Sequence[str],
     token: bytes | None,
     tls: Tls | None,
+    lab: Lab | None,
     accounts: AccountBook | None,
 ) -> Network:
     if name == "tcp":
         return TcpNetwork(
-            domain=domain, listen=listen, peers=peers, token=token, tls=tls, accounts=accounts
+            domain=domain,
+            listen=listen,
+            peers=peers,
+            token=token,
+            tls=tls,
+            lab=lab,
+            accounts=accounts,
         )
     if name == "memory":
         return MemoryNetwork(domain=domain)

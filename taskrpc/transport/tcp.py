@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from taskrpc.access import account_of
 from taskrpc.errors import AuthenticationFailed, CannotListen, TaskRpcError
+from taskrpc.lab import Lab
 from taskrpc.transport.accounts import AccountBook
 from taskrpc.transport.entries import Change, Entry, Roster
 from taskrpc.transport.exposure import refuse_exposure
@@ -44,8 +45,8 @@ class TcpNetwork:
     """TCP on this machine's loopback, or wherever `listen` and `peers` say.
 
     `listen` is `host:port` (port 0: any free one). `peers` are `host:port` of processes on other
-    machines; without them the registry of this machine is asked. Either may be `unix:/path`; to
-    listen at `unix:` alone makes a socket in the runtime folder.
+    machines; without them the registry of this machine is asked, and then the `lab`. Either may be
+    `unix:/path`; to listen at `unix:` alone makes a socket in the runtime folder.
     """
 
     def __init__(
@@ -56,9 +57,11 @@ class TcpNetwork:
         peers: Sequence[str] = (),
         token: bytes | None = None,
         tls: Tls | None = None,
+        lab: Lab | None = None,
         accounts: AccountBook | None = None,
     ) -> None:
         self._tls = tls
+        self._lab = None if lab is None else _address_of_lab(lab)
         # A node that has no certificate of its own uses TLS for calling only.
         unencrypted = tls is None or tls.cert is None or is_unix(listen or "")
         self._server_tls = None if tls is None or unencrypted else ServerTls(tls)
@@ -137,11 +140,12 @@ class TcpNetwork:
         """Whom to ask for a service."""
         if self._peers:
             return self.peers()
-        return [
+        here = [
             _address(roster.about, surely_offers=True)
             for roster in self._registry.rosters()
             if roster.about.address and roster.offers(service)
         ]
+        return here + self.peers()
 
     def entries(self) -> list[Entry]:
         """What the registry knows; with peers given, only what is this process's."""
@@ -149,12 +153,13 @@ class TcpNetwork:
         return [each for each in entries if each.pid == os.getpid()] if self._peers else entries
 
     def peers(self) -> list[Address]:
-        """The processes that were named."""
+        """The processes that were named, else the lab."""
+        lab = [] if self._lab is None else [self._lab]
         if not self._peers:
-            return []
+            return lab
         # A peer on this machine, of this user, is in the registry with all that it wants.
         here = [_address(roster.about) for roster in self._registry.rosters()]
-        known = {each.place: each for each in here if each.place}
+        known = {each.place: each for each in [*lab, *here] if each.place}
         given = self._peer_token or b""
         if account_of(given):  # who gives an account's token wants to be that account
             known = {place: replace(each, token=given) for place, each in known.items()}
@@ -210,6 +215,11 @@ def _address(entry: Entry, *, surely_offers: bool = False) -> Address:
         place = place.replace(everywhere, here) if place.startswith(everywhere) else place
     token = bytes.fromhex(entry.token)
     return Address(place, token, surely_offers=surely_offers, certificate=entry.certificate)
+
+
+def _address_of_lab(lab: Lab) -> Address:
+    token, certificate = lab.token.encode(), lab.certificate
+    return Address(lab.place, token, certificate=certificate, domain=lab.domain)
 
 
 def domain_id() -> int:
