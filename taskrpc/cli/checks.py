@@ -16,6 +16,7 @@ from taskrpc.cli import graph
 from taskrpc.cli.findings import Finding, note, ok, problem
 from taskrpc.cli.remote import HERE
 from taskrpc.errors import TaskRpcError
+from taskrpc.lab import remembered_lab
 from taskrpc.transport.entries import Entry
 from taskrpc.transport.tcp import domain_id, environment_peers
 from taskrpc.wire.messages import Endpoint
@@ -62,6 +63,11 @@ def environment() -> Iterator[Finding]:
         yield note(f"TASKRPC_PEERS is set: programs call {listed}, nobody else on this machine")
     if os.environ.get("TASKRPC_TOKEN"):
         yield note("TASKRPC_TOKEN is set: servers that are started now want it from other machines")
+    try:
+        if (lab := remembered_lab()) and not peers:
+            yield ok(f"programs call the lab at {lab.place} too (taskrpc join --status)")
+    except TaskRpcError as error:
+        yield problem(str(error), "join again with the lecturer's string")
     for part in os.environ.get("TASKRPC_INTERFACE_PATH", "").split(os.pathsep):
         if part and not Path(part).is_dir():
             yield problem(

@@ -13,6 +13,8 @@ from taskrpc.cli.command import Exit
 from taskrpc.cli.findings import Finding, problem
 from taskrpc.cli.remote import Remote, add_secrets, place, remote_of
 from taskrpc.errors import TaskRpcError
+from taskrpc.lab import remembered_lab
+from taskrpc.transport.tcp import environment_peers
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -51,14 +53,25 @@ async def _findings(remote: Remote) -> AsyncIterator[Finding]:
     try:
         async for finding in checks.programs():
             yield finding
+        remote = remote if remote.place else _lab_of(remote)
         if remote.place:
             async for finding in probe.examine(remote):
                 yield finding
+                if finding.state == "problem":
+                    return  # nobody there can be asked how they are
         async for finding in health.ask(remote):
             yield finding
     except TaskRpcError as error:
         # The folder or the domain is wrong, which an earlier line has said what to do about.
         yield problem(f"the programs of this machine cannot be seen: {error}", "see above")
+
+
+def _lab_of(remote: Remote) -> Remote:
+    """The lab that was joined, where programs call it."""
+    lab = remembered_lab()
+    if lab is None or environment_peers():
+        return remote
+    return Remote(lab.place, remote.tls, remote.token)
 
 
 def _print(finding: Finding) -> None:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import errno
 import socket
 import threading
 from collections.abc import AsyncIterator, Callable, Sequence
 from functools import partial
 
+from taskrpc.cli import encryption
 from taskrpc.cli.findings import Finding, ok, problem
 from taskrpc.cli.remote import Remote
 from taskrpc.errors import AuthenticationFailed, ConnectionLost, ProtocolError, TaskRpcError
@@ -17,7 +19,9 @@ from taskrpc.transport.tcp import split_place
 PATIENCE = 4.0
 """Seconds for each step."""
 
-_NOT_TASKRPC = "something else than taskrpc listens there, or it wants TLS (--tls-ca)"
+# POSIX's numbers, then those of Windows, which asyncio gives as they are.
+_NO_SUCH_NETWORK = frozenset({errno.ENETUNREACH, errno.ENETDOWN, 1231, 10051, 10050})
+_NO_SUCH_HOST = frozenset({errno.EHOSTUNREACH, errno.EHOSTDOWN, 1232, 10065, 10064})
 
 
 async def examine(remote: Remote) -> AsyncIterator[Finding]:
@@ -66,27 +70,53 @@ async def resolve(host: str, port: int, timeout: float) -> list[str]:
 
 async def _connect(addresses: Sequence[str], port: int) -> tuple[str, Finding]:
     """The first address that takes a connection ("" if none does), and what was found."""
-    failed = ""
+    finding = problem("the name has no address", "check its spelling")
     for address in addresses:
         try:
             async with asyncio.timeout(PATIENCE):
                 _, writer = await asyncio.open_connection(address, port)
-        except TimeoutError:
-            failed = f"{address} did not answer at port {port} within {PATIENCE:g} s"
-            advice = (
-                "is the other machine on, and in the same network? A firewall there may swallow"
-                f" what comes: allow Python, or TCP port {port}"
-            )
-        except ConnectionRefusedError:
-            failed = f"nobody listens at {address} port {port}"
-            advice = f"start the server there with --listen HOST:{port}, HOST being its address"
         except OSError as error:
-            failed = f"{address} cannot be reached: {_reason(error)}"
-            advice = "check the network of both machines"
+            finding = no_connection(error, address, port)
         else:
             writer.close()
             return address, ok(f"somebody listens at {address} port {port}")
-    return "", problem(failed, advice)
+    return "", finding
+
+
+def no_connection(error: OSError, address: str, port: int) -> Finding:
+    """Why a connection to an address did not come about, and what to do."""
+    if isinstance(error, ConnectionRefusedError):
+        return problem(
+            f"nobody listens at {address} port {port}",
+            f"start the server there with --listen HOST:{port}, HOST being its address",
+        )
+    if _is_one_of(error, _NO_SUCH_NETWORK):
+        return problem(
+            f"this machine has no way to the network of {address}: {_reason(error)}",
+            "join the network (Wi-Fi, cable) in which the other machine is",
+        )
+    if _is_one_of(error, _NO_SUCH_HOST):
+        return problem(
+            f"no machine at {address} shows itself: {_reason(error)}",
+            "is it on, and is that still its address? A Wi-Fi that keeps its guests apart (client"
+            " isolation) looks like this, too: use the lecturer's hotspot, or a cable",
+        )
+    if isinstance(error, PermissionError):
+        return problem(
+            f"a firewall of this machine or a router forbids {address}: {_reason(error)}",
+            f"allow TCP port {port} there",
+        )
+    # Without an answer in our time or in the system's: both are TimeoutErrors.
+    if isinstance(error, TimeoutError):
+        return problem(
+            f"{address} did not answer at port {port} within {PATIENCE:g} s",
+            f"a firewall there may swallow what comes: allow Python, or TCP port {port}; if others"
+            " do not get through either, the Wi-Fi may keep its guests apart (client isolation):"
+            " use the lecturer's hotspot, or a cable",
+        )
+    return problem(
+        f"{address} cannot be reached: {_reason(error)}", "check the network of both machines"
+    )
 
 
 async def _ask(remote: Remote) -> Finding:
@@ -94,14 +124,17 @@ async def _ask(remote: Remote) -> Finding:
     try:
         listing = await remote.listing(place)
     except AuthenticationFailed as error:
-        return problem(
+        return await encryption.fault(remote, PATIENCE) or problem(
             f"{place} is taskrpc, but: {error}",
-            "give the server's secret with --token-file or TASKRPC_TOKEN",
+            "join again if the lecturer's string was for it (the account may be revoked or"
+            " expired), or give the server's secret with --token-file or TASKRPC_TOKEN",
         )
     except (ConnectionLost, ProtocolError) as error:
-        domain = "domain" in str(error)
-        advice = "set ROS_DOMAIN_ID to the server's" if domain else _NOT_TASKRPC
-        return problem(f"{place}: {error}", advice)
+        if advice := _advice(str(error)):
+            return problem(f"{place}: {error}", advice)
+        return await encryption.fault(remote, PATIENCE) or problem(
+            f"{place}: {error}", "something else than taskrpc listens there"
+        )
     except TaskRpcError as error:
         return problem(
             f"{place}: {error}",
@@ -109,6 +142,18 @@ async def _ask(remote: Remote) -> Finding:
         )
     names = ", ".join(service.name for service in listing.services) or "no service"
     return ok(f"{place} offers {names}")
+
+
+def _advice(error: str) -> str:
+    if "domain" in error:
+        return "set ROS_DOMAIN_ID to the server's"
+    if "version" in error:
+        return "install the same version of taskrpc on both machines"
+    return ""
+
+
+def _is_one_of(error: OSError, numbers: frozenset[int]) -> bool:
+    return bool({error.errno, getattr(error, "winerror", None)} & numbers)
 
 
 def _reason(error: OSError) -> str:

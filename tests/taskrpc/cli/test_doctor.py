@@ -96,7 +96,7 @@ def test_something_else_listens(examine):
 
 
 def _answer_as_a_web_server(sock: socket.socket) -> None:
-    for _ in range(2):
+    for _ in range(3):
         connection, _ = sock.accept()
         with connection:
             connection.recv(4096)
