@@ -33,6 +33,9 @@ _PURPOSES = {
     "ps": "List the taskrpc processes of this user",
     "stop": "End taskrpc processes of this user",
     "doctor": "Find out why something does not work",
+    "classroom": "Let the laptops of a class call the robot here",
+    "join": "Let programs of this user call a lab's server",
+    "leave": "Forget the lab that was joined",
     "demo": "Watch a task server, three clients and a robot at work",
 }
 

@@ -22,6 +22,7 @@ from taskrpc.errors import TaskRpcError
 if TYPE_CHECKING:
     from taskrpc.cli.watching import Watch
     from taskrpc.node import Node
+    from taskrpc.observer import Observer
     from taskrpc.robot.protocol import Robot
     from taskrpc.tasks import TaskServer
     from taskrpc.tasks.store import TaskStore
@@ -67,7 +68,12 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--listen", metavar="HOST:PORT", type=remote.any_place, help=listen)
     add("--db", metavar="FILE", help="where tasks survive; :memory: forgets them at the end")
     add("--fresh", action="store_true", help="forget the tasks of earlier runs")
-    add("--queue-limit", metavar="N", type=whole(1), default=10_000, help="(10000)")
+    limit = "how many tasks may wait (10000)"
+    add("--queue-limit", metavar="N", type=whole(1), default=10_000, help=limit)
+    share = "how many of them may be of one account (all)"
+    add("--share", metavar="N", type=whole(1), help=share)
+    attendance = "note there when each account last called"
+    add("--attendance", metavar="FILE", help=attendance)
     settle = "seconds that an idle robot waits for company before it takes a task (0.1)"
     seconds = number("from 0 on", lambda seconds: seconds >= 0)
     add("--settle", metavar="S", type=seconds, default=0.1, help=settle)
@@ -119,7 +125,7 @@ async def _serve(options: argparse.Namespace, robot: Robot) -> None:
         tls=access.tls,
         token=access.token,
         accounts=options.accounts,
-        observer=watch.metrics if watch else None,
+        observer=_observer(options, watch),
     )
     async with stop_requested() as stopped, node, contextlib.AsyncExitStack() as stack:
         server = TaskServer(
@@ -127,6 +133,7 @@ async def _serve(options: argparse.Namespace, robot: Robot) -> None:
             robot,
             watch.measured(_store(options)) if watch else _store(options),
             queue_limit=options.queue_limit,
+            share=options.share,
             settle=options.settle,
             join=options.join,
         )
@@ -139,6 +146,16 @@ async def _serve(options: argparse.Namespace, robot: Robot) -> None:
         _say(options, f"taskrpc-server ready: {what} at {node.address}")
         await stopped
         await _shut_down(node, server)
+
+
+def _observer(options: argparse.Namespace, watch: Watch | None) -> Observer | None:
+    if not options.attendance:
+        return watch.metrics if watch else None
+    from taskrpc.classroom.attendance import Attendance
+    from taskrpc.observer import Observers
+
+    attendance = Attendance(Path(options.attendance))
+    return Observers(watch.metrics, attendance) if watch else attendance
 
 
 def _watch(options: argparse.Namespace, access: remote.Remote) -> Watch | None:

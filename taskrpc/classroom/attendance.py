@@ -1,0 +1,52 @@
+"""Who of a class has called, and when last: noted by the server, read by the roster."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import msgspec
+
+from taskrpc import platform
+from taskrpc.callinfo import CallInfo
+from taskrpc.observer import Observer
+
+WRITE_EVERY = 5.0
+"""Seconds from one note on the disk to the next."""
+
+
+class Attendance(Observer):
+    """Notes in a file when each account last called."""
+
+    def __init__(self, path: Path, wall_clock: Callable[[], float] = time.time) -> None:
+        self._path = path
+        self._wall_clock = wall_clock
+        self._seen = last_calls(path)
+        self._written = float("-inf")
+
+    def call_began(self, call: CallInfo) -> None:
+        """Note the caller."""
+        if not call.principal:
+            return
+        now, is_new = self._wall_clock(), call.principal not in self._seen
+        self._seen[call.principal] = now
+        if is_new or now - self._written >= WRITE_EVERY:
+            self._write(now)
+
+    def node_ended(self, node: object) -> None:
+        """Write down what has not been yet."""
+        if self._seen:
+            self._write(self._wall_clock())
+
+    def _write(self, now: float) -> None:
+        self._written = now
+        platform.write_private(self._path, msgspec.json.encode(self._seen), sync=False)
+
+
+def last_calls(path: Path) -> dict[str, float]:
+    """When each account last called, in seconds since 1970; empty where nobody knows."""
+    try:
+        return msgspec.json.decode(path.read_bytes(), type=dict[str, float])
+    except (OSError, msgspec.MsgspecError):
+        return {}

@@ -1,0 +1,98 @@
+"""The join string: one line with all that a laptop must know of the lab, and a checksum."""
+
+from __future__ import annotations
+
+import base64
+import binascii
+import string
+from typing import Annotated
+
+import msgspec
+from msgspec import Meta
+
+from taskrpc.errors import TaskRpcError
+
+PREFIX = "taskrpc-join1."
+_FAMILY = "taskrpc-join"
+_ALPHABET = string.ascii_letters + string.digits + "-_"
+_CHECKSUM = 4
+
+
+class Invitation(msgspec.Struct, array_like=True, frozen=True):
+    """What a join string says."""
+
+    places: Annotated[tuple[str, ...], Meta(min_length=1)]
+    """`HOST:PORT`, the likeliest first."""
+    fingerprint: Annotated[bytes, Meta(min_length=32, max_length=32)]
+    """SHA-256 of the server's certificate (DER)."""
+    token: str
+    """`NAME.SECRET`."""
+    namespace: str
+    """For services of the student's own; nothing is put there by itself."""
+    expires: Annotated[int, Meta(ge=0)]
+    """Seconds since 1970 from when on it is refused, 0 for never."""
+    domain: Annotated[int, Meta(ge=0, le=232)]
+    """The server's `ROS_DOMAIN_ID`."""
+
+    def __repr__(self) -> str:
+        # Without the token: what is printed ends in logs.
+        return f"Invitation({', '.join(self.places)}, {self.namespace})"
+
+
+def to_join_string(invitation: Invitation) -> str:
+    """The one line that says this."""
+    body = msgspec.msgpack.encode(invitation)
+    return PREFIX + base64.urlsafe_b64encode(_checksum(body) + body).decode().rstrip("=")
+
+
+def from_join_string(text: str) -> Invitation:
+    """What a join string says; blanks and line breaks in it, as mails have them, do no harm.
+
+    Raises TaskRpcError that tells what is wrong with it, a mistyped character with its place.
+    """
+    joined = "".join(text.split())
+    if not joined.startswith(PREFIX):
+        raise TaskRpcError(_foreign(joined))
+    letters = joined.removeprefix(PREFIX)
+    for index, letter in enumerate(letters, len(PREFIX) + 1):
+        if letter not in _ALPHABET:
+            raise TaskRpcError(f"the join string has {letter!r} at place {index}, which none has")
+    body = _body(letters)
+    if body is None:
+        raise TaskRpcError(_damage(letters))
+    try:
+        return msgspec.msgpack.decode(body, type=Invitation)
+    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+        raise TaskRpcError(f"this is no join string of this version: {error}") from None
+
+
+def _foreign(joined: str) -> str:
+    if joined.startswith(_FAMILY):
+        version = joined.partition(".")[0][:20]
+        return f"expected a join string that begins with {PREFIX}, got {version}: another version"
+    # No more of it than that: what was pasted may be somebody's secret.
+    return f"expected a join string, which begins with {PREFIX}, got {joined[:8]!r}…"
+
+
+def _damage(letters: str) -> str:
+    """What is wrong with a string whose checksum is: one character, if one would mend it."""
+    for index, letter in enumerate(letters):
+        before, after = letters[:index], letters[index + 1 :]
+        if any(_body(before + other + after) is not None for other in _ALPHABET):
+            place = len(PREFIX) + index + 1
+            return f"the join string is mistyped: the character at place {place}, {letter!r}"
+    return "the join string is incomplete, or several characters are wrong: copy it whole"
+
+
+def _body(letters: str) -> bytes | None:
+    """What follows a right checksum; None behind a wrong one."""
+    try:
+        data = base64.urlsafe_b64decode(letters + "=" * (-len(letters) % 4))
+    except binascii.Error:
+        return None
+    checksum, body = data[:_CHECKSUM], data[_CHECKSUM:]
+    return body if body and checksum == _checksum(body) else None
+
+
+def _checksum(body: bytes) -> bytes:
+    return binascii.crc32(body).to_bytes(_CHECKSUM, "big")

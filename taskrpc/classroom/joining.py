@@ -1,0 +1,101 @@
+"""What a laptop does with a join string: find the server, pin its certificate, knock."""
+
+from __future__ import annotations
+
+import asyncio
+import ssl
+import time
+from collections.abc import Callable
+
+from taskrpc.classroom.authority import fingerprint
+from taskrpc.classroom.invitation import Invitation
+from taskrpc.errors import AuthenticationFailed, ServiceUnavailable, TaskRpcError
+from taskrpc.lab import Lab
+from taskrpc.transport.endpoint import Endpoint
+from taskrpc.transport.tcp import TcpNetwork, split_place
+from taskrpc.wire.messages import Listing, Resolve
+
+PATIENCE = 4.0
+"""Seconds for each address of a join string."""
+
+
+def find_lab(invitation: Invitation, wall_clock: Callable[[], float] = time.time) -> Lab:
+    """The lab that a join string leads to; nothing secret is sent to anybody else.
+
+    Raises:
+        AuthenticationFailed: the string has expired, or its server shows another certificate.
+        ServiceUnavailable: nobody answers at any of its addresses.
+    """
+    expires = invitation.expires
+    if 0 < expires <= wall_clock():
+        when = time.strftime("%Y-%m-%d %H:%M", time.localtime(expires))
+        raise AuthenticationFailed(f"the join string expired at {when}: ask for a new one")
+    place, certificate = _shown(invitation)
+    return Lab(
+        place=place,
+        token=invitation.token,
+        certificate=certificate,
+        domain=invitation.domain,
+        namespace=invitation.namespace,
+        expires=expires,
+    )
+
+
+async def visit(lab: Lab) -> Listing:
+    """Shake hands with a lab's server; returns what it offers.
+
+    Raises AuthenticationFailed where the token is not accepted (any more), ConnectionLost where
+    nobody answers.
+    """
+    endpoint = Endpoint(TcpNetwork(domain=lab.domain, peers=[lab.place], lab=lab))
+    try:
+        deadline = endpoint.loop.time() + PATIENCE
+        connection = await endpoint.dialler.connection(endpoint.network.peers()[0], deadline)
+        found: Listing = await connection.resolve(Resolve(""), deadline).future
+        return found
+    finally:
+        await endpoint.release()
+
+
+def visit_now(lab: Lab) -> Listing:
+    """`visit`, for programs that have no event loop."""
+    return asyncio.run(visit(lab))
+
+
+def _shown(invitation: Invitation) -> tuple[str, str]:
+    """The first address that shows the right certificate, and that certificate."""
+    silent: list[str] = []
+    others: list[str] = []
+    for place in invitation.places:
+        try:
+            certificate = ssl.get_server_certificate(split_place(place), timeout=PATIENCE)
+        except OSError as error:  # TLS errors and timeouts are such, too
+            silent.append(f"{place}: {_reason(error)}")
+            continue
+        if fingerprint(certificate) == invitation.fingerprint:
+            return place, certificate
+        others.append(place)
+    raise _impostor(others[0]) if others else _unreachable(silent)
+
+
+def _impostor(place: str) -> TaskRpcError:
+    return AuthenticationFailed(
+        f"{place} shows another certificate than the join string says: it is another server, or"
+        " the lab's has a new one; ask for a new join string"
+    )
+
+
+def _unreachable(silent: list[str]) -> TaskRpcError:
+    where = "; ".join(silent)
+    place = silent[0].rpartition(": ")[0]
+    error = ServiceUnavailable(f"the lab's server cannot be reached: {where}")
+    error.add_note(f"`taskrpc doctor {place}` tells what stands in the way")
+    return error
+
+
+def _reason(error: OSError) -> str:
+    if isinstance(error, TimeoutError):
+        return f"no answer within {PATIENCE:g} s"
+    if isinstance(error, ssl.SSLError):
+        return "something else than a lab's server listens there"
+    return error.strerror or str(error)

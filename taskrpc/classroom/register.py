@@ -1,0 +1,141 @@
+"""The class's register: its accounts and where its server is, in a folder of the lecturer's."""
+
+from __future__ import annotations
+
+import re
+import secrets
+from collections.abc import Callable, Iterable
+from pathlib import Path
+
+import msgspec
+
+from taskrpc import platform
+from taskrpc.access import Account, Role
+from taskrpc.classroom.authority import files_in
+from taskrpc.classroom.invitation import Invitation, to_join_string
+from taskrpc.errors import TaskRpcError
+
+_SECRET_BYTES = 18
+
+
+class Place(msgspec.Struct, frozen=True):
+    """Where laptops reach the class's server."""
+
+    hosts: tuple[str, ...]
+    """Names or addresses, the likeliest first."""
+    port: int
+    domain: int = 0
+
+    @property
+    def addresses(self) -> tuple[str, ...]:
+        """`HOST:PORT`, with brackets where IPv6 wants them."""
+        shown = (f"[{host}]" if ":" in host else host for host in self.hosts)
+        return tuple(f"{host}:{self.port}" for host in shown)
+
+
+class _Row(msgspec.Struct):
+    secret: str
+    role: str
+    expires: float = 0.0
+    revoked: bool = False
+
+
+class _File(msgspec.Struct):
+    accounts: dict[str, _Row] = {}
+
+
+class Register:
+    """The files of a class in one folder, which is made if need be."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = platform.private_dir(folder)
+        self.accounts_file = folder / "accounts.json"
+        self.attendance_file = folder / "attendance.json"
+        self.certificates = files_in(folder)
+        self._place_file = folder / "place.json"
+
+    def accounts(self) -> list[Account]:
+        """All accounts, in the order in which they were added."""
+        return [_account(name, row) for name, row in self._read().accounts.items()]
+
+    def add(self, names: Iterable[str], expires: float) -> list[Account]:
+        """Accounts of these names until `expires` (seconds since 1970), old ones with their secret.
+
+        A revoked one may be used again, with a new secret.
+        """
+        wanted = list(names)
+
+        def change(rows: dict[str, _Row]) -> None:
+            for name in wanted:
+                old = rows.get(name)
+                secret = secrets.token_urlsafe(_SECRET_BYTES)
+                if old is not None and not old.revoked:
+                    secret = old.secret
+                rows[_account(name, _Row(secret, "submit")).name] = _Row(secret, "submit", expires)
+
+        self._edit(change)
+        return [account for account in self.accounts() if account.name in wanted]
+
+    def revoke(self, name: str) -> None:
+        """Refuse an account from now on. Raises TaskRpcError where there is none of this name."""
+
+        def change(rows: dict[str, _Row]) -> None:
+            if name not in rows:
+                known = ", ".join(rows) or "none"
+                raise TaskRpcError(f"there is no account {name!r}; there are: {known}")
+            rows[name].revoked = True
+
+        self._edit(change)
+
+    @property
+    def place(self) -> Place:
+        """Where the server is. Raises TaskRpcError before `place` was set."""
+        try:
+            return msgspec.json.decode(self._place_file.read_bytes(), type=Place)
+        except FileNotFoundError:
+            raise TaskRpcError("there is no class yet: `taskrpc classroom` makes one") from None
+        except msgspec.MsgspecError as error:
+            raise TaskRpcError(f"{self._place_file}: {error}") from None
+
+    @place.setter
+    def place(self, place: Place) -> None:
+        platform.write_private(self._place_file, msgspec.json.encode(place))
+
+    def join_string(self, account: Account) -> str:
+        """The line with which the laptop of this account joins."""
+        place = self.place
+        return to_join_string(
+            Invitation(
+                place.addresses,
+                self.certificates.fingerprint,
+                account.token,
+                namespace_of(account.name),
+                int(account.expires),
+                place.domain,
+            )
+        )
+
+    def _edit(self, change: Callable[[dict[str, _Row]], None]) -> None:
+        with platform.locked(self.folder / "lock"):
+            found = self._read()
+            change(found.accounts)
+            content = msgspec.json.format(msgspec.json.encode(found), indent=2)
+            platform.write_private(self.accounts_file, content + b"\n")
+
+    def _read(self) -> _File:
+        try:
+            return msgspec.json.decode(self.accounts_file.read_bytes(), type=_File)
+        except FileNotFoundError:
+            return _File()
+        except msgspec.MsgspecError as error:
+            raise TaskRpcError(f"{self.accounts_file}: {error}") from None
+
+
+def _account(name: str, row: _Row) -> Account:
+    return Account(name, row.secret, Role[row.role.upper()], row.expires, row.revoked)
+
+
+def namespace_of(name: str) -> str:
+    """The namespace for services of an account's own: `/ada`, `/s_7` for `7`."""
+    word = re.sub(r"\W", "_", name, flags=re.ASCII)
+    return f"/s_{word}" if word[0].isdigit() or word[0] == "_" else f"/{word}"

@@ -1,0 +1,183 @@
+"""`taskrpc classroom`: let the laptops of a class call this machine's robot."""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import sys
+import time
+
+from taskrpc.cli.command import Exit
+from taskrpc.cli.parsing import add_command, add_group, whole
+from taskrpc.errors import TaskRpcError
+
+TYPE_CHECKING = False  # typing itself is heavy
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from taskrpc.access import Account
+    from taskrpc.classroom.register import Place, Register
+
+_PORT = 7450
+_DAYS = 180
+_SHARE = 20
+_DAY = 86_400
+_CLASS = "class"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the arguments of `classroom` and its commands."""
+    add = parser.add_argument
+    what = "a name or address of this machine to put into the strings (found by itself)"
+    add("--address", action="append", metavar="HOST", type=_host, help=what)
+    add("--port", metavar="N", type=_port, help=f"where the server listens ({_PORT})")
+    what = "a string for each: a file with a name a line, or how many (one string for all)"
+    add("--students", metavar="FILE|N", help=what)
+    what = f"how long the strings are good for ({_DAYS})"
+    add("--days", metavar="N", type=whole(1), default=_DAYS, help=what)
+    add("--renew", action="store_true", help="make a new certificate; everybody must join again")
+    what = f"with --serve: how many tasks of one account may wait ({_SHARE})"
+    add("--share", metavar="N", type=whole(1), default=_SHARE, help=what)
+    what = "then run taskrpc-server for them; what follows are options of its"
+    add("--serve", nargs=argparse.REMAINDER, metavar="OPTION", help=what)
+    commands = add_group(parser)
+    parser.set_defaults(run=_make)
+    roster = add_command(commands, "roster", "Say who may call, and how many of their tasks wait")
+    roster.add_argument("--json", action="store_true", help="Print JSON")
+    roster.set_defaults(run=_roster)
+    adding = add_command(commands, "add", "Let more students in; prints their strings")
+    adding.add_argument("names", nargs="+", metavar="NAME", help="of the account")
+    adding.add_argument("--days", metavar="N", type=whole(1), default=_DAYS, help=f"({_DAYS})")
+    adding.set_defaults(run=_add)
+    revoking = add_command(commands, "revoke", "Let students in no more; a running server obeys")
+    revoking.add_argument("names", nargs="+", metavar="NAME", help="of the account")
+    revoking.set_defaults(run=_revoke)
+
+
+def _host(text: str) -> str:
+    from taskrpc.classroom.addresses import is_host
+
+    if not is_host(text):
+        raise argparse.ArgumentTypeError(f"expected a host name or an address, got {text!r}")
+    return text
+
+
+def _port(text: str) -> int:
+    port = whole(1)(text)
+    if port > 65535:
+        raise argparse.ArgumentTypeError(f"expected a port from 1 to 65535, got {text!r}")
+    return port
+
+
+def _make(options: argparse.Namespace) -> Exit:
+    register = _register()
+    place = _place(options, register)
+    made = register.certificates
+    if options.renew or not made.cert.exists():
+        _make_certificates(register, place)
+    register.place = place
+    accounts = register.accounts()
+    if options.students or not accounts:
+        names = _students(options.students) if options.students else [_CLASS]
+        accounts = register.add(names, time.time() + options.days * _DAY)
+    _print_strings(register, accounts)
+    if options.serve is not None:
+        return _serve(register, place, options)
+    print("start the server: taskrpc classroom --serve", file=sys.stderr)
+    return Exit.DONE
+
+
+def _register() -> Register:
+    from taskrpc import platform
+    from taskrpc.classroom.register import Register
+
+    return Register(platform.state_dir() / "classroom")
+
+
+def _place(options: argparse.Namespace, register: Register) -> Place:
+    from taskrpc.classroom.addresses import own_addresses
+    from taskrpc.classroom.register import Place
+    from taskrpc.transport.tcp import domain_id
+
+    hosts = options.address or own_addresses()
+    if not hosts:
+        raise TaskRpcError(
+            "this machine has no address in a network: join the one in which the laptops are, or"
+            " say with --address HOST what they can reach"
+        )
+    return Place(tuple(hosts), options.port or _PORT, domain_id())
+
+
+def _make_certificates(register: Register, place: Place) -> None:
+    from taskrpc.classroom.addresses import own_names
+    from taskrpc.classroom.authority import make_certificates
+
+    names = list(dict.fromkeys([*place.hosts, *own_names()]))
+    make_certificates(register.folder, names, datetime.datetime.now(datetime.UTC))
+    print(f"certificates are in {register.folder}", file=sys.stderr)
+
+
+def _students(given: str) -> list[str]:
+    """Names from a file, or made up for so many."""
+    if given.isdecimal():
+        count = whole(1)(given) if int(given) else 0
+        if not count:
+            raise TaskRpcError("--students: expected at least one")
+        return [f"student{number:0{len(given)}}" for number in range(1, count + 1)]
+    from pathlib import Path
+
+    try:
+        lines = Path(given).read_text(encoding="utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "expected UTF-8 text"
+        raise TaskRpcError(f"--students {given}: {reason}") from None
+    names = [line.strip() for line in lines if line.strip()]
+    if not names:
+        raise TaskRpcError(f"--students {given}: expected a name a line, the file is empty")
+    return names
+
+
+def _print_strings(register: Register, accounts: Sequence[Account]) -> None:
+    """One line each: the string alone, or behind the name where there are several."""
+    usable = [account for account in accounts if not account.refusal(time.time())]
+    print("on each laptop: taskrpc join STRING", file=sys.stderr)
+    for account in usable:
+        name = f"{account.name} " if len(usable) > 1 else ""
+        print(f"{name}{register.join_string(account)}", flush=True)
+
+
+def _serve(register: Register, place: Place, options: argparse.Namespace) -> Exit:
+    from taskrpc.cli import server
+
+    made = register.certificates
+    arguments = [
+        *("--listen", f"0.0.0.0:{place.port}"),
+        *("--tls-cert", str(made.cert), "--tls-key", str(made.key)),
+        *("--accounts", str(register.accounts_file)),
+        *("--attendance", str(register.attendance_file)),
+        *("--share", str(options.share)),
+        *options.serve,
+    ]
+    return Exit(server.main(arguments))
+
+
+def _add(options: argparse.Namespace) -> Exit:
+    register = _register()
+    assert register.place  # raises where there is no class
+    accounts = register.add(options.names, time.time() + options.days * _DAY)
+    _print_strings(register, accounts)
+    return Exit.DONE
+
+
+def _revoke(options: argparse.Namespace) -> Exit:
+    register = _register()
+    for name in options.names:
+        register.revoke(name)
+        print(f"{name} is let in no more")
+    return Exit.DONE
+
+
+def _roster(options: argparse.Namespace) -> Exit:
+    from taskrpc.cli import roster
+
+    return roster.show(_register(), as_json=options.json)

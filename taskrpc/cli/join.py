@@ -1,0 +1,103 @@
+"""`taskrpc join`: let every taskrpc program of this user call a lab's server."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+from taskrpc.cli.command import Exit, NotFound, UsageError, hinted
+from taskrpc.errors import AuthenticationFailed
+from taskrpc.lab import Lab, forget_lab, remember_lab, remembered_lab
+
+TYPE_CHECKING = False  # typing itself is heavy
+if TYPE_CHECKING:
+    from taskrpc.wire.messages import Listing
+
+_NEXT = """\
+Try next:
+  taskrpc service list
+  taskrpc-call /robot_task task_type=move target=station_1 priority=5
+  taskrpc task list
+`taskrpc leave` forgets the lab."""
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the arguments of `join`."""
+    what = "the line that the lecturer gave you; - reads it from standard input"
+    parser.add_argument("join_string", nargs="?", metavar="STRING", help=what)
+    what = "say which lab this user has joined, and whether its server answers"
+    parser.add_argument("--status", action="store_true", help=what)
+    parser.set_defaults(run=_run)
+
+
+def configure_leave(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the arguments of `leave`: it has none."""
+    parser.set_defaults(run=_leave)
+
+
+def _run(options: argparse.Namespace) -> Exit:
+    if options.status == bool(options.join_string):
+        raise UsageError("taskrpc join: error: expected a join string, or --status")
+    return _status() if options.status else _join(options.join_string)
+
+
+def _join(text: str) -> Exit:
+    from taskrpc.classroom.invitation import from_join_string
+    from taskrpc.classroom.joining import find_lab
+
+    # What is typed on a command line is seen by all users of the machine; hence also from stdin.
+    lab = find_lab(from_join_string(sys.stdin.read() if text == "-" else text))
+    listing = _visited(lab)
+    remember_lab(lab)
+    print(f"You have joined the lab at {lab.place} as {_account(lab)}{_until(lab)}.")
+    print(_offers(lab, listing))
+    print(_NEXT)
+    return Exit.DONE
+
+
+def _status() -> Exit:
+    lab = remembered_lab()
+    if lab is None:
+        raise NotFound("no lab is joined: `taskrpc join STRING` does it")
+    print(f"joined: the lab at {lab.place} as {_account(lab)}{_until(lab)}")
+    print(f"namespace: {lab.namespace}")
+    print(_offers(lab, _visited(lab)))
+    return Exit.DONE
+
+
+def _leave(options: argparse.Namespace) -> Exit:
+    if not forget_lab():
+        raise NotFound("no lab is joined")
+    print("The lab is forgotten: programs call those of this machine again.")
+    return Exit.DONE
+
+
+def _visited(lab: Lab) -> Listing:
+    from taskrpc.classroom.joining import visit_now
+
+    try:
+        return visit_now(lab)
+    except AuthenticationFailed as error:
+        hint = "the account was revoked or has expired: ask for a new join string"
+        raise hinted(
+            AuthenticationFailed(f"{lab.place} refuses this laptop: {error}"), hint
+        ) from None
+
+
+def _account(lab: Lab) -> str:
+    return lab.token.partition(".")[0]
+
+
+def _until(lab: Lab) -> str:
+    if not lab.expires:
+        return ""
+    return time.strftime(", until %Y-%m-%d", time.localtime(lab.expires))
+
+
+def _offers(lab: Lab, listing: Listing) -> str:
+    from taskrpc.names import is_hidden
+
+    names = sorted(each.name for each in listing.services if not is_hidden(each.name))
+    shown = ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
+    return f"Its server offers {shown or 'nothing yet'}."

@@ -1,0 +1,131 @@
+"""A class: the lecturer makes it, a laptop joins with one line, calls, and is revoked."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+
+pytestmark = pytest.mark.real_time
+
+PATIENCE = 20.0
+
+
+class Machine:
+    """A computer with state and runtime folders of its own."""
+
+    def __init__(self, folder):
+        self.folder = folder
+        self.environment = dict(os.environ)
+        for name in ("XDG_STATE_HOME", "XDG_RUNTIME_DIR"):
+            place = folder / name
+            place.mkdir(parents=True, mode=0o700)
+            self.environment[name] = str(place)
+
+    def command(self, *argv):
+        module = "taskrpc.cli.call" if argv[0] == "taskrpc-call" else "taskrpc"
+        return [sys.executable, "-m", module, *argv[1:]]
+
+    def run(self, *argv, code=0):
+        ended = subprocess.run(
+            self.command(*argv),
+            cwd=self.folder,
+            env=self.environment,
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE,
+            check=False,
+        )
+        assert "Traceback" not in ended.stderr, ended.stderr
+        assert code in (None, ended.returncode), ended.stdout + ended.stderr
+        return ended.stderr if ended.returncode else ended.stdout
+
+
+@pytest.fixture(scope="module")
+def lecturer(tmp_path_factory):
+    return Machine(tmp_path_factory.mktemp("lecturer"))
+
+
+@pytest.fixture(scope="module")
+def strings(lecturer):
+    """The join strings of two students, by name."""
+    with socket.create_server(("127.0.0.1", 0)) as free:
+        port = str(free.getsockname()[1])
+    (lecturer.folder / "names.txt").write_text("ada\ngrace\n\n", encoding="utf-8")
+    where = "--address", "127.0.0.1", "--port", port
+    said = lecturer.run("taskrpc", "classroom", *where, "--students", "names.txt")
+    serving = *where, "--share", "2", "--serve", "--db", ":memory:"
+    server = subprocess.Popen(
+        lecturer.command("taskrpc", "classroom", *serving),
+        cwd=lecturer.folder,
+        env=lecturer.environment,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert any("ready" in line for line in server.stderr)
+        yield dict(line.split() for line in said.splitlines())
+    finally:
+        server.terminate()
+        server.communicate(timeout=PATIENCE)
+
+
+@pytest.fixture
+def laptop(tmp_path):
+    return Machine(tmp_path / "laptop")
+
+
+def submit(laptop, **options):
+    argv = "task_type=move", "target=station_1", "priority=5", "--timeout", "5"
+    return laptop.run("taskrpc-call", "/robot_task", *argv, "--json", **options)
+
+
+def roster(lecturer):
+    return {
+        row["name"]: row
+        for row in json.loads(lecturer.run("taskrpc", "classroom", "roster", "--json"))
+    }
+
+
+def test_a_laptop_joins_calls_and_is_revoked(lecturer, strings, laptop):
+    said = laptop.run("taskrpc", "join", strings["ada"])
+    assert re.search(r"joined the lab at 127\.0\.0\.1:\d+ as ada, until \d{4}-", said)
+    assert "/robot_task" in said
+    assert "/robot_task\n" in laptop.run("taskrpc", "service", "list")
+    assert "/ada" in laptop.run("taskrpc", "join", "--status")
+
+    lecturer.run("taskrpc", "task", "pause")
+    for _ in range(2):
+        assert json.loads(submit(laptop))["success"]
+    refused = json.loads(submit(laptop))
+    assert refused["message"] == "Share full: 2 tasks of ada wait, and no more of one account may"
+    listed = json.loads(laptop.run("taskrpc", "task", "list", "--json"))
+    assert len(listed) == 2
+    row = roster(lecturer)["ada"]
+    assert (row["state"], row["waiting"]) == ("joined", 2)
+    assert time.time() - row["last_call"] < PATIENCE
+
+    lecturer.run("taskrpc", "classroom", "revoke", "ada")
+    deadline = time.monotonic() + PATIENCE
+    while "refuses this laptop" not in laptop.run("taskrpc", "join", "--status", code=None):
+        assert time.monotonic() < deadline
+    assert "token" in submit(laptop, code=1)
+    assert "revoked" in laptop.run("taskrpc", "join", strings["ada"], code=1)
+    assert roster(lecturer)["ada"]["state"] == "revoked"
+
+    laptop.run("taskrpc", "leave")
+    assert "nobody offers" in submit(laptop, code=4)
+
+
+def test_a_string_that_is_typed_in_wrong_is_told_and_changes_nothing(strings, laptop):
+    right = strings["grace"]
+    wrong = right[:30] + ("A" if right[30] != "A" else "B") + right[31:]
+    assert "the character at place 31" in laptop.run("taskrpc", "join", wrong, code=1)
+    assert "no lab is joined" in laptop.run("taskrpc", "join", "--status", code=1)

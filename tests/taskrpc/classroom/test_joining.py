@@ -1,0 +1,157 @@
+"""A laptop that joined calls the lab with nothing configured, and tells its secret nobody else."""
+
+import asyncio
+import datetime
+import socket
+import threading
+
+import pytest
+
+import taskrpc
+from taskrpc import lab
+from taskrpc.classroom.authority import fingerprint, make_certificates
+from taskrpc.classroom.invitation import Invitation
+from taskrpc.classroom.joining import find_lab, visit
+from tests.taskrpc.transport.helpers import Add, add, ask, outcome
+
+pytestmark = pytest.mark.real_time
+
+TOKEN = "ada.0123456789abcdef"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("lab")
+    return make_certificates(folder, ["localhost"], datetime.datetime.now(datetime.UTC))
+
+
+@pytest.fixture
+async def server(made, monkeypatch, tmp_path):
+    """A lab's server in domain 7; from then on, the test is on another machine in domain 0."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", "7")
+    tls = taskrpc.Tls(cert=made.cert, key=made.key)
+    async with taskrpc.Node("server", tls=tls, token=TOKEN) as node:
+        node.create_service(Add, "add", add)
+        monkeypatch.delenv("ROS_DOMAIN_ID")
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+        yield node
+
+
+@pytest.fixture
+def invitation(made, server):
+    return Invitation((server.address,), made.fingerprint, TOKEN, "/ada", 0, 7)
+
+
+def changed(invitation, **changes):
+    fields = {name: getattr(invitation, name) for name in invitation.__struct_fields__}
+    return Invitation(**{**fields, **changes})
+
+
+async def found(invitation):
+    return await asyncio.to_thread(find_lab, invitation)
+
+
+async def call():
+    async with taskrpc.Node("turtle") as node:
+        client = node.create_client(Add, "add", timeout=5)
+        return await outcome(client.call(ask(2, 3)))
+
+
+async def test_every_later_program_reaches_the_lab(invitation):
+    joined = await found(invitation)
+    assert "/add" in [each.name for each in (await visit(joined)).services]
+    lab.remember_lab(joined)
+    assert (await call()).sum == 5
+    lab.forget_lab()
+    assert isinstance(await call(), taskrpc.ServiceUnavailable)
+
+
+async def test_what_the_laptop_itself_offers_comes_first(invitation):
+    lab.remember_lab(await found(invitation))
+
+    def other(request, response):
+        response.sum = -1
+        return response
+
+    async with taskrpc.Node("here") as node:
+        node.create_service(Add, "add", other)
+        assert (await call()).sum == -1
+    assert (await call()).sum == 5
+
+
+async def test_peers_go_before_the_lab(invitation, monkeypatch):
+    lab.remember_lab(await found(invitation))
+    with socket.create_server(("127.0.0.1", 0)) as unused:
+        port = unused.getsockname()[1]
+    monkeypatch.setenv("TASKRPC_PEERS", f"127.0.0.1:{port}")
+    assert isinstance(await call(), taskrpc.ServiceUnavailable)
+
+
+async def test_the_labs_address_as_a_peer_brings_its_certificate_and_token(invitation, monkeypatch):
+    lab.remember_lab(await found(invitation))
+    monkeypatch.setenv("TASKRPC_PEERS", invitation.places[0])
+    assert (await call()).sum == 5
+
+
+async def test_the_first_address_that_answers_is_taken(invitation):
+    with socket.create_server(("127.0.0.1", 0)) as unused:
+        silent = f"127.0.0.1:{unused.getsockname()[1]}"
+    joined = await found(changed(invitation, places=(silent, *invitation.places)))
+    assert joined.place == invitation.places[0]
+
+
+async def test_a_server_with_another_certificate_is_refused(invitation, made):
+    wrong = changed(invitation, fingerprint=bytes(32))
+    with pytest.raises(
+        taskrpc.AuthenticationFailed, match="shows another certificate than the join"
+    ):
+        await found(wrong)
+
+
+async def test_an_impostor_at_the_labs_address_gets_no_request(invitation, tmp_path):
+    joined = await found(invitation)
+    other = make_certificates(tmp_path, ["localhost"], datetime.datetime.now(datetime.UTC))
+    assert fingerprint(other.cert.read_text()) != invitation.fingerprint
+    lab.remember_lab(taskrpc_lab(joined, other.cert.read_text()))
+    assert isinstance(await call(), taskrpc.ServiceUnavailable)
+
+
+def taskrpc_lab(joined, certificate):
+    return lab.Lab(place=joined.place, token=TOKEN, certificate=certificate, domain=joined.domain)
+
+
+async def test_a_token_that_is_not_accepted_is_told(invitation):
+    joined = await found(changed(invitation, token="eve.0123456789abcdef"))
+    with pytest.raises(taskrpc.AuthenticationFailed):
+        await visit(joined)
+
+
+async def test_an_expired_string_is_told_before_anybody_is_asked(invitation):
+    late = changed(invitation, expires=1_000_000_000, places=("192.0.2.1:1",))
+    with pytest.raises(taskrpc.AuthenticationFailed, match="the join string expired at 2001-09-09"):
+        await found(late)
+
+
+def test_nobody_there_is_told_with_what_to_do(made):
+    with socket.create_server(("127.0.0.1", 0)) as unused:
+        place = f"127.0.0.1:{unused.getsockname()[1]}"
+    lost = Invitation((place,), made.fingerprint, TOKEN, "/ada", 0, 0)
+    with pytest.raises(taskrpc.ServiceUnavailable, match=r"cannot be reached: .*refused") as caught:
+        find_lab(lost)
+    assert caught.value.__notes__ == [f"`taskrpc doctor {place}` tells what stands in the way"]
+
+
+def test_something_else_at_the_address_is_told(made):
+    with socket.create_server(("127.0.0.1", 0)) as sock:
+        threading.Thread(target=_babble, args=[sock], daemon=True).start()
+        place = f"127.0.0.1:{sock.getsockname()[1]}"
+        lost = Invitation((place,), made.fingerprint, TOKEN, "/ada", 0, 0)
+        with pytest.raises(taskrpc.ServiceUnavailable, match="something else than a lab's server"):
+            find_lab(lost)
+
+
+def _babble(sock):
+    connection, _ = sock.accept()
+    with connection:
+        connection.sendall(b"220 mail.example ESMTP\r\n")
+        connection.recv(4096)

@@ -1,0 +1,84 @@
+"""A class's register: who is in it may call, and each has a secret of its own."""
+
+import datetime
+import time
+from concurrent.futures import ThreadPoolExecutor
+
+import pytest
+
+from taskrpc import names
+from taskrpc.access import Role
+from taskrpc.classroom.authority import make_certificates
+from taskrpc.classroom.invitation import from_join_string
+from taskrpc.classroom.register import Place, Register, namespace_of
+from taskrpc.errors import TaskRpcError
+
+
+@pytest.fixture
+def register(tmp_path):
+    return Register(tmp_path / "classroom")
+
+
+def test_each_account_has_a_secret_of_its_own_and_may_submit(register):
+    ada, bob = register.add(["ada", "bob"], 1e12)
+    assert ada.secret != bob.secret
+    assert {ada.role, bob.role} == {Role.SUBMIT}
+    assert Register(register.folder).accounts() == [ada, bob]
+
+
+def test_who_is_added_again_keeps_the_secret_and_gets_the_new_end(register):
+    (before,) = register.add(["ada"], 1e12)
+    (after,) = register.add(["ada"], 2e12)
+    assert (after.secret, after.expires) == (before.secret, 2e12)
+
+
+def test_who_is_revoked_is_refused_and_needs_a_new_secret_to_come_back(register):
+    (before,) = register.add(["ada"], 0)
+    register.revoke("ada")
+    assert register.accounts()[0].refusal(time.time()) == "the account ada is revoked"
+    (after,) = register.add(["ada"], 0)
+    assert not after.revoked
+    assert after.secret != before.secret
+
+
+def test_revoking_nobody_names_those_who_are_there(register):
+    register.add(["ada", "bob"], 0)
+    with pytest.raises(TaskRpcError, match="there is no account 'eve'; there are: ada, bob"):
+        register.revoke("eve")
+
+
+def test_a_wrong_name_adds_nobody(register):
+    with pytest.raises(TaskRpcError, match="an account's name"):
+        register.add(["ada", "b b"], 0)
+    assert register.accounts() == []
+
+
+def test_edits_at_the_same_time_lose_nothing(register):
+    with ThreadPoolExecutor(8) as pool:
+        list(pool.map(lambda number: register.add([f"s{number}"], 0), range(24)))
+    assert {account.name for account in register.accounts()} == {f"s{n}" for n in range(24)}
+
+
+def test_a_join_string_says_what_the_laptop_needs(register):
+    make_certificates(register.folder, ["localhost"], datetime.datetime.now(datetime.UTC))
+    register.place = Place(("192.168.1.20", "fd00::1"), 7450, 3)
+    (ada,) = register.add(["ada"], 1_800_000_000.7)
+    found = from_join_string(register.join_string(ada))
+    assert found.places == ("192.168.1.20:7450", "[fd00::1]:7450")
+    assert found.fingerprint == register.certificates.fingerprint
+    assert (found.token, found.namespace) == (ada.token, "/ada")
+    assert (found.expires, found.domain) == (1_800_000_000, 3)
+
+
+def test_before_there_is_a_class_that_is_said(register):
+    with pytest.raises(TaskRpcError, match="there is no class yet: `taskrpc classroom` makes one"):
+        register.place  # noqa: B018 - a property
+
+
+@pytest.mark.parametrize(
+    ("name", "namespace"),
+    [("ada", "/ada"), ("ada@uni.example", "/ada_uni_example"), ("7b", "/s_7b"), ("_x", "/s__x")],
+)
+def test_every_name_gives_a_valid_namespace(name, namespace):
+    assert namespace_of(name) == namespace
+    assert names.check_namespace(namespace) == namespace
