@@ -9,12 +9,14 @@ import socket
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
 pytestmark = pytest.mark.real_time
 
 PATIENCE = 20.0
+ROOT = Path(__file__).parents[2]
 
 
 class Machine:
@@ -22,7 +24,7 @@ class Machine:
 
     def __init__(self, folder):
         self.folder = folder
-        self.environment = dict(os.environ)
+        self.environment = {**os.environ, "PYTHONPATH": str(ROOT)}
         for name in ("XDG_STATE_HOME", "XDG_RUNTIME_DIR"):
             place = folder / name
             place.mkdir(parents=True, mode=0o700)
