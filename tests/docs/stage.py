@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import dataclasses
 import os
 import re
 import shlex
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -25,6 +27,8 @@ _ROOT = Path(__file__).parents[2]
 _PATIENCE = 30.0
 _SETTLE = 0.1
 _ASK_STATUS = "echo $?"
+_SHOWN_PORT = "8642"
+"""The port that pages show; a free one takes its place, so that nobody is in another's way."""
 _SCRIPTS = {
     **tomllib.loads((_ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["scripts"],
     "pytest": "pytest:main",
@@ -91,13 +95,16 @@ class Stage:
         self._environment = _environment(folder)
         self._terminals: dict[str, Terminal] = {}
         self._status, self._output = 0, ""
+        with socket.create_server(("127.0.0.1", 0)) as free:
+            self._port = str(free.getsockname()[1])
 
     def play(self, page: Page) -> None:
         """Play a page; the first thing in it that is not true is an AssertionError."""
         try:
             for block in page.blocks:
                 with _told_where(f"{page.path}:{block.line}"):
-                    self._play(block)
+                    text = block.text.replace(_SHOWN_PORT, self._port)
+                    self._play(dataclasses.replace(block, text=text))
             with _told_where(str(page.path)):
                 self._doctest(page)
         finally:
