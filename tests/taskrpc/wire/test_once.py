@@ -97,6 +97,14 @@ def test_what_runs_although_nobody_waits_any_more_leaves_nothing_behind():
     assert ledger.decide("", Number(ME, 3, 2), PRINT, 0.0) is Verdict.NEW
 
 
+def test_a_client_may_leap_to_the_last_number_that_there_is():
+    ledger, last = Ledger(), 2**64 - 1
+    ledger.decide("", Number(ME, 1, 1), PRINT, 0.0)
+    ledger.completed(completion(Number(ME, 1, 1)))
+    assert ledger.decide("", Number(ME, last, last), PRINT, 0.0) is Verdict.NEW
+    assert ledger.decide("", Number(ME, 1, 1), PRINT, 0.0) is Verdict.STALE
+
+
 def test_a_client_that_had_answers_and_is_unknown_now_is_told_so():
     assert Ledger().decide("", Number(ME, 2, 2), PRINT, 0.0) is Verdict.STALE
 
