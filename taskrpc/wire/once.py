@@ -65,7 +65,9 @@ class Claim(msgspec.Struct, frozen=True):
 
 def number_of_id(service: str, request_id: str) -> Number:
     """The number that stands for a name which a user gave to one request of a service."""
-    digest = hashlib.sha256(f"{service}\0{request_id}".encode()).digest()
+    # A command line may hold bytes that are no text.
+    named = f"{service}\0{request_id}".encode("utf-8", "surrogatepass")
+    digest = hashlib.sha256(named).digest()
     return Number(digest[:16], 1, 1)
 
 

@@ -50,6 +50,10 @@ def test_one_id_means_one_request_of_one_service():
     assert number_of_id("/a", "x").client != number_of_id("/a", "y").client
 
 
+def test_an_id_need_not_be_text():
+    assert number_of_id("/a", "\udcff").client != number_of_id("/a", "\udcfe").client
+
+
 def test_the_same_body_means_something_else_to_another_service():
     assert fingerprint("/add", b"x") != fingerprint("/drop", b"x")
 
