@@ -242,9 +242,12 @@ class Ledger:
 
     def abandoned(self, principal: str, number: Number) -> None:
         """A request did not run after all: sent again, it is new."""
-        known = self._clients.get((principal, number.client))
+        client = (principal, number.client)
+        known = self._clients.get(client)
         if known is not None:
             known.requests.pop(number.sequence, None)
+            if known.first_incomplete == 1 and not known.requests:
+                del self._clients[client]  # nothing is known of it
 
     def expire(self, now: float) -> list[Client]:
         """Forget the clients whose lease has ended, and return them."""

@@ -83,6 +83,14 @@ def test_what_was_abandoned_may_run():
     assert ledger.decide("", number, PRINT, 0.0) is Verdict.NEW
 
 
+def test_a_client_whose_only_requests_were_refused_takes_no_place():
+    ledger = Ledger(clients=1)
+    for client in (b"a" * 16, b"b" * 16):
+        assert ledger.decide("", Number(client, 1, 1), PRINT, 0.0) is Verdict.NEW
+        ledger.abandoned("", Number(client, 1, 1))
+    assert len(ledger) == 0
+
+
 def test_what_the_client_has_settled_is_forgotten_and_never_run_again():
     ledger = Ledger()
     for sequence in (1, 2):
