@@ -138,6 +138,8 @@ class Run(IncomingCall, eq=False):
 
     def _left(self, call: IncomingCall) -> None:
         self.callers.remove(call)
+        # What one who leaves is told: for others it may run, also where it has not begun.
+        call.started = self.started or bool(self.callers)
         if self.callers or self.completion is not None:
             return
         self.cancel()

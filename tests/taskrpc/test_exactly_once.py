@@ -18,6 +18,7 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
+from taskrpc.transport.calling import OpenCall
 from taskrpc.transport.memory import Pipe
 from taskrpc.wire.once import Remembered
 
@@ -340,6 +341,38 @@ async def test_a_deadline_leaves_it_open_whether_the_call_has_run():
         lab.store.gate.set()
         await turns()
         assert lab.store.effects == ["1+2"]
+
+
+@pytest.mark.parametrize("others", [0, 1])
+async def test_the_server_too_leaves_it_open_whether_a_call_has_run(others, monkeypatch):
+    monkeypatch.setattr(OpenCall, "expired", lambda _: None)  # a client whose loop is late
+    async with Lab(Store(), Counter(), concurrency=1) as lab:
+        lab.counter.gate = asyncio.Event()
+        calls = [lab.client.call_async(Add.Request(a=1, b=n), request_id=f"{n}") for n in range(2)]
+        await turns()
+        which = 1 if others else 0
+        repeated = lab.client.call_async(
+            Add.Request(a=1, b=which), timeout=0.05, request_id=f"{which}"
+        )
+        with pytest.raises(DeadlineExceeded) as caught:
+            await repeated
+        assert caught.value.not_executed is None
+        lab.counter.gate.set()
+        await asyncio.gather(*calls)
+
+
+async def test_who_leaves_the_queue_at_the_deadline_is_told_that_nothing_ran(monkeypatch):
+    monkeypatch.setattr(OpenCall, "expired", lambda _: None)
+    async with Lab(Store(), Counter(), concurrency=1) as lab:
+        lab.counter.gate = asyncio.Event()
+        call = lab.client.call_async(Add.Request(a=1))
+        await turns()
+        with pytest.raises(DeadlineExceeded) as caught:
+            await lab.client.call(Add.Request(a=2), timeout=0.05)
+        assert caught.value.not_executed is True
+        lab.counter.gate.set()
+        await call
+        assert lab.counter.ran == 1
 
 
 async def test_nobody_is_told_that_nothing_ran_once_something_may_have_run():
