@@ -117,16 +117,24 @@ class Run(IncomingCall, eq=False):
 
     def fail(self, error: TaskRpcError) -> None:
         """Answer everybody with an error; one of the handler's own is remembered as an answer."""
-        if isinstance(error, HandlerFailed) and error.code is Code.OUTCOME_UNKNOWN:
+        answer = partial(_fail, error=error)
+        if isinstance(error, OutcomeUnknown):  # the service is given up; the run has its own end
+            self.tell(answer)
+        elif isinstance(error, HandlerFailed) and error.code is Code.OUTCOME_UNKNOWN:
             self.desk.unknown(self, OutcomeUnknown(error.message))
-            return
-        final = isinstance(error, HandlerFailed) and error.code is not Code.UNAVAILABLE
-        if final and self.claim is not None and self.completion is None:
-            assert isinstance(error, HandlerFailed)
-            answer = partial(_fail, error=error)
+        elif self.completion is not None and not error.not_executed:
+            problem = f"call {self.number} failed after it may have been stored"
+            self.desk.unknown(self, OutcomeUnknown(problem))
+        elif isinstance(error, HandlerFailed) and not error.not_executed and self.claim is not None:
             self.desk.commit(self, error.message.encode(), int(error.code), None, answer)
         else:
             self.desk.undone(self, error)
+
+    def tell(self, answer: Callable[[IncomingCall], None]) -> None:
+        """Answer everybody who waits; nobody does afterwards."""
+        callers, self.callers = self.callers, []
+        for call in callers:
+            answer(call)
 
     def attach(self, call: IncomingCall) -> None:
         """Another sender of the same request waits too."""
@@ -137,6 +145,8 @@ class Run(IncomingCall, eq=False):
             self.deadline = None if late is None else max(self.deadline, late)
 
     def _left(self, call: IncomingCall) -> None:
+        if call not in self.callers:
+            return  # it has its answer
         self.callers.remove(call)
         # What one who leaves is told: for others it may run, also where it has not begun.
         call.started = self.started or bool(self.callers)
@@ -234,8 +244,10 @@ class OnceDesk:
         run.completion = completion
         try:
             storing = self._store.complete(completion, effect)
-        except Exception as error:
+        except BaseException as error:
             self._unstored(run, error)
+            if isinstance(error, SystemExit | KeyboardInterrupt):
+                raise
             return
         if storing is None:
             self.done(run, completion, answer)
@@ -250,19 +262,14 @@ class OnceDesk:
         if completion is not None and self._shared.ledger is not None:
             self._shared.ledger.completed(completion)
         self._ended(run)
-        for call in run.callers:
-            answer(call)
+        run.tell(answer)
 
     def undone(self, run: Run, error: TaskRpcError) -> None:
         """A run has left nothing behind: whoever sends the request again has it run."""
-        self._ended(run)
-        if run.claim is not None and self._shared.ledger is not None:
+        if self._ended(run) and run.claim is not None and self._shared.ledger is not None:
             self._shared.ledger.abandoned(run.principal, run.claim.number)
-        for call in run.callers:
-            if run.cancelled:  # not by this one, who came when the run was being given up
-                self.arrived(call)
-            else:
-                call.fail(error)
+        # Cancelled not by these, who came when the run was being given up.
+        run.tell(self.arrived if run.cancelled else partial(_fail, error=error))
 
     def unknown(self, run: Run, error: OutcomeUnknown) -> None:
         """Nobody can tell whether a run's transaction was done, before the store is read anew."""
@@ -270,8 +277,7 @@ class OnceDesk:
         self._ended(run)
         self._shared.ledger = None
         self._open()
-        for call in run.callers:
-            call.fail(error)
+        run.tell(partial(_fail, error=error))
 
     # Inside
 
@@ -322,9 +328,12 @@ class OnceDesk:
             self._shared.runs[_key(call, call.claim)] = run
         self._serve(run)
 
-    def _ended(self, run: Run) -> None:
-        if run.claim is not None:
-            self._shared.runs.pop(_key(run, run.claim), None)
+    def _ended(self, run: Run) -> bool:
+        """Whether this is the first end of the run, and nobody else runs its request by now."""
+        if run.claim is None or self._shared.runs.get(key := _key(run, run.claim)) is not run:
+            return False
+        del self._shared.runs[key]
+        return True
 
     def _repeat(self, call: IncomingCall, completion: Completion) -> None:
         if completion.code:
@@ -345,18 +354,23 @@ class OnceDesk:
     ) -> None:
         try:
             await storing
-        except Exception as error:
+        except BaseException as error:
             self._unstored(run, error)
+            if isinstance(error, SystemExit | KeyboardInterrupt):
+                raise
         else:
             self.done(run, completion, answer)
 
-    def _unstored(self, run: Run, error: Exception) -> None:
-        if isinstance(error, OutcomeUnknown):
-            self.unknown(run, error)
-        else:
+    def _unstored(self, run: Run, error: BaseException) -> None:
+        if isinstance(error, TaskRpcError) and not isinstance(error, OutcomeUnknown):
             text = "%s cannot store what it did: %s"
             log.error(text, run.service, error, extra=log_fields(run))
             self.undone(run, HandlerFailed(Code.UNAVAILABLE, str(error)))
+            return
+        if not isinstance(error, OutcomeUnknown):  # no store's word: it may mean anything
+            log.error("the store of %s failed:", run.service, exc_info=error, extra=log_fields(run))
+            error = OutcomeUnknown(f"the store of {run.service} failed")
+        self.unknown(run, error)
 
     def _expire(self, ledger: Ledger, now: float) -> None:
         self._shared.expires = now + _EXPIRE_EVERY

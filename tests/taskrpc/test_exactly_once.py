@@ -1,6 +1,7 @@
 """A request of an exactly-once service runs once, however often it is sent and whoever crashes."""
 
 import asyncio
+import threading
 
 import pytest
 
@@ -20,7 +21,8 @@ from taskrpc.errors import (
 )
 from taskrpc.transport.calling import OpenCall
 from taskrpc.transport.memory import Pipe
-from taskrpc.wire.once import Remembered
+from taskrpc.wire.frames import FrameType, pack_frame
+from taskrpc.wire.once import Number, Remembered
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
 
@@ -293,6 +295,56 @@ async def test_a_store_that_cannot_tell_is_read_anew_before_anything_is_decided(
         assert lab.store.effects == ["1+2"]
 
 
+@pytest.mark.parametrize("error", [OSError("gone"), asyncio.CancelledError(), ValueError("?")])
+async def test_what_a_store_raises_without_a_word_of_its_own_is_no_promise(error):
+    async with Lab(Store(), Counter()) as lab:
+        complete = lab.store.complete
+
+        async def torn(*stored):
+            lab.store.complete = complete
+            await complete(*stored)
+            raise error
+
+        lab.store.complete = torn
+        assert (await lab.client.call(Add.Request(a=1, b=2), timeout=5)).sum == 3
+        assert lab.counter.ran == 1
+        assert lab.store.effects == ["1+2"]
+
+
+async def test_a_callback_that_fails_once_it_has_stored_its_effect_is_not_run_again():
+    store, ran = Store(), []
+
+    async def stores(request, response):
+        ran.append(request.a)
+        response.sum = 3
+        await store.complete(taskrpc.current_call().completed_by(response), "mine")
+        raise KeyError("too late")
+
+    async with Lab(store, stores) as lab:
+        assert (await lab.client.call(Add.Request(a=1), timeout=5)).sum == 3
+        assert (ran, store.effects) == ([1], ["mine"])
+
+
+@pytest.mark.parametrize("threaded", [False, True])
+async def test_a_service_that_is_given_up_does_not_say_that_its_running_calls_never_ran(threaded):
+    over = threading.Event()
+
+    async def waits(request, response):
+        await asyncio.to_thread(over.wait)
+        return response
+
+    callback = (lambda _, response: over.wait() and response) if threaded else waits
+    async with Lab(Store(), callback, threaded=threaded) as lab:
+        try:
+            call = asyncio.ensure_future(lab.client.call(Add.Request(), timeout=0.2))
+            await turns()
+            lab.service.abandon()
+            with pytest.raises(OutcomeUnknown):
+                await call
+        finally:
+            over.set()
+
+
 async def test_cancelling_the_only_caller_cancels_the_run_and_it_may_be_sent_again():
     async with Lab(Store(), Counter()) as lab:
         lab.counter.gate = asyncio.Event()
@@ -317,6 +369,24 @@ async def test_one_of_two_callers_who_gives_up_does_not_take_the_answer_from_the
         lab.counter.gate.set()
         assert (await calls[1]).sum == 3
         assert lab.counter.ran == 1
+
+
+async def test_a_cancel_that_comes_twice_harms_no_other_sending():
+    async with Lab(Store(), Counter()) as lab:
+        lab.counter.gate = asyncio.Event()
+        channel, number = lab.client._channel, Number(b"c" * 16, 1, 1)
+        connection = channel._connection
+        given_up = channel.send(Add.Request(a=1, b=2), None, number)
+        cancel = pack_frame(FrameType.CANCEL, 0, 0, given_up.call_id, 0, b"")
+        connection.session.out += [cancel, cancel]
+        call = channel.send(Add.Request(a=1, b=2), None, number)
+        connection.flush()
+        await turns()
+        lab.counter.gate.set()
+        assert (await asyncio.wait_for(call.future, 5)).sum == 3
+        assert lab.store.effects == ["1+2"]
+        with pytest.raises(TaskRpcError, match="cancelled"):
+            await given_up.future
 
 
 async def test_a_cancel_that_comes_when_the_commit_has_begun_undoes_nothing():
