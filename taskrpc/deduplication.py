@@ -126,7 +126,9 @@ class Run(IncomingCall, eq=False):
             problem = f"call {self.number} failed after it may have been stored"
             self.desk.unknown(self, OutcomeUnknown(problem))
         elif isinstance(error, HandlerFailed) and not error.not_executed and self.claim is not None:
-            self.desk.commit(self, error.message.encode(), int(error.code), None, answer)
+            # As it travels: it need not be text. And with the code 0 it would be a response.
+            body = error.message.encode("utf-8", "backslashreplace")
+            self.desk.commit(self, body, int(error.code or Code.UNKNOWN), None, answer)
         else:
             self.desk.undone(self, error)
 

@@ -253,6 +253,22 @@ async def test_a_handlers_own_error_is_an_answer_and_is_given_again():
         assert ran == [1]
 
 
+@pytest.mark.parametrize(("code", "said"), [(Code.NOT_FOUND, "no \udcff"), (Code.OK, "well")])
+async def test_an_odd_error_is_an_answer_too(code, said):
+    ran = []
+
+    async def refuse(request, response):
+        ran.append(request.a)
+        await asyncio.sleep(0)
+        raise HandlerError(code, said)
+
+    async with Lab(Store(), refuse) as lab:
+        for _ in range(2):
+            with pytest.raises(HandlerFailed, match=r"no .udcff|well"):
+                await lab.client.call(Add.Request(a=1), timeout=1, request_id="x")
+        assert ran == [1]
+
+
 async def test_a_handler_that_is_unavailable_is_asked_again():
     ran = []
 
