@@ -385,7 +385,7 @@ class OnceDesk:
             storing = self._store.complete(None, None, clients)
             if storing is not None:
                 await storing
-        except TaskRpcError as error:  # the next server finds them expired too
+        except Exception as error:  # the next server finds them expired too
             log.warning("cannot forget clients: %s", error)
 
     # The store's beginning

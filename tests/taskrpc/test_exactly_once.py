@@ -557,6 +557,22 @@ async def test_a_client_whose_lease_has_ended_is_forgotten_by_the_store_too():
         assert len(forgotten) == 1
 
 
+async def test_a_store_that_cannot_forget_keeps_nobody_from_his_answer():
+    now = [1000.0]
+
+    class Leased(Store):
+        async def complete(self, completion, effect, clients=()):
+            if clients:
+                raise OSError("locked")
+            await super().complete(completion, effect)
+
+    async with Lab(Leased(), Counter()) as lab:
+        lab.service._desk._wall_clock = lambda: now[0]
+        await lab.client.call(Add.Request(a=1), request_id="old")
+        now[0] += 24 * 3600 + 1
+        assert (await lab.client.call(Add.Request(a=2), timeout=1, request_id="new")).sum == 2
+
+
 async def test_counted_calls_wait_for_their_turn():
     async with Lab(Store(), Counter(), concurrency=1) as lab:
         lab.counter.gate = asyncio.Event()
