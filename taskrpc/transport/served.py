@@ -63,6 +63,12 @@ class ServedCall(IncomingCall, eq=False):
         unstarted = None if self.started else True
         self.fail(DeadlineExceeded("no answer by the deadline", not_executed=unstarted))
 
+    def lost(self) -> None:
+        """The way back to the caller is gone; one that counts has until its deadline to return."""
+        super().lost()
+        if self.claim is not None and self.deadline is not None:
+            self.connection.owner.loop.call_at(self.deadline, self.cancel)
+
     @property
     def lane(self) -> Hashable:
         """Whose call it is, where callers take turns: all connections of an account are one."""

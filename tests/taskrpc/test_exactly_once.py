@@ -418,6 +418,20 @@ async def test_a_cancel_that_comes_when_the_commit_has_begun_undoes_nothing():
         assert lab.store.effects == ["1+2"]
 
 
+async def test_a_caller_who_is_lost_and_does_not_return_leaves_no_run_behind():
+    async with Lab(Store(), Counter(), concurrency=1) as lab:
+        lab.counter.gate = asyncio.Event()
+        call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2), timeout=0.2))
+        await turns()
+        await lab.node.destroy()
+        with pytest.raises(TaskRpcError):
+            await call
+        assert lab.service.status().running == 1
+        await asyncio.sleep(0.3)
+        assert lab.service.status().running == 0
+        assert lab.store.effects == []
+
+
 async def test_a_deadline_leaves_it_open_whether_the_call_has_run():
     async with Lab(Store(), Counter()) as lab:
         lab.store.gate = asyncio.Event()
