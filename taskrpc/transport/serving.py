@@ -19,7 +19,7 @@ from taskrpc.errors import (
     TaskRpcError,
     TypeMismatch,
 )
-from taskrpc.transport.base import Offer
+from taskrpc.transport.base import Mode, Offer
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.connection import UNREAD_LIMIT, Connection, Owner
 from taskrpc.transport.served import Route, ServedCall, denied
@@ -262,6 +262,8 @@ class ServingConnection(Connection):
         """The number of a request that has one, cut off its body."""
         if not event.flags & _EXACTLY_ONCE:
             return None
+        if route.offer.mode is not Mode.EXACTLY_ONCE:  # a lost caller would never be given up
+            raise ProtocolError(f"a number for {route.offer.name}, which is not exactly-once")
         number, event.body = cut_number(event.body)
         return Claim(number, fingerprint(route.offer.name, event.body))
 

@@ -238,6 +238,21 @@ async def test_a_request_id_means_nothing_to_other_services():
             await client.call(Add.Request(), request_id="x")
 
 
+async def test_a_service_that_does_not_count_takes_no_numbers():
+    ran = []
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as node,
+    ):
+        server.create_service(Add, "add", lambda request, response: ran.append(1))
+        client = node.create_client(Add, "add")
+        await client.wait_for_service(timeout=5)
+        call = client._channel.send(Add.Request(), None, Number(b"c" * 16, 1, 1))
+        with pytest.raises(TaskRpcError, match="not exactly-once"):
+            await asyncio.wait_for(call.future, 5)
+        assert ran == []
+
+
 async def test_a_handlers_own_error_is_an_answer_and_is_given_again():
     ran = []
 
