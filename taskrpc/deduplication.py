@@ -58,6 +58,8 @@ class _Shared:
         self.loop = weakref.ref(loop)
         self.ledger: Ledger | None = None
         self.runs: dict[tuple[str, bytes, int], Run] = {}
+        self.meanwhile: list[Completion] = []
+        """Stored while the store is read: what is read may be older."""
         self.opening: asyncio.Task[None] | None = None
         self.store_id: asyncio.Future[bytes] = loop.create_future()
         self.desks = 0
@@ -263,6 +265,8 @@ class OnceDesk:
         """A run's completion is stored: answer everybody."""
         if completion is not None and self._shared.ledger is not None:
             self._shared.ledger.completed(completion)
+        elif completion is not None:
+            self._shared.meanwhile.append(completion)
         self._ended(run)
         run.tell(answer)
 
@@ -397,15 +401,19 @@ class OnceDesk:
         shared = self._shared
         try:
             remembered = await self._store.recall()
-        except Exception as error:
+        except BaseException as error:
+            if shared.opening is not asyncio.current_task():
+                return
             log.error("the store of exactly-once services cannot be used: %s", error)
             self._give_up_opening(str(error))
             return
-        shared.ledger = ledger = Ledger(remembered.completions)
+        if shared.opening is not asyncio.current_task():
+            return  # it was read before somebody asked to read it anew
+        shared.ledger = ledger = Ledger((*remembered.completions, *shared.meanwhile))
+        shared.meanwhile = []
         for run in shared.runs.values():
             assert run.claim is not None, "only numbered runs are listed"
-            claim, now = run.claim, self._wall_clock()
-            ledger.decide(run.principal, claim.number, claim.fingerprint, now)
+            ledger.runs(run.principal, run.claim, run.arrived)
         if not shared.store_id.done():
             shared.store_id.set_result(remembered.store_id)
 

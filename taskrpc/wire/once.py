@@ -224,6 +224,12 @@ class Ledger:
             self._clients[client] = known
         return verdict
 
+    def runs(self, principal: str, claim: Claim, now: float) -> None:
+        """A request runs that an earlier ledger decided to run."""
+        number = claim.number
+        known = self._clients.setdefault((principal, number.client), _Known(now))
+        known.requests.setdefault(number.sequence, claim.fingerprint)
+
     def answer(self, principal: str, number: Number) -> Completion:
         """What a request that is DONE was answered."""
         found = self._clients[principal, number.client].requests[number.sequence]
@@ -232,7 +238,8 @@ class Ledger:
 
     def completed(self, completion: Completion) -> None:
         """A request is done, and its completion stored."""
-        known = self._clients[completion.principal, completion.client]
+        client = (completion.principal, completion.client)
+        known = self._clients.setdefault(client, _Known(completion.at))
         if completion.first_incomplete > known.first_incomplete:
             known.settle(completion.first_incomplete)
         if completion.sequence >= known.first_incomplete:

@@ -376,6 +376,33 @@ async def test_a_service_that_is_given_up_does_not_say_that_its_running_calls_ne
             over.set()
 
 
+async def test_what_is_stored_while_the_store_is_read_anew_is_not_forgotten():
+    async with Lab(Store(), Counter()) as lab:
+        store, counter = lab.store, lab.counter
+        complete, recall, read = store.complete, store.recall, asyncio.Event()
+
+        async def torn(*_):
+            store.complete = complete
+            raise OutcomeUnknown("the disk did not say")
+
+        async def slow():
+            found = await recall()
+            await read.wait()
+            return found
+
+        counter.gate, store.complete, store.recall = asyncio.Event(), torn, slow
+        calls = [lab.client.call_async(Add.Request(a=n), request_id=f"{n}") for n in range(3)]
+        await turns()
+        counter.gate.set()
+        await turns()
+        assert store.effects == ["1+0", "2+0"]
+        read.set()
+        assert [(await call).sum for call in calls] == [0, 1, 2]
+        for n in range(3):
+            await lab.client.call(Add.Request(a=n), request_id=f"{n}")
+        assert store.effects == ["1+0", "2+0", "0+0"]
+
+
 async def test_cancelling_the_only_caller_cancels_the_run_and_it_may_be_sent_again():
     async with Lab(Store(), Counter()) as lab:
         lab.counter.gate = asyncio.Event()

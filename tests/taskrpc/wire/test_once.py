@@ -6,6 +6,7 @@ from hypothesis import strategies as st
 
 from taskrpc.errors import ProtocolError
 from taskrpc.wire.once import (
+    Claim,
     Completion,
     Ledger,
     Number,
@@ -81,6 +82,19 @@ def test_what_was_abandoned_may_run():
     ledger.decide("", number, PRINT, 0.0)
     ledger.abandoned("", number)
     assert ledger.decide("", number, PRINT, 0.0) is Verdict.NEW
+
+
+def test_what_runs_is_taken_over_whatever_else_is_known_of_its_client():
+    number = Number(ME, 3, 3)
+    done = completion(number, answer=b"42")
+    for ledger in (Ledger(), Ledger([completion(Number(ME, 2, 2))])):
+        ledger.runs("", Claim(number, PRINT), 0.0)
+        assert ledger.decide("", number, PRINT, 0.0) is Verdict.ATTACH
+        ledger.completed(done)
+        assert ledger.decide("", number, PRINT, 0.0) is Verdict.DONE
+    ledger = Ledger([done])
+    ledger.runs("", Claim(number, PRINT), 0.0)
+    assert ledger.answer("", number) == done
 
 
 def test_a_client_whose_only_requests_were_refused_takes_no_place():
