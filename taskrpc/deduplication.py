@@ -200,9 +200,11 @@ class OnceDesk:
         self._stepper.close()
         shared = self._shared
         shared.desks -= 1
-        if not shared.desks and not shared.store_id.done():
+        if not shared.desks:
+            # Whoever offers a service of this store next reads it anew: it may have changed hands.
             self._give_up_opening("the service was withdrawn")
-            _shared.pop(self._store, None)
+            if _shared.get(self._store) is shared:
+                del _shared[self._store]
 
     def arrived(self, call: IncomingCall) -> None:
         """Do with a call what its number says."""
@@ -402,8 +404,8 @@ class OnceDesk:
         try:
             remembered = await self._store.recall()
         except BaseException as error:
-            if shared.opening is not asyncio.current_task():
-                return
+            if not shared.desks or shared.opening is not asyncio.current_task():
+                return  # nobody wants to know any more
             log.error("the store of exactly-once services cannot be used: %s", error)
             self._give_up_opening(str(error))
             return
@@ -426,16 +428,20 @@ class OnceDesk:
             shared.store_id.exception()  # nobody may be left to ask
 
     def _wait_for_store(self, call: IncomingCall) -> None:
-        opening = self._shared.opening
-        if opening is None or opening.done():
-            call.fail(ServiceUnavailable(f"the store of {call.service} cannot be used"))
-            return
+        shared = self._shared
+        if shared.opening is None or shared.opening.done():
+            self._open()  # it could not be read before
 
         def ready(_: object) -> None:
-            if not call.cancelled:
+            if call.cancelled:
+                return
+            if shared.ledger is None and (shared.opening is None or shared.opening.done()):
+                call.fail(ServiceUnavailable(f"the store of {call.service} cannot be used"))
+            else:
                 self.arrived(call)
 
-        opening.add_done_callback(ready)
+        assert shared.opening is not None, "opened above"
+        shared.opening.add_done_callback(ready)
 
 
 def _key(call: IncomingCall, claim: Claim) -> tuple[str, bytes, int]:

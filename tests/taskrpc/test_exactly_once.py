@@ -558,6 +558,44 @@ async def test_a_store_that_cannot_be_opened_is_named():
             await node.create_client(Add, "add").call(Add.Request(), timeout=1)
 
 
+async def test_a_store_that_could_not_be_read_is_read_again():
+    async with Lab(Store(), Counter()) as lab:
+        recall = lab.store.recall
+
+        async def broken():
+            lab.store.recall = recall
+            raise TaskRpcError("the disk is away")
+
+        lab.store.recall, lab.store.fail_with = broken, OutcomeUnknown("the disk did not say")
+        assert (await lab.client.call(Add.Request(a=1, b=2), timeout=5)).sum == 3
+        assert lab.store.effects == ["1+2"]
+
+
+async def test_a_store_that_was_mended_can_be_offered_again():
+    store, broken = Store(), [True]
+    recall = store.recall
+
+    async def mended():
+        if broken:
+            raise TaskRpcError("tasks.db is damaged")
+        return await recall()
+
+    store.recall = mended
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as node,
+    ):
+        service = server.create_service(Add, "add", Counter(), exactly_once=store)
+        with pytest.raises(ServiceUnavailable, match="damaged"):
+            await node.create_client(Add, "add").call(Add.Request(), timeout=1)
+        service.destroy()
+        broken.clear()
+        server.create_service(Add, "add", Counter(), exactly_once=store)
+        client = node.create_client(Add, "add")
+        assert await client.wait_for_service(timeout=5)
+        assert (await client.call(Add.Request(a=1), timeout=5)).sum == 1
+
+
 async def test_two_services_of_one_store_share_its_numbers():
     async with Lab(Store(), Counter()) as lab:
         lab.server.create_service(Add, "double", lab.counter, exactly_once=lab.store)
