@@ -168,6 +168,7 @@ class OnceDesk:
         store: where completions and effects are kept.
         codec: encodes and decodes the service's responses.
         serve: runs a call.
+        stored: is told when nothing more is on its way to the store.
         wall_clock: seconds since 1970.
     """
 
@@ -176,12 +177,16 @@ class OnceDesk:
         store: CompletionStore,
         codec: Codec,
         serve: Callable[[IncomingCall], None],
+        stored: Callable[[], object] = lambda: None,
         *,
         wall_clock: Callable[[], float] = time.time,
     ) -> None:
         self.codec = codec
         self._store = store
         self._serve = serve
+        self._stored = stored
+        self.storing = 0
+        """Runs whose transaction has begun and not ended."""
         self._wall_clock = wall_clock
         self._loop = asyncio.get_running_loop()
         self._shared = _shared_of(store)
@@ -258,6 +263,7 @@ class OnceDesk:
         if storing is None:
             self.done(run, completion, answer)
             return
+        self.storing += 1
         with contextlib.suppress(StopIteration):  # it did not have to wait
             self._stepper.step(_nothing, self._committed(storing, run, completion, answer))
 
@@ -368,6 +374,10 @@ class OnceDesk:
                 raise
         else:
             self.done(run, completion, answer)
+        finally:
+            self.storing -= 1
+            if not self.storing:
+                self._stored()
 
     def _unstored(self, run: Run, error: BaseException) -> None:
         if isinstance(error, TaskRpcError) and not isinstance(error, OutcomeUnknown):

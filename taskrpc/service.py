@@ -110,7 +110,8 @@ class Service:
             return None
         from taskrpc.deduplication import OnceDesk  # few services are exactly-once
 
-        return OnceDesk(store, codec_of(self.srv_type.Response), self._arrived)
+        codec = codec_of(self.srv_type.Response)
+        return OnceDesk(store, codec, self._arrived, self._finish_if_idle)
 
     def _offered(
         self, node: str, mode: Mode, join: bool, observer: Observer | None, role: Role
@@ -314,7 +315,8 @@ class Service:
         self._finish_if_idle()
 
     def _finish_if_idle(self) -> None:
-        if self._destroyed and not self._running and not self._waiting.count:
+        is_busy = self._running or self._waiting.count or (self._desk and self._desk.storing)
+        if self._destroyed and not is_busy:
             self._stepper.close()
             self._close_desk()
             if not self.finished.done():

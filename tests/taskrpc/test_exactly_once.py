@@ -596,6 +596,21 @@ async def test_a_store_that_was_mended_can_be_offered_again():
         assert (await client.call(Add.Request(a=1), timeout=5)).sum == 1
 
 
+async def test_a_drain_waits_for_the_answers_of_what_is_being_stored():
+    async with Lab(Store(), Counter()) as lab:
+        lab.store.gate = asyncio.Event()
+        call = lab.client.call_async(Add.Request(a=1, b=2))
+        await turns()
+        drained = asyncio.ensure_future(lab.server.drain())
+        await turns()
+        assert not drained.done()
+        lab.store.gate.set()
+        await drained
+        await lab.server.destroy()
+        assert (await asyncio.wait_for(call, 1)).sum == 3
+        assert lab.client.retries == 0
+
+
 async def test_two_services_of_one_store_share_its_numbers():
     async with Lab(Store(), Counter()) as lab:
         lab.server.create_service(Add, "double", lab.counter, exactly_once=lab.store)
