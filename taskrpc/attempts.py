@@ -174,8 +174,8 @@ class Attempts(msgspec.Struct, eq=False):
         if self._is_over:
             return False
         if self._only_what_is_lost:
-            lost = isinstance(error, ServiceUnavailable) and self._made > 1
-            return lost or isinstance(error, ConnectionLost)
+            # The service may have another server by now, as a plain call would find out too.
+            return isinstance(error, ServiceUnavailable | ConnectionLost)
         if isinstance(error, ServerBusy | ConnectionLost) or _asks_for_retry(error):
             is_safe = bool(self._store) or self.channel.mode is Mode.IDEMPOTENT
             return error.not_executed is True or is_safe

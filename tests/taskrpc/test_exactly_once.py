@@ -196,6 +196,16 @@ async def test_a_call_that_never_left_goes_to_whatever_store_there_is():
         assert lab.store.effects == ["3+4"]
 
 
+async def test_a_call_that_crosses_a_withdrawal_goes_to_the_next_server():
+    async with Lab(Store(), Counter()) as lab:
+        async with taskrpc.Node("next", transport="memory", token="next") as following:
+            lab.service.destroy()
+            lab.offer(following)
+            assert lab.client._channel.ready, "it knows nothing of this yet"
+            assert (await lab.client.call(Add.Request(a=1, b=2), timeout=5)).sum == 3
+        assert lab.store.effects == ["1+2"]
+
+
 async def test_who_was_forgotten_begins_to_count_anew():
     async with Lab(Store(), Counter()) as lab:
         await lab.client.call(Add.Request(a=1, b=2))
