@@ -28,6 +28,7 @@ from taskrpc.errors import (
     ServerBusy,
     ServiceUnavailable,
     SessionExpired,
+    StoreError,
     TaskRpcError,
 )
 from taskrpc.stepping import Stepper
@@ -72,7 +73,10 @@ _shared: weakref.WeakKeyDictionary[CompletionStore, _Shared] = weakref.WeakKeyDi
 def _shared_of(store: CompletionStore) -> _Shared:
     loop = asyncio.get_running_loop()
     known = _shared.get(store)
-    if known is None or known.loop() is not loop:
+    other = None if known is None else known.loop()
+    if known is not None and known.desks and other not in (None, loop) and not other.is_closed():
+        raise StoreError("the store serves another event loop; give each one a store of its own")
+    if known is None or other is not loop:
         known = _shared[store] = _Shared(loop)
     return known
 

@@ -17,6 +17,7 @@ from taskrpc.errors import (
     OutcomeUnknown,
     RequestIdReused,
     ServiceUnavailable,
+    StoreError,
     TaskRpcError,
 )
 from taskrpc.transport.calling import OpenCall
@@ -619,6 +620,19 @@ async def test_a_drain_waits_for_the_answers_of_what_is_being_stored():
         await lab.server.destroy()
         assert (await asyncio.wait_for(call, 1)).sum == 3
         assert lab.client.retries == 0
+
+
+async def test_a_store_serves_one_event_loop_at_a_time():
+    async with Lab(Store(), Counter()) as lab:
+
+        async def elsewhere():
+            async with taskrpc.Node("elsewhere", transport="memory", token="e") as node:
+                lab.offer(node)
+
+        with pytest.raises(StoreError, match="another event loop"):
+            await asyncio.to_thread(asyncio.run, elsewhere())
+        lab.service.destroy()
+        await asyncio.to_thread(asyncio.run, elsewhere())
 
 
 async def test_two_services_of_one_store_share_its_numbers():
