@@ -201,7 +201,7 @@ class Node:
         processes to offer the same name. `role` is the least that the caller's account must have,
         where the node has accounts.
 
-        Raises NameInUse, InvalidName, CannotListen.
+        Raises NameInUse, InvalidName, CannotListen; StoreError where another loop uses the store.
         """
         from taskrpc.service import Service  # with threads for callbacks; clients need none
 
