@@ -42,6 +42,13 @@ class CallInfo(msgspec.Struct, eq=False):
         """
         return None
 
+    def nothing_done(self) -> None:
+        """Say that the callback refuses and has left nothing behind.
+
+        Then its response is not remembered: sent again, the same request of an exactly-once service
+        runs again.
+        """
+
     def time_left(self) -> float | None:
         """Seconds until the caller stops waiting (never below 0.0), None without a deadline."""
         return None if self.deadline is None else max(0.0, self.deadline - self._clock())

@@ -91,6 +91,8 @@ class Run(IncomingCall, eq=False):
     """Seconds since 1970."""
     completion: Completion | None = None
     """Once the transaction has begun: what it remembers."""
+    refused: bool = False
+    """Whether the callback has done nothing, and is to be asked again."""
 
     @property
     def lane(self) -> Hashable:
@@ -108,6 +110,10 @@ class Run(IncomingCall, eq=False):
         self.completion = self.desk.completion(self, self.desk.codec.encode(response), 0)
         return self.completion
 
+    def nothing_done(self) -> None:
+        """Say that the response need not be remembered."""
+        self.refused = True
+
     def reply(self, response: Any, body: bytes | None = None) -> None:
         """Store the effect and the completion, then answer everybody."""
         effect = None
@@ -119,7 +125,10 @@ class Run(IncomingCall, eq=False):
             return
         body = self.desk.codec.encode(response)
         answer = partial(_reply, response=response, body=body)
-        self.desk.commit(self, body, 0, effect, answer)
+        if self.refused and effect is None:
+            self.desk.refused(self, answer)
+        else:
+            self.desk.commit(self, body, 0, effect, answer)
 
     def fail(self, error: TaskRpcError) -> None:
         """Answer everybody with an error; one of the handler's own is remembered as an answer."""
@@ -284,10 +293,14 @@ class OnceDesk:
 
     def undone(self, run: Run, error: TaskRpcError) -> None:
         """A run has left nothing behind: whoever sends the request again has it run."""
-        if self._ended(run) and run.claim is not None and self._shared.ledger is not None:
-            self._shared.ledger.abandoned(run.principal, run.claim.number)
+        self._left_nothing(run)
         # Cancelled not by these, who came when the run was being given up.
         run.tell(self.arrived if run.cancelled else partial(_fail, error=error))
+
+    def refused(self, run: Run, answer: Callable[[IncomingCall], None]) -> None:
+        """A run has left nothing behind but its answer."""
+        self._left_nothing(run)
+        run.tell(answer)
 
     def unknown(self, run: Run, error: OutcomeUnknown) -> None:
         """Nobody can tell whether a run's transaction was done, before the store is read anew."""
@@ -345,6 +358,10 @@ class OnceDesk:
         if call.claim is not None:
             self._shared.runs[_key(call, call.claim)] = run
         self._serve(run)
+
+    def _left_nothing(self, run: Run) -> None:
+        if self._ended(run) and run.claim is not None and self._shared.ledger is not None:
+            self._shared.ledger.abandoned(run.principal, run.claim.number)
 
     def _ended(self, run: Run) -> bool:
         """Whether this is the first end of the run, and nobody else runs its request by now."""

@@ -195,17 +195,14 @@ class TaskManager:
 
         `account` is the caller's, where there are accounts; `client` is the same then.
         `completing` is asked for the request's completion once the answer is known; what it
-        returns is stored together with the task, or alone if the task is refused.
+        returns is stored together with the task. A refusal is not remembered.
 
         Raises:
             StoreError: it could not be stored, and so was not queued.
             OutcomeUnknown: it was not queued, but the next server may find it stored.
         """
         if refusal := self._refusal(task_type, target, priority, account):
-            answer = Answer(False, refusal)
-            if completing and (completion := completing(answer)):
-                await self.book.save(completion=completion)
-            return answer
+            return Answer(False, refusal)
         task = Task(
             task_id=self.book.new_id(),
             task_type=task_type,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import functools
 import time
 from collections.abc import Awaitable, Callable
@@ -205,7 +206,7 @@ class TaskServer:
 
     async def submit(self, request: Any, response: Any) -> Any:
         """Queue a task; see RobotTask.srv."""
-        await self.manager.submit(
+        answer = await self.manager.submit(
             request.task_type,
             request.target,
             request.priority,
@@ -213,7 +214,9 @@ class TaskServer:
             account=account_name(),
             completing=lambda answer: _completed(_answered(response, answer)),
         )
-        return response
+        if not answer.success:
+            _nothing_done()
+        return _answered(response, answer)
 
     async def list_tasks(self, request: Any, response: Any) -> Any:
         """List tasks in the order of run; see ListTasks.srv."""
@@ -322,6 +325,11 @@ def _completed(response: Any) -> Completion | None:
         return current_call().completed_by(response)
     except LookupError:  # called without a network
         return None
+
+
+def _nothing_done() -> None:
+    with contextlib.suppress(LookupError):  # called without a network
+        current_call().nothing_done()
 
 
 def _patience(asked: float) -> float:

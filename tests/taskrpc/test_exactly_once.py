@@ -295,6 +295,22 @@ async def test_an_odd_error_is_an_answer_too(code, said):
         assert ran == [1]
 
 
+async def test_what_a_callback_refuses_without_having_done_anything_may_run_later():
+    ran = []
+
+    def later(request, response):
+        ran.append(request.a)
+        if len(ran) == 1:
+            taskrpc.current_call().nothing_done()
+        response.sum = len(ran)
+        return response
+
+    async with Lab(Store(), later) as lab:
+        answers = [await lab.client.call(Add.Request(a=1), request_id="x") for _ in range(3)]
+        assert [each.sum for each in answers] == [1, 2, 2]
+        assert lab.store.commits == 1
+
+
 async def test_a_handler_that_is_unavailable_is_asked_again():
     ran = []
 

@@ -102,10 +102,16 @@ async def test_a_request_that_is_sent_twice_under_one_id_is_one_task(client):
     assert again == first
 
 
-async def test_a_refusal_is_given_again_too(client):
-    answers = [await client.submit("fly", "1", 5, request_id="once") for _ in range(2)]
-    assert answers[0] == answers[1]
-    assert answers[0].message.startswith("Invalid task: fly")
+async def test_a_refusal_is_not_remembered_but_decided_anew(client, server):
+    await client("PauseTasks")
+    for _ in range(300):
+        await client.submit("move", "1", 5)
+    refused = await client.submit("move", "1", 5, request_id="once")
+    assert refused.message.startswith("Queue full")
+    await client("CancelTask", task_id=1)
+    accepted = await client.submit("move", "1", 5, request_id="once")
+    assert (accepted.success, accepted.task_id) == (True, 301)
+    assert await client.submit("move", "1", 5, request_id="once") == accepted
 
 
 async def test_a_task_is_shown_with_its_result_its_times_and_who_asked(client):
