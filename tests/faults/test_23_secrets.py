@@ -1,0 +1,239 @@
+"""Promise 23: a secret is in no log, repr, traceback, process list, error or byte on the wire."""
+
+import hmac
+import json
+import logging
+import os
+import stat
+import subprocess
+import sys
+import traceback
+from pathlib import Path
+
+import pytest
+
+import taskrpc
+from taskrpc import Account, Accounts
+from taskrpc.transport import accounts as accounts_module
+from taskrpc.transport import endpoint, memory, network
+from taskrpc.wire import handshake
+from tests.faults.harness import Bug
+from tests.taskrpc.transport.helpers import Add, add, ask
+
+pytestmark = [pytest.mark.faults, pytest.mark.real_time]
+
+CANARY = "canary-7f3a9d51c0-canary"
+ACCOUNT = Account("ana", f"{CANARY}-ana")
+ROOT = Path(__file__).parents[2]
+CAPTURED = {"capture_output": True, "text": True, "check": False}
+posix = pytest.mark.skipif(os.name != "posix", reason="processes and modes are looked at by POSIX")
+
+
+def shows_accounts(patch):
+    patch(Account, "__repr__", lambda self: f"Account({self.name}, {self.secret})")
+
+
+def shows_addresses(patch):
+    patch(network.Address, "__repr__", lambda self: f"Address({self.place}, {self.token!r})")
+
+
+def logs_accounts(patch):
+    known = accounts_module.AccountBook.look
+
+    def look(book):
+        for account in book.now:
+            logging.getLogger("taskrpc").debug("known: %s", account.token)
+        return known(book)
+
+    patch(accounts_module.AccountBook, "look", look)
+
+
+def compares_by_hand(patch):
+    def proves(self, auth, hello, token):
+        return auth.proof == handshake._proof(token, b"client", hello.nonce, self._me.nonce)
+
+    patch(handshake.ServerHandshake, "_proves", proves)
+
+
+def tells_what_was_wrong(patch):
+    patch(handshake, "_refused", lambda why: taskrpc.AuthenticationFailed(why))
+
+
+@pytest.mark.planted(
+    Bug(shows_accounts, "in a repr"),
+    Bug(shows_addresses, "in a repr"),
+    Bug(logs_accounts, "in the log"),
+    Bug(compares_by_hand, "not compared in constant time"),
+    Bug(tells_what_was_wrong, "answers that differ"),
+)
+async def test_a_secret_is_in_nothing_that_anybody_reads(counts, monkeypatch, caplog, tmp_path):
+    caplog.set_level(logging.DEBUG)
+    compared, compare = [], hmac.compare_digest
+    monkeypatch.setattr(hmac, "compare_digest", lambda *a: compared.append(1) or compare(*a))
+    monkeypatch.setattr(endpoint, "TICK", 0.01)
+    monkeypatch.setenv("TASKRPC_TOKEN", "")
+    server = taskrpc.Node("server", token=CANARY, accounts=Accounts([ACCOUNT]))
+    said, seen, answers = [], [server], set()
+    async with server:
+        server.create_service(Add, "add", add)
+        seen += [server._transport.network, *server._transport.network.accounts.now]
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+        tokens = {
+            "own": CANARY,
+            "account": ACCOUNT.token,
+            "guess": f"ana.{CANARY}-guess",
+            "unknown": f"eve.{CANARY}-eve",
+            "wrong": f"{CANARY}-wrong",
+        }
+        for name, token in tokens.items():
+            async with taskrpc.Node(name, peers=[server.address], token=token) as node:
+                carrier = node._transport.network
+                seen += [node, carrier, *carrier.peers(), node._transport._identity(b"x", "")]
+                seen += [node._transport._identity(token.encode(), "")]
+                try:
+                    await node.create_client(Add, "/add", timeout=5).call(ask(2, 3))
+                    counts["let in"] += 1
+                except taskrpc.TaskRpcError as error:
+                    said += [str(error), repr(error), "".join(traceback.format_exception(error))]
+                    answers.add(str(error))
+                    counts["refused"] += 1
+    for secret in (f"{CANARY}.", f"{CANARY}.x.y z"):
+        with pytest.raises(taskrpc.TaskRpcError) as caught:
+            Account("bo", secret)
+        said += ["".join(traceback.format_exception(caught.value))]
+    counts["looked at"] = len(seen) + len(said) + len(caplog.records)
+    texts = [f"{each!r} {each}" for each in seen]
+    counts["in a repr"] += sum(CANARY in text for text in texts)
+    counts["in an error"] += sum(CANARY in text for text in said)
+    counts["in the log"] += CANARY in caplog.text
+    counts["not compared in constant time"] += len(compared) < len(tokens)
+    counts["answers that differ"] += len(answers) - 1
+    counts.check(
+        "in a repr",
+        "in an error",
+        "in the log",
+        "not compared in constant time",
+        "answers that differ",
+        happened=("refused", "let in", "looked at"),
+    )
+    counts.require(let_in=2, refused=3)
+
+
+def sends_the_token(patch):
+    known = handshake.ClientHandshake.start
+    patch(
+        handshake.ClientHandshake,
+        "start",
+        lambda self: known(
+            handshake.ClientHandshake(
+                handshake.msgspec.structs.replace(self._me, name=self._me.token.decode())
+            )
+        ),
+    )
+
+
+@pytest.mark.planted(Bug(sends_the_token, "on the wire"))
+async def test_a_secret_does_not_travel(counts, monkeypatch):
+    sent, write = [], memory.Pipe.write
+    monkeypatch.setattr(
+        memory.Pipe, "write", lambda pipe, data: sent.append(bytes(data)) or write(pipe, data)
+    )
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as client,
+    ):
+        server._transport.network._hub.token = CANARY.encode()
+        for each in (server, client):
+            each._transport.network.token = CANARY.encode()
+        server.create_service(Add, "add", add)
+        await client.create_client(Add, "/add", timeout=5).call(ask(2, 3))
+    counts["bytes seen"] = sum(map(len, sent))
+    counts["on the wire"] += CANARY.encode() in b"".join(sent)
+    counts.check("on the wire", happened=("bytes seen",))
+
+
+def leaves_files_open(patch):
+    from taskrpc import platform
+
+    def open_private(path):
+        made = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
+        os.fchmod(made, 0o644)
+        return made
+
+    patch(platform, "open_private", open_private)
+
+
+SERVER = """\
+import sys
+from taskrpc.cli.server import main
+print("ready", flush=True)
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+@posix
+@pytest.mark.planted(Bug(leaves_files_open, "readable by others"))
+async def test_the_commands_keep_the_secrets_of_their_files(counts, programs, tmp_path):
+    runtime = Path(os.environ["XDG_RUNTIME_DIR"])
+    token, people = tmp_path / "token", tmp_path / "accounts.json"
+    token.write_text(CANARY)
+    people.write_text(json.dumps({"accounts": {"ana": {"secret": ACCOUNT.secret}}}))
+    token.chmod(0o600)
+    people.chmod(0o600)
+    files = ["--token-file", str(token), "--accounts", str(people)]
+    options = ["--db", ":memory:", "--log-level", "debug", "--log-format", "json", *files]
+    server = await programs.start(SERVER, *options, name="server.py")
+    place = ""
+    while not place:
+        line = server.stderr.readline()
+        assert line, "the server ended"
+        place = json.loads(line)["message"].partition(" at ")[2] if "ready:" in line else ""
+    mine = tmp_path / "mine"
+    mine.write_text(ACCOUNT.token)
+    mine.chmod(0o600)
+    wrong = tmp_path / "wrong"
+    wrong.write_text(f"ana.{CANARY}-wrong")
+    wrong.chmod(0o600)
+    texts, listing = [], ["task", "list", "--connect", place]
+    for secret, exits in ((mine, 0), (wrong, 1)):
+        found = subprocess.run(
+            [sys.executable, "-m", "taskrpc", *listing, "--token-file", str(secret)],
+            env={**os.environ, "PYTHONPATH": str(ROOT), "XDG_RUNTIME_DIR": str(tmp_path / "far")},
+            capture_output=True,
+            text=True,
+            timeout=30,
+            check=False,
+        )
+        assert found.returncode == exits, found.stderr
+        texts.append(found.stdout + found.stderr)
+        counts["commands"] += 1
+    shown = subprocess.run(["ps", "-ww", "-o", "args", "-p", str(server.pid)], **CAPTURED)
+    counts["in ps"] += CANARY in shown.stdout
+    for path in runtime.rglob("*"):
+        if path.is_file():
+            counts["files"] += 1
+            counts["readable by others"] += bool(stat.S_IMODE(path.stat().st_mode) & 0o077)
+    server.terminate()
+    texts += server.communicate(timeout=20)
+    counts["log lines"] = texts[-1].count("\n")
+    counts["in output"] += sum(CANARY in text for text in texts)
+    counts.check(
+        "in ps", "in output", "readable by others", happened=("commands", "files", "log lines")
+    )
+
+
+@posix
+def test_a_token_file_that_others_can_read_is_refused(counts, tmp_path, capsys):
+    from taskrpc.cli.main import main
+
+    for mode in (0o600, 0o400, 0o640, 0o644, 0o602, 0o666):
+        token = tmp_path / f"token-{mode:o}"
+        token.write_text(CANARY)
+        token.chmod(mode)
+        options = ["--connect", "127.0.0.1:9", "--token-file", str(token)]
+        assert main(["service", "list", *options]) in (0, 1, 4)
+        told = "".join(capsys.readouterr())
+        counts["refused"] += "chmod 600" in told
+        counts["taken"] += "chmod 600" not in told
+        assert CANARY not in told
+    assert (counts["taken"], counts["refused"]) == (2, 4)

@@ -1,0 +1,152 @@
+"""Promise 24: another user of the machine can neither read the token nor call."""
+
+import asyncio
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+import pytest
+
+from tests.faults.harness import Bug
+from tests.faults.programs import PLANTING, ROOT
+
+IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
+pytestmark = [
+    pytest.mark.faults,
+    pytest.mark.real_time,
+    pytest.mark.skipif(not IS_ROOT, reason="needs root, to become somebody else"),
+]
+
+SERVER = """\
+import os, sys
+import srvgen, taskrpc
+Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+
+async def main():
+    async with taskrpc.Node("tcp") as tcp, taskrpc.Node("unix", listen="unix:") as unix:
+        for node in (tcp, unix):
+            node.create_service(Add, node.get_name(), lambda request, response: response)
+        print("ready", tcp.address, unix.address, flush=True)
+        await tcp.spin()
+
+os.umask(0)
+taskrpc.run(main())
+"""
+
+OTHER = """\
+import asyncio, json, os, pathlib, sys, tempfile
+import srvgen, taskrpc
+Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+runtime, *places = sys.argv[1:]
+
+async def call(place, service, token):
+    async with taskrpc.Node("other", peers=[place], token=token) as node:
+        try:
+            await node.create_client(Add, service, timeout=5).call(Add.Request())
+        except taskrpc.TaskRpcError as error:
+            return type(error).__name__
+    return "called"
+
+async def main():
+    # All that is imported late must be here before the files of Python are out of reach.
+    async with taskrpc.Node("warm", transport="memory") as node:
+        node.create_service(Add, "warm", lambda request, response: response)
+        await node.create_client(Add, "warm").call(Add.Request())
+    await call("127.0.0.1:9", "/none", "guess")
+    os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp()
+    os.chmod(os.environ["XDG_RUNTIME_DIR"], 0o777)
+    os.setgroups([])
+    os.setgid(65534)
+    os.setuid(65534)
+    told = {"read": 0, "unreadable": 0, "called": 0, "refused": []}
+    for folder, folders, files in os.walk(runtime, onerror=lambda error: told.__setitem__(
+        "unreadable", told["unreadable"] + 1
+    )):
+        for name in files:
+            try:
+                told["read"] += b"token" in pathlib.Path(folder, name).read_bytes()
+            except OSError:
+                told["unreadable"] += 1
+    for place, service in zip(places, ("/tcp", "/unix")):
+        for token in (None, "guess", "eve.guess"):
+            what = await call(place, service, token)
+            told["called"] += what == "called"
+            told["refused"] += [what] if what != "called" else []
+    print(json.dumps(told), flush=True)
+
+asyncio.run(main())
+"""
+
+
+def opens_the_registry(patch):
+    """Folders and files as Python makes them, under the umask of the server."""
+    from taskrpc import platform
+
+    def private_dir(path):
+        path.mkdir(parents=True, exist_ok=True)
+        path.chmod(0o755)
+        return path
+
+    patch(platform, "private_dir", private_dir)
+    patch(platform, "check_private_dir", lambda path: None)
+    flags = os.O_RDWR | os.O_CREAT
+    patch(platform, "open_private", lambda path: os.open(path, flags, 0o666))
+
+
+def opens_the_socket(patch):
+    """A socket that anybody may reach, and nobody is asked who he is."""
+    from taskrpc.transport import tcp, unix
+
+    opens_the_registry(patch)
+    patch(Path, "chmod", lambda self, mode: os.chmod(self, mode | 0o666))
+    patch(tcp, "unix_voucher", lambda sock, **options: unix.Voucher("", is_owner=True))
+
+
+@pytest.fixture
+def runtime():
+    """A folder that everybody may enter: what lies in it must keep others out by itself."""
+    with tempfile.TemporaryDirectory() as made:
+        Path(made).chmod(0o755)
+        yield Path(made)
+
+
+@pytest.mark.planted(Bug(opens_the_registry, "read the token"), Bug(opens_the_socket, "called"))
+async def test_a_second_user_can_neither_read_the_token_nor_call(
+    counts, programs, bug, tmp_path, monkeypatch, runtime
+):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
+    server = await programs.start(SERVER, name="server.py")
+    places = json.loads(await asyncio.to_thread(_addresses, runtime))
+    script = tmp_path / "other.py"
+    script.write_text(OTHER)
+    planting = [] if bug is None else ["-c", PLANTING, bug.place]
+    found = await asyncio.to_thread(
+        subprocess.run,
+        [sys.executable, *planting, str(script), str(runtime), *places],
+        env={**os.environ, "PYTHONPATH": str(ROOT), "XDG_RUNTIME_DIR": str(tmp_path / "warm")},
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert server.poll() is None
+    assert found.returncode == 0, found.stderr
+    told = json.loads(found.stdout)
+    counts["read the token"] += told["read"]
+    counts["called"] += told["called"]
+    counts["unreadable"] += told["unreadable"]
+    counts["refused"] += len(told["refused"])
+    counts.check("read the token", "called", happened=("unreadable", "refused"))
+    counts.require(refused=6)
+
+
+def _addresses(runtime: Path) -> str:
+    """Where the server takes calls, as root can see it."""
+    from taskrpc.transport.registry import Registry
+
+    entries = Registry(0).entries()
+    places = {each.services[0].name: each.address for each in entries if each.services}
+    return json.dumps([places["/tcp"], places["/unix"]])
