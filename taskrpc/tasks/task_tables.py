@@ -163,14 +163,15 @@ def clear(connection: sqlite3.Connection) -> None:
 
 def _upgrade(connection: sqlite3.Connection) -> None:
     """From format 1, which had no checksums, no completions and no id."""
-    records = [each for (each,) in connection.execute("SELECT record FROM task")]
-    try:
-        tasks = msgspec.json.decode(b"[" + b",".join(records) + b"]", type=list[Task])
-    except (msgspec.MsgspecError, TypeError) as error:
-        raise StoreError(f"holds a damaged task: {error}") from None
+    tasks = {}
+    for number, record in connection.execute("SELECT task_id, record FROM task"):
+        try:
+            tasks[number] = msgspec.json.decode(record, type=Task)
+        except (msgspec.MsgspecError, UnicodeDecodeError, TypeError) as error:
+            raise Damaged("task", str(error), f"task_id = {number}") from None
     connection.execute("DROP TABLE task")
     connection.execute(_TABLES[0])
     make_tables(connection)
     equip(connection)
-    _write(connection, {task.task_id: row_of(task) for task in tasks}, CompletionBatch())
+    _write(connection, {number: row_of(task) for number, task in tasks.items()}, CompletionBatch())
     connection.execute(f"PRAGMA user_version = {FORMAT}")

@@ -277,7 +277,7 @@ async def test_a_file_of_the_first_format_is_brought_up_to_date(path):
 async def test_a_file_of_the_first_format_that_is_damaged_stays_as_it_was(path):
     written_by_the_first_version(path, {1: '{"task_id": "one"}'})
     before = path.read_bytes()
-    assert "holds a damaged task: Expected `int`, got `str`" in await refused(path)
+    assert "(table task, row task_id = 1: Expected `int`, got `str`" in await refused(path)
     assert path.read_bytes() == before
 
 
