@@ -24,6 +24,7 @@ from ._runtime import Message, under
 from .cdr_decode import decoder_of
 from .cdr_encode import encoder_of
 from .cdr_faults import CdrError
+from .cdr_plan import KEPT_CLASSES
 from .convert import is_message_class, not_a_message, not_a_message_class
 
 __all__ = ["CdrError", "from_cdr", "to_cdr"]
@@ -41,6 +42,8 @@ class _Compiled(dict[Any, Callable[[Any], Any]]):
     def __missing__(self, cls: Any) -> Callable[[Any], Any]:
         if not is_message_class(cls):
             raise not_a_message_class(cls)
+        if len(self) >= KEPT_CLASSES:
+            self.pop(next(iter(self)), None)
         made = self[cls] = self._make(cls)
         return made
 

@@ -27,7 +27,7 @@ import struct
 import sys
 from array import array as array_type
 from collections.abc import Callable
-from functools import cache, partial
+from functools import lru_cache, partial
 from typing import Any
 
 from .cdr_code import Names, Position, compiled, indented
@@ -44,7 +44,7 @@ from .cdr_faults import (
     without_nul,
 )
 from .cdr_layout import Item, Run
-from .cdr_plan import Node, Plan, Tail, Value, plan_of
+from .cdr_plan import KEPT_CLASSES, Node, Plan, Tail, Value, plan_of
 from .cdr_values import (
     booleans,
     from_wide,
@@ -92,7 +92,7 @@ def decoder_of(cls: Any) -> Callable[[bytes], Any]:
     return decode
 
 
-@cache
+@lru_cache(KEPT_CLASSES)
 def sequence_decoder_of(cls: Any) -> Callable[[bytes, int, int, str], _Sequence]:
     """Decodes a number of messages from a position; returns them and where they end."""
     plan = plan_of(cls, is_element=True)

@@ -16,12 +16,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Callable
-from functools import cache
+from functools import lru_cache
 from typing import Any
 
 from .cdr_code import Names, Position, compiled, indented
 from .cdr_layout import Run
-from .cdr_plan import Node, Plan, Tail, Value, plan_of
+from .cdr_plan import KEPT_CLASSES, Node, Plan, Tail, Value, plan_of
 from .cdr_values import add_strings, add_wstrings, wide
 
 _ARRAY = "{}" if sys.byteorder == "little" else "{}.little_endian()"
@@ -50,7 +50,7 @@ def encoder_of(cls: Any) -> Callable[[Any], bytes]:
     return encode
 
 
-@cache
+@lru_cache(KEPT_CLASSES)
 def sequence_encoder_of(cls: Any) -> Callable[[list[bytes], list[Any], int], int]:
     """Appends checked messages of this class, the first at a position; returns where they end."""
     writer = _Writer(plan_of(cls, is_element=True), is_element=True)

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, field
-from functools import cache
+from functools import lru_cache
 from typing import Any, Literal
 
 from .cdr_layout import ANYWHERE, Item, Role, Run, padding
@@ -123,7 +123,11 @@ class Plan:
     """No message is shorter: what a count is checked against before anything is made."""
 
 
-@cache
+KEPT_CLASSES = 1024
+"""Message classes whose plans and code are kept; a program may make any number as it runs."""
+
+
+@lru_cache(KEPT_CLASSES)
 def plan_of(cls: Any, is_element: bool) -> Plan:
     """The plan of a whole message with its header, or of an element of a sequence."""
     return _Planner(is_element).plan(cls)

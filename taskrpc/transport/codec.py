@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Mapping
-from functools import cache
+from functools import lru_cache
 from typing import Any, Protocol, cast, get_type_hints
 
 import msgspec
@@ -44,6 +44,9 @@ def _encode_array(value: Any) -> Any:
 
 _encode = msgspec.msgpack.Encoder(enc_hook=_encode_array).encode
 _PROBLEM = re.compile(r"^(.*?)(?: - at `\$(.*)`)?$", re.DOTALL)
+
+KEPT_CLASSES = 1024
+"""Message classes whose codecs are kept; a program may make any number of classes as it runs."""
 
 _HARMLESS = 2**24
 """Bytes of memory that a body may make msgspec fill with defaults."""
@@ -135,7 +138,7 @@ def _field_path(cls: type[MessageType] | None, places: list[str]) -> str:
     return path
 
 
-@cache
+@lru_cache(KEPT_CLASSES)
 def _largest_element(cls: type[MessageType]) -> int:
     """The memory of the largest message by default of which a sequence in this class has many."""
     sizes = [0]
@@ -155,7 +158,7 @@ def _memory(value: Any) -> int:
     return size + len(value) * _memory(value[0]) if is_list else size
 
 
-@cache
+@lru_cache(KEPT_CLASSES)
 def _shape_of(cls: type[MessageType]) -> type[msgspec.Struct]:
     """A class of the same fields, all required: it takes no more memory than what is sent."""
     fields: list[tuple[str, Any]] = []
@@ -171,7 +174,7 @@ def _shape_of(cls: type[MessageType]) -> type[msgspec.Struct]:
     )
 
 
-@cache
+@lru_cache(KEPT_CLASSES)
 def codec_of(cls: type[Any]) -> Codec:
     """The codec of a message class, made once."""
     return Codec(cls)

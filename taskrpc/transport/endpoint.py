@@ -89,6 +89,7 @@ class Endpoint:
         self._roster = Roster(about)
         self._served: set[ServingConnection] = set()
         self._admission: Admission | None = None
+        self._advertising = False
         self._ticker: asyncio.TimerHandle | None = None
         self._forget = forget
         self._closed = False
@@ -285,9 +286,16 @@ class Endpoint:
         self.network.publish(self._roster, change, claim=claim)
 
     def _advertise(self) -> None:
-        for connection in self._served:
+        """Tell callers of changed services: once, however many change in one turn of the loop."""
+        if self._served and not self._advertising:
+            self._advertising = True
+            self.loop.call_soon(self._advertise_now)
+
+    def _advertise_now(self) -> None:
+        self._advertising = False
+        for connection in list(self._served):
             connection.session.advertise()
-            connection.flush_soon()
+            connection.flush()
 
     async def _list_peer(self, address: Address) -> Entry | None:
         deadline = self.loop.time() + LISTING_TIMEOUT

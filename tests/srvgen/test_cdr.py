@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import gc
 import importlib
 import sys
 import threading
+import weakref
 from typing import Any
 
 import pytest
 
 import srvgen
-from srvgen import CdrError, FieldError, from_cdr, load, to_cdr
+from srvgen import CdrError, FieldError, cdr, from_cdr, load, to_cdr
+from srvgen.cdr_plan import KEPT_CLASSES, plan_of
 from srvgen.files import read_definition
 from srvgen.generate import generate
 from srvgen.search import BUNDLED, Search
@@ -302,3 +305,21 @@ def test_threads_may_meet_at_the_first_encoding_of_a_class_and_at_one_message():
     for thread in threads:
         thread.join()
     assert arrived == [shared] * 300
+
+
+def test_classes_made_while_a_program_runs_are_not_kept_for_ever(monkeypatch):
+    monkeypatch.setattr(cdr, "KEPT_CLASSES", 3)
+    for coders in (cdr._encoders, cdr._decoders):
+        monkeypatch.setattr(coders, "_make", lambda cls: lambda given: b"")
+        coders.clear()
+    classes = []
+    for number in range(10):
+        made = srvgen.define(f"made{number}/msg/One", "int64 a\n")
+        to_cdr(made())
+        classes.append(weakref.ref(made))
+        del made
+    gc.collect()
+    assert sum(each() is not None for each in classes) <= 4
+    assert plan_of.cache_info().maxsize == KEPT_CLASSES
+    for coders in (cdr._encoders, cdr._decoders):
+        coders.clear()
