@@ -52,8 +52,22 @@ def _join(text: str) -> Exit:
     remember_lab(lab)
     print(f"You have joined the lab at {lab.place} as {_account(lab)}{_until(lab)}.")
     print(_offers(lab, listing))
+    print(*_greeted(lab), sep="\n")
     print(_NEXT)
     return Exit.DONE
+
+
+def _greeted(lab: Lab) -> list[str]:
+    """What the server says of itself; by this first call the roster knows who has joined."""
+    import asyncio
+
+    from taskrpc.cli import health
+    from taskrpc.cli.remote import Remote
+
+    async def ask() -> list[str]:
+        return [finding.text async for finding in health.ask(Remote(lab.place))]
+
+    return asyncio.run(ask())
 
 
 def _status() -> Exit:
