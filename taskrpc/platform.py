@@ -106,7 +106,7 @@ def check_private_dir(path: Path) -> None:
         mode = stat.S_IMODE(found.st_mode)
         raise TaskRpcError(
             f"{path}: expected a folder that only its owner can enter, its mode is {mode:04o};"
-            f" do `chmod 700 {path}`, or name another one"
+            " name a folder of its own"
         )
 
 

@@ -24,9 +24,14 @@ def is_unix(place: str) -> bool:
 
 
 def checked_unix(place: str) -> str:
-    """The place, with an absolute path. Raises TaskRpcError where there are no unix sockets."""
+    """The place, with an absolute path.
+
+    Raises TaskRpcError without a path, or where there are no unix sockets.
+    """
     if not hasattr(socket, "AF_UNIX") or platform.WINDOWS:
         raise TaskRpcError(f"{place}: Python has no unix sockets on Windows; use 127.0.0.1:PORT")
+    if place == PREFIX:
+        raise TaskRpcError("expected unix:/path of the server's socket, got unix: alone")
     return PREFIX + os.path.abspath(place.removeprefix(PREFIX))
 
 

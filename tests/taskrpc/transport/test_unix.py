@@ -198,6 +198,11 @@ def test_a_path_that_is_too_long_is_one_sentence(folder):
         unix.bound_unix(f"unix:{folder}/{'x' * 200}", "")
 
 
+def test_a_socket_to_call_needs_its_path():
+    with pytest.raises(taskrpc.TaskRpcError, match=r"expected unix:/path .*, got unix: alone"):
+        unix.checked_unix("unix:")
+
+
 def test_windows_is_told_in_one_sentence(monkeypatch):
     monkeypatch.setattr(platform, "WINDOWS", True)
     with pytest.raises(taskrpc.TaskRpcError) as caught:
