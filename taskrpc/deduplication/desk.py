@@ -1,0 +1,283 @@
+"""The desk before an exactly-once service: what comes is run, attached, answered or refused."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import time
+from collections.abc import Awaitable, Callable
+from functools import partial
+from typing import Any
+
+from taskrpc.callinfo import log_fields
+from taskrpc.deduplication.run import Run, fail_to, key_of
+from taskrpc.deduplication.shared import forget, shared_of
+from taskrpc.errors import (
+    Code,
+    HandlerFailed,
+    OutcomeUnknown,
+    RequestIdReused,
+    ServerBusy,
+    ServiceUnavailable,
+    SessionExpired,
+    TaskRpcError,
+)
+from taskrpc.stepping import Stepper
+from taskrpc.transport.base import IncomingCall
+from taskrpc.transport.codec import Codec
+from taskrpc.wire.once import Claim, Client, Completion, CompletionStore, Ledger, Verdict
+
+log = logging.getLogger("taskrpc.server")
+
+RETRY_AFTER = 0.5
+_EXPIRE_EVERY = 60.0
+
+
+class OnceDesk:
+    """Stands before a service: what comes is run, attached, answered from memory, or refused.
+
+    Args:
+        store: where completions and effects are kept.
+        codec: encodes and decodes the service's responses.
+        serve: runs a call.
+        stored: is told when nothing more is on its way to the store.
+        wall_clock: seconds since 1970.
+    """
+
+    def __init__(
+        self,
+        store: CompletionStore,
+        codec: Codec,
+        serve: Callable[[IncomingCall], None],
+        stored: Callable[[], object] = lambda: None,
+        *,
+        wall_clock: Callable[[], float] = time.time,
+    ) -> None:
+        self.codec = codec
+        self._store = store
+        self._serve = serve
+        self._stored = stored
+        self.storing = 0
+        """Runs whose transaction has begun and not ended."""
+        self._wall_clock = wall_clock
+        self._shared = shared_of(store)
+        self._stepper = Stepper(asyncio.get_running_loop(), lambda _: None)
+        self._shared.desks += 1
+        self._shared.open(store)
+
+    @property
+    def store_id(self) -> asyncio.Future[bytes]:
+        """The store's name, once it is open."""
+        return self._shared.store_id
+
+    def close(self) -> None:
+        """Nothing more will come."""
+        self._stepper.close()
+        self._shared.desks -= 1
+        if not self._shared.desks:  # the store may change hands
+            forget(self._store, self._shared)
+
+    def arrived(self, call: IncomingCall) -> None:
+        """Do with a call what its number says."""
+        shared, claim = self._shared, call.claim
+        if claim is None:  # a caller that does not count: at most once
+            self._run(call, self._wall_clock())
+        elif shared.ledger is None:
+            self._wait_for_store(call)
+        else:
+            self._decided(call, claim, shared.ledger)
+
+    # Runs end here
+
+    def completion(self, run: Run, answer: bytes, code: int) -> Completion:
+        """What is to be remembered of a run."""
+        claim = run.claim
+        assert claim is not None, "only a numbered request is remembered"
+        number = claim.number
+        return Completion(
+            run.principal,
+            number.client,
+            number.sequence,
+            number.first_incomplete,
+            claim.fingerprint,
+            answer,
+            code,
+            run.arrived,
+        )
+
+    def commit(
+        self,
+        run: Run,
+        body: bytes,
+        code: int,
+        effect: Any,
+        answer: Callable[[IncomingCall], None],
+    ) -> None:
+        """Store an effect and the completion, then answer."""
+        completion = None if run.claim is None else self.completion(run, body, code)
+        if completion is None and effect is None:
+            self.done(run, None, answer)
+            return
+        run.completion = completion
+        try:
+            storing = self._store.complete(completion, effect)
+        except BaseException as error:
+            self._unstored(run, error)
+            if isinstance(error, SystemExit | KeyboardInterrupt):
+                raise
+            return
+        if storing is None:
+            self.done(run, completion, answer)
+            return
+        self.storing += 1
+        with contextlib.suppress(StopIteration):  # it did not have to wait
+            self._stepper.step(_nothing, self._committed(storing, run, completion, answer))
+
+    def done(
+        self, run: Run, completion: Completion | None, answer: Callable[[IncomingCall], None]
+    ) -> None:
+        """A run's completion is stored: answer everybody."""
+        if completion is not None:
+            self._shared.completed(completion)
+        self._shared.end(run)
+        run.tell(answer)
+
+    def undone(self, run: Run, error: TaskRpcError) -> None:
+        """A run has left nothing behind: whoever sends the request again has it run."""
+        self._shared.end_without_trace(run)
+        # Cancelled not by these, who came when the run was being given up.
+        run.tell(self.arrived if run.cancelled else partial(fail_to, error=error))
+
+    def refused(self, run: Run, answer: Callable[[IncomingCall], None]) -> None:
+        """A run has left nothing behind but its answer."""
+        self._shared.end_without_trace(run)
+        run.tell(answer)
+
+    def unknown(self, run: Run, error: OutcomeUnknown) -> None:
+        """Nobody can tell whether a run's transaction was done, before the store is read anew."""
+        log.error("%s: %s", run.service, error, extra=log_fields(run))
+        self._shared.end(run)
+        self._shared.open(self._store, anew=True)
+        run.tell(partial(fail_to, error=error))
+
+    # Inside
+
+    def _decided(self, call: IncomingCall, claim: Claim, ledger: Ledger) -> None:
+        now = self._wall_clock()
+        match ledger.decide(call.principal, claim.number, claim.fingerprint, now):
+            case Verdict.NEW:
+                if now >= self._shared.expires:
+                    self._expire(ledger, now)
+                self._run(call, now)
+            case Verdict.ATTACH:
+                text = "call %d of %s attaches to its first sending"
+                log.debug(text, call.number, call.service, extra=log_fields(call))
+                self._shared.runs[key_of(call, claim)].attach(call)
+            case Verdict.DONE:
+                text = "call %d of %s was done before"
+                log.debug(text, call.number, call.service, extra=log_fields(call))
+                self._repeat(call, ledger.answer(call.principal, claim.number))
+            case Verdict.STALE:
+                problem = "the server does not remember this client: whether it ran is unknown"
+                call.fail(SessionExpired(problem))
+            case Verdict.REUSED:
+                call.fail(RequestIdReused("another request was sent under this request id"))
+            case Verdict.FULL:
+                problem = f"{call.service} remembers too many requests"
+                call.fail(ServerBusy(problem, retry_after=RETRY_AFTER))
+
+    def _run(self, call: IncomingCall, now: float) -> None:
+        run = Run(
+            call.service,
+            call.caller,
+            call.principal,
+            call.role,
+            call.number,
+            call.deadline,
+            call._clock,
+            False,  # cancelled
+            call.request,
+            None,  # on_cancel
+            False,  # started
+            call.claim,
+            self,
+            [],
+            now,
+        )
+        run.attach(call)
+        self._shared.begin(run)
+        self._serve(run)
+
+    def _repeat(self, call: IncomingCall, completion: Completion) -> None:
+        if completion.code:
+            call.fail(HandlerFailed(Code(completion.code), completion.answer.decode()))
+            return
+        try:
+            call.reply(self.codec.decode(completion.answer), completion.answer)
+        except TaskRpcError as error:
+            problem = f"it ran before, and its answer cannot be read any more: {error}"
+            call.fail(TaskRpcError(problem, not_executed=False))
+
+    async def _committed(
+        self,
+        storing: Awaitable[None],
+        run: Run,
+        completion: Completion | None,
+        answer: Callable[[IncomingCall], None],
+    ) -> None:
+        try:
+            await storing
+        except BaseException as error:
+            self._unstored(run, error)
+            if isinstance(error, SystemExit | KeyboardInterrupt):
+                raise
+        else:
+            self.done(run, completion, answer)
+        finally:
+            self.storing -= 1
+            if not self.storing:
+                self._stored()
+
+    def _unstored(self, run: Run, error: BaseException) -> None:
+        if isinstance(error, TaskRpcError) and not isinstance(error, OutcomeUnknown):
+            text = "%s cannot store what it did: %s"
+            log.error(text, run.service, error, extra=log_fields(run))
+            self.undone(run, HandlerFailed(Code.UNAVAILABLE, str(error)))
+            return
+        if not isinstance(error, OutcomeUnknown):  # no store's word: it may mean anything
+            log.error("the store of %s failed:", run.service, exc_info=error, extra=log_fields(run))
+            error = OutcomeUnknown(f"the store of {run.service} failed")
+        self.unknown(run, error)
+
+    def _expire(self, ledger: Ledger, now: float) -> None:
+        self._shared.expires = now + _EXPIRE_EVERY
+        if clients := ledger.expire(now):
+            with contextlib.suppress(StopIteration):
+                self._stepper.step(_nothing, self._forget(clients))
+
+    async def _forget(self, clients: list[Client]) -> None:
+        try:
+            storing = self._store.complete(None, None, clients)
+            if storing is not None:
+                await storing
+        except Exception as error:  # the next server finds them expired too
+            log.warning("cannot forget clients: %s", error)
+
+    def _wait_for_store(self, call: IncomingCall) -> None:
+        shared = self._shared
+        shared.open(self._store)  # it may be that it could not be read before
+
+        def ready() -> None:
+            if call.cancelled:
+                return
+            if shared.is_given_up:
+                call.fail(ServiceUnavailable(f"the store of {call.service} cannot be used"))
+            else:
+                self.arrived(call)
+
+        shared.when_open(ready)
+
+
+def _nothing() -> None:
+    pass

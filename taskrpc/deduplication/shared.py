@@ -1,0 +1,131 @@
+"""What all exactly-once services of one store have in common: its ledger, and what runs."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import weakref
+from collections.abc import Callable
+
+from taskrpc.deduplication.run import Key, Run, key_of
+from taskrpc.errors import Code, HandlerFailed, StoreError
+from taskrpc.wire.once import Completion, CompletionStore, Ledger
+
+log = logging.getLogger("taskrpc.server")
+
+
+class Shared:
+    """The state of one store on one event loop."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        self.loop = weakref.ref(loop)
+        self.ledger: Ledger | None = None
+        """None while the store is being read."""
+        self.runs: dict[Key, Run] = {}
+        self.store_id: asyncio.Future[bytes] = loop.create_future()
+        """The store's name, once it is open."""
+        self.desks = 0
+        self.expires = 0.0
+        """Seconds since 1970 at which to look for leases that have ended."""
+        self._meanwhile: list[Completion] = []
+        """Stored while the store is read: what is read may be older."""
+        self._opening: asyncio.Task[None] | None = None
+
+    # Reading the store
+
+    def open(self, store: CompletionStore, *, anew: bool = False) -> None:
+        """Read the store, unless it is read or being read; `anew`: even then."""
+        if anew:
+            self.ledger = None
+        if anew or (self.ledger is None and not self._is_opening):
+            loop = asyncio.get_running_loop()
+            self._opening = loop.create_task(self._opened(store))
+
+    def when_open(self, then: Callable[[], object]) -> None:
+        """Call back when the store has been read, or could not be."""
+        assert self._opening is not None, "somebody has begun to read"
+        self._opening.add_done_callback(lambda _: then())
+
+    @property
+    def is_given_up(self) -> bool:
+        """Whether the store could not be read."""
+        return self.ledger is None and not self._is_opening
+
+    def give_up(self, problem: str) -> None:
+        """Read no more, and tell who waits for the store's name."""
+        if self._opening is not None:
+            self._opening.cancel()
+        if not self.store_id.done():
+            self.store_id.set_exception(HandlerFailed(Code.UNAVAILABLE, problem))
+            self.store_id.exception()  # nobody may be left to ask
+
+    # What runs
+
+    def begin(self, run: Run) -> None:
+        """A run has begun."""
+        if run.claim is not None:
+            self.runs[key_of(run, run.claim)] = run
+
+    def end(self, run: Run) -> bool:
+        """Whether this is the first end of the run, and nobody else runs its request by now."""
+        if run.claim is None or self.runs.get(key := key_of(run, run.claim)) is not run:
+            return False
+        del self.runs[key]
+        return True
+
+    def end_without_trace(self, run: Run) -> None:
+        """A run has left nothing behind: sent again, its request is new."""
+        if self.end(run) and run.claim is not None and self.ledger is not None:
+            self.ledger.abandoned(run.principal, run.claim.number)
+
+    def completed(self, completion: Completion) -> None:
+        """A request is done, and its completion stored."""
+        if self.ledger is not None:
+            self.ledger.completed(completion)
+        else:
+            self._meanwhile.append(completion)
+
+    @property
+    def _is_opening(self) -> bool:
+        return self._opening is not None and not self._opening.done()
+
+    async def _opened(self, store: CompletionStore) -> None:
+        try:
+            remembered = await store.recall()
+        except BaseException as error:
+            if not self.desks or self._opening is not asyncio.current_task():
+                return  # nobody wants to know any more
+            log.error("the store of exactly-once services cannot be used: %s", error)
+            self.give_up(str(error))
+            return
+        if self._opening is not asyncio.current_task():
+            return  # it was read before somebody asked to read it anew
+        self.ledger = ledger = Ledger((*remembered.completions, *self._meanwhile))
+        self._meanwhile = []
+        for run in self.runs.values():
+            assert run.claim is not None, "only numbered runs are listed"
+            ledger.runs(run.principal, run.claim, run.arrived)
+        if not self.store_id.done():
+            self.store_id.set_result(remembered.store_id)
+
+
+_shared: weakref.WeakKeyDictionary[CompletionStore, Shared] = weakref.WeakKeyDictionary()
+
+
+def shared_of(store: CompletionStore) -> Shared:
+    """The state of a store; raises StoreError where another event loop uses it."""
+    loop = asyncio.get_running_loop()
+    known = _shared.get(store)
+    other = None if known is None else known.loop()
+    if known is not None and known.desks and other not in (None, loop) and not other.is_closed():
+        raise StoreError("the store serves another event loop; give each one a store of its own")
+    if known is None or other is not loop:
+        known = _shared[store] = Shared(loop)
+    return known
+
+
+def forget(store: CompletionStore, shared: Shared) -> None:
+    """Nobody offers a service of this store any more: who does next reads it anew."""
+    shared.give_up("the service was withdrawn")
+    if _shared.get(store) is shared:
+        del _shared[store]
