@@ -33,8 +33,7 @@ from taskrpc.wire.messages import DEFAULT_LIMITS
 from taskrpc.wire.once import CompletionStore
 
 if TYPE_CHECKING:
-    from concurrent.futures import ThreadPoolExecutor
-
+    from taskrpc.daemons import DaemonThreads
     from taskrpc.deduplication import OnceDesk
     from taskrpc.observer import Observer, ServiceStatus
 
@@ -223,7 +222,7 @@ class Service:
         return True
 
     def _run_in_thread(
-        self, threads: ThreadPoolExecutor, call: IncomingCall, response: Any, began: float
+        self, threads: DaemonThreads, call: IncomingCall, response: Any, began: float
     ) -> None:
         token = answering.set(call)
         context = contextvars.copy_context()
@@ -322,7 +321,7 @@ class Service:
             if not self.finished.done():
                 self.finished.set_result(None)
             if self._threads is not None:
-                self._threads.shutdown(wait=False)
+                self._threads.shutdown()
 
     def _held_loop(self, seconds: float) -> None:
         if seconds > HOLDS_LOOP_AFTER and not self._warned:
@@ -336,10 +335,10 @@ class Service:
             )
 
 
-def _threads(name: str, concurrency: int) -> ThreadPoolExecutor:
-    from concurrent.futures import ThreadPoolExecutor  # few services need threads
+def _threads(name: str, concurrency: int) -> DaemonThreads:
+    from taskrpc.daemons import DaemonThreads  # few services need threads
 
-    return ThreadPoolExecutor(concurrency, thread_name_prefix=f"taskrpc {name}")
+    return DaemonThreads(concurrency, f"taskrpc {name}")
 
 
 async def _awaited(result: Awaitable[Any]) -> Any:
