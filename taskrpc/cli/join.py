@@ -53,6 +53,7 @@ def _join(text: str) -> Exit:
     print(f"You have joined the lab at {lab.place} as {_account(lab)}{_until(lab)}.")
     print(_offers(lab, listing))
     print(*_greeted(lab), sep="\n")
+    _warn_of_peers()
     print(_NEXT)
     return Exit.DONE
 
@@ -77,6 +78,7 @@ def _status() -> Exit:
     print(f"joined: the lab at {lab.place} as {_account(lab)}{_until(lab)}")
     print(f"namespace: {lab.namespace}")
     print(_offers(lab, _visited(lab)))
+    _warn_of_peers()
     return Exit.DONE
 
 
@@ -97,6 +99,14 @@ def _visited(lab: Lab) -> Listing:
         raise hinted(
             AuthenticationFailed(f"{lab.place} refuses this laptop: {error}"), hint
         ) from None
+
+
+def _warn_of_peers() -> None:
+    from taskrpc.transport.tcp import environment_peers
+
+    if peers := environment_peers():
+        listed = ", ".join(peers)
+        print(f"TASKRPC_PEERS is set: programs call {listed} instead, until it is unset.")
 
 
 def _account(lab: Lab) -> str:

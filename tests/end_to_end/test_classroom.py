@@ -46,7 +46,7 @@ class Machine:
         )
         assert "Traceback" not in ended.stderr, ended.stderr
         assert code in (None, ended.returncode), ended.stdout + ended.stderr
-        return ended.stderr if ended.returncode else ended.stdout
+        return ended.stdout + ended.stderr if ended.returncode else ended.stdout
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +104,9 @@ def test_a_laptop_joins_calls_and_is_revoked(lecturer, strings, laptop):
     assert roster(lecturer)["grace"]["state"] == "invited"
     assert "/robot_task\n" in laptop.run("taskrpc", "service", "list")
     assert "/ada" in laptop.run("taskrpc", "join", "--status")
+    laptop.environment["TASKRPC_PEERS"] = "192.0.2.1:1"
+    assert "TASKRPC_PEERS is set" in laptop.run("taskrpc", "join", "--status")
+    del laptop.environment["TASKRPC_PEERS"]
 
     lecturer.run("taskrpc", "task", "pause")
     for _ in range(2):
@@ -123,6 +126,7 @@ def test_a_laptop_joins_calls_and_is_revoked(lecturer, strings, laptop):
     assert "token" in submit(laptop, code=1)
     assert "revoked" in laptop.run("taskrpc", "join", strings["ada"], code=1)
     assert roster(lecturer)["ada"]["state"] == "revoked"
+    assert "the account may be revoked or" in laptop.run("taskrpc", "doctor", code=1)
 
     laptop.run("taskrpc", "leave")
     assert "nobody offers" in submit(laptop, code=4)
