@@ -18,7 +18,7 @@ class Dialler:
     """Dials each place once, however many ask for it; `make` builds a connection's protocol."""
 
     def __init__(self, network: Network, make: Callable[[Address], CallingConnection]) -> None:
-        self.connections: set[CallingConnection] = set()
+        self.connections: dict[CallingConnection, None] = {}
         """All that have not ended, those that only finish their calls included."""
         self._network = network
         self._make = make
@@ -51,7 +51,7 @@ class Dialler:
 
     def ended(self, connection: CallingConnection) -> None:
         """A connection is gone."""
-        self.connections.discard(connection)
+        self.connections.pop(connection, None)
         for place, each in list(self._newest.items()):
             if each is connection:
                 del self._newest[place]

@@ -87,7 +87,7 @@ class Endpoint:
         self._next_method = 1
         about = Entry(pid=os.getpid(), script=_script(), folder=_folder(), since=time.time())
         self._roster = Roster(about)
-        self._served: set[ServingConnection] = set()
+        self._served: dict[ServingConnection, None] = {}  # in order of arrival
         self._admission: Admission | None = None
         self._advertising = False
         self._ticker: asyncio.TimerHandle | None = None
@@ -216,11 +216,11 @@ class Endpoint:
         """A connection has its transport."""
         self._traffic_of(connection).began()
         if isinstance(connection, ServingConnection):
-            self._served.add(connection)
+            self._served[connection] = None
             if self._admission is not None:
                 self._admission.came(connection)
         elif isinstance(connection, CallingConnection):
-            self.dialler.connections.add(connection)
+            self.dialler.connections[connection] = None
         self._vouch(connection)
         if self._ticker is None:
             self._ticker = self.loop.call_later(TICK, self._tick)
@@ -229,7 +229,7 @@ class Endpoint:
         """A connection is gone."""
         self._traffic_of(connection).left(connection)
         if isinstance(connection, ServingConnection):
-            self._served.discard(connection)
+            self._served.pop(connection, None)
             if self._admission is not None:
                 self._admission.left(connection)
         elif isinstance(connection, CallingConnection):

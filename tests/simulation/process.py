@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import weakref
 from contextvars import ContextVar
 
 from taskrpc.tasks.store import MemoryStore
@@ -18,7 +17,7 @@ class Process:
     def __init__(self, name):
         self.name = name
         self.is_dead = False
-        self._tasks = weakref.WeakSet()
+        self._tasks = []
 
     def run(self, coroutine):
         """Start a coroutine as this process's."""
@@ -40,12 +39,12 @@ class Process:
                 if connection.transport is not None:
                     connection.transport.abort()
             endpoint._closed = True
-        for task in list(self._tasks):
+        for task in self._tasks:
             task.cancel()
 
     def joined(self, task):
         """A task was begun here."""
-        self._tasks.add(task)
+        self._tasks.append(task)
 
 
 def task_factory(loop, coroutine, **options):
