@@ -10,9 +10,9 @@ from __future__ import annotations
 import contextlib
 import os
 import sqlite3
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.storage.lock import held
@@ -72,11 +72,22 @@ class Database:
             OutcomeUnknown: nobody knows whether it was; the database is broken.
             Exception: `work` raised it itself, and nothing was changed.
         """
+        self._do(lambda number: self._in_transaction(work, number))
+
+    def change_at_once(self, statement: str, values: Sequence[Any]) -> None:
+        """Do as `change` does, by one statement that is the whole transaction.
+
+        It takes the interpreter's lock once instead of at each of many steps, and on a busy loop
+        that is what takes time. Its last parameter is what it must write as `commits`.
+        """
+        self._do(lambda number: _execute(self._connection, statement, (*values, number)))
+
+    def _do(self, transaction: Callable[[int], None]) -> None:
         with plainly(self._path, but_statements=True):
             self._check()
             number = self._commits + 1
             try:
-                self._in_transaction(work, number)
+                transaction(number)
                 self._commits = number
             except _CommitFailed as failed:
                 self._find_out(number, failed.error)
@@ -106,7 +117,7 @@ class Database:
             work(connection)
             if number:
                 connection.execute("UPDATE taskrpc_store SET commits = ?", (number,))
-            _commit(connection)
+            _execute(connection, "COMMIT")
         except BaseException:
             if connection.in_transaction:
                 with contextlib.suppress(sqlite3.Error):
@@ -153,9 +164,10 @@ class _CommitFailed(Exception):
         super().__init__(str(error))
 
 
-def _commit(connection: sqlite3.Connection) -> None:
+def _execute(connection: sqlite3.Connection, ending: str, values: Sequence[Any] = ()) -> None:
+    """Do what ends a transaction. Raises _CommitFailed where it may have ended it all the same."""
     try:
-        connection.execute("COMMIT")
+        connection.execute(ending, values)
     except sqlite3.Error as error:
         # On a full disk the page that makes a transaction valid, its last, was not written whole.
         if is_full(error) or not is_about_the_file(error):

@@ -141,10 +141,13 @@ def _read(connection: sqlite3.Connection) -> Remembered:
     return Remembered(read_store_id(connection), read_completions(connection))
 
 
-def _write(connection: sqlite3.Connection, changes: Sequence[_Done]) -> None:
-    batch = CompletionBatch()
-    for change in changes:
-        for sql, parameters in change.effect:
-            connection.execute(sql, parameters)
-        batch.add(change.completion, change.forgotten)
-    batch.write(connection)
+def _write(database: Database, changes: Sequence[_Done]) -> None:
+    def work(connection: sqlite3.Connection) -> None:
+        batch = CompletionBatch()
+        for change in changes:
+            for sql, parameters in change.effect:
+                connection.execute(sql, parameters)
+            batch.add(change.completion, change.forgotten)
+        batch.write(connection)
+
+    database.change(work)

@@ -27,13 +27,13 @@ class Writer(Generic[_Change]):
 
     Args:
         open_file: opens the file, when it is first needed.
-        write: writes changes in the transaction that is open.
+        write: writes changes in one transaction.
     """
 
     def __init__(
         self,
         open_file: Callable[[], Database],
-        write: Callable[[sqlite3.Connection, Sequence[_Change]], None],
+        write: Callable[[Database, Sequence[_Change]], None],
     ) -> None:
         self._open_file = open_file
         self._write = write
@@ -140,7 +140,7 @@ class Writer(Generic[_Change]):
         """What became of each change: None where it is stored."""
         count = len(changes)
         try:
-            self._opened().change(lambda connection: self._write(connection, changes))
+            self._write(self._opened(), changes)
         except (StoreError, OutcomeUnknown) as error:
             return [copy.copy(error) for _ in changes]
         except Exception as error:

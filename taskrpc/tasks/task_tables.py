@@ -20,7 +20,7 @@ from taskrpc.storage.completions import (
     read_store_id,
     renew,
 )
-from taskrpc.storage.database import pragma
+from taskrpc.storage.database import Database, pragma
 from taskrpc.storage.records import Damaged, read_records, with_checksum
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.store import Stored
@@ -50,20 +50,23 @@ _SAVE = """
 _EQUIPMENT = (
     """
     CREATE TEMP VIEW IF NOT EXISTS batch AS
-    SELECT '' AS saved, '' AS gone, 0 AS next_id, '' AS lapsed, '' AS completed, '' AS settled
+    SELECT '' AS saved, '' AS gone, 0 AS next_id, 0 AS paused,
+           '' AS lapsed, '' AS completed, '' AS settled, 0 AS commits
     """,
     f"""
     CREATE TEMP TRIGGER IF NOT EXISTS write_batch INSTEAD OF INSERT ON batch BEGIN
         {_SAVE};
         UPDATE server SET next_id = NEW.next_id WHERE next_id < NEW.next_id;
+        UPDATE server SET paused = NEW.paused WHERE NEW.paused IS NOT NULL;
         DELETE FROM task WHERE task_id IN (SELECT value FROM json_each(NEW.gone));
         {FORGET.format("NEW.lapsed")};
         {SAVE.format("NEW.completed")};
         {SETTLE.format("NEW.settled")};
+        UPDATE taskrpc_store SET commits = NEW.commits;
     END
     """,
 )
-_WRITE = "INSERT INTO batch VALUES (?, ?, ?, ?, ?, ?)"
+_WRITE = "INSERT INTO batch VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
 
 Row: TypeAlias = tuple[int, int, str]
 """A task as it stands in its table: number, checksum, record."""
@@ -129,28 +132,27 @@ class Change(msgspec.Struct):
     paused: bool | None = None
 
 
-def write(connection: sqlite3.Connection, changes: Sequence[Change]) -> None:
-    """Write changes, in their order, in the transaction that is open."""
+def write(database: Database, changes: Sequence[Change]) -> None:
+    """Write changes, in their order, in one transaction."""
     tasks: dict[int, Row | None] = {}
     completions = CompletionBatch()
+    paused = None
     for change in changes:
         tasks.update({row[0]: row for row in change.saved})
         tasks.update(dict.fromkeys(change.forgotten))
         completions.add(change.completion, change.clients)
-        if change.paused is not None:
-            connection.execute("UPDATE server SET paused = ?", (change.paused,))
-    _write(connection, tasks, completions)
+        paused = paused if change.paused is None else change.paused
+    database.change_at_once(_WRITE, _values(tasks, completions, paused))
 
 
-def _write(
-    connection: sqlite3.Connection, tasks: Mapping[int, Row | None], completions: CompletionBatch
-) -> None:
-    """Save the rows of these numbers; forget the numbers that have none."""
+def _values(
+    tasks: Mapping[int, Row | None], completions: CompletionBatch, paused: bool | None
+) -> Sequence[object]:
+    """What `_WRITE` is given: numbers without a row are forgotten."""
     saved = [row for row in tasks.values() if row is not None]
     gone = [number for number, row in tasks.items() if row is None]
     next_id = 1 + max((number for number, *_ in saved), default=0)
-    rows = (as_json(saved), as_json(gone), next_id, *completions.rows())
-    connection.execute(_WRITE, rows)
+    return as_json(saved), as_json(gone), next_id, paused, *completions.rows()
 
 
 def clear(connection: sqlite3.Connection) -> None:
@@ -173,5 +175,6 @@ def _upgrade(connection: sqlite3.Connection) -> None:
     connection.execute(_TABLES[0])
     make_tables(connection)
     equip(connection)
-    _write(connection, {number: row_of(task) for number, task in tasks.items()}, CompletionBatch())
+    rows = {number: row_of(task) for number, task in tasks.items()}
+    connection.execute(_WRITE, (*_values(rows, CompletionBatch(), None), 0))
     connection.execute(f"PRAGMA user_version = {FORMAT}")

@@ -89,13 +89,13 @@ def rehearse(tmp_path, monkeypatch, counts):
     """Accept tasks under load; returns how many a transaction and how many a second."""
 
     async def rehearsed(seconds):
-        change = Database.change
+        do = Database._do
 
-        def counted(self, work):
+        def counted(self, transaction):
             counts["transactions"] += 1
-            change(self, work)
+            do(self, transaction)
 
-        monkeypatch.setattr(Database, "change", counted)
+        monkeypatch.setattr(Database, "_do", counted)
         store = SqliteStore(tmp_path / "tasks.db")
         await store.load()
         async with called(counts):
