@@ -50,6 +50,8 @@ if TYPE_CHECKING:
 log = logging.getLogger("taskrpc.transport")
 
 TICK = 1.0
+SLICE, SLICES = 64, 20
+"""Connections that are looked after at once, where there are no more than both multiplied."""
 LISTING_TIMEOUT = 2.0
 CLOSE_TIMEOUT = 1.0
 
@@ -327,11 +329,14 @@ class Endpoint:
 
     def _tick(self) -> None:
         self._ticker = None
-        now = self.loop.time()
         connections = self._connections()
         self.unread.measure_all()
-        for connection in connections:
-            connection.tick(now)
+        # Thousands have their pings, and the time that this takes, spread over the second.
+        slices = min(SLICES, 1 + len(connections) // SLICE)
+        for number in range(1, slices):
+            part = connections[number::slices]
+            self.loop.call_later(TICK * number / slices, self._look_after, part)
+        self._look_after(connections[::slices])
         if (book := self.network.accounts) is not None:
             book.look()
             look_after_accounts(self._served, book.now, time.time())
@@ -339,6 +344,11 @@ class Endpoint:
             self._publish(Change())
         if connections:
             self._ticker = self.loop.call_later(TICK, self._tick)
+
+    def _look_after(self, connections: list[Connection]) -> None:
+        now = self.loop.time()
+        for connection in connections:
+            connection.tick(now)
 
 
 def _named(offer: Offer) -> Named:

@@ -3,6 +3,8 @@
 import asyncio
 import logging
 import struct
+from collections import Counter
+from itertools import pairwise
 
 import pytest
 
@@ -325,3 +327,24 @@ async def test_who_calls_beyond_the_limits_has_his_answers_then_the_reason(
     lines = [each.message for each in caplog.records]
     assert len(lines) == 1
     assert "is cut off once it has its answers: more than 256 calls in flight" in lines[0]
+
+
+async def test_thousands_of_connections_are_not_pinged_in_one_moment(server):
+    class Idle:
+        def __init__(self):
+            self.looks = []
+
+        def tick(self, now):
+            self.looks.append(now)
+
+    endpoint = server._transport
+    idle = [Idle() for _ in range(1000)]
+    endpoint._served.update(idle)
+    endpoint._tick()
+    await asyncio.sleep(10.5)
+    endpoint._served.difference_update(idle)
+    moments = Counter(look for each in idle for look in each.looks)
+    assert max(moments.values()) <= 64
+    for each in idle:
+        assert 10 <= len(each.looks) <= 11
+        assert max(late - early for early, late in pairwise(each.looks)) < 1.1
