@@ -56,8 +56,9 @@ async def main():
         node.create_service(Add, "warm", lambda request, response: response)
         await node.create_client(Add, "warm").call(Add.Request())
     await call("127.0.0.1:9", "/none", "guess")
-    os.environ["XDG_RUNTIME_DIR"] = tempfile.mkdtemp()
-    os.chmod(os.environ["XDG_RUNTIME_DIR"], 0o777)
+    own = tempfile.mkdtemp()
+    os.chmod(own, 0o777)
+    os.environ["XDG_RUNTIME_DIR"] = os.environ["XDG_STATE_HOME"] = own
     os.setgroups([])
     os.setgid(65534)
     os.setuid(65534)
