@@ -44,7 +44,7 @@ class Faults:
         counts: Counts,
         *,
         kinds: tuple[str, ...] = KINDS,
-        share: float = 0.6,
+        share: float = 0.8,
         skip: int = 0,
         reach: int = 2000,
     ) -> None:
@@ -85,20 +85,20 @@ def faulty_pipe(faults: Faults) -> type[Pipe]:
             else:
                 self._fault = None
                 faults.counts[fault.kind] += 1
-                self._strike(fault, data[: len(data) - (self._passed - fault.after)])
+                self._strike(fault, data, len(data) - (self._passed - fault.after))
 
-        def _strike(self, fault: Fault, before: bytes) -> None:
+        def _strike(self, fault: Fault, data: bytes, at: int) -> None:
             match fault.kind:
                 case "delayed":
-                    self._late = [before]
+                    self._late = [data]
                     self._loop.call_later(fault.seconds, self._catch_up)
                 case "truncated":
-                    super().write(before)
+                    super().write(data[:at])
                     self._loop.call_soon(self._loop.call_soon, self.close)
                 case "cut":
                     self.close()
                 case "reset":
-                    super().write(before)
+                    super().write(data[:at])
                     self._loop.call_soon(self.abort)
                 case "black-holed":
                     self._swallows = self.peer._swallows = True
@@ -140,7 +140,8 @@ class Proxy:
         self._faults.counts["connections through the proxy"] += 1
         there = None
         try:
-            with contextlib.suppress(OSError):
+            # Cancelled only at the end; and asyncio logs a callback that ends as cancelled.
+            with contextlib.suppress(OSError, asyncio.CancelledError):
                 back, there = await asyncio.open_connection(*self._target)
                 await self._joined((reader, there), (back, writer))
         finally:

@@ -1,0 +1,111 @@
+"""Promise 1: every call has a deadline, and hears of it never early and at most a tick late."""
+
+import asyncio
+import random
+import time
+
+import pytest
+
+import taskrpc
+from taskrpc.client import DEFAULT_TIMEOUT, Client
+from taskrpc.deadline import TICK, Lookout
+from taskrpc.transport import timers
+from tests.faults.harness import Bug, Lateness, milliseconds, percentile
+from tests.taskrpc.transport.helpers import Add, Gate, ask
+
+pytestmark = pytest.mark.faults
+
+
+def early(patch):
+    patch(timers, "is_over", lambda deadline, now: deadline <= now + 0.05)
+
+
+def late(patch):
+    def expect(lookout, deadline):
+        lookout.at, lookout.threshold = deadline + 0.1, deadline
+
+    patch(Lookout, "expect", expect)
+
+
+def no_deadline_unless_said(patch):
+    deadline = Client._deadline
+    unset = taskrpc.client.UNSET
+    patch(Client, "_deadline", lambda self, span: None if span is unset else deadline(self, span))
+
+
+async def heard(client, number, clock, **options):
+    """Seconds after which the caller of a callback that never answers heard of its deadline."""
+    began = clock()
+    with pytest.raises(taskrpc.DeadlineExceeded):
+        await asyncio.wait_for(client.call(ask(number), **options), 60)
+    return clock() - began
+
+
+@pytest.mark.planted(
+    Bug(early, "early"), Bug(late, "over a tick late"), Bug(no_deadline_unless_said, "never")
+)
+async def test_no_call_hears_of_its_deadline_early_or_over_a_tick_late(counts, seed, large):
+    chance = random.Random(seed)
+    clock = asyncio.get_running_loop().time
+
+    async def call(client, number):
+        await asyncio.sleep(chance.uniform(0, 2))
+        default = chance.random() < 0.1
+        span = DEFAULT_TIMEOUT if default else chance.choice([0.001, 0.01, 0.1, chance.random()])
+        try:
+            took = await heard(client, number, clock, **({} if default else {"timeout": span}))
+        except TimeoutError:
+            counts["never"] += 1
+            return
+        counts["deadlines"] += 1
+        counts["without a timeout given"] += default
+        counts["early"] += took < span - 1e-6
+        counts["over a tick late"] += took > span + TICK + 1e-6
+
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as node,
+    ):
+        # What runs, what waits for its turn, and what waits to be sent.
+        server.create_service(Add, "add", Gate(), concurrency=50)
+        client = node.create_client(Add, "add")
+        assert await client.wait_for_service(5)
+        await asyncio.gather(*[call(client, n) for n in range(20_000 if large else 2000)])
+    counts.check(
+        "early",
+        "over a tick late",
+        "never",
+        happened=("deadlines", "without a timeout given"),
+    )
+
+
+@pytest.mark.real_time
+@pytest.mark.planted(Bug(early, "early"), Bug(late, "over 20 ms later than the loop"))
+async def test_no_real_call_hears_of_its_deadline_early_or_later_than_the_loop_is(
+    counts, seed, large
+):
+    chance = random.Random(seed)
+    late_by = []
+
+    async def call(client, number):
+        await asyncio.sleep(chance.uniform(0, 5 if large else 1))
+        span = chance.uniform(0.05, 0.5)
+        late_by.append(await heard(client, number, time.monotonic, timeout=span) - span)
+
+    async with (
+        taskrpc.Node("server", token="s") as server,
+        taskrpc.Node("client", token="c") as node,
+    ):
+        server.create_service(Add, "add", Gate(), concurrency=1000)
+        client = node.create_client(Add, "add")
+        assert await client.wait_for_service(5)
+        lateness = Lateness()
+        await asyncio.gather(*[call(client, n) for n in range(5000 if large else 300)])
+        loop_late = lateness.stop()
+    counts["deadlines"] = len(late_by)
+    counts["early"] = sum(each < 0 for each in late_by)
+    worst = percentile(late_by, 0.99)
+    counts["over 20 ms later than the loop"] = worst > 0.020 + 2 * loop_late
+    counts["p99 ms late"] = milliseconds(worst)
+    counts["ms the loop was late"] = milliseconds(loop_late)
+    counts.check("early", "over 20 ms later than the loop", happened=("deadlines",))

@@ -1,0 +1,161 @@
+"""Promise 3: cancelling a call cancels its async callback, and nothing is left of it."""
+
+import asyncio
+import collections
+import contextlib
+import random
+
+import pytest
+
+import taskrpc
+from taskrpc.service import Service
+from taskrpc.transport.calling import CallingConnection
+from taskrpc.transport.serving import ServingConnection
+from taskrpc.wire.events import CancelReceived
+from taskrpc.wire.session import Session
+from tests.faults.harness import Bug
+from tests.taskrpc.transport.helpers import Add, Gate, ask
+
+pytestmark = pytest.mark.faults
+
+LEFT = ("callbacks that run on", "tasks left", "call ids left", "timers left")
+
+
+def never_tells_the_server(patch):
+    patch(CallingConnection, "forget", lambda connection, call: None)
+
+
+def never_stops_the_callback(patch):
+    cancelled = ServingConnection._cancelled
+
+    def deaf(connection, event):
+        if event.request.ticket is not None:
+            event.request.ticket.on_cancel = None
+        cancelled(connection, event)
+
+    patch(ServingConnection, "handlers", {**ServingConnection.handlers, CancelReceived: deaf})
+
+
+def never_answers_what_was_cancelled_in_the_queue(patch):
+    def deaf(connection, event):
+        if event.request.ticket is not None:
+            event.request.ticket.cancel()
+
+    patch(ServingConnection, "handlers", {**ServingConnection.handlers, CancelReceived: deaf})
+    patch(Service, "_job_done", _job_done_without_an_answer)
+
+
+def _job_done_without_an_answer(service, job):
+    service._jobs.pop(job)
+    service._running -= 1
+    service._finished()
+
+
+class Sessions:
+    """Every session that is made, so that what they hold can be counted."""
+
+    def __init__(self, monkeypatch):
+        self.all = []
+        init = Session.__init__
+
+        def noted(session, *arguments, **options):
+            init(session, *arguments, **options)
+            self.all.append(session)
+
+        monkeypatch.setattr(Session, "__init__", noted)
+
+    def open_calls(self):
+        return sum(len(session.open_calls) for session in self.all)
+
+
+def timers():
+    """The timers that are set; those of the connections' own look after themselves."""
+    loop = asyncio.get_running_loop()
+    return sum(not handle.cancelled() for handle in loop._scheduled)
+
+
+@contextlib.asynccontextmanager
+async def clients_of(callback, count, **options):
+    """Clients of one service, each with a connection of its own."""
+    async with contextlib.AsyncExitStack() as stack:
+        server = taskrpc.Node("server", transport="memory", token="s")
+        await stack.enter_async_context(server)
+        server.create_service(Add, "add", callback, **options)
+        clients = []
+        for number in range(count):
+            node = taskrpc.Node("client", transport="memory", token=f"c{number}")
+            await stack.enter_async_context(node)
+            clients.append(node.create_client(Add, "add"))
+            assert await clients[-1].wait_for_service(5)
+        yield clients
+
+
+@pytest.mark.planted(
+    Bug(never_tells_the_server, "callbacks that run on"),
+    Bug(never_stops_the_callback, "callbacks that run on"),
+)
+async def test_of_1000_calls_in_flight_each_cancel_cancels_its_callback(
+    counts, seed, large, monkeypatch
+):
+    sessions, gate = Sessions(monkeypatch), Gate()
+    async with clients_of(gate, 5, concurrency=1000) as clients:
+        before = len(asyncio.all_tasks()), timers()
+        calls = [clients[n % 5].call_async(ask(n), timeout=None) for n in range(1000)]
+        await asyncio.sleep(0.1)
+        counts["in flight"] = len(gate.started)
+        random.Random(seed).shuffle(calls)
+        for call in calls:
+            call.cancel()
+        await asyncio.sleep(1)
+        counts["callbacks cancelled"] = len(gate.cancelled)
+        counts["callbacks that run on"] = len(gate.started) - len(gate.cancelled)
+        count_what_is_left(counts, sessions, before)
+    assert counts["in flight"] == 1000
+    counts.check(*LEFT, happened=("callbacks cancelled",))
+
+
+@pytest.mark.planted(Bug(never_answers_what_was_cancelled_in_the_queue, "call ids left"))
+async def test_after_10000_random_cancels_nothing_is_left(counts, seed, large, monkeypatch):
+    sessions, chance = Sessions(monkeypatch), random.Random(seed)
+    states = collections.Counter()
+
+    async def work(request, response):
+        states["running"] += 1
+        try:
+            await asyncio.sleep(request.b / 1000)
+        except asyncio.CancelledError:
+            counts["cancelled in the callback"] += 1
+            raise
+        finally:
+            states["running"] -= 1
+        response.sum = request.a
+        return response
+
+    async def call(client, number):
+        await asyncio.sleep(chance.uniform(0, 5))
+        takes = chance.choice([0, 1, 10, 60_000])
+        call = client.call_async(ask(number, takes), timeout=None)
+        # At once, in the next turns, while it waits anywhere or runs, as it is answered.
+        for _ in range(chance.randrange(8)):
+            await asyncio.sleep(0)
+        await asyncio.sleep(chance.choice([0, 0, 0.001, 0.01, chance.random()]))
+        counts["cancelled"] += call.cancel()
+        with contextlib.suppress(asyncio.CancelledError):
+            counts["answered first"] += (await call).sum == number
+
+    async with clients_of(work, 5, concurrency=100) as clients:
+        before = len(asyncio.all_tasks()), timers()
+        wanted = 10_000
+        for _ in range(10 if large else 1):
+            await asyncio.gather(*[call(clients[n % 5], n) for n in range(wanted)])
+        await asyncio.sleep(1)
+        counts["callbacks that run on"] = states["running"]
+        count_what_is_left(counts, sessions, before)
+    counts.check(*LEFT, happened=("cancelled", "answered first", "cancelled in the callback"))
+
+
+def count_what_is_left(counts, sessions, before):
+    tasks, set_timers = before
+    counts["tasks left"] = max(0, len(asyncio.all_tasks()) - tasks)
+    counts["call ids left"] = sessions.open_calls()
+    counts["timers left"] = max(0, timers() - set_timers)
