@@ -262,17 +262,32 @@ def descriptor_limit() -> int:
     return _NO_LIMIT if soft == resource.RLIM_INFINITY else soft
 
 
-def drop_dead_peers(sock: socket.socket, seconds: float) -> None:
-    """Let the kernel end a connection whose peer has not acknowledged for `seconds`."""
+def drop_dead_peers(sock: socket.socket, silence: float, seconds: float) -> bool:
+    """Let the kernel end a connection whose peer has not acknowledged for `seconds`.
+
+    After a `silence` of so many seconds it asks the peer's kernel once a second. Returns whether
+    it does, which it cannot where there is no TCP.
+    """
     import socket
 
     with contextlib.suppress(OSError):
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        idle = "TCP_KEEPALIVE" if sys.platform == "darwin" else "TCP_KEEPIDLE"
+        for name, value in (
+            (idle, int(silence)),
+            ("TCP_KEEPINTVL", 1),
+            ("TCP_KEEPCNT", int(seconds - silence)),
+        ):
+            if hasattr(socket, name):
+                sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
         if WINDOWS:
             sock.setsockopt(socket.IPPROTO_TCP, _TCP_MAXRT, int(seconds))
         elif sys.platform == "darwin":
             sock.setsockopt(socket.IPPROTO_TCP, _TCP_RXT_CONNDROPTIME, int(seconds))
         elif hasattr(socket, "TCP_USER_TIMEOUT"):
             sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(seconds * 1000))
+        return True
+    return False
 
 
 @contextlib.contextmanager

@@ -201,6 +201,7 @@ class CallingConnection(Connection):
         self.epoch += 1
         self._on_advertised()
 
+    serves = False
     handlers: ClassVar = {
         Answered: _answered,
         Failed: _failed,

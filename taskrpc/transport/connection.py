@@ -59,6 +59,7 @@ class Connection(asyncio.BufferedProtocol):
         "_flush_planned",
         "_gone",
         "_handshake_timer",
+        "_kernel_asks",
         "_lost",
         "_read_buffer",
         "_splitter",
@@ -66,11 +67,14 @@ class Connection(asyncio.BufferedProtocol):
         "in_turn",
         "look_before",
         "owner",
+        "read_at",
         "session",
         "transport",
         "why_closed",
     )
 
+    serves: ClassVar[bool]
+    """Whether requests come here: only then it matters when they were read."""
     handlers: ClassVar[dict[type[Event], Callable[[Any, Any], None]]]
     """What to do with each event: a function of this class, taking the connection and the event."""
 
@@ -92,6 +96,9 @@ class Connection(asyncio.BufferedProtocol):
         self._deadlines: Deadlines | None = None
         self._gone: asyncio.Future[None] | None = None
         self._lost = False
+        self._kernel_asks = False
+        self.read_at = 0.0
+        """When what is being handled was read, by the loop's clock."""
 
     # asyncio's side
 
@@ -100,7 +107,9 @@ class Connection(asyncio.BufferedProtocol):
         # Cast, not checked: uvloop's transports are no subclasses of asyncio's.
         self.transport = cast("asyncio.Transport", transport)
         if (sock := transport.get_extra_info("socket")) is not None:
-            platform.drop_dead_peers(sock, DEAD_AFTER)
+            # A PING of ours would start the kernel's clock anew, and a dead peer live longer.
+            asks = platform.drop_dead_peers(sock, SILENCE_BEFORE_PING, DEAD_AFTER)
+            self._kernel_asks = asks
         loop = self.owner.loop
         self._handshake_timer = loop.call_later(HANDSHAKE_TIMEOUT, self._handshake_late)
         self.owner.connection_began(self)
@@ -114,6 +123,8 @@ class Connection(asyncio.BufferedProtocol):
     def buffer_updated(self, nbytes: int) -> None:
         """Bytes were read."""
         self._watch.received += nbytes
+        if nbytes and self.serves:
+            self.read_at = self.owner.now()
         if self._splitter.large is None:
             events = self.session.feed(self._read_buffer[:nbytes].tobytes())
         else:
@@ -259,7 +270,7 @@ class Connection(asyncio.BufferedProtocol):
         if self._watch.stalled(now, unread, owes=owes):
             log.warning("%s moved too few bytes for %s s; cut off", self.peer_name, STALL_PERIOD)
             self.abort(ProtocolError("the peer moved too few bytes with a frame half-way"))
-        elif self._watch.silent(now):
+        elif not self._kernel_asks and self._watch.silent(now):
             self.session.ping(self._watch.received & 0xFFFFFFFF)
             self.flush()
 

@@ -223,7 +223,8 @@ class ServingConnection(Connection):
                 self._tell_of_refusal(route, error)
             return
         event.body = b""  # the message stands for it, as long as the call is open
-        now = host.now()
+        # Not the time now: what came in the same read may have run for long before.
+        now = self.read_at
         deadline = None
         if event.time_left != NO_DEADLINE:
             deadline = now + event.time_left / 1000
@@ -357,6 +358,7 @@ class ServingConnection(Connection):
         )
         refused(call, route.offer.observer, error)
 
+    serves = True
     handlers: ClassVar = {
         RequestReceived: _requested,
         ResolveReceived: _resolved,
