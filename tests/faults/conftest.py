@@ -15,7 +15,7 @@ def pytest_generate_tests(metafunc):
     if (marker := metafunc.definition.get_closest_marker("planted")) is not None:
         named = [pytest.param(bug, id=bug.name) for bug in marker.args]
         metafunc.fixturenames.append("bug")
-        metafunc.parametrize("bug", [pytest.param(None, id="as it is"), *named])
+        metafunc.parametrize("bug", [pytest.param(None, id="as_it_is"), *named])
 
 
 def planted(item) -> Bug | None:

@@ -141,7 +141,8 @@ async def test_after_10000_random_cancels_nothing_is_left(counts, seed, large, m
         await asyncio.sleep(chance.choice([0, 0, 0.001, 0.01, chance.random()]))
         counts["cancelled"] += call.cancel()
         with contextlib.suppress(asyncio.CancelledError):
-            counts["answered first"] += (await call).sum == number
+            answer = await call
+            counts["answered first"] += answer.sum == number
 
     async with clients_of(work, 5, concurrency=100) as clients:
         before = len(asyncio.all_tasks()), timers()

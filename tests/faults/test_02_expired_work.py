@@ -1,0 +1,120 @@
+"""Promise 2: the deadline travels as the time that is left, and expired work is not run."""
+
+import asyncio
+import contextlib
+import random
+
+import pytest
+
+import taskrpc
+from taskrpc import service
+from taskrpc.transport import serving
+from taskrpc.wire.events import RequestReceived
+from tests.faults.harness import Bug
+from tests.taskrpc.transport.helpers import Add, ask, outcome
+
+pytestmark = pytest.mark.faults
+
+SPAN = 0.1
+ROUNDING = 0.001 + 1e-6
+"""Seconds: the time that is left travels in whole milliseconds, rounded up."""
+
+
+def runs_whatever_waited(patch):
+    start = service.Service._start
+
+    def careless(self, call):
+        call.deadline = None
+        return start(self, call)
+
+    patch(service.Service, "_start", careless)
+
+
+def counts_from_when_a_request_is_handled(patch):
+    requested = serving.ServingConnection._requested
+
+    def late(connection, event):
+        connection.read_at = connection.host.now()
+        requested(connection, event)
+
+    handlers = {**serving.ServingConnection.handlers, RequestReceived: late}
+    patch(serving.ServingConnection, "handlers", handlers)
+
+
+class Clock:
+    """When each call is due, by the clock of its caller, which is the callback's as well."""
+
+    def __init__(self, counts, unread=0.0):
+        self.loop, self.counts, self.due = asyncio.get_running_loop(), counts, {}
+        self.tolerance = ROUNDING + unread
+
+    def started(self, number):
+        self.counts["started"] += 1
+        self.counts["started after expiry"] += self.loop.time() > self.due[number] + self.tolerance
+
+    async def call(self, client, number):
+        self.due[number] = self.loop.time() + SPAN
+        got = await outcome(client.call(ask(number), timeout=SPAN))
+        if isinstance(got, taskrpc.DeadlineExceeded):
+            self.counts["expired"] += 1
+            self.counts["known not to have run"] += got.not_executed is True
+        elif isinstance(got, taskrpc.ServerBusy):
+            self.counts["refused for load"] += 1
+        else:
+            self.counts["answered"] += 1
+
+
+@contextlib.asynccontextmanager
+async def clients_of(callback, count):
+    async with contextlib.AsyncExitStack() as stack:
+        server = taskrpc.Node("server", transport="memory", token="s")
+        await stack.enter_async_context(server)
+        server.create_service(Add, "add", callback)
+        clients = []
+        for number in range(count):
+            node = taskrpc.Node("client", transport="memory", token=f"c{number}")
+            await stack.enter_async_context(node)
+            clients.append(node.create_client(Add, "add"))
+            assert await clients[-1].wait_for_service(5)
+        yield clients
+
+
+@pytest.mark.planted(Bug(runs_whatever_waited, "started after expiry"))
+async def test_of_5000_queued_calls_none_starts_after_its_deadline(counts, seed, large):
+    clock, chance = Clock(counts), random.Random(seed)
+
+    async def busy(request, response):
+        clock.started(request.a)
+        await asyncio.sleep(chance.choice([0, 0.001, 0.03]))
+        return response
+
+    async def later(client, number):
+        await asyncio.sleep(chance.uniform(0, 1))
+        await clock.call(client, number)
+
+    async with clients_of(busy, 25) as clients:
+        wanted = 50_000 if large else 5000
+        await asyncio.gather(*[later(clients[n % 25], n) for n in range(wanted)])
+    counts.check("started after expiry", happened=("started", "answered", "expired"))
+
+
+@pytest.mark.planted(
+    Bug(runs_whatever_waited, "started after expiry"),
+    Bug(counts_from_when_a_request_is_handled, "started after expiry"),
+)
+async def test_behind_a_callback_that_holds_the_loop_none_starts_after_its_deadline(
+    counts, seed, large
+):
+    # What is not read yet, because one callback holds the loop, has no clock that could count.
+    clock, chance = Clock(counts, unread=0.03), random.Random(seed)
+
+    def busy(request, response):
+        clock.started(request.a)
+        clock.loop.advance(chance.choice([0.001, 0.004, 0.03]))
+        return response
+
+    async with clients_of(busy, 1) as (client,):
+        for first in range(0, 50_000 if large else 5000, 250):
+            numbers = range(first, first + 250)
+            await asyncio.gather(*[clock.call(client, number) for number in numbers])
+    counts.check("started after expiry", happened=("started", "answered", "expired"))

@@ -1,0 +1,77 @@
+"""Promise 9: a dead server fails every pending call fast, as a call whose outcome is unknown."""
+
+import asyncio
+import contextlib
+import os
+import time
+
+import pytest
+
+import taskrpc
+from taskrpc.transport.calling import CallingConnection
+from tests.faults.harness import Bug, Lateness, milliseconds, percentile
+from tests.taskrpc.transport.helpers import Add, ask
+
+pytestmark = [
+    pytest.mark.faults,
+    pytest.mark.real_time,
+    pytest.mark.skipif(os.name != "posix", reason="kills with SIGKILL, which is POSIX's"),
+]
+
+CLIENTS = 5
+
+
+def tells_nobody(patch):
+    def ended(connection):
+        connection.epoch += 1
+
+    patch(CallingConnection, "ended", ended)
+
+
+@pytest.mark.planted(Bug(tells_nobody, "not told"))
+async def test_each_of_1000_calls_in_flight_learns_fast_that_its_server_died(
+    counts, large, programs
+):
+    for _ in range(20 if large else 3):
+        late, loop_late = await _one_death(counts, programs)
+        counts["kills"] += 1
+        counts["p99 ms"] = max(counts["p99 ms"], milliseconds(percentile(late, 0.99)))
+        counts["over 50 ms"] += percentile(late, 0.99) > 0.050 + 4 * loop_late
+        if counts["not told"]:
+            break
+    counts.check("not told", "wrong verdict", happened=("kills", "told"))
+    if large:
+        counts.check("over 50 ms")
+
+
+async def _one_death(counts, programs):
+    """Kill a server with 1000 calls in flight; how late each caller heard, and the loop was."""
+    server = await programs.start()
+    heard = []
+    async with contextlib.AsyncExitStack() as stack:
+        clients = []
+        for number in range(CLIENTS):
+            node = taskrpc.Node("client", token=f"c{number}")
+            await stack.enter_async_context(node)
+            clients.append(node.create_client(Add, "add"))
+            assert await clients[-1].wait_for_service(10)
+        calls = [
+            clients[n % CLIENTS].call_async(ask(n, 600_000), timeout=None) for n in range(1000)
+        ]
+        for call in calls:
+            call.add_done_callback(lambda _: heard.append(time.monotonic()))
+        for client in clients:  # behind all these, so that they have arrived
+            await client.call(ask(1))
+        lateness = Lateness()
+        began = time.monotonic()
+        server.kill()
+        _, silent = await asyncio.wait(calls, timeout=5)
+        loop_late = lateness.stop()
+        counts["not told"] += len(silent)
+        counts["told"] += len(heard)
+        for call in silent:
+            call.cancel()
+        errors = await asyncio.gather(*calls, return_exceptions=True)
+        wrong = [each for each in errors if type(each) is not taskrpc.OutcomeUnknown]
+        counts["wrong verdict"] += len(wrong) - len(silent)
+    return [each - began for each in heard] or [5.0], loop_late

@@ -1,0 +1,121 @@
+"""Promise 11: clients come back to a restarted server, not in step, and lose nothing."""
+
+import asyncio
+import collections
+import contextlib
+import os
+import random
+
+import pytest
+
+import taskrpc
+from taskrpc.attempts import Attempts
+from taskrpc.transport import channel
+from taskrpc.transport.calling import CallingConnection
+from taskrpc.transport.memory import MemoryNetwork
+from tests.faults.harness import Bug
+from tests.faults.programs import ADDER, kill
+from tests.taskrpc.transport.helpers import Add, add, ask
+
+pytestmark = pytest.mark.faults
+
+CLIENTS = 16
+
+
+def gives_up_at_once(patch):
+    patch(Attempts, "_may_repeat", lambda self, error: False)
+
+
+def comes_back_in_step(patch):
+    patch(channel, "reconnect_delay", lambda failures, chance: min(5.0, 0.05 * 1.6**failures))
+
+
+@contextlib.asynccontextmanager
+async def crowd(**options):
+    async with contextlib.AsyncExitStack() as stack:
+        clients = []
+        for number in range(CLIENTS):
+            node = taskrpc.Node("client", token=f"c{number}", **options)
+            await stack.enter_async_context(node)
+            clients.append(node.create_client(Add, "add", timeout=30, retry=taskrpc.RetryPolicy()))
+        yield clients
+
+
+@pytest.mark.real_time
+@pytest.mark.skipif(os.name != "posix", reason="kills with SIGKILL, which is POSIX's")
+@pytest.mark.planted(Bug(gives_up_at_once, "lost"))
+async def test_sixteen_clients_lose_nothing_while_their_server_is_killed_again_and_again(
+    counts, seed, large, programs, monkeypatch
+):
+    chance = random.Random(seed)
+    over = asyncio.Event()
+    opened = CallingConnection._opened
+
+    def noted(connection, event):
+        counts["connections"] += 1
+        opened(connection, event)
+
+    handlers = {
+        kind: noted if handler is opened else handler
+        for kind, handler in CallingConnection.handlers.items()
+    }
+    monkeypatch.setattr(CallingConnection, "handlers", handlers)
+
+    async def keep_calling(client, number):
+        while not over.is_set():
+            number += CLIENTS
+            try:
+                answer = await client.call(ask(number, 2))
+                counts["wrong answers"] += answer.sum != number
+                counts["answers"] += 1
+            except taskrpc.TaskRpcError:
+                counts["lost"] += 1
+            await asyncio.sleep(0.005)
+
+    async with crowd() as clients:
+        server = await programs.start(ADDER, "idempotent")
+        numbered = zip(clients, range(CLIENTS), strict=True)
+        calling = [asyncio.ensure_future(keep_calling(*each)) for each in numbered]
+        for _ in range(1000 if large else 30):
+            await asyncio.sleep(chance.uniform(0.05, 0.2))
+            await kill(server)
+            counts["restarts"] += 1
+            server = await programs.start(ADDER, "idempotent")
+            if counts["lost"]:
+                break
+        over.set()
+        await asyncio.gather(*calling)
+    counts["retries"] = sum(client.retries for client in clients)
+    counts.check("lost", "wrong answers", happened=("restarts", "answers", "retries"))
+    assert counts["connections"] > counts["restarts"] * CLIENTS / 2, "too few came back to see"
+
+
+@pytest.mark.planted(Bug(comes_back_in_step, "in step"))
+async def test_clients_that_cannot_reach_a_server_do_not_come_in_step(counts, monkeypatch):
+    loop = asyncio.get_running_loop()
+    instants = collections.Counter()
+    dial = MemoryNetwork.dial
+
+    async def noted(network, address, factory):
+        counts["dials"] += 1
+        instants[round(loop.time(), 3)] += 1
+        return await dial(network, address, factory)
+
+    monkeypatch.setattr(MemoryNetwork, "dial", noted)
+    async with (
+        crowd(transport="memory") as clients,
+        taskrpc.Node("server", transport="memory", token="s") as server,
+    ):
+        server.create_service(Add, "add", add)
+        hub = clients[0]._channel._endpoint.network._hub
+        # It is known and does not answer, as a machine that starts anew.
+        listeners, hub.listeners = hub.listeners, {}
+        waiting = [asyncio.ensure_future(client.wait_for_service(600)) for client in clients]
+        await asyncio.sleep(60)
+        hub.listeners = listeners
+        counts["did not come back"] = CLIENTS - sum(await asyncio.gather(*waiting))
+    first = instants[0.0]
+    counts["most at one instant"] = max(count for at, count in instants.items() if at > 1)
+    counts["in step"] = counts["most at one instant"] > CLIENTS / 4
+    assert first == CLIENTS
+    counts.check("in step", "did not come back", happened=("dials",))
