@@ -288,7 +288,8 @@ class Service:
                 self._postpone(call)
             elif self._is_in_vain(call):
                 problem = "too little time was left when the call's turn came"
-                call.fail(DeadlineExceeded(problem, not_executed=True))
+                # Not DeadlineExceeded: the caller's deadline has not come yet.
+                call.fail(ServerBusy(problem, retry_after=RETRY_AFTER))
             elif self._start(call):
                 return
         self._finish_if_idle()

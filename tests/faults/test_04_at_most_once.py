@@ -132,7 +132,7 @@ async def test_whatever_breaks_in_memory_a_call_runs_once_at_most_and_its_caller
             faults = Faults(chance, counts, skip=chance.choice([0, 250]), reach=900)
             patch.setattr(memory, "Pipe", faulty_pipe(faults))
             await _one_seed(Truth(chance, counts))
-        if counts.broken(*BROKEN):
+        if counts.broken(*BROKEN) and number >= 200:
             print(f"broken by the faults of number {number}")
             break
     kinds = (DELAY, TRUNCATE, CUT, RESET, HOLE)
@@ -152,10 +152,7 @@ async def _one_seed(truth):
 
 
 @pytest.mark.real_time
-@pytest.mark.planted(
-    Bug(repeats_what_may_have_run, "ran twice"),
-    Bug(guesses_that_nothing_ran, "told that it did not run, but it did"),
-)
+@pytest.mark.planted(Bug(repeats_what_may_have_run, "ran twice"))
 async def test_whatever_breaks_on_sockets_a_call_runs_once_at_most_and_its_caller_knows(
     counts, seed, large
 ):
