@@ -346,7 +346,7 @@ async def test_a_server_ends_one_connection_with_one_line_and_no_neighbour_notic
     attack.read(log)
     broken = ("crashes", "hangs", "drifted", "lines too many", "neighbour troubles")
     counts.check(*broken, happened=("ended with a line",) if bug is None else ())
-    counts.require(neighbour_calls=50, frames=20_000)
+    counts.require(neighbour_calls=20, frames=20_000)
 
 
 async def entries():
