@@ -7,10 +7,13 @@ of one loop and domain see each other.
 from __future__ import annotations
 
 import asyncio
+import contextvars
 import os
 import weakref
 from collections import deque
-from typing import Any
+from typing import Any, Protocol
+
+import msgspec
 
 from taskrpc.errors import NameInUse
 from taskrpc.transport.accounts import AccountBook
@@ -20,13 +23,35 @@ from taskrpc.transport.network import Address, Factory
 HIGH_WATER, LOW_WATER = 65_536, 16_384
 
 
+class Listener(msgspec.Struct, frozen=True, eq=False):
+    """Whoever takes connections at a place."""
+
+    program: str
+    factory: Factory
+    context: contextvars.Context
+    """That of whoever listens, not of whoever connects."""
+
+
+class Conditions(Protocol):
+    """What may happen to connections between the programs of a hub; see `taskrpc.testing`."""
+
+    async def connect(self, caller: str, listener: Listener) -> None:
+        """Return once the listener has heard of the caller. Raises OSError."""
+
+    def join(
+        self, client: asyncio.BufferedProtocol, caller: str, listener: Listener, name: str
+    ) -> None:
+        """Connect the client with a new connection of the listener."""
+
+
 class Hub:
     """What the endpoints of one loop share: the directory, and how to reach each other."""
 
     def __init__(self) -> None:
         self.token = os.urandom(32)
         self.rosters: dict[MemoryNetwork, Roster] = {}
-        self.listeners: dict[str, Factory] = {}
+        self.listeners: dict[str, Listener] = {}
+        self.conditions: Conditions | None = None
         self.revision = 0
         self.names = 0
         self._news: asyncio.Future[None] | None = None
@@ -50,16 +75,25 @@ _hubs: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[int, Hub]] = (
 )
 
 
+def hub_of(domain: int) -> Hub:
+    """What the endpoints of the running loop and a domain share."""
+    hubs = _hubs.setdefault(asyncio.get_running_loop(), {})
+    hub = hubs.get(domain)
+    if hub is None:
+        hub = hubs[domain] = Hub()
+    return hub
+
+
 class MemoryNetwork:
-    """One endpoint's share in its loop's hub."""
+    """One endpoint's share in its loop's hub; `program` tells endpoints apart in tests."""
 
     certificate = ""
     accounts: AccountBook | None = None
 
-    def __init__(self, *, domain: int) -> None:
+    def __init__(self, *, domain: int, program: str = "") -> None:
         self.domain = domain
-        hubs = _hubs.setdefault(asyncio.get_running_loop(), {})
-        self._hub = hubs.setdefault(domain, Hub())
+        self.program = program
+        self._hub = hub_of(domain)
         self.token = self._hub.token
         self._place = ""
 
@@ -67,21 +101,31 @@ class MemoryNetwork:
         """Take connections from now on."""
         self._hub.names += 1
         self._place = f"memory:{self._hub.names}"
-        self._hub.listeners[self._place] = factory
+        listener = Listener(self.program, factory, contextvars.copy_context())
+        self._hub.listeners[self._place] = listener
         return self._place
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect."""
         await asyncio.sleep(0)
-        server_factory = self._hub.listeners.get(address.place)
-        if server_factory is None:
-            raise ConnectionRefusedError(f"nobody listens at {address.place}")
-        client, server = factory(), server_factory()
-        join(client, server, address.place)
+        listener, conditions = self._listener(address), self._hub.conditions
+        if conditions is None:
+            client = factory()
+            join(client, listener.factory(), address.place)
+        else:
+            await conditions.connect(self.program, listener)
+            client = factory()
+            conditions.join(client, self.program, self._listener(address), address.place)
         return client
 
     def voucher(self, transport: asyncio.BaseTransport, *, serving: bool) -> None:
         """Nothing: the hub's token is proof enough."""
+
+    def _listener(self, address: Address) -> Listener:
+        listener = self._hub.listeners.get(address.place)
+        if listener is None:
+            raise ConnectionRefusedError(f"nobody listens at {address.place}")
+        return listener
 
     def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
         """Tell everybody in this loop of a change to what this endpoint has."""
@@ -141,6 +185,7 @@ class Pipe(asyncio.Transport):
         self._writing_paused = False
         self._closing = False
         self._lost = False
+        self._ended = False
         self.peer: Pipe
 
     def get_protocol(self) -> asyncio.BaseProtocol:
@@ -180,15 +225,13 @@ class Pipe(asyncio.Transport):
         """Close both ends, after what was written has been read."""
         if not self._closing:
             self._closing = True
-            self.peer._plan_delivery()
+            self.peer._end()
             self._loop.call_soon(self._lose)
 
     def abort(self) -> None:
         """Close both ends at once."""
         self._closing = True
-        self.peer._inbox.clear()
-        self.peer._inbox_size = 0
-        self.peer._plan_delivery()
+        self.peer._reset()
         self._loop.call_soon(self._lose)
 
     def _receive(self, data: bytes) -> None:
@@ -196,6 +239,17 @@ class Pipe(asyncio.Transport):
             self._inbox.append(memoryview(data))
             self._inbox_size += len(data)
             self._plan_delivery()
+
+    def _end(self) -> None:
+        """The other end was closed: so is this one, once it has read everything."""
+        self._ended = True
+        self._plan_delivery()
+
+    def _reset(self) -> None:
+        """The other end was closed at once: nothing more is read."""
+        self._inbox.clear()
+        self._inbox_size = 0
+        self._end()
 
     def _plan_delivery(self) -> None:
         if not self._delivery_planned:
@@ -207,11 +261,15 @@ class Pipe(asyncio.Transport):
         while self._inbox and self._reading and not self._lost and not self._closing:
             self._read_once()
         if self.peer._writing_paused and self._inbox_size < LOW_WATER and not self.peer._lost:
-            self.peer._writing_paused = False
-            self.peer._protocol.resume_writing()
-        if self.peer._closing and (not self._inbox or self._closing):
+            self.peer._caught_up()
+        if self._ended and (not self._inbox or self._closing):
             self._closing = True
             self._lose()
+
+    def _caught_up(self) -> None:
+        """The other end has read most of what was written."""
+        self._writing_paused = False
+        self._protocol.resume_writing()
 
     def _read_once(self) -> None:
         room = memoryview(self._protocol.get_buffer(-1))

@@ -78,7 +78,7 @@ def _network(
             accounts=accounts,
         )
     if name == "memory":
-        return MemoryNetwork(domain=domain)
+        return MemoryNetwork(domain=domain, program=listen or "")
     raise TaskRpcError(f"transport: expected 'tcp' or 'memory', got {name!r}")
 
 

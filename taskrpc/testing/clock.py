@@ -1,4 +1,4 @@
-"""Tools for testing programs that use taskrpc: a clock that jumps instead of waiting."""
+"""A clock that jumps instead of waiting."""
 
 from __future__ import annotations
 
