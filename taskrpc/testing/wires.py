@@ -4,34 +4,79 @@ from __future__ import annotations
 
 import asyncio
 import contextvars
+import math
+import random
 from collections import Counter, deque
 from collections.abc import Callable
 from functools import partial
-from typing import Protocol
+from typing import cast
 
-from taskrpc.transport.memory import Pipe
+from taskrpc.transport.memory import Listener, Pipe
 
 
-class Weather(Protocol):
-    """What a wire asks its network."""
+class Links:
+    """The wires of a network, and what chance makes of them; the `Conditions` of its hub."""
 
-    dead_after: float
-    happened: Counter[str]
+    def __init__(
+        self,
+        seed: int,
+        *,
+        delay: tuple[float, float],
+        pieces: int,
+        cut_after: float,
+        refuse: float,
+        dead_after: float,
+    ) -> None:
+        self.dead_after = dead_after
+        self.happened: Counter[str] = Counter()
+        self.silent: set[tuple[str, str]] = set()
+        """Ways from program to program on which nothing passes."""
+        self.healed = asyncio.Event()
+        self.wires: dict[Wire, None] = {}
+        self._chance = random.Random(seed)
+        self._delay = delay
+        self._pieces = pieces
+        self._cut_after = cut_after
+        self._refuse = refuse
 
-    def is_silent(self, source: str, target: str) -> bool:
-        """Whether nothing passes that way."""
+    async def connect(self, caller: str, listener: Listener) -> None:
+        """Return once a listener has heard of a caller. Raises ConnectionRefusedError."""
+        await asyncio.sleep(self.lag())
+        while {(caller, listener.program), (listener.program, caller)} & self.silent:
+            await self.healed.wait()
+        if self._chance.random() < self._refuse:
+            self.happened["refusals"] += 1
+            raise ConnectionRefusedError("the network refused the connection")
+
+    def join(
+        self, client: asyncio.BufferedProtocol, caller: str, listener: Listener, name: str
+    ) -> None:
+        """Connect a client with a new connection of a listener."""
+        self.happened["connections"] += 1
+        context = listener.context
+        server = context.run(listener.factory)
+        one = End(client, name, contextvars.copy_context())
+        other = End(server, f"a client of {name}", context)
+        self.wires[Wire(self, caller, listener.program, one, other)] = None
+        context.run(server.connection_made, other)
+        client.connection_made(one)
 
     def lag(self) -> float:
         """How long the next bytes are on their way."""
+        return self._chance.uniform(*self._delay)
 
     def cut_up(self, data: bytes) -> list[bytes]:
         """What is sent, in the pieces in which it arrives."""
+        found, begin = [], 0
+        while begin < len(data):
+            size = self._chance.randint(1, self._pieces) if self._pieces else len(data)
+            found.append(data[begin : begin + size])
+            begin += size
+        return found
 
     def lifetime(self) -> float:
         """Bytes until a new connection is cut."""
-
-    def ended(self, wire: Wire) -> None:
-        """Both ends of a wire are gone."""
+        return self._chance.expovariate(1 / self._cut_after) if self._cut_after else math.inf
 
 
 class End(Pipe):
@@ -114,12 +159,12 @@ class Way:
     @property
     def is_silent(self) -> bool:
         """Whether nothing passes."""
-        return self.wire.weather.is_silent(self._source, self._target)
+        return (self._source, self._target) in self.wire.links.silent
 
     def send(self, data: bytes) -> None:
         """Let bytes come through, as many as the wire lives for."""
         passing = self.wire.spend(len(data))
-        for piece in self.wire.weather.cut_up(data[:passing]):
+        for piece in self.wire.links.cut_up(data[:passing]):
             self.put(partial(self._end.arrived, piece))
         if passing < len(data):
             self.wire.cut(keep=True)
@@ -157,7 +202,7 @@ class Way:
         self._timer = self._death = None
 
     def _put(self, what: Callable[[], object]) -> None:
-        self._last = max(self._last, self._loop.time() + self.wire.weather.lag())
+        self._last = max(self._last, self._loop.time() + self.wire.links.lag())
         self._queue.append((self._last, what))
         if self._timer is None:
             self._arm()
@@ -174,40 +219,36 @@ class Way:
         self._timer = None
         while self._queue and self._queue[0][0] <= self._loop.time():
             if self.is_silent:
-                self.wire.weather.happened["silences"] += 1
+                self.wire.links.happened["silences"] += 1
                 return  # until `go_on`
             _, what = self._queue.popleft()
             what()
         self._arm()
 
     def _expect_death(self) -> None:
-        sender: End = self._end.peer  # type: ignore[assignment]
+        sender = cast("End", self._end.peer)
         if self._death is None:
-            wait = self.wire.weather.dead_after
+            wait = self.wire.links.dead_after
             self._death = self._loop.call_later(wait, self._die, sender, context=sender.context)
 
     def _die(self, sender: End) -> None:
         self._death = None
-        self.wire.weather.happened["deaths"] += 1
+        self.wire.links.happened["deaths"] += 1
         sender.die()
 
 
 class Wire:
     """A connection between two programs."""
 
-    def __init__(self, weather: Weather, caller: str, called: str) -> None:
-        self.weather = weather
+    def __init__(self, links: Links, caller: str, called: str, client: End, server: End) -> None:
+        self.links = links
         self.caller, self.called = caller, called
         self.is_cut = False
-        self._left = weather.lifetime()
-        self._ends: tuple[End, ...] = ()
-
-    def tie(self, client: End, server: End) -> None:
-        """Connect the two ends."""
-        client.peer, server.peer = server, client
-        client.way = Way(self, self.called, self.caller, client)
-        server.way = Way(self, self.caller, self.called, server)
+        self._left = links.lifetime()
         self._ends = (client, server)
+        client.peer, server.peer = server, client
+        client.way = Way(self, called, caller, client)
+        server.way = Way(self, caller, called, server)
 
     @property
     def is_silent(self) -> bool:
@@ -224,7 +265,7 @@ class Wire:
         """Both ends find the connection lost."""
         if not self.is_cut:
             self.is_cut = True
-            self.weather.happened["cuts"] += 1
+            self.links.happened["cuts"] += 1
             for end in self._ends:
                 end.way.cut(keep=keep)
 
@@ -246,4 +287,4 @@ class Wire:
         if all(end.is_lost for end in self._ends):
             for end in self._ends:
                 end.way.close()
-            self.weather.ended(self)
+            self.links.wires.pop(self, None)
