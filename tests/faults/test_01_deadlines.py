@@ -22,7 +22,7 @@ def early(patch):
 
 def late(patch):
     def expect(lookout, deadline):
-        lookout.at, lookout.threshold = deadline + 0.1, deadline
+        lookout.at, lookout.threshold = deadline + 2.0, deadline
 
     patch(Lookout, "expect", expect)
 
