@@ -43,7 +43,8 @@ async def main():
         other.create_service(empty, "refuse", refuse)
         other.create_service(empty, "end", end)
         other.create_client(add_type, "add_two_ints")
-        print(node.address, flush=True)
+        # Told from within spin(), which by then hears signals.
+        asyncio.get_running_loop().call_soon(lambda: print(node.address, flush=True))
         await node.spin()
 
 taskrpc.run(main())
