@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import selectors
 from collections.abc import Callable, Mapping
 from concurrent.futures import Executor
@@ -31,6 +32,7 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         self._virtual_now = 0.0
         self._open_jobs = 0
         super().__init__(_JumpingSelector(self))
+        self.advance(0.0)
 
     def time(self) -> float:
         """The virtual time in seconds."""
@@ -39,6 +41,9 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
     def advance(self, seconds: float) -> None:
         """Move the clock forward; timers that become due run in the loop's next turn."""
         self._virtual_now += seconds
+        # Whoever is woken within asyncio's tolerance before a deadline, and waits for the rest of
+        # it, would be woken at the same instant for ever: this clock moves only if nobody runs.
+        self._clock_resolution = math.ulp(self._virtual_now)
 
     @property
     def has_open_jobs(self) -> bool:

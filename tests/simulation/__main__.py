@@ -1,28 +1,33 @@
-"""Play seeds again, and tell what happens: `python -m tests.simulation --seed 7 --verbose`."""
+"""Live one simulated world again: `python -m tests.simulation --seed N [--verbose]`."""
 
 from __future__ import annotations
 
 import argparse
-import logging
+import sys
 
-from taskrpc.testing import VirtualTimeLoop
 from tests.faults.harness import Counts
+from tests.simulation.ledger import PROMISES
 from tests.simulation.world import simulate
-
-BROKEN = ("lost", "doubled", "wrong number", "run after all", "driven twice", "late")
 
 
 def main():
-    parser = argparse.ArgumentParser(description="Play one simulation again.")
-    parser.add_argument("--seed", type=int, required=True)
-    parser.add_argument("--verbose", action="store_true", help="tell every event")
+    parser = argparse.ArgumentParser(prog="python -m tests.simulation", description=__doc__)
+    parser.add_argument("--seed", type=int, default=0)
+    parser.add_argument("--count", type=int, default=1, help="how many seeds from there on (1)")
+    parser.add_argument("--verbose", action="store_true", help="tell everything that happens")
     options = parser.parse_args()
-    logging.basicConfig(level=logging.DEBUG if options.verbose else logging.CRITICAL)
-    counts = Counts()
-    simulate(options.seed, counts, VirtualTimeLoop, print if options.verbose else lambda _: None)
+    counts, failed = Counts(), False
+    for seed in range(options.seed, options.seed + options.count):
+        own = Counts()
+        digest = simulate(seed, own, print if options.verbose else None)
+        counts.update(own)
+        broken = own.broken(*PROMISES)
+        if broken or options.count == 1:
+            print(f"seed {seed}: {digest} {broken or 'all promises kept'}")
+        failed = failed or bool(broken)
     print(counts)
-    return 1 if counts.broken(*BROKEN) else 0
+    return int(failed)
 
 
 if __name__ == "__main__":
-    raise SystemExit(main())
+    sys.exit(main())

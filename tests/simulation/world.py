@@ -1,239 +1,156 @@
-"""Clients, a task server that crashes and comes back, a network that breaks; and the truth."""
+"""One simulated world from one seed: servers, clients, a network and a fate that breaks them."""
 
 from __future__ import annotations
 
 import asyncio
+import hashlib
 import random
 
-import srvgen
-import taskrpc
-from taskrpc.attempts import Attempts
-from taskrpc.deduplication import OnceDesk, Run
-from taskrpc.tasks import TaskServer
-from tests.simulation.process import Disk, Process, endpoint_of, task_factory
-from tests.taskrpc.tasks.fakes import LineRobot
+from taskrpc.testing import FaultyNetwork
+from tests.simulation.chance import only_chance
+from tests.simulation.ledger import Ledger
+from tests.simulation.machine import Disk
+from tests.simulation.processes import SimulatedLoop
+from tests.simulation.programs import Client, Server, ended
 
-RobotTask = srvgen.load("my_robot_interfaces/srv/RobotTask")
-CLIENTS, CALLS = 3, 12
-END = 60.0
+CLIENTS = 3
+CALLS = 14
+SECONDS = 6.0
+"""For how long things break."""
+QUIET = 25.0
+"""For how long nothing does, so that what is still to happen happens."""
 
 
 class World:
-    """One run of everything; `seed` decides all that is left to chance."""
+    """Starts everything, breaks it, heals it, and compares in the end."""
 
-    def __init__(self, seed, counts, say=lambda _: None):
-        self.chance = random.Random(seed)
-        self.counts = counts
-        self.events = []
-        self.told = {}  # target -> what its caller learned
-        self.driven = []
-        self.server = None
-        self._say = say
-        self._disk = Disk(self.chance, counts)
-        self._names = 0
-        self._over = False
+    def __init__(self, chance, ledger):
+        self._chance = random.Random(chance.random())
+        self._ledger = ledger
+        self._loop = asyncio.get_running_loop()
+        self._lives = 0
+        self._disk = Disk()
+        ledger.disks.append(self._disk)
+        self._running = {}
 
-    def note(self, what):
-        """Write down what happened, and when."""
-        line = f"{asyncio.get_running_loop().time():.6f} {what}"
-        self.events.append(line)
-        self._say(line)
+    async def live(self):
+        chance = self._chance
+        with FaultyNetwork(
+            chance.randrange(2**32),
+            delay=(0.0, chance.choice((0.0, 0.002, 0.05))),
+            pieces=chance.choice((0, 0, 7, 60)),
+            cut_after=chance.choice((0, 20_000, 3000)),
+            refuse=chance.choice((0.0, 0.1)),
+            dead_after=1.0,
+        ) as network:
+            self._network = network
+            self._start("main")
+            if chance.random() < 0.6:
+                self._start("helper")
+            clients = [self._start_client(number) for number in range(CLIENTS)]
+            await self._break_things()
+        await asyncio.wait(clients)
+        await asyncio.sleep(QUIET)
+        await self._end(clients)
+        self._ledger.counts.update(network.happened)
 
-    async def run(self):
-        """Let it all happen, then look at what is left."""
-        keeper = asyncio.ensure_future(self._keep_server())
-        gremlin = asyncio.ensure_future(self._break_connections())
-        async with asyncio.TaskGroup() as clients:
-            for number in range(CLIENTS):
-                clients.create_task(self._client(number))
-        self._over = True
-        await keeper
-        gremlin.cancel()
-        await asyncio.sleep(1)
-        self._check((await self._disk.kept.load()).tasks)
+    # Its fate
 
-    # The server's side
+    async def _break_things(self):
+        chance, latest = self._chance, self._loop.time() + SECONDS
+        while self._loop.time() < latest:
+            await asyncio.sleep(chance.expovariate(2))
+            what = chance.choice(
+                (self._crash, self._crash, self._restart, self._partition, self._cut, self._heal)
+            )
+            await what()
 
-    async def _keep_server(self):
-        while not self._over:
-            self._names += 1
-            token, process = f"server {self._names}", Process(f"server {self._names}")
-            life = process.run(self._serve(process, token))
-            await asyncio.sleep(self.chance.uniform(0.02, 0.6))
-            if self.chance.random() < 0.75:
-                self.note(f"{process.name} is killed")
-                self.counts["crashes"] += 1
-                process.kill(endpoint_of(token))
-            else:
-                self.note(f"{process.name} ends")
-                self.counts["ends"] += 1
-                life.cancel()
-            await asyncio.wait({life})
-            await asyncio.sleep(self.chance.choice((0.0, 0.1, 1.0)))
+    async def _crash(self):
+        which = self._which()
+        process, _, server = self._running[which]
+        self._ledger.note(f"{server.name} crashes")
+        self._loop.kill(process)
+        self._network.crash(server.name)
+        await self._start_again(which)
 
-    async def _serve(self, process, token):
-        robot = LineRobot(speed=30.0)
-        robot.log = self.driven
-        store = self._disk.opened_by(process)
-        async with taskrpc.Node("robot", transport="memory", token=token) as node:
-            server = TaskServer(node, robot, store, settle=0.0, wall_clock=self._wall_clock)
-            try:
-                await server.start()
-                self.note(f"{process.name} takes tasks")
-                await asyncio.Event().wait()
-            finally:
-                if not process.is_dead:
-                    await node.drain(1.0)
-                    await server.close()
+    async def _restart(self):
+        which = self._which()
+        _, task, server = self._running[which]
+        self._ledger.counts["restarts"] += 1
+        server.stop.set()
+        await asyncio.wait({task})
+        task.result()
+        await self._start_again(which)
 
-    @staticmethod
-    def _wall_clock():
-        return 1_000_000.0 + asyncio.get_running_loop().time()
+    async def _start_again(self, which):
+        await asyncio.sleep(self._chance.choice((0.01, 0.3, 1.5)) * self._chance.random())
+        if which == "main" and self._chance.random() < 0.15:
+            self._disk = Disk()
+            self._ledger.disks.append(self._disk)
+            self._ledger.counts["new stores"] += 1
+        self._start(which)
 
-    # The network
+    async def _partition(self):
+        server = self._running[self._which()][2].name
+        client = self._chance.randrange(CLIENTS)
+        both = self._chance.random() < 0.5
+        a, b = self._chance.choice(((server, f"client{client}"), (f"client{client}", server)))
+        self._ledger.note(f"partition {a} {b} {both}")
+        self._network.partition(a, b, both=both)
+        self._ledger.counts["partitions"] += 1
 
-    async def _break_connections(self):
-        while True:
-            await asyncio.sleep(self.chance.uniform(0.005, 0.15))
-            ends = [
-                connection.transport
-                for number in range(CLIENTS)
-                if (endpoint := endpoint_of(f"client {number}")) is not None
-                for connection in endpoint._connections()
-                if connection.transport is not None
-            ]
-            if not ends:
-                continue
-            pipe = self.chance.choice(ends)
-            if self.chance.random() < 0.6:
-                self.counts["drops"] += 1
-                pipe.abort()
-            else:
-                self.counts["stalls"] += 1
-                stalled = self.chance.choice((pipe, pipe.peer))
-                stalled.pause_reading()
-                again = self.chance.uniform(0.01, 1.0)
-                asyncio.get_running_loop().call_later(again, stalled.resume_reading)
+    async def _cut(self):
+        server = self._running[self._which()][2].name
+        self._network.cut(server, f"client{self._chance.randrange(CLIENTS)}")
 
-    # The clients' side
+    async def _heal(self):
+        self._network.heal()
 
-    async def _client(self, number):
-        name = f"client {number}"
-        async with taskrpc.Node("student", transport="memory", token=name) as node:
-            client = node.create_client(RobotTask, "/robot_task")
-            await client.wait_for_service(timeout=END)
-            for each in range(CALLS):
-                await asyncio.sleep(self.chance.uniform(0.0, 0.1))
-                await self._call(client, f"{number}.{each + 1}")
+    def _which(self):
+        return self._chance.choice(tuple(self._running))
 
-    async def _call(self, client, target):
-        timeout = self.chance.choice((0.05, 0.5, 5.0, 20.0))
-        request = RobotTask.Request(task_type="move", target=target, priority=5)
-        call = asyncio.ensure_future(
-            client.call(request, timeout=timeout, retry=taskrpc.RetryPolicy())
-        )
-        if self.chance.random() < 0.15:
-            asyncio.get_running_loop().call_later(self.chance.uniform(0, 0.1), call.cancel)
-        loop = asyncio.get_running_loop()
-        began = loop.time()
+    # Its programs
+
+    def _start(self, which):
+        self._lives += 1
+        disk = self._disk if which == "main" else None
+        chance = random.Random(self._chance.random())
+        server = Server(f"{which}{self._lives}", self._ledger, chance, disk)
+        process, task = self._loop.start(server.run())
+        self._running[which] = process, task, server
+
+    def _start_client(self, number):
+        chance = random.Random(self._chance.random())
+        client = Client(f"client{number}", self._ledger, chance, CALLS)
+        _, task = self._loop.start(client.run())
+        return task
+
+    async def _end(self, clients):
+        for task in clients:
+            task.result()
+        for _, task, server in self._running.values():
+            server.stop.set()
+            await ended(task)
+        await asyncio.sleep(5)
+        await self._ledger.compare()
+        left = self._loop.tasks_of_the_living()
+        timers = self._loop.timers_of_the_living()
+        if left or timers:
+            self._ledger.broke("left behind", f"{left} {timers}")
+
+
+def simulate(seed, counts, tell=None):
+    """Live one world and count what happened in it; returns the digest of all that did."""
+    with asyncio.Runner(loop_factory=SimulatedLoop) as runner:
+        loop = runner.get_loop()
+
+        async def main():
+            ledger = Ledger(counts, tell)
+            with only_chance(seed, loop, counts) as chance:
+                await World(chance, ledger).live()
+            return hashlib.sha256("\n".join(ledger.lines).encode()).hexdigest()
+
         try:
-            learned = (await call).task_id
-        except taskrpc.TaskRpcError as error:
-            fate = {True: "not run", False: "run", None: "unknown"}[error.not_executed]
-            self.counts[f"told {fate}"] += 1
-            learned = fate
-        except asyncio.CancelledError:
-            learned = "cancelled"
-        else:
-            self.counts["accepted"] += 1
-        self.counts["late"] += loop.time() - began > timeout + 0.1
-        self.told[target] = learned
-        self.note(f"{target}: {learned}")
-
-    # The truth
-
-    def _check(self, tasks):
-        stored = {}
-        for task in tasks:
-            self.counts["doubled"] += task.target in stored
-            stored[task.target] = task
-        for target, learned in self.told.items():
-            task = stored.get(target)
-            if isinstance(learned, int):
-                self.counts["lost"] += task is None
-                self.counts["wrong number"] += task is not None and task.task_id != learned
-            elif learned == "not run":
-                self.counts["run after all"] += task is not None
-        targets = [target for _, target in self.driven]
-        self.counts["driven twice"] += len(targets) - len(set(targets))
-
-
-class CountedWait:
-    """Counts what the client and the server do about faults."""
-
-    def __init__(self, counts):
-        self._counts = counts
-        self._before = Attempts._wait_after, Run.attach, OnceDesk._repeat
-
-    def __enter__(self):
-        counts, (wait, attach, repeat) = self._counts, self._before
-
-        def waited(attempts, error):
-            found = wait(attempts, error)
-            counts["retries"] += found is not None
-            return found
-
-        def attached(run, call):
-            counts["attaches"] += bool(run.callers)
-            attach(run, call)
-
-        def repeated(desk, call, completion):
-            counts["answered again"] += 1
-            repeat(desk, call, completion)
-
-        Attempts._wait_after, Run.attach, OnceDesk._repeat = waited, attached, repeated
-
-    def __exit__(self, *_):
-        Attempts._wait_after, Run.attach, OnceDesk._repeat = self._before
-
-
-def simulate(seed, counts, make_loop, say=lambda _: None):
-    """Run one world; returns its events."""
-    loop = make_loop()
-    loop.set_task_factory(task_factory)
-    world = World(seed, counts, say)
-    try:
-        with Chance(seed), CountedWait(counts):
-            loop.run_until_complete(world.run())
-    finally:
-        _end(loop)
-    return world.events
-
-
-class Chance:
-    """Puts one seed behind everything that the product draws."""
-
-    def __init__(self, seed):
-        self._source = random.Random(f"product {seed}")
-
-    def __enter__(self):
-        import os
-
-        self._urandom, self._state = os.urandom, random.getstate()
-        os.urandom = self._source.randbytes
-        random.seed(self._source.random())
-
-    def __exit__(self, *_):
-        import os
-
-        os.urandom = self._urandom
-        random.setstate(self._state)
-
-
-def _end(loop):
-    left = asyncio.all_tasks(loop)
-    for task in left:
-        task.cancel()
-    if left:
-        loop.run_until_complete(asyncio.wait(left))
-    loop.close()
+            return runner.run(main())
+        finally:
+            loop.bury()

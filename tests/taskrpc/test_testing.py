@@ -44,3 +44,13 @@ def test_waiting_for_nothing_is_an_error_instead_of_a_hang():
     with pytest.raises(NothingWillEverHappen):
         loop.run_until_complete(forever)
     loop.close()
+
+
+async def test_a_timer_is_never_early_not_even_by_what_rounding_leaves_over():
+    loop = asyncio.get_running_loop()
+    await asyncio.sleep(1 / 3)
+    deadline = loop.time() + 1e-10
+    for _ in range(3):
+        loop.call_soon(lambda: None)
+        await asyncio.sleep(deadline - loop.time())
+    assert loop.time() >= deadline

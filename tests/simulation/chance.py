@@ -1,0 +1,60 @@
+"""Every source of chance and of the time of day from one seed; counts what shows only inside."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import random
+import time
+
+import pytest
+
+from taskrpc import attempts, deduplication
+from tests.simulation.machine import WALL
+
+
+@contextlib.contextmanager
+def only_chance(seed, loop, counts):
+    """Inside the block nothing of the product depends on anything but the seed."""
+    drawn = random.Random(seed)
+    before = random.getstate()
+    random.seed(seed)
+    logging.disable(logging.CRITICAL)
+
+    def wall_clock():
+        return WALL + loop.time()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(os, "urandom", drawn.randbytes)
+        patch.setattr(time, "time", wall_clock)
+        patch.setitem(deduplication.OnceDesk.__init__.__kwdefaults__, "wall_clock", wall_clock)
+        _count(patch, counts)
+        try:
+            yield drawn
+        finally:
+            logging.disable(logging.NOTSET)
+            random.setstate(before)
+
+
+def _count(patch, counts):
+    """Count what shows outside only as an answer like any other."""
+    attach, repeat = deduplication.Run.attach, deduplication.OnceDesk._repeat
+    wait_after = attempts.Attempts._wait_after
+
+    def counted_attach(run, call):
+        counts["attaches"] += bool(run.callers)
+        attach(run, call)
+
+    def counted_repeat(desk, call, completion):
+        counts["repeated answers"] += 1
+        repeat(desk, call, completion)
+
+    def counted_wait(call, error):
+        wait = wait_after(call, error)
+        counts["retries"] += wait is not None
+        return wait
+
+    patch.setattr(deduplication.Run, "attach", counted_attach)
+    patch.setattr(deduplication.OnceDesk, "_repeat", counted_repeat)
+    patch.setattr(attempts.Attempts, "_wait_after", counted_wait)

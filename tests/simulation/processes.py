@@ -1,0 +1,95 @@
+"""Processes inside one event loop, any of which can be killed between two turns."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import contextvars
+import logging
+
+from taskrpc.testing import VirtualTimeLoop
+
+PROCESS: contextvars.ContextVar[int] = contextvars.ContextVar("process", default=0)
+"""0 for the world around the processes."""
+
+
+class SimulatedLoop(VirtualTimeLoop):
+    """Knows whose each callback and task is; nothing of a killed process ever runs again."""
+
+    def __init__(self):
+        self._killed: set[int] = set()
+        self._buried: list[asyncio.Task] = []
+        self._owners: dict[asyncio.Task, int] = {}
+        self._processes = 0
+        self._is_over = False
+        super().__init__()
+        self.set_task_factory(self._make_task)
+
+    def start(self, coroutine) -> tuple[int, asyncio.Task]:
+        """Run a coroutine as a process of its own."""
+        self._processes += 1
+        context = contextvars.copy_context()
+        context.run(PROCESS.set, self._processes)
+        return self._processes, self.create_task(coroutine, context=context)
+
+    def kill(self, process: int) -> None:
+        """Nothing of a process happens any more, no `finally` either."""
+        self._killed.add(process)
+        for task, owner in self._owners.items():
+            if owner == process:
+                task._log_destroy_pending = False
+                asyncio.tasks._unregister_task(task)  # nobody cancels the dead
+                self._buried.append(task)  # else the collector of garbage would run its `finally`
+        for handle in [*self._ready, *self._scheduled]:
+            self._forget_if_killed(handle)
+
+    def bury(self) -> None:
+        """Let go of the killed; whatever they still do now has no effect."""
+        self._is_over = True
+        logging.disable(logging.CRITICAL)
+        for task in self._buried:
+            with contextlib.suppress(BaseException):
+                task.get_coro().close()
+        self._buried.clear()
+        self._owners.clear()
+        logging.disable(logging.NOTSET)
+        self._is_over = False
+
+    def tasks_of_the_living(self) -> list[asyncio.Task]:
+        """What is not done yet, the world's own tasks left out."""
+        return [
+            task
+            for task, owner in self._owners.items()
+            if owner and owner not in self._killed and not task.done()
+        ]
+
+    def timers_of_the_living(self) -> list[asyncio.TimerHandle]:
+        """What is still to come, the world's own left out."""
+        return [
+            handle
+            for handle in self._scheduled
+            if not handle.cancelled() and handle._context.get(PROCESS, 0)
+        ]
+
+    def call_soon(self, callback, *args, context=None):
+        return self._forget_if_killed(super().call_soon(callback, *args, context=context))
+
+    def call_at(self, when, callback, *args, context=None):
+        return self._forget_if_killed(super().call_at(when, callback, *args, context=context))
+
+    def _forget_if_killed(self, handle):
+        if self._is_over or handle._context.get(PROCESS, 0) in self._killed:
+            handle.cancel()
+        return handle
+
+    def _make_task(self, loop, coroutine, **options):
+        context = options.get("context")
+        owner = PROCESS.get() if context is None else context.get(PROCESS, 0)
+        task = asyncio.Task(coroutine, loop=loop, **options)
+        if self._is_over:
+            task._log_destroy_pending = False
+            asyncio.tasks._unregister_task(task)
+            coroutine.close()
+        self._owners[task] = owner
+        task.add_done_callback(lambda done: self._owners.pop(done, None))
+        return task
