@@ -11,7 +11,12 @@ import time
 import pytest
 
 from taskrpc import attempts, deduplication
+from taskrpc.deduplication import desk
+from taskrpc.wire.once import Ledger
 from tests.simulation.machine import WALL
+
+LEASE = 10.0
+"""Seconds for which a simulated server remembers a client: longer than any call lasts."""
 
 
 @contextlib.contextmanager
@@ -29,6 +34,8 @@ def only_chance(seed, loop, counts):
         patch.setattr(os, "urandom", drawn.randbytes)
         patch.setattr(time, "time", wall_clock)
         patch.setitem(deduplication.OnceDesk.__init__.__kwdefaults__, "wall_clock", wall_clock)
+        patch.setitem(Ledger.__init__.__kwdefaults__, "lease", LEASE)
+        patch.setattr(desk, "_EXPIRE_EVERY", 1.0)
         _count(patch, counts)
         try:
             yield drawn
@@ -41,6 +48,7 @@ def _count(patch, counts):
     """Count what shows outside only as an answer like any other."""
     attach, repeat = deduplication.Run.attach, deduplication.OnceDesk._repeat
     wait_after = attempts.Attempts._wait_after
+    may_count_anew = attempts.Attempts._may_count_anew
 
     def counted_attach(run, call):
         counts["attaches"] += bool(run.callers)
@@ -55,6 +63,12 @@ def _count(patch, counts):
         counts["retries"] += wait is not None
         return wait
 
+    def counted_anew(call):
+        anew = may_count_anew(call)
+        counts["expired sessions"] += anew
+        return anew
+
     patch.setattr(deduplication.Run, "attach", counted_attach)
     patch.setattr(deduplication.OnceDesk, "_repeat", counted_repeat)
     patch.setattr(attempts.Attempts, "_wait_after", counted_wait)
+    patch.setattr(attempts.Attempts, "_may_count_anew", counted_anew)

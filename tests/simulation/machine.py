@@ -22,21 +22,27 @@ class Disk(MemoryStore):
 
 
 class Arm:
-    """One server's access to a disk: each write takes time, and is done at one instant of it."""
+    """One server's access to a disk: each write takes time, and is done at one instant of it.
 
-    def __init__(self, disk, chance):
+    `strike` may end the server in the midst of it.
+    """
+
+    def __init__(self, disk, chance, strike):
         self.disk = disk
+        self._strike = strike
         self._chance = chance
         self._turn = asyncio.Lock()
 
     async def write(self, write):
         async with self._turn:
+            if self._chance.random() < 0.03:
+                self._strike(self._chance.uniform(0.0, 0.03))
             await self.wait()
             await write()
             await self.wait()
 
     async def wait(self):
-        await asyncio.sleep(self._chance.choice((0.0, 0.001, 0.02)) * self._chance.random())
+        await asyncio.sleep(self._chance.choice((0.0, 0.002, 0.03)) * self._chance.random())
 
 
 class TaskDisk:

@@ -7,6 +7,7 @@ import contextlib
 
 import srvgen
 import taskrpc
+from tests.simulation.chance import LEASE
 from tests.simulation.machine import WALL, Arm, CountingRobot, EffectDisk, TaskDisk
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
@@ -16,13 +17,17 @@ NAMES = {"submit": "robot_task"}
 
 
 class Server:
-    """One life of a server; `main` does the work of others' services too if it has a disk."""
+    """One life of a server; with a disk it offers what needs one too.
 
-    def __init__(self, name, ledger, chance, disk=None):
+    `strike(seconds)` ends it in the midst of what it does then.
+    """
+
+    def __init__(self, name, ledger, chance, strike, disk=None):
         self.name = name
         self.stop = asyncio.Event()
         self._ledger = ledger
         self._chance = chance
+        self._strike = strike
         self._disk = disk
 
     async def run(self):
@@ -33,7 +38,7 @@ class Server:
             if self._disk is None:
                 await self._until_told(node)
                 return
-            arm = Arm(self._disk, self._chance)
+            arm = Arm(self._disk, self._chance, lambda seconds: self._strike(self.name, seconds))
             node.create_service(Add, "once", self._handle_once, exactly_once=EffectDisk(arm))
             robot, store = CountingRobot(self._ledger, self._chance), TaskDisk(arm, self._ledger)
             loop = asyncio.get_running_loop()
@@ -85,7 +90,8 @@ class Client:
             async with asyncio.TaskGroup() as group:
                 for _ in range(self._calls):
                     group.create_task(self._call(clients))
-                    await asyncio.sleep(self._chance.expovariate(4))
+                    is_long = self._chance.random() < 0.04
+                    await asyncio.sleep(2 * LEASE if is_long else self._chance.expovariate(4))
 
     async def _call(self, clients):
         chance = self._chance

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextvars
 import hashlib
 import random
 
@@ -32,6 +33,9 @@ class World:
         self._disk = Disk()
         ledger.disks.append(self._disk)
         self._running = {}
+        self._returning = set()
+        self._context = contextvars.copy_context()
+        self._calm_from = self._loop.time() + SECONDS
 
     async def live(self):
         chance = self._chance
@@ -57,25 +61,40 @@ class World:
     # Its fate
 
     async def _break_things(self):
-        chance, latest = self._chance, self._loop.time() + SECONDS
-        while self._loop.time() < latest:
+        chance = self._chance
+        while self._loop.time() < self._calm_from:
             await asyncio.sleep(chance.expovariate(2))
             what = chance.choice(
                 (self._crash, self._crash, self._restart, self._partition, self._cut, self._heal)
             )
-            await what()
+            if self._running:
+                await what()
+        if self._returning:
+            await asyncio.wait(self._returning)
 
     async def _crash(self):
-        which = self._which()
-        process, _, server = self._running[which]
+        await self._crash_of(self._which())
+
+    async def _crash_of(self, which):
+        process, _, server = self._running.pop(which)
         self._ledger.note(f"{server.name} crashes")
         self._loop.kill(process)
         self._network.crash(server.name)
         await self._start_again(which)
 
+    def _strike(self, name, seconds):
+        """Kill a server where it writes; from our own context, or we would die with it."""
+        self._loop.call_later(seconds, self._struck, name, context=self._context)
+
+    def _struck(self, name):
+        running = [server.name for _, _, server in self._running.values()]
+        if name in running and self._loop.time() < self._calm_from:
+            self._ledger.counts["crashes in a write"] += 1
+            self._returning.add(self._loop.create_task(self._crash_of("main")))
+
     async def _restart(self):
         which = self._which()
-        _, task, server = self._running[which]
+        _, task, server = self._running.pop(which)
         self._ledger.counts["restarts"] += 1
         server.stop.set()
         await asyncio.wait({task})
@@ -115,7 +134,7 @@ class World:
         self._lives += 1
         disk = self._disk if which == "main" else None
         chance = random.Random(self._chance.random())
-        server = Server(f"{which}{self._lives}", self._ledger, chance, disk)
+        server = Server(f"{which}{self._lives}", self._ledger, chance, self._strike, disk)
         process, task = self._loop.start(server.run())
         self._running[which] = process, task, server
 
