@@ -94,6 +94,14 @@ class Lab:
             Add, "add", self.counter, exactly_once=self.store, **self.options
         )
 
+    async def restart(self, store=None):
+        """End the server; another comes, with the same store or with this one."""
+        await self.server.destroy()
+        self.store = store or self.store
+        self.server = taskrpc.Node("server", transport="memory", token="another")
+        await self.server.start()
+        self.offer(self.server)
+
     async def __aexit__(self, *_):
         await self.node.destroy()
         await self.server.destroy()
@@ -152,17 +160,12 @@ async def test_a_repeated_call_attaches_to_the_run_that_its_lost_connection_bega
 async def test_a_server_of_the_same_store_answers_what_the_one_before_has_done():
     store, counter = Store(), Counter()
     async with Lab(store, counter) as lab:
-        answered = asyncio.Event()
         store.gate = asyncio.Event()
         call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2)))
         await turns()
         lab.cut()  # before the answer can be sent
         store.gate.set()
-        await lab.server.destroy()
-        answered.set()
-        lab.server = taskrpc.Node("server", transport="memory", token="another")
-        await lab.server.start()
-        lab.offer(lab.server)
+        await lab.restart()
         assert (await call).sum == 3
         assert store.effects == ["1+2"]
 
@@ -173,11 +176,7 @@ async def test_a_server_of_another_store_must_not_run_what_may_have_run():
         call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2)))
         await turns()
         lab.cut()
-        await lab.server.destroy()
-        lab.server = taskrpc.Node("server", transport="memory", token="another")
-        await lab.server.start()
-        lab.store = Store(b"T" * 16)
-        lab.offer(lab.server)
+        await lab.restart(Store(b"T" * 16))
         with pytest.raises(OutcomeUnknown, match="another store"):
             await call
         assert lab.counter.ran == 1
@@ -187,11 +186,7 @@ async def test_a_server_of_another_store_must_not_run_what_may_have_run():
 async def test_a_call_that_never_left_goes_to_whatever_store_there_is():
     async with Lab(Store(), Counter()) as lab:
         await lab.client.call(Add.Request(a=1, b=2))
-        await lab.server.destroy()
-        lab.server = taskrpc.Node("server", transport="memory", token="another")
-        await lab.server.start()
-        lab.store = Store(b"T" * 16)
-        lab.offer(lab.server)
+        await lab.restart(Store(b"T" * 16))
         assert await lab.client.wait_for_service(timeout=5)
         assert (await lab.client.call(Add.Request(a=3, b=4))).sum == 7
         assert lab.store.effects == ["3+4"]
@@ -210,12 +205,7 @@ async def test_a_call_that_crosses_a_withdrawal_goes_to_the_next_server():
 async def test_who_was_forgotten_begins_to_count_anew():
     async with Lab(Store(), Counter()) as lab:
         await lab.client.call(Add.Request(a=1, b=2))
-        await lab.server.destroy()
-        lab.store.completions.clear()
-        lab.server = taskrpc.Node("server", transport="memory", token="another")
-        await lab.server.start()
-        lab.store = Store()  # the same name, and nothing known
-        lab.offer(lab.server)
+        await lab.restart(Store())  # the same name, and nothing known
         assert await lab.client.wait_for_service(timeout=5)
         assert (await lab.client.call(Add.Request(a=3, b=4))).sum == 7
 
@@ -679,11 +669,7 @@ async def test_a_forgotten_client_with_a_call_in_doubt_learns_that_nobody_knows(
         call = asyncio.ensure_future(lab.client.call(Add.Request(a=2)))
         await turns()
         lab.cut()
-        await lab.server.destroy()
-        lab.server = taskrpc.Node("server", transport="memory", token="another")
-        await lab.server.start()
-        lab.store = Store()
-        lab.offer(lab.server)
+        await lab.restart(Store())
         with pytest.raises(OutcomeUnknown):
             await call
         assert lab.counter.ran == 2
