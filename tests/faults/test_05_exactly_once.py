@@ -3,79 +3,84 @@
 import asyncio
 import collections
 import contextlib
-import os
 import random
 import sqlite3
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
 import srvgen
 import taskrpc
 from taskrpc.attempts import Attempts
+from taskrpc.tasks.book import TaskBook
+from taskrpc.tasks.completions import TaskCompletions
+from taskrpc.wire.once import Ledger, Remembered, Verdict
+from tests.faults.harness import Bug
+from tests.faults.programs import kill
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 
-ROOT = Path(__file__).parents[2]
 RobotTask = srvgen.load("my_robot_interfaces/srv/RobotTask")
 CLIENTS = 8
+BROKEN = ("lost", "doubled", "one number for two", "nobody's", "unknown")
 
-PLANTED = {
-    "nothing": "",
-    "no deduplication": """
-from taskrpc.wire.once import Ledger, Verdict
-decide = Ledger.decide
-def forgetful(*arguments):
-    verdict = decide(*arguments)
-    return Verdict.NEW if verdict in (Verdict.DONE, Verdict.ATTACH) else verdict
-Ledger.decide = forgetful
-""",
-    "acknowledged before it is stored": """
-import asyncio
-from taskrpc.tasks.book import TaskBook
-save = TaskBook.save
-async def early(self, *tasks, **options):
-    later = lambda: asyncio.ensure_future(save(self, *tasks, **options))
-    asyncio.get_running_loop().call_later(0.05, later)
-TaskBook.save = early
-""",
-    "completions that do not survive": """
-from taskrpc.tasks.completions import TaskCompletions
-from taskrpc.wire.once import Remembered
-recall = TaskCompletions.recall
-async def forgetful(self):
-    return Remembered((await recall(self)).store_id)
-TaskCompletions.recall = forgetful
-""",
-}
-PROGRAM = "import sys\n{patch}\nfrom taskrpc.cli.server import main\nsys.exit(main(sys.argv[1:]))\n"
+TASK_SERVER = """
+import os, sys
+os.dup2(1, 2)  # what it says of itself is on stderr
+from taskrpc.cli.server import main
+sys.exit(main(sys.argv[1:]))
+"""
+
+
+def forget_what_was_done(patch):
+    decide = Ledger.decide
+
+    def forgetful(*arguments):
+        verdict = decide(*arguments)
+        return Verdict.NEW if verdict in (Verdict.DONE, Verdict.ATTACH) else verdict
+
+    patch(Ledger, "decide", forgetful)
+
+
+def acknowledge_before_it_is_stored(patch):
+    save = TaskBook.save
+    begun = set()
+
+    async def late(*arguments, **options):
+        await asyncio.sleep(0.05)
+        await save(*arguments, **options)
+
+    async def early(*arguments, **options):
+        begun.add(asyncio.create_task(late(*arguments, **options)))
+
+    patch(TaskBook, "save", early)
+
+
+def lose_the_completions(patch):
+    recall = TaskCompletions.recall
+
+    async def forgetful(self):
+        return Remembered((await recall(self)).store_id)
+
+    patch(TaskCompletions, "recall", forgetful)
 
 
 class Server:
     """The task server in a process of its own, which can be killed and started again."""
 
-    def __init__(self, folder, patch):
+    def __init__(self, folder, programs):
         self.db = folder / "tasks.db"
-        self.program = PROGRAM.format(patch=patch)
-        self.process = None
-        self.env = {**os.environ, "PYTHONPATH": str(ROOT)}
+        self._programs = programs
+        self._program = None
 
     async def start(self):
         # Tasks that wait are counted, not driven: a queue that is paused stays so.
         options = ["--db", str(self.db), "--queue-limit", "1000000", "--log-level", "error"]
-        self.process = await asyncio.create_subprocess_exec(
-            sys.executable, "-c", self.program, *options, env=self.env, stderr=subprocess.PIPE
+        self._program = await self._programs.start(
+            TASK_SERVER, *options, ready="taskrpc-server", name="server.py"
         )
-        line = await self.process.stderr.readline()
-        while b"ready" not in line:
-            assert line, "the server did not start"
-            line = await self.process.stderr.readline()
 
     async def kill(self):
-        self.process.kill()
-        await self.process.wait()
+        await kill(self._program)
 
     def stored(self):
         """How many tasks there are of each target, as the file says; by nobody's leave."""
@@ -138,48 +143,30 @@ class Rehearsal:
 
 
 @pytest.fixture
-def sandbox(tmp_path, monkeypatch):
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "run"))
-    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
-    (tmp_path / "run").mkdir(mode=0o700)
-    return tmp_path
+def sent_again(counts, monkeypatch):
+    """Counts how often a client repeats what may have run."""
+    wait = Attempts._wait_after
+
+    def counted(self, error):
+        waits = wait(self, error)
+        counts["sent again"] += waits is not None and self._in_doubt
+        return waits
+
+    monkeypatch.setattr(Attempts, "_wait_after", counted)
 
 
-BROKEN = ("lost", "doubled", "one number for two", "nobody's", "unknown")
-
-
-@pytest.fixture
-def rehearse(sandbox, monkeypatch, counts, seed):
-    """Kill a server, with a bug or without, so many times under eight clients."""
-
-    async def rehearsed(kills, *, patch="nothing"):
-        rehearsal = Rehearsal(Server(sandbox, PLANTED[patch]), counts, seed)
-        wait = Attempts._wait_after
-
-        def counted(self, error):
-            waits = wait(self, error)
-            counts["sent again"] += waits is not None and self._in_doubt
-            return waits
-
-        monkeypatch.setattr(Attempts, "_wait_after", counted)
-        try:
-            await asyncio.wait_for(rehearsal.run(kills), 60 + 10 * kills)
-        finally:
-            if rehearsal.server.process and rehearsal.server.process.returncode is None:
-                await rehearsal.server.kill()
-        rehearsal.check()
-
-    return rehearsed
-
-
-async def test_requests_of_a_server_that_is_killed_again_and_again(rehearse, counts, large):
+@pytest.mark.planted(
+    Bug(forget_what_was_done, "doubled"),
+    Bug(acknowledge_before_it_is_stored, "lost"),
+    Bug(lose_the_completions, "unknown"),
+)
+@pytest.mark.usefixtures("sent_again")
+async def test_requests_of_a_server_that_is_killed_again_and_again(
+    tmp_path, programs, counts, seed, large
+):
     kills = 10_000 if large else 30
-    await rehearse(kills)
+    rehearsal = Rehearsal(Server(tmp_path, programs), counts, seed)
+    await asyncio.wait_for(rehearsal.run(kills), 60 + 10 * kills)
+    rehearsal.check()
+    counts.check(*BROKEN, happened=("kills", "sent again", "accepted"))
     counts.require(kills=kills, sent_again=kills // 3, accepted=10 * kills)
-    assert counts.broken(*BROKEN) == {}
-
-
-@pytest.mark.parametrize("patch", [name for name in PLANTED if name != "nothing"])
-async def test_the_harness_sees_what_is_planted(rehearse, counts, patch):
-    await rehearse(8, patch=patch)
-    assert counts.broken(*BROKEN)
