@@ -26,7 +26,6 @@ _ORDERS = (
 )
 _HALTS = (
     ("pause", "Halt the robot in mid-task and begin no other"),
-    ("resume", "Go on after a pause or a stop"),
     ("stop", "Halt the robot at once and pause the queue (no emergency stop: this is software)"),
 )
 _SPELLINGS = (
@@ -46,6 +45,10 @@ def configure(parser: ArgumentParser) -> None:
         command.set_defaults(verb=verb)
     for verb, purpose in _HALTS:
         _add(commands, verb, purpose, _halt).set_defaults(verb=verb)
+    what = "Go on after a pause or a stop; with numbers, with tasks that were interrupted"
+    command = _add(commands, "resume", what, _resume)
+    what = "a task that ran when the server ended: it gets its old place in the queue"
+    command.add_argument("task_ids", metavar="ID", type=int, nargs="*", help=what)
     for verb, purpose in _SPELLINGS:
         command = _add(commands, verb, purpose, _reprioritise)
         command.add_argument("task_id", metavar="ID", type=int, help="the task's number")
@@ -188,13 +191,27 @@ async def _watch(options: Namespace, services: TaskServices) -> Exit:
 
 
 async def _order(options: Namespace, services: TaskServices) -> Exit:
-    """Cancel, requeue or drop each of the tasks, whatever becomes of the others."""
+    """Cancel, requeue or drop each of the tasks."""
+    return await _ask_for_each(f"/{options.verb}", options, services)
+
+
+async def _resume(options: Namespace, services: TaskServices) -> Exit:
+    if options.task_ids:
+        return await _ask_for_each("/requeue", options, services, resume=True)
+    _say(await services.ask("/resume"), options)
+    return Exit.DONE
+
+
+async def _ask_for_each(
+    verb: str, options: Namespace, services: TaskServices, **fields: object
+) -> Exit:
+    """Ask a service about each of the tasks, whatever becomes of the others."""
     from taskrpc.cli.task_services import TaskRefused
 
     refusals = []
     for task_id in options.task_ids:
         try:
-            _say(await services.ask(f"/{options.verb}", task_id=task_id), options)
+            _say(await services.ask(verb, task_id=task_id, **fields), options)
         except TaskRefused as refusal:
             refusals.append(str(refusal))
     if refusals:

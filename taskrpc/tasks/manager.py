@@ -55,7 +55,7 @@ class Resumed(msgspec.Struct, frozen=True):
         if self == Resumed(0, ()):
             return "no earlier tasks wait"
         count = f"{self.queued or 'no'} queued task{'' if self.queued == 1 else 's'}"
-        notes = [f"task {number} was interrupted ({_again(number)})" for number in self.interrupted]
+        notes = [f"task {number} was interrupted ({_ways(number)})" for number in self.interrupted]
         shown, hidden = notes[:3], len(notes) - 3
         more = [f"{hidden} more were interrupted (taskrpc task list --all)"] if hidden > 0 else []
         if self.paused:
@@ -265,8 +265,11 @@ class TaskManager:
             raise
         return self._done(f"Task {task_id} has priority {priority}", moved)
 
-    async def requeue(self, task_id: int) -> Answer:
-        """Queue a task once more that was interrupted, failed or cancelled."""
+    async def requeue(self, task_id: int, *, resume: bool = False) -> Answer:
+        """Queue a task once more that was interrupted, failed or cancelled, behind its equals.
+
+        With `resume` an interrupted one takes the place that it had, before its later equals.
+        """
         if waiting := self.queue.find(task_id):
             return self._done(f"Task {task_id} is queued already", waiting)
         task = self.book.find(task_id)
@@ -274,10 +277,12 @@ class TaskManager:
             return self._refuse(
                 task_id, "only one that was interrupted, failed or cancelled can be queued again"
             )
+        if resume and task.state is not State.INTERRUPTED:
+            return self._refuse(task_id, f"only an interrupted task goes on; {_again(task_id)}")
         if refusal := self._refusal(task.task_type, task.target, task.priority, account=""):
             return Answer(False, refusal)
-        again = task.requeued(self._wall_clock(), self.book.new_arrival())
-        return await self._accept(again)
+        arrival = task.arrival if resume else self.book.new_arrival()
+        return await self._accept(task.requeued(self._wall_clock(), arrival))
 
     async def pause(self) -> Answer:
         """Halt the robot in mid-task and begin no other."""
@@ -390,6 +395,10 @@ def _priority_refusal(priority: int) -> str:
         return ""
     allowed = f"{PRIORITY_MIN} to {PRIORITY_MAX}, {PRIORITY_MAX} runs first"
     return f"Invalid priority: {priority} (expected {allowed})"
+
+
+def _ways(task_id: int) -> str:
+    return f"decide with taskrpc task resume {task_id}, requeue {task_id} or drop {task_id}"
 
 
 def _again(task_id: int) -> str:

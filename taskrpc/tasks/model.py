@@ -145,7 +145,7 @@ class Task(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         return msgspec.structs.replace(moved, ended_at=at, result=result, progress=progress)
 
     def requeued(self, at: float, arrival: int) -> Task:
-        """The same task at the end of its priority's queue, as if submitted at `at`."""
+        """The same task at the place of `arrival` in its priority, as if submitted at `at`."""
         return msgspec.structs.replace(
             self.moved_to(State.QUEUED),
             arrival=arrival,

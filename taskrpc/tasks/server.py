@@ -286,7 +286,9 @@ class TaskServer:
 
     async def requeue(self, request: Any, response: Any) -> Any:
         """Queue a task once more; see RequeueTask.srv."""
-        return _answered(response, await self.manager.requeue(request.task_id))
+        return _answered(
+            response, await self.manager.requeue(request.task_id, resume=request.resume)
+        )
 
     async def drop(self, request: Any, response: Any) -> Any:
         """Give a task up; see DropTask.srv."""

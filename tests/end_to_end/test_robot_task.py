@@ -332,12 +332,12 @@ def test_a_restart_keeps_what_waits_and_tells_what_was_interrupted(start, task, 
     assert seconds < 2
     second = start("--speed", 1)
     assert "taskrpc-server: resumed 2 queued tasks; task 1 was interrupted" in second.text
-    assert "taskrpc task requeue 1" in second.text
+    assert "taskrpc task resume 1, requeue 1 or drop 1" in second.text
     assert second.text.index("resumed") < second.text.index(READY)
     assert ids(listed()) == [3, 2]
     (interrupted,) = [each for each in listed("--all") if each["task_id"] == 1]
     assert interrupted["state"] == "INTERRUPTED"
-    assert task("requeue", 1)[0] == 0
+    assert task("resume", 1)[0] == 0
     assert 1 in ids(listed())
     assert task("submit", "move", "dock")[1].startswith("Task queued: move (task 4, ")
 

@@ -157,13 +157,35 @@ async def test_a_new_server_goes_on_in_the_same_order_and_asks_about_what_ran(st
     resumed = await new.start()
     assert resumed == Resumed(queued=2, interrupted=(1,))
     assert str(resumed) == (
-        "resumed 2 queued tasks; task 1 was interrupted (taskrpc task requeue 1 runs it again)"
+        "resumed 2 queued tasks; task 1 was interrupted"
+        " (decide with taskrpc task resume 1, requeue 1 or drop 1)"
     )
     assert [row.task.task_id for row in page(new, "").rows] == [4, 2]
     await new.drop(1)
     await idle(new)
     assert [target for _, target in robot.log] == ["3", "1"], "and nothing runs twice"
     assert (await new.submit("move", "1", 5)).task_id == 5
+    await new.close()
+
+
+async def test_an_interrupted_task_goes_on_before_its_later_equals_or_waits_behind_them(store):
+    old = TaskManager(LineRobot(), store)
+    await old.start()
+    await submit(old, ("50", 5), ("1", 5), ("2", 5))
+    await asyncio.sleep(5)
+    await old.pause()
+    await old.close()
+    new = TaskManager(LineRobot(), store)
+    await new.start()
+    assert (await new.requeue(2, resume=True)).message == "Task 2 is queued already"
+    answer = await new.requeue(1, resume=True)
+    assert answer.success
+    assert answer.estimated_time == pytest.approx(new.estimate(1))
+    assert [row.task.task_id for row in page(new, "").rows] == [1, 2, 3]
+    await new.cancel(1)
+    assert (await new.requeue(1, resume=True)).message == (
+        "Task 1 is CANCELED: only an interrupted task goes on; taskrpc task requeue 1 runs it again"
+    )
     await new.close()
 
 
@@ -245,7 +267,8 @@ async def test_a_promise_survives_a_restart_and_names_it():
             Resumed(0, (1, 2, 3, 4, 5)),
             "resumed no queued tasks"
             + "".join(
-                f"; task {n} was interrupted (taskrpc task requeue {n} runs it again)"
+                f"; task {n} was interrupted"
+                f" (decide with taskrpc task resume {n}, requeue {n} or drop {n})"
                 for n in (1, 2, 3)
             )
             + "; 2 more were interrupted (taskrpc task list --all)",
