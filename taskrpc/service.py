@@ -316,11 +316,10 @@ class Service:
 
     def _finish_if_idle(self) -> None:
         is_busy = self._running or self._waiting.count or (self._desk and self._desk.storing)
-        if self._destroyed and not is_busy:
+        if self._destroyed and not is_busy and not self.finished.done():
+            self.finished.set_result(None)
             self._stepper.close()
             self._close_desk()
-            if not self.finished.done():
-                self.finished.set_result(None)
             if self._threads is not None:
                 self._threads.shutdown()
 

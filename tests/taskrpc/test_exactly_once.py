@@ -8,6 +8,7 @@ import pytest
 import srvgen
 import taskrpc
 from taskrpc.deduplication import Effect
+from taskrpc.deduplication.shared import shared_of
 from taskrpc.errors import (
     Code,
     DeadlineExceeded,
@@ -649,6 +650,18 @@ async def test_two_services_of_one_store_share_its_numbers():
         for each in (client, lab.client, client):
             await each.call(Add.Request(a=1, b=1))
         assert {key[1] for key in lab.store.completions} == {3}
+
+
+async def test_a_service_that_is_ended_twice_does_not_give_up_the_store_for_another(caplog):
+    store = Store()
+    async with Lab(store, Counter()) as lab:
+        async with taskrpc.Node("second", transport="memory", token="2") as second:
+            double = second.create_service(Add, "double", lab.counter, exactly_once=store)
+            double.destroy()  # and at once its node is
+        assert shared_of(store) is lab.service._desk._shared
+        await lab.client.call(Add.Request(a=1))
+    await turns()
+    assert not caplog.records
 
 
 async def test_many_calls_at_once_each_run_once():
