@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import stat
 import sys
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 
 WINDOWS = sys.platform == "win32"
 _LOCK_OFFSET = 0x7FFF_0000  # far behind the contents: Windows forbids reading locked bytes
+_HELD = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)  # what systems say of a lock held by another
 _NO_LIMIT = 2**20
 _TCP_MAXRT = 5  # Windows: seconds of retransmission before the connection is dropped
 _TCP_RXT_CONNDROPTIME = 0x80  # macOS: the same
@@ -175,16 +177,40 @@ def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
         raise
 
 
+def write_at(descriptor: int, data: bytes, place: int) -> None:
+    """Write into the middle of an open file, whose position is nobody's business."""
+    if WINDOWS:
+        os.lseek(descriptor, place, os.SEEK_SET)
+        os.write(descriptor, data)
+    else:
+        os.pwrite(descriptor, data, place)
+
+
+def is_same_file(path: Path, known: os.stat_result) -> bool:
+    """Whether a path still leads to a file that was looked at before, and that is open."""
+    if WINDOWS:  # which lets nobody remove or replace an open file
+        return True
+    try:
+        return os.path.samestat(os.stat(path), known)
+    except OSError:
+        return False
+
+
 def lock(descriptor: int) -> None:
     """Take the file's lock, waiting for it; the system frees it when the process ends."""
     _lock(descriptor, wait=True)
 
 
 def try_lock(descriptor: int) -> bool:
-    """Take the file's lock if nobody holds it; the system frees it when the process ends."""
+    """Take the file's lock if nobody holds it; the system frees it when the process ends.
+
+    Raises OSError where the file system has no locks.
+    """
     try:
         _lock(descriptor, wait=False)
-    except OSError:
+    except OSError as error:
+        if error.errno not in _HELD:
+            raise
         return False
     return True
 

@@ -145,6 +145,8 @@ def _locks_work(folder: Path) -> bool:
         holder, other = platform.open_private(path), platform.open_private(path)
         try:
             return platform.try_lock(holder) and platform.is_locked(other)
+        except OSError:
+            return False
         finally:
             os.close(other)
             os.close(holder)

@@ -3,20 +3,25 @@
 A COMMIT that fails may have been done all the same: what it wrote is in the system's memory, and
 may reach the disk later. So the file is then opened anew and read, which tells; if it cannot be,
 nobody here can know, and the file is not touched again before it is closed.
+
+What is written to a file that was removed meanwhile is lost with this process, so its place is
+looked at before each change.
 """
 
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import sqlite3
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
 
+from taskrpc import platform
 from taskrpc.errors import OutcomeUnknown, StoreError
-from taskrpc.storage.lock import held
-from taskrpc.storage.sentences import is_about_the_file, is_full, plainly
+from taskrpc.storage.lock import Lock, Witness
+from taskrpc.storage.sentences import is_about_the_file, is_full, loss, plainly
 
 _SIDE_FILES = ("", "-wal", "-shm")
 _Result = TypeVar("_Result")
@@ -42,7 +47,8 @@ class Database:
         self._equip = equip
         self._why_broken = ""
         with contextlib.ExitStack() as undo, plainly(path):
-            undo.enter_context(held(path, holder))
+            self._lock = Lock(path, holder)
+            undo.callback(self._lock.close)
             _create_private(path.resolve())
             self._connection = _connect(path)
             undo.callback(self._disconnect)
@@ -50,7 +56,9 @@ class Database:
             _make_private(path.resolve())
             self._connection.execute("PRAGMA journal_mode = WAL")
             equip(self._connection)
-            self._commits = self._count()
+            self._file = path.stat()
+            self._reached = self._count()
+            self._refuse_loss()
             self._undo = undo.pop_all()
 
     @property
@@ -73,6 +81,8 @@ class Database:
             Exception: `work` raised it itself, and nothing was changed.
         """
         self._do(lambda number: self._in_transaction(work, number))
+        with contextlib.suppress(sqlite3.Error):  # what is done is done
+            self._note(self._count())  # it may be another store now
 
     def change_at_once(self, statement: str, values: Sequence[Any]) -> None:
         """Do as `change` does, by one statement that is the whole transaction.
@@ -85,12 +95,33 @@ class Database:
     def _do(self, transaction: Callable[[int], None]) -> None:
         with plainly(self._path, but_statements=True):
             self._check()
-            number = self._commits + 1
+            self._check_place()
+            number = self._reached.commits + 1
             try:
-                transaction(number)
-                self._commits = number
+                self._with_room(transaction, number)
+                self._note(Witness(self._reached.store_id, number))
             except _CommitFailed as failed:
                 self._find_out(number, failed.error)
+
+    def _with_room(self, transaction: Callable[[int], None], number: int) -> None:
+        try:
+            transaction(number)
+        except sqlite3.Error as error:
+            if not is_full(error) or not self._can_write_log_anew():
+                raise
+            transaction(number)
+
+    def _can_write_log_anew(self) -> bool:
+        """Whether what the log has is in the file itself now, so that its room is free again."""
+        try:
+            busy, *_ = self._connection.execute("PRAGMA wal_checkpoint(RESTART)").fetchone()
+        except sqlite3.Error:  # there is no room there either
+            return False
+        return not busy
+
+    def _note(self, reached: Witness) -> None:
+        self._reached = reached
+        self._lock.note(reached)
 
     def close(self) -> None:
         """Write everything into the one file and let others use it."""
@@ -106,9 +137,28 @@ class Database:
         except _CommitFailed as failed:
             raise failed.error from None
 
+    def _refuse_loss(self) -> None:
+        """Refuse a file that lacks what this program has acknowledged."""
+        known, reached = self._lock.witness or self._reached, self._reached
+        if known.store_id == reached.store_id and known.commits > reached.commits:
+            raise StoreError(loss(self._path, self._lock.path, known.commits - reached.commits))
+        self._note(reached)
+
     def _check(self) -> None:
         if self._why_broken:
             raise StoreError(self._why_broken)
+
+    def _check_place(self) -> None:
+        if not platform.is_same_file(self._path, self._file):
+            raise StoreError(
+                f"{self._path} was removed or replaced while it was in use; nothing was stored;"
+                " put it back, or start the server again"
+            )
+        if self._lock.is_lost:
+            raise StoreError(
+                f"{self._path}: its lock {self._lock.path.name} was removed, so another server may"
+                " use the file; nothing was stored; start this server again"
+            )
 
     def _in_transaction(self, work: _Work, number: int = 0) -> None:
         connection = self._connection
@@ -130,12 +180,12 @@ class Database:
             self._disconnect()
             self._connection = _connect(self._path)
             self._equip(self._connection)
-            was_done = self._count() == number
+            was_done = self._count().commits == number
             # Reading shows what the system remembers, be it on the disk or not. This writes it
             # anew, and writes over what would come to light again if the machine failed now.
             self._empty_log()
-            self._in_transaction(lambda _: None, self._count() + 1)
-            self._commits = self._count()
+            self._in_transaction(lambda _: None, self._count().commits + 1)
+            self._note(self._count())
         except (sqlite3.Error, OSError, _CommitFailed) as second:
             self._why_broken = (
                 f"{self._path} cannot be used any more, since writing to it failed ({error}) and "
@@ -151,9 +201,12 @@ class Database:
         if busy:
             raise sqlite3.OperationalError("another program reads it")
 
-    def _count(self) -> int:
-        found = self._connection.execute("SELECT commits FROM taskrpc_store").fetchone()
-        return found[0] if found is not None and isinstance(found[0], int) else 0
+    def _count(self) -> Witness:
+        found = self._connection.execute("SELECT store_id, commits FROM taskrpc_store").fetchone()
+        store_id, commits = found or (b"", 0)
+        if not isinstance(store_id, bytes) or not isinstance(commits, int):
+            return Witness(b"", 0)  # whoever reads the tables finds it damaged
+        return Witness(store_id, commits)
 
 
 class _CommitFailed(Exception):
@@ -196,6 +249,11 @@ def _connect(path: Path) -> sqlite3.Connection:
 def _create_private(path: Path) -> None:
     with contextlib.suppress(FileExistsError):
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600))
+    if path.is_dir():
+        raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
+    # SQLite opens what it may only read, and would tell at the first change.
+    if not os.access(path, os.R_OK | os.W_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
 
 
 def _make_private(path: Path) -> None:

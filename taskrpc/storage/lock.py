@@ -1,37 +1,90 @@
-"""The lock beside a file: one process uses the file, and who comes second is told which one."""
+"""The lock beside a file: one process uses the file, and who comes second is told which one.
+
+It also bears witness to how far the file had come. SQLite takes a log that lost its end, or is
+gone, for one in which no more was ever written; what was acknowledged would be missing without a
+word. So each commit is counted here too, once it is done.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Iterator
+import re
 from datetime import datetime
 from pathlib import Path
+from typing import NamedTuple
 
 from taskrpc import platform
 from taskrpc.errors import StoreError
 
+_HEAD = 80
+"""Bytes of the first line, which says who has the lock."""
+_WITNESS = re.compile(rb"store ([0-9a-f]{32}), commit (\d{20})\n")
 
-@contextlib.contextmanager
-def held(path: Path, holder: str) -> Iterator[None]:
-    """Hold the lock of a file; `holder` says what uses such files.
+
+class Witness(NamedTuple):
+    """How far a file had come when it was last changed."""
+
+    store_id: bytes
+    commits: int
+
+
+class Lock:
+    """The lock of a file, held from the start until `close`.
+
+    `holder` says what uses such files.
 
     Raises:
         StoreError: another process has it; the text says which.
     """
-    lock_path = path.resolve().with_name(path.resolve().name + ".lock")
-    descriptor = platform.open_private(lock_path)
-    try:
-        if not platform.try_lock(descriptor):
-            found = os.read(descriptor, 200).decode(errors="replace").strip()
+
+    def __init__(self, path: Path, holder: str) -> None:
+        self.path = path.resolve().with_name(path.resolve().name + ".lock")
+        self._descriptor = platform.open_private(self.path)
+        try:
+            self._take(path, holder)
+            self.witness = self._read_witness()
+            """What the holder before has noted, if anything."""
+        except BaseException:
+            self.close()
+            raise
+
+    def note(self, witness: Witness) -> None:
+        """Note how far the file has come; a machine that fails may forget it."""
+        line = f"store {witness.store_id.hex()}, commit {witness.commits:020}\n".encode()
+        # No room for these bytes is no reason to refuse what is on the disk already.
+        with contextlib.suppress(OSError):
+            platform.write_at(self._descriptor, line, _HEAD)
+
+    @property
+    def is_lost(self) -> bool:
+        """Whether the lock's file was removed, so that others may believe the lock to be free."""
+        return not platform.is_same_file(self.path, os.fstat(self._descriptor))
+
+    def close(self) -> None:
+        """Let others have the lock."""
+        os.close(self._descriptor)
+
+    def _take(self, path: Path, holder: str) -> None:
+        try:
+            is_ours = platform.try_lock(self._descriptor)
+        except OSError as error:
+            raise StoreError(
+                f"{path}: its folder does not let files be locked ({error.strerror});"
+                " keep it on a disk of this machine"
+            ) from error
+        if not is_ours:
+            found = os.read(self._descriptor, _HEAD).decode(errors="replace").strip()
             raise StoreError(
                 f"{path} is in use by another {holder} ({found}); "
                 "stop that one, or give this one another file"
             )
-        lock_path.chmod(0o600)
-        os.ftruncate(descriptor, 0)
+        self.path.chmod(0o600)
         since = datetime.now().astimezone().isoformat(" ", "seconds")
-        os.write(descriptor, f"pid {os.getpid()}, since {since}\n".encode())
-        yield
-    finally:
-        os.close(descriptor)
+        head = f"pid {os.getpid()}, since {since}".ljust(_HEAD - 1)
+        platform.write_at(self._descriptor, f"{head}\n".encode(), 0)
+
+    def _read_witness(self) -> Witness | None:
+        os.lseek(self._descriptor, _HEAD, os.SEEK_SET)
+        found = _WITNESS.fullmatch(os.read(self._descriptor, 200))
+        return Witness(bytes.fromhex(found[1].decode()), int(found[2])) if found else None

@@ -54,7 +54,27 @@ def plainly(path: Path, *, but_statements: bool = False) -> Iterator[None]:
             raise
         raise StoreError(_of_file(path, error)) from error
     except OSError as error:
-        raise StoreError(f"{path}: the database cannot be opened: {error.strerror}") from error
+        raise StoreError(_of_system(path, error)) from error
+
+
+def loss(path: Path, lock: Path, missing: int) -> str:
+    """What is said of a file that lacks `missing` transactions which its lock has counted."""
+    last = "the last transaction" if missing == 1 else f"the last {missing} transactions"
+    return (
+        f"{path} lacks {last} that it had: {path.name}-wal beside it was removed or damaged, or the"
+        f" file is an older copy; bring back what belongs together, or remove {lock} to go on"
+        " without what is missing"
+    )
+
+
+def _of_system(path: Path, error: OSError) -> str:
+    place = path.resolve()
+    if isinstance(error, FileNotFoundError) and not place.parent.exists():
+        return f"{path}: there is no folder {place.parent}"
+    if place.is_dir():
+        return f"{path}: expected a database, found a folder"
+    at = "" if error.filename in (None, str(place)) else f"{error.filename}: "
+    return f"{path}: the database cannot be opened: {at}{error.strerror}"
 
 
 def _of_damage(path: Path, damage: Damaged) -> str:

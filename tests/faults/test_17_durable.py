@@ -124,7 +124,7 @@ async def rehearse(folder, seed, counts, *, large, planted="", limit=0, inject=(
     events = recorded([sys.executable, str(PROGRAM), *arguments], there, inject=inject)
     chance = random.Random(seed)
     wanted = sorted(_moments(events, disks, chance))
-    disk, ledger = Disk(ignored=(".lock", "-shm")), Ledger()
+    disk, ledger = Disk(ignored=("-shm",)), Ledger()
     counts["failed syncs"] += sum(kind == "sync" and not worked for kind, _, worked in events)
     for moment, (kind, name, detail) in enumerate(events):
         if name != "said":

@@ -97,13 +97,21 @@ async def test_who_stops_waiting_does_not_stop_the_change(store, path):
 
 
 async def test_a_full_disk_refuses_and_what_was_refused_is_not_there(disk, store, path):
-    disk.failures = [sqlite3.SQLITE_FULL]
+    disk.failures = [sqlite3.SQLITE_FULL] * 2
     outcomes = await book(store, 1, 2, 3)
     assert [str(outcome) for outcome in outcomes] == [
         f"{path}: the disk is full; nothing was stored"
     ] * 3
     assert await book(store, 4) == [None]
     assert booked(path) == ([4], [4])
+
+
+async def test_on_a_full_disk_the_room_of_the_log_is_used_again(disk, store, path):
+    assert await book(store, 1) == [None]
+    disk.failures = [sqlite3.SQLITE_FULL]
+    assert await book(store, 2, 3) == [None] * 2
+    assert booked(path) == ([1, 2, 3], [1, 2, 3])
+    assert b"seat" in path.read_bytes()  # what was in the log has gone into the file
 
 
 async def test_a_commit_that_failed_and_was_not_done_is_refused(disk, store, path):

@@ -1,0 +1,186 @@
+"""A file that somebody takes away, puts back, damages or forbids while it is in use or after."""
+
+import contextlib
+import errno
+import os
+import shutil
+import sqlite3
+
+import pytest
+
+from taskrpc import SqliteCompletions, platform
+from taskrpc.errors import StoreError
+from taskrpc.wire.once import Completion
+
+on_windows = pytest.mark.skipif(os.name == "nt", reason="an open file cannot be moved there")
+
+
+@pytest.fixture
+def path(tmp_path):
+    (tmp_path / "lab").mkdir()
+    return tmp_path / "lab" / "tasks.db"
+
+
+def make(path):
+    return SqliteCompletions(path, ["CREATE TABLE IF NOT EXISTS seat (number INTEGER)"])
+
+
+async def book(store, number):
+    done = Completion("", number.to_bytes(16, "big"), 1, 1, b"f" * 16, b"", 0, 1.0)
+    await store.complete(done, [("INSERT INTO seat VALUES (?)", (number,))])
+
+
+async def killed(path, *numbers):
+    """A folder as a program leaves it that was killed when it had stored these numbers."""
+    store = make(path)
+    for number in numbers:
+        await book(store, number)
+    shutil.copytree(path.parent, path.parent.with_name("left"))
+    await store.close()
+    shutil.rmtree(path.parent)
+    path.parent.with_name("left").rename(path.parent)
+
+
+async def booked(path):
+    """What the next program finds; raises StoreError where it is refused."""
+    store = make(path)
+    try:
+        remembered = await store.recall()
+    finally:
+        await store.close()
+    return sorted(int.from_bytes(each.client, "big") for each in remembered.completions)
+
+
+def log_of(path):
+    return path.with_name("tasks.db-wal")
+
+
+async def test_what_a_killed_program_had_stored_is_there(path):
+    await killed(path, 1, 2, 3)
+    assert await booked(path) == [1, 2, 3]
+
+
+@pytest.mark.parametrize("what", ["removed", "emptied", "cut", "damaged"])
+async def test_a_log_that_lacks_what_was_acknowledged_is_told(path, what):
+    await killed(path, 1, 2, 3)
+    log = log_of(path)
+    data = bytearray(log.read_bytes())
+    if what == "removed":
+        log.unlink()
+    elif what == "emptied":
+        log.write_bytes(b"")
+    elif what == "cut":
+        log.write_bytes(data[:-4000])
+    else:
+        data[-100] ^= 1
+        log.write_bytes(data)
+    with pytest.raises(StoreError) as refused:
+        await booked(path)
+    lock = path.with_name("tasks.db.lock")
+    count = "the last transaction" if what in ("cut", "damaged") else "the last 3 transactions"
+    assert str(refused.value).startswith(
+        f"{path} lacks {count} that it had: tasks.db-wal beside it was removed or damaged"
+    )
+    assert f"remove {lock} to go on" in str(refused.value)
+    lock.unlink()
+    assert await booked(path) == ([1, 2] if what in ("cut", "damaged") else [])
+
+
+async def test_an_older_copy_of_the_file_is_told(path, tmp_path):
+    store = make(path)
+    await book(store, 1)
+    await store.close()
+    shutil.copy(path, tmp_path / "copy")
+    await book(store, 2)
+    await store.close()
+    shutil.copy(tmp_path / "copy", path)
+    with pytest.raises(StoreError, match="lacks the last transaction that it had"):
+        await booked(path)
+
+
+async def test_a_file_that_another_program_has_looked_into_is_whole(path):
+    await killed(path, 1, 2)
+    with contextlib.closing(sqlite3.connect(path)) as connection:  # it empties the log
+        assert connection.execute("SELECT count(*) FROM seat").fetchone() == (2,)
+    assert not log_of(path).exists()
+    assert await booked(path) == [1, 2]
+
+
+@pytest.mark.parametrize("anew", [True, False])
+async def test_another_file_in_its_place_is_no_loss(path, tmp_path, anew):
+    await killed(path, 1, 2)
+    for each in (path, log_of(path)):
+        each.unlink()
+    if not anew:
+        other = make(tmp_path / "other.db")
+        await book(other, 7)
+        await other.close()
+        (tmp_path / "other.db").rename(path)
+    assert await booked(path) == ([] if anew else [7])
+
+
+async def test_what_is_written_down_beside_the_lock_may_be_nonsense(path):
+    await killed(path, 1)
+    path.with_name("tasks.db.lock").write_bytes(b"\xff" * 300)
+    assert await booked(path) == [1]
+
+
+@on_windows
+@pytest.mark.parametrize("what", ["file", "folder"])
+async def test_a_file_that_is_taken_away_refuses_changes_until_it_is_back(path, what):
+    store = make(path)
+    await book(store, 1)
+    gone = path if what == "file" else path.parent
+    gone.rename(gone.with_name("elsewhere"))
+    with pytest.raises(StoreError, match="was removed or replaced while it was in use; nothing"):
+        await book(store, 2)
+    if what == "file":
+        path.write_bytes(b"another file")
+        with pytest.raises(StoreError, match="was removed or replaced"):
+            await book(store, 2)
+    gone.with_name("elsewhere").rename(gone)
+    await book(store, 3)
+    await store.close()
+    assert await booked(path) == [1, 3]
+
+
+@on_windows
+async def test_whose_lock_is_removed_does_not_write_beside_another(path):
+    first, second = make(path), make(path)
+    await book(first, 1)
+    path.with_name("tasks.db.lock").unlink()
+    await book(second, 2)
+    with pytest.raises(StoreError, match=r"its lock tasks\.db\.lock was removed, so another"):
+        await book(first, 3)
+    await first.close()
+    await second.close()
+    assert await booked(path) == [1, 2]
+
+
+async def test_a_file_that_may_only_be_read_is_refused_when_it_is_opened(path, monkeypatch):
+    await killed(path, 1)
+    access = os.access  # root may write anything
+    monkeypatch.setattr(os, "access", lambda at, mode: not mode & os.W_OK and access(at, mode))
+    before = path.stat().st_mode
+    with pytest.raises(StoreError, match=f"{path}: the database cannot be opened: Permission"):
+        await booked(path)
+    assert path.stat().st_mode == before
+
+
+async def test_a_lock_that_cannot_be_opened_is_named(path):
+    path.with_name("tasks.db.lock").mkdir()
+    with pytest.raises(StoreError, match=r"tasks\.db\.lock: "):
+        await booked(path)
+
+
+async def test_a_folder_whose_files_cannot_be_locked_is_told(path, monkeypatch):
+    def no_locks(descriptor, *, wait):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr(platform, "_lock", no_locks)
+    with pytest.raises(StoreError) as refused:
+        await booked(path)
+    assert str(refused.value) == (
+        f"{path}: its folder does not let files be locked (No locks available);"
+        " keep it on a disk of this machine"
+    )
