@@ -1,6 +1,7 @@
 """The robot's tasks: a durable priority queue, its worker, and the services in front of them."""
 
-from taskrpc.tasks.manager import Answer, Resumed, TaskManager
+from taskrpc.tasks.answers import Answer, Resumed
+from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import EstimateChange, State, Task
 from taskrpc.tasks.server import TaskServer
 from taskrpc.tasks.sqlite_store import SqliteStore

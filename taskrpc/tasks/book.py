@@ -103,17 +103,26 @@ class TaskBook:
         before, self._is_paused = self._is_paused, paused
         try:
             await self._store.remember_pause(paused)
-        except BaseException:
+        except BaseException as error:
             self._is_paused = before
+            if isinstance(error, TaskRpcError):
+                self._problem = str(error)
             raise
 
     async def problem(self) -> str:
         """Why the store refused its last change, "" if it did not; tried once more if it did."""
         if self._problem:
             with contextlib.suppress(TaskRpcError):
-                await self.remember_pause(self._is_paused)
+                await self._try_store()
                 self._problem = ""
         return self._problem
+
+    async def _try_store(self) -> None:
+        """Store once more what is stored already, of everything that a submit writes something."""
+        await self.remember_pause(self._is_paused)
+        newest = next(reversed(self._tasks), 0)
+        if self.is_settled(newest):
+            await self._store.apply([self._tasks[newest]])
 
     async def stored(self, task_id: int) -> bool:
         """Wait until nothing about a task is on its way to the store; whether the task is there."""

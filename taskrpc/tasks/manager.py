@@ -6,14 +6,13 @@ import logging
 import time
 from collections.abc import Callable, Sequence
 
-import msgspec
-
 from taskrpc.errors import TaskRpcError
 from taskrpc.robot.protocol import Robot, TargetError
+from taskrpc.tasks.answers import Answer, Resumed, again, by, priority_refusal, shown, unstored
 from taskrpc.tasks.board import Board
 from taskrpc.tasks.book import TaskBook
 from taskrpc.tasks.guard import RobotGuard, checked_plan, sentence
-from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, EstimateChange, State, Task
+from taskrpc.tasks.model import EstimateChange, State, Task
 from taskrpc.tasks.queue import TaskQueue
 from taskrpc.tasks.store import TaskStore
 from taskrpc.tasks.timetable import Timetable
@@ -25,42 +24,8 @@ _log = logging.getLogger("taskrpc.tasks")
 _TOLERANCE = 0.005  # real seconds by which a run may end late before its followers are told
 
 
-class Answer(msgspec.Struct, frozen=True):
-    """What became of a request."""
-
-    success: bool
-    message: str
-    """One sentence for the user, also when all went well."""
-    task_id: int = -1
-    """The task in question, -1 if it was refused."""
-    estimated_time: float = 0.0
-    """Robot seconds from now until that task is done."""
-
-
 Completing = Callable[[Answer], Completion | None]
 """What makes of an answer the completion of the request that gets it."""
-
-
-class Resumed(msgspec.Struct, frozen=True):
-    """What a new server found of the tasks of the one before."""
-
-    queued: int
-    """How many tasks wait again."""
-    interrupted: tuple[int, ...]
-    """The tasks that ran when a server ended and about which nobody has decided yet."""
-    paused: bool = False
-    """Whether the queue stands still, as it did when the server before ended."""
-
-    def __str__(self) -> str:
-        if self == Resumed(0, ()):
-            return "no earlier tasks wait"
-        count = f"{self.queued or 'no'} queued task{'' if self.queued == 1 else 's'}"
-        notes = [f"task {number} was interrupted ({_ways(number)})" for number in self.interrupted]
-        shown, hidden = notes[:3], len(notes) - 3
-        more = [f"{hidden} more were interrupted (taskrpc task list --all)"] if hidden > 0 else []
-        if self.paused:
-            more.append("the queue is still paused (taskrpc task resume lets it go on)")
-        return "; ".join([f"resumed {count}", *shown, *more])
 
 
 class TaskManager:
@@ -225,11 +190,15 @@ class TaskManager:
 
     async def cancel(self, task_id: int, *, client: str = "") -> Answer:
         """Call a task off, whether it waits or runs."""
-        reason = _by("cancelled", client)
+        reason = by("cancelled", client)
         if task_id in self.queue:
             return await self._call_off(task_id, reason)
         if (run := self._worker.run) and run.task.task_id == task_id:
-            if not await self._worker.cancel(run, reason):
+            try:
+                is_over = await self._worker.cancel(run, reason)
+            except TaskRpcError as error:  # the robot obeys, whatever the disk says
+                return self._done(f"Task {task_id} is being cancelled{unstored(error)}", run.task)
+            if not is_over:
                 return self._done(f"Task {task_id} is being cancelled", run.task)
             if run.task.state is State.CANCELED:
                 return self._done(f"Task {task_id} was cancelled", run.task)
@@ -239,7 +208,7 @@ class TaskManager:
 
     async def drop(self, task_id: int, *, client: str = "") -> Answer:
         """Give up a task that waits or was interrupted."""
-        reason = _by("dropped", client)
+        reason = by("dropped", client)
         if task_id in self.queue:
             return await self._call_off(task_id, reason)
         task = self.book.find(task_id)
@@ -252,7 +221,7 @@ class TaskManager:
 
     async def reprioritise(self, task_id: int, priority: int) -> Answer:
         """Move a queued task to another priority."""
-        if refusal := _priority_refusal(priority):
+        if refusal := priority_refusal(priority):
             return Answer(False, refusal)
         if task_id not in self.queue:
             return self._refuse(task_id, "only a queued task can be moved")
@@ -278,7 +247,7 @@ class TaskManager:
                 task_id, "only one that was interrupted, failed or cancelled can be queued again"
             )
         if resume and task.state is not State.INTERRUPTED:
-            return self._refuse(task_id, f"only an interrupted task goes on; {_again(task_id)}")
+            return self._refuse(task_id, f"only an interrupted task goes on; {again(task_id)}")
         if refusal := self._refusal(task.task_type, task.target, task.priority, account=""):
             return Answer(False, refusal)
         arrival = task.arrival if resume else self.book.new_arrival()
@@ -286,11 +255,13 @@ class TaskManager:
 
     async def pause(self) -> Answer:
         """Halt the robot in mid-task and begin no other."""
-        failure = await self._worker.pause()
-        await self.book.remember_pause(True)
-        if failure:
-            return Answer(False, f"The queue is paused, but {failure}")
-        return Answer(True, "The queue is paused")
+        said = "The queue is paused"
+        try:
+            failure = await self._worker.pause()
+            await self.book.remember_pause(True)
+        except TaskRpcError as error:
+            return Answer(True, said + unstored(error))
+        return Answer(False, f"{said}, but {failure}") if failure else Answer(True, said)
 
     async def resume(self) -> Answer:
         """Go on after a pause or a stop."""
@@ -302,14 +273,16 @@ class TaskManager:
     async def stop(self, *, client: str = "") -> Answer:
         """Halt the robot at once and pause the queue; the running task ends CANCELED."""
         run = self._worker.run
-        failure = await self._worker.stop(_by("the robot was stopped", client))
-        # Only now: halting may not wait for a disk.
-        await self.book.remember_pause(True)
-        if failure:
-            return Answer(False, f"The queue is paused, but {failure}")
+        failure = await self._worker.stop(by("the robot was stopped", client))
         note = ""
         if run and run.task.state is State.CANCELED:
-            note = f"; task {run.task.task_id} was cancelled ({_again(run.task.task_id)})"
+            note = f"; task {run.task.task_id} was cancelled ({again(run.task.task_id)})"
+        try:  # only now: halting may not wait for a disk
+            await self.book.remember_pause(True)
+        except TaskRpcError as error:
+            note += unstored(error)
+        if failure:
+            return Answer(False, f"The queue is paused, but {failure}")
         return Answer(True, f"The robot is stopped and the queue is paused{note}")
 
     # How
@@ -318,14 +291,14 @@ class TaskManager:
         robot = self._guard.robot
         if task_type not in robot.task_types:
             expected = " or ".join(", ".join(robot.task_types).rsplit(", ", 1))
-            return f"Invalid task: {_shown(task_type)} (expected {expected})"
+            return f"Invalid task: {shown(task_type)} (expected {expected})"
         try:
             checked_plan(robot, task_type, target, self._guard.pose())
         except TargetError as error:
             return f"Invalid target: {sentence(error)[:400]}"
         except Exception as error:
             return f"The robot cannot plan this task: {sentence(error)[:400]}"
-        if refusal := _priority_refusal(priority):
+        if refusal := priority_refusal(priority):
             return refusal
         if len(self.queue) >= self._queue_limit:
             return f"Queue full: {len(self.queue)} tasks wait, and no more may"
@@ -388,28 +361,3 @@ class TaskManager:
         if task is None:
             return Answer(False, f"There is no task {task_id}")
         return Answer(False, f"Task {task_id} is {task.state.value}: {rule}")
-
-
-def _priority_refusal(priority: int) -> str:
-    if PRIORITY_MIN <= priority <= PRIORITY_MAX:
-        return ""
-    allowed = f"{PRIORITY_MIN} to {PRIORITY_MAX}, {PRIORITY_MAX} runs first"
-    return f"Invalid priority: {priority} (expected {allowed})"
-
-
-def _ways(task_id: int) -> str:
-    return f"decide with taskrpc task resume {task_id}, requeue {task_id} or drop {task_id}"
-
-
-def _again(task_id: int) -> str:
-    return f"taskrpc task requeue {task_id} runs it again"
-
-
-def _by(what: str, client: str) -> str:
-    return f"{what} by {client}" if client else what
-
-
-def _shown(text: str) -> str:
-    """A user's text, fit for one line of a terminal."""
-    shown = "".join(letter if letter.isprintable() else "?" for letter in text)
-    return shown if len(shown) <= 60 else shown[:59] + "…"

@@ -16,9 +16,10 @@ from taskrpc.errors import Code, HandlerError, OutcomeUnknown, StoreError
 from taskrpc.node import Node
 from taskrpc.robot.protocol import Robot
 from taskrpc.service import Service
+from taskrpc.tasks.answers import Answer, Resumed
 from taskrpc.tasks.completions import TaskCompletions
 from taskrpc.tasks.listing import page
-from taskrpc.tasks.manager import Answer, Resumed, TaskManager
+from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.messages import Messages
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.rights import ROLES, account_name, client_name, refuse_others_task

@@ -131,3 +131,8 @@ class FullStore(MemoryStore):
         if self.is_lost:
             raise OutcomeUnknown("nobody knows what the disk has done")
         await super().apply(saved, forgotten, completion, clients)
+
+    async def remember_pause(self, paused):
+        if self.is_full:
+            raise StoreError("the disk is full")
+        await super().remember_pause(paused)

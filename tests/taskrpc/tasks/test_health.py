@@ -14,20 +14,21 @@ Trigger = srvgen.load("std_srvs/srv/Trigger")
 
 
 class Disk(FullStore):
-    """A store on a disk that may be full for everything, and slow to read."""
+    """A store on a disk that is slow to read, and may have room for little changes only."""
 
     def __init__(self):
         super().__init__()
         self.slowness = 0.0
+        self.is_nearly_full = False
 
     async def load(self):
         await asyncio.sleep(self.slowness)
         return await super().load()
 
-    async def remember_pause(self, paused):
-        if self.is_full:
+    async def apply(self, *what, **more):
+        if self.is_nearly_full:
             raise StoreError("the disk is full")
-        await super().remember_pause(paused)
+        await super().apply(*what, **more)
 
 
 @pytest.fixture
@@ -93,6 +94,28 @@ async def test_a_store_that_refuses_makes_it_not_ready_until_it_takes_changes_ag
             assert await asked(node) == (False, "not ready: the disk is full")
         disk.is_full = False
         assert await asked(node) == (True, "ready: no tasks in the queue")
+
+
+async def test_room_for_less_than_a_task_does_not_make_it_ready(node, server, disk):
+    async with server:
+        await server.manager.submit("move", "3", 5)
+        await asyncio.sleep(100)
+        before = await disk.load()
+        disk.is_nearly_full = True
+        with pytest.raises(StoreError):
+            await server.manager.submit("move", "3", 5)
+        for _ in range(2):
+            assert await asked(node) == (False, "not ready: the disk is full")
+        disk.is_nearly_full = False
+        assert (await asked(node))[0]
+        assert (await disk.load()).tasks == before.tasks
+
+
+async def test_a_pause_that_could_not_be_stored_makes_it_not_ready(node, server, disk):
+    async with server:
+        disk.is_full = True
+        await server.manager.pause()
+        assert await asked(node) == (False, "not ready: the disk is full")
 
 
 async def test_asking_a_store_again_changes_nothing_that_it_remembers(node, server, disk):

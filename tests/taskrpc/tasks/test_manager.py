@@ -4,8 +4,9 @@ import asyncio
 
 import pytest
 
+from taskrpc.tasks.answers import Resumed
 from taskrpc.tasks.listing import page
-from taskrpc.tasks.manager import Resumed, TaskManager
+from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import State
 from taskrpc.tasks.sqlite_store import SqliteStore
 from taskrpc.tasks.store import MemoryStore

@@ -118,6 +118,26 @@ async def test_a_paused_task_goes_on_where_it_was(scene):
     assert scene.robot.log == [("move", "10")]
 
 
+@pytest.mark.parametrize("order", ["pause", "stop", "cancel"])
+async def test_whoever_halts_the_robot_is_told_that_it_halts_whatever_the_disk_says(scene, order):
+    await scene.submit("10", "20")
+    await asyncio.sleep(4)
+    scene.store.is_full = True
+    what = scene.manager.cancel(1) if order == "cancel" else getattr(scene.manager, order)()
+    answer = await what
+    assert answer.success
+    assert answer.message == {
+        "pause": "The queue is paused, but a restart would not know it: the disk is full",
+        "stop": "The robot is stopped and the queue is paused; task 1 was cancelled (taskrpc task"
+        " requeue 1 runs it again), but a restart would not know it: the disk is full",
+        "cancel": "Task 1 is being cancelled, but a restart would not know it: the disk is full",
+    }[order]
+    pose = scene.robot.pose()
+    await asyncio.sleep(100)
+    assert scene.robot.pose() == pose
+    assert scene.robot.log == [("move", "10")]
+
+
 async def test_a_paused_queue_accepts_and_begins_nothing(scene):
     await scene.manager.pause()
     await scene.submit("1", "2")
@@ -278,7 +298,9 @@ async def test_a_full_disk_pauses_the_queue_and_loses_nothing(scene, caplog):
     await scene.submit("5", "6")
     estimate = scene.manager.book.find(2).accepted_estimate
     scene.store.is_full = True
-    await scene.manager.resume()
+    with pytest.raises(StoreError):
+        await scene.manager.resume()
+    scene.manager._worker._may_go.set()
     await asyncio.sleep(1)
     assert scene.manager.is_paused
     assert "the queue is paused: the disk is full" in caplog.text
