@@ -126,12 +126,13 @@ async def test_whoever_halts_the_robot_is_told_that_it_halts_whatever_the_disk_s
     what = scene.manager.cancel(1) if order == "cancel" else getattr(scene.manager, order)()
     answer = await what
     assert answer.success
-    assert answer.message == {
+    expected = {
         "pause": "The queue is paused, but a restart would not know it: the disk is full",
         "stop": "The robot is stopped and the queue is paused; task 1 was cancelled (taskrpc task"
         " requeue 1 runs it again), but a restart would not know it: the disk is full",
         "cancel": "Task 1 is being cancelled, but a restart would not know it: the disk is full",
-    }[order]
+    }
+    assert answer.message == expected[order]
     pose = scene.robot.pose()
     await asyncio.sleep(100)
     assert scene.robot.pose() == pose
