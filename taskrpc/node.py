@@ -50,6 +50,8 @@ class Node:
             (`TASKRPC_TOKEN` where not given); processes of one user and machine need none.
         accounts: who else may call, and what; `Accounts`, or a file of them (JSON, TOML) that is
             read afresh when it changes. Without them whoever has the token may do everything.
+        keepalive: how soon a peer whose machine is gone is given up: after 8 s (`default`) or
+            2 s (`robot`); `TASKRPC_KEEPALIVE` where not given.
         observer: is told what becomes of each call; a `Metrics`, or an `Observer` of your own.
     """
 
@@ -67,6 +69,7 @@ class Node:
         tls: Tls | None = None,
         token: str | None = None,
         accounts: Accounts | str | Path | None = None,
+        keepalive: str | None = None,
         observer: Observer | None = None,
     ) -> None:
         self._name = names.check_node_name(name)
@@ -75,6 +78,7 @@ class Node:
         self._listen, self._peers, self._tls = listen, peers, tls
         self._token = token or os.environ.get("TASKRPC_TOKEN")
         self._accounts = accounts
+        self._keepalive = keepalive
         self._observer = observer
         self._transport: Transport | None = None
         # Ordered sets: thousands may come and go.
@@ -129,6 +133,7 @@ class Node:
                 peers=self._peers,
                 token=self._token,
                 accounts=self._accounts,
+                keepalive=self._keepalive,
                 tls=self._tls,
                 threads=self._threads,
             )

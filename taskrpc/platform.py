@@ -1,4 +1,4 @@
-"""The one place that knows how Linux, macOS and Windows differ."""
+"""The one place that knows how Linux, macOS and Windows differ, but for the options of TCP."""
 
 from __future__ import annotations
 
@@ -24,8 +24,6 @@ WINDOWS = sys.platform == "win32"
 _LOCK_OFFSET = 0x7FFF_0000  # far behind the contents: Windows forbids reading locked bytes
 _HELD = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)  # what systems say of a lock held by another
 _NO_LIMIT = 2**20
-_TCP_MAXRT = 5  # Windows: seconds of retransmission before the connection is dropped
-_TCP_RXT_CONNDROPTIME = 0x80  # macOS: the same
 _SOL_LOCAL, _LOCAL_PEERCRED = 0, 1  # macOS: who is at the other end of a unix socket
 _XUCRED = 76  # bytes of the answer: version, user id, groups
 
@@ -286,34 +284,6 @@ def descriptor_limit() -> int:
 
     soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     return _NO_LIMIT if soft == resource.RLIM_INFINITY else soft
-
-
-def drop_dead_peers(sock: socket.socket, silence: float, seconds: float) -> bool:
-    """Let the kernel end a connection whose peer has not acknowledged for `seconds`.
-
-    After a `silence` of so many seconds it asks the peer's kernel once a second. Returns whether
-    it does, which it cannot where there is no TCP.
-    """
-    import socket
-
-    with contextlib.suppress(OSError):
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-        idle = "TCP_KEEPALIVE" if sys.platform == "darwin" else "TCP_KEEPIDLE"
-        for name, value in (
-            (idle, int(silence)),
-            ("TCP_KEEPINTVL", 1),
-            ("TCP_KEEPCNT", int(seconds - silence)),
-        ):
-            if hasattr(socket, name):
-                sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
-        if WINDOWS:
-            sock.setsockopt(socket.IPPROTO_TCP, _TCP_MAXRT, int(seconds))
-        elif sys.platform == "darwin":
-            sock.setsockopt(socket.IPPROTO_TCP, _TCP_RXT_CONNDROPTIME, int(seconds))
-        elif hasattr(socket, "TCP_USER_TIMEOUT"):
-            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, int(seconds * 1000))
-        return True
-    return False
 
 
 @contextlib.contextmanager

@@ -59,6 +59,7 @@ class Node:
         tls: Tls | None = None,
         token: str | None = None,
         accounts: Accounts | str | Path | None = None,
+        keepalive: str | None = None,
         observer: Observer | None = None,
     ) -> None:
         self._loop = _LoopThread.shared()
@@ -71,6 +72,7 @@ class Node:
             tls=tls,
             token=token,
             accounts=accounts,
+            keepalive=keepalive,
             observer=observer,
         )
 

@@ -68,5 +68,6 @@ def _private_places(_empty_places, monkeypatch):
     monkeypatch.setenv("XDG_STATE_HOME", str(state))
     # Programs that tests start run the same code as the tests, installed or not.
     monkeypatch.setenv("PYTHONPATH", str(Path(__file__).parents[1]))
-    for name in ("ROS_DOMAIN_ID", "TASKRPC_PEERS", "TASKRPC_TOKEN", "TASKRPC_INTERFACE_PATH"):
+    own = ("TASKRPC_PEERS", "TASKRPC_TOKEN", "TASKRPC_INTERFACE_PATH", "TASKRPC_KEEPALIVE")
+    for name in ("ROS_DOMAIN_ID", *own):
         monkeypatch.delenv(name, raising=False)

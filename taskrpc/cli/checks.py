@@ -18,6 +18,7 @@ from taskrpc.cli.remote import HERE
 from taskrpc.errors import TaskRpcError
 from taskrpc.lab import remembered_lab
 from taskrpc.transport.entries import Entry
+from taskrpc.transport.keepalive import keepalive_of
 from taskrpc.transport.tcp import domain_id, environment_peers
 from taskrpc.wire.messages import Endpoint
 
@@ -63,6 +64,12 @@ def environment() -> Iterator[Finding]:
         yield note(f"TASKRPC_PEERS is set: programs call {listed}, nobody else on this machine")
     if os.environ.get("TASKRPC_TOKEN"):
         yield note("TASKRPC_TOKEN is set: servers that are started now want it from other machines")
+    try:
+        if os.environ.get("TASKRPC_KEEPALIVE"):
+            seconds = keepalive_of(None).dead_after
+            yield note(f"TASKRPC_KEEPALIVE is set: dead machines are given up after {seconds:g} s")
+    except TaskRpcError as error:
+        yield problem(str(error), "set it to one of these, or not at all")
     try:
         if (lab := remembered_lab()) and not peers:
             yield ok(f"programs call the lab at {lab.place} too (taskrpc join --status)")

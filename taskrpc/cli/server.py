@@ -78,6 +78,8 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     seconds = number("from 0 on", lambda seconds: seconds >= 0)
     add("--settle", metavar="S", type=seconds, default=0.1, help=settle)
     add("--join", action="store_true", help="start although another server has the name")
+    found = "how soon a caller whose machine is gone is given up: after 8 s, or 2 s (default)"
+    add("--keepalive", choices=["default", "robot"], help=found)
     web = "also show /health and /metrics there, by HTTP"
     add("--web", metavar="HOST:PORT", type=remote.place, help=web)
     add("--transport", choices=["tcp"], default="tcp", help="how calls travel (tcp)")
@@ -125,6 +127,7 @@ async def _serve(options: argparse.Namespace, robot: Robot) -> None:
         tls=access.tls,
         token=access.token,
         accounts=options.accounts,
+        keepalive=options.keepalive,
         observer=_observer(options, watch),
     )
     async with stop_requested() as stopped, node, contextlib.AsyncExitStack() as stack:

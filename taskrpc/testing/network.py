@@ -6,7 +6,6 @@ from types import TracebackType
 from typing import Self
 
 from taskrpc.testing.wires import Links
-from taskrpc.transport.connection import DEAD_AFTER
 from taskrpc.transport.memory import hub_of
 from taskrpc.transport.tcp import domain_id
 
@@ -25,7 +24,8 @@ class FaultyNetwork:
         pieces: what is sent arrives in pieces of 1 to this many bytes; 0 for whole.
         cut_after: how many bytes a connection lives for, on average; 0 for ever.
         refuse: the share of connections that are refused, 0 to 1.
-        dead_after: seconds without an answer after which a system gives a connection up.
+        dead_after: seconds without an answer after which a system gives a connection up; as the
+            `keepalive` of the nodes at its end says unless given.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class FaultyNetwork:
         pieces: int = 0,
         cut_after: float = 0.0,
         refuse: float = 0.0,
-        dead_after: float = DEAD_AFTER,
+        dead_after: float | None = None,
     ) -> None:
         self._hub = hub_of(domain_id())
         self._links = Links(

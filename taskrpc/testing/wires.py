@@ -11,6 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import cast
 
+from taskrpc.transport.connection import Connection
 from taskrpc.transport.memory import Listener, Pipe
 
 
@@ -25,7 +26,7 @@ class Links:
         pieces: int,
         cut_after: float,
         refuse: float,
-        dead_after: float,
+        dead_after: float | None,
     ) -> None:
         self.dead_after = dead_after
         self.happened: Counter[str] = Counter()
@@ -112,6 +113,11 @@ class End(Pipe):
         """Nobody is here any more who could be told anything."""
         self._closing = self._lost = True
         self.way.close()
+
+    @property
+    def patience(self) -> float:
+        """Seconds for which the system waits for an acknowledgement."""
+        return cast("Connection", self._protocol).owner.keepalive.dead_after
 
     @property
     def is_lost(self) -> bool:
@@ -228,7 +234,7 @@ class Way:
     def _expect_death(self) -> None:
         sender = cast("End", self._end.peer)
         if self._death is None:
-            wait = self.wire.links.dead_after
+            wait = self.wire.links.dead_after or sender.patience
             self._death = self._loop.call_later(wait, self._die, sender, context=sender.context)
 
     def _die(self, sender: End) -> None:

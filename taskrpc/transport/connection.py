@@ -8,8 +8,9 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any, ClassVar, Protocol, cast
 
-from taskrpc import platform
 from taskrpc.errors import ProtocolError, TaskRpcError
+from taskrpc.transport.keepalive import Keepalive
+from taskrpc.transport.patience import Patience
 from taskrpc.transport.timers import Deadlines, Expiring
 from taskrpc.wire.events import Closed, Event
 from taskrpc.wire.handshake import Identity
@@ -25,9 +26,6 @@ BATCH = 16
 the first answers while the last are made, which gains half of the calls a second on two cores."""
 
 HANDSHAKE_TIMEOUT = 3.0
-SILENCE_BEFORE_PING = 5.0
-DEAD_AFTER = SILENCE_BEFORE_PING + 3.0
-"""Seconds without an acknowledgement after which the kernel gives a peer up."""
 STALL_PERIOD = 10.0
 STALL_RATE = 1024
 """Bytes a second that a peer must move while it owes us a frame or has output to read."""
@@ -42,6 +40,7 @@ class Owner(Protocol):
     now: Callable[[], float]
     """The loop's clock."""
     read_buffer: memoryview
+    keepalive: Keepalive
 
     def connection_began(self, connection: Any) -> None:
         """A connection has its transport."""
@@ -59,8 +58,8 @@ class Connection(asyncio.BufferedProtocol):
         "_flush_planned",
         "_gone",
         "_handshake_timer",
-        "_kernel_asks",
         "_lost",
+        "_patience",
         "_read_buffer",
         "_splitter",
         "_watch",
@@ -96,7 +95,7 @@ class Connection(asyncio.BufferedProtocol):
         self._deadlines: Deadlines | None = None
         self._gone: asyncio.Future[None] | None = None
         self._lost = False
-        self._kernel_asks = False
+        self._patience: Patience | None = None
         self.read_at = 0.0
         """When what is being handled was read, by the loop's clock."""
 
@@ -107,9 +106,7 @@ class Connection(asyncio.BufferedProtocol):
         # Cast, not checked: uvloop's transports are no subclasses of asyncio's.
         self.transport = cast("asyncio.Transport", transport)
         if (sock := transport.get_extra_info("socket")) is not None:
-            # A PING of ours would start the kernel's clock anew, and a dead peer live longer.
-            asks = platform.drop_dead_peers(sock, SILENCE_BEFORE_PING, DEAD_AFTER)
-            self._kernel_asks = asks
+            self._patience = Patience(sock, self.owner.keepalive)
         loop = self.owner.loop
         self._handshake_timer = loop.call_later(HANDSHAKE_TIMEOUT, self._handshake_late)
         self.owner.connection_began(self)
@@ -270,7 +267,10 @@ class Connection(asyncio.BufferedProtocol):
         if self._watch.stalled(now, unread, owes=owes):
             log.warning("%s moved too few bytes for %s s; cut off", self.peer_name, STALL_PERIOD)
             self.abort(ProtocolError("the peer moved too few bytes with a frame half-way"))
-        elif not self._kernel_asks and self._watch.silent(now):
+        elif self._patience is not None and self._patience.kernel_asks:
+            if self._patience.is_over(self._watch.written):
+                self.abort(ProtocolError("the peer acknowledges nothing"))
+        elif self._watch.silent(now, self.owner.keepalive.silence):
             self.session.ping(self._watch.received & 0xFFFFFFFF)
             self.flush()
 
@@ -311,11 +311,11 @@ class _Watch:
         self._began, self._moved_before = now, moved
         return owes and hardly
 
-    def silent(self, now: float) -> bool:
-        """Whether the peer has said nothing for so long that a ping is due."""
+    def silent(self, now: float, seconds: float) -> bool:
+        """Whether the peer has said nothing for so many seconds, so that a ping is due."""
         if self.received != self._received_before:
             self._received_before, self._heard = self.received, now
-        if now - self._heard < SILENCE_BEFORE_PING:
+        if now - self._heard < seconds:
             return False
         self._heard = now
         return True

@@ -32,6 +32,7 @@ from taskrpc.transport.connection import READ_BUFFER, Connection
 from taskrpc.transport.counting import Counting
 from taskrpc.transport.dialling import READY_TIMEOUT, Dialler
 from taskrpc.transport.entries import Change, Entry, Roster
+from taskrpc.transport.keepalive import DEFAULT, Keepalive
 from taskrpc.transport.network import Address, Network
 from taskrpc.transport.news import News
 from taskrpc.transport.revoking import look_after_accounts
@@ -68,8 +69,10 @@ class Endpoint:
         network: Network,
         forget: Callable[[], object] = lambda: None,
         *,
+        keepalive: Keepalive = DEFAULT,
         threads: bool = False,
     ) -> None:
+        self.keepalive = keepalive
         self._calling = ThreadedConnection if threads else CallingConnection
         self.loop = asyncio.get_running_loop()
         self.now = clock_of(self.loop)

@@ -13,6 +13,7 @@ from taskrpc.lab import Lab, remembered_lab
 from taskrpc.transport.accounts import AccountBook
 from taskrpc.transport.base import Transport
 from taskrpc.transport.endpoint import Endpoint
+from taskrpc.transport.keepalive import keepalive_of
 from taskrpc.transport.memory import MemoryNetwork
 from taskrpc.transport.network import Network
 from taskrpc.transport.tcp import TcpNetwork, domain_id, environment_peers
@@ -31,6 +32,7 @@ def shared_transport(
     token: str | None,
     tls: Tls | None,
     accounts: Accounts | str | Path | None = None,
+    keepalive: str | None = None,
     threads: bool = False,
 ) -> Transport:
     """The running loop's endpoint for these settings, made for the first who asks.
@@ -43,7 +45,8 @@ def shared_transport(
     where = tuple(environment_peers() if peers is None else _listed(peers))
     lab = remembered_lab() if name == "tcp" else None
     endpoints = _endpoints.setdefault(asyncio.get_running_loop(), {})
-    key = (name, domain, listen, where, token, tls, lab, accounts)
+    profile = keepalive_of(keepalive)
+    key = (name, domain, listen, where, token, tls, lab, accounts, profile)
     endpoint = endpoints.get(key)
     if endpoint is None:
         secret = token.encode() if token else None
@@ -51,7 +54,7 @@ def shared_transport(
         network = _network(name, domain, listen, where, secret, tls, lab, book)
         # An endpoint holds its loop: one that stayed here would keep the loop alive for ever.
         forget = lambda: endpoints.pop(key)  # noqa: E731
-        endpoints[key] = endpoint = Endpoint(network, forget, threads=threads)
+        endpoints[key] = endpoint = Endpoint(network, forget, keepalive=profile, threads=threads)
     else:
         endpoint.holders += 1
     return endpoint

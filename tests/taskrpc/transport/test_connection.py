@@ -9,8 +9,9 @@ from itertools import pairwise
 import pytest
 
 import taskrpc
-from taskrpc.transport.connection import SILENCE_BEFORE_PING, STALL_PERIOD, UNREAD_LIMIT
+from taskrpc.transport.connection import STALL_PERIOD, UNREAD_LIMIT
 from taskrpc.transport.endpoint import Endpoint
+from taskrpc.transport.keepalive import DEFAULT
 from taskrpc.wire.events import Closed
 from taskrpc.wire.frames import MAGIC, FrameType, pack_frame, pack_header
 from taskrpc.wire.messages import Resolve
@@ -53,7 +54,7 @@ async def test_a_silent_peer_is_pinged_and_answers(server, node):
     client, connection = await connected(node)
     serving = next(iter(server._transport._served))
     asked, answered = frames_written(connection), frames_written(serving)
-    await asyncio.sleep(SILENCE_BEFORE_PING + 2.5)
+    await asyncio.sleep(DEFAULT.silence + 2.5)
     assert FrameType.PING in asked
     assert FrameType.PONG in answered
     assert len(asked) + len(answered) <= 8
