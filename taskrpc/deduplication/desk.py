@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import time
 from collections.abc import Awaitable, Callable
 from functools import partial
 from typing import Any
@@ -26,6 +25,7 @@ from taskrpc.errors import (
 from taskrpc.stepping import Stepper
 from taskrpc.transport.base import IncomingCall
 from taskrpc.transport.codec import Codec
+from taskrpc.transport.timers import clock_of
 from taskrpc.wire.once import Claim, Client, Completion, CompletionStore, Ledger, Verdict
 
 log = logging.getLogger("taskrpc.server")
@@ -42,7 +42,6 @@ class OnceDesk:
         codec: encodes and decodes the service's responses.
         serve: runs a call.
         stored: is told when nothing more is on its way to the store.
-        wall_clock: seconds since 1970.
     """
 
     def __init__(
@@ -51,8 +50,6 @@ class OnceDesk:
         codec: Codec,
         serve: Callable[[IncomingCall], None],
         stored: Callable[[], object] = lambda: None,
-        *,
-        wall_clock: Callable[[], float] = time.time,
     ) -> None:
         self.codec = codec
         self._store = store
@@ -60,16 +57,16 @@ class OnceDesk:
         self._stored = stored
         self.storing = 0
         """Runs whose transaction has begun and not ended."""
-        self._wall_clock = wall_clock
         self._shared = shared_of(store)
-        self._stepper = Stepper(asyncio.get_running_loop(), lambda _: None)
+        loop = asyncio.get_running_loop()
+        self._now = clock_of(loop)
+        self._stepper = Stepper(loop, lambda _: None)
         self._shared.desks += 1
         self._shared.open(store)
 
-    @property
     def store_id(self) -> asyncio.Future[bytes]:
-        """The store's name, once it is open."""
-        return self._shared.store_id
+        """The store's name, once it is open; one that could not be read is read again."""
+        return self._shared.store_id(self._store)
 
     def close(self) -> None:
         """Nothing more will come."""
@@ -82,7 +79,7 @@ class OnceDesk:
         """Do with a call what its number says."""
         shared, claim = self._shared, call.claim
         if claim is None:  # a caller that does not count: at most once
-            self._run(call, self._wall_clock())
+            self._run(call, self._now() + shared.ahead)
         elif shared.ledger is None:
             self._wait_for_store(call)
         else:
@@ -164,7 +161,7 @@ class OnceDesk:
     # Inside
 
     def _decided(self, call: IncomingCall, claim: Claim, ledger: Ledger) -> None:
-        now = self._wall_clock()
+        now = self._now() + self._shared.ahead
         match ledger.decide(call.principal, claim.number, claim.fingerprint, now):
             case Verdict.NEW:
                 if now >= self._shared.expires:
@@ -263,6 +260,8 @@ class OnceDesk:
                 await storing
         except Exception as error:  # the next server finds them expired too
             log.warning("cannot forget clients: %s", error)
+            if isinstance(error, OutcomeUnknown) or not isinstance(error, TaskRpcError):
+                self._shared.open(self._store, anew=True)
 
     def _wait_for_store(self, call: IncomingCall) -> None:
         shared = self._shared

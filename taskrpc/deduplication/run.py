@@ -36,7 +36,7 @@ class Run(IncomingCall, eq=False):
     callers: list[IncomingCall]
     """Who waits for the answer."""
     arrived: float
-    """Seconds since 1970."""
+    """On the store's clock."""
     completion: Completion | None = None
     """Once the transaction has begun: what it remembers."""
     refused: bool = False

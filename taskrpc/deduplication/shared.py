@@ -22,14 +22,18 @@ class Shared:
         self.ledger: Ledger | None = None
         """None while the store is being read."""
         self.runs: dict[Key, Run] = {}
-        self.store_id: asyncio.Future[bytes] = loop.create_future()
-        """The store's name, once it is open."""
+        self._store_id: asyncio.Future[bytes] = loop.create_future()
         self.desks = 0
+        self.ahead = 0.0
+        """Seconds by which the store's clock, on which leases end, is ahead of the loop's.
+
+        Not the wall clock: once somebody has set that, everybody's lease could be over."""
         self.expires = 0.0
-        """Seconds since 1970 at which to look for leases that have ended."""
+        """When on the store's clock to look for leases that have ended."""
         self._meanwhile: list[Completion] = []
         """Stored while the store is read: what is read may be older."""
         self._opening: asyncio.Task[None] | None = None
+        self._was_open = False
 
     # Reading the store
 
@@ -40,6 +44,14 @@ class Shared:
         if anew or (self.ledger is None and not self._is_opening):
             loop = asyncio.get_running_loop()
             self._opening = loop.create_task(self._opened(store))
+
+    def store_id(self, store: CompletionStore) -> asyncio.Future[bytes]:
+        """The store's name, once it is open; one that could not be read is read again."""
+        if self.desks and self.is_given_up:
+            if self._store_id.exception() is not None:
+                self._store_id = asyncio.get_running_loop().create_future()
+            self.open(store)
+        return self._store_id
 
     def when_open(self, then: Callable[[], object]) -> None:
         """Call back when the store has been read, or could not be."""
@@ -55,9 +67,9 @@ class Shared:
         """Read no more, and tell who waits for the store's name."""
         if self._opening is not None:
             self._opening.cancel()
-        if not self.store_id.done():
-            self.store_id.set_exception(HandlerFailed(Code.UNAVAILABLE, problem))
-            self.store_id.exception()  # nobody may be left to ask
+        if not self._store_id.done():
+            self._store_id.set_exception(HandlerFailed(Code.UNAVAILABLE, problem))
+            self._store_id.exception()  # nobody may be left to ask
 
     # What runs
 
@@ -100,13 +112,17 @@ class Shared:
             return
         if self._opening is not asyncio.current_task():
             return  # it was read before somebody asked to read it anew
+        if not self._was_open:
+            newest = max((each.at for each in remembered.completions), default=0.0)
+            self.ahead = newest - asyncio.get_running_loop().time()
+            self._was_open = True
         self.ledger = ledger = Ledger((*remembered.completions, *self._meanwhile))
         self._meanwhile = []
         for run in self.runs.values():
             assert run.claim is not None, "only numbered runs are listed"
             ledger.runs(run.principal, run.claim, run.arrived)
-        if not self.store_id.done():
-            self.store_id.set_result(remembered.store_id)
+        if not self._store_id.done():
+            self._store_id.set_result(remembered.store_id)
 
 
 _shared: weakref.WeakKeyDictionary[CompletionStore, Shared] = weakref.WeakKeyDictionary()

@@ -92,8 +92,9 @@ class Offer(msgspec.Struct, frozen=True, eq=False):
     mode: Mode = Mode.AT_MOST_ONCE
     join: bool = False
     """Whether other processes may offer the same name."""
-    store_id: asyncio.Future[bytes] | None = None
-    """For exactly-once services: the store's name, as soon as it is known."""
+    store_id: Callable[[], asyncio.Future[bytes]] | None = None
+    """For exactly-once services: the store's name, as soon as it is known. A store that could not
+    be read is read again for whoever asks."""
     observer: Observer | None = None
     """Who wants to know of each call."""
     role: Role = Role.SUBMIT

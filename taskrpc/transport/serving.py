@@ -298,8 +298,9 @@ class ServingConnection(Connection):
             return
         method = self.host.method_of(question.name)
         offer = self.host.offers.get(method)
-        if offer is not None and offer.store_id is not None and not offer.store_id.done():
-            offer.store_id.add_done_callback(lambda _: self._resolve_late(event))
+        store_id = offer.store_id() if offer is not None and offer.store_id is not None else None
+        if store_id is not None and not store_id.done():
+            store_id.add_done_callback(lambda known: self._resolve_late(event, method, known))
         elif offer is None:
             error: TaskRpcError = ServiceUnavailable(f"no service {question.name} here")
             self.session.fail(event.call_id, error)
@@ -313,16 +314,23 @@ class ServingConnection(Connection):
         else:
             handle = self._handle(method, offer, question.caller or self.caller)
             try:
-                body = _answer(handle, offer, with_definition=event.with_definition)
+                body = _answer(handle, offer, store_id, with_definition=event.with_definition)
             except TaskRpcError as error:
                 self.session.fail(event.call_id, error)
             else:
                 self.session.respond(event.call_id, messages.encode(body))
 
-    def _resolve_late(self, event: ResolveReceived) -> None:
+    def _resolve_late(
+        self, event: ResolveReceived, method: int, store_id: asyncio.Future[bytes]
+    ) -> None:
         """The store that a question had to wait for is open, or cannot be opened."""
         if self.transport is not None:
-            self._resolved(event)
+            error = store_id.exception()
+            # Asked for once more, a store that cannot be opened would be read for ever.
+            if method in self.host.offers and isinstance(error, TaskRpcError):
+                self.session.fail(event.call_id, error)
+            else:
+                self._resolved(event)
             self.flush_soon()
 
     def _handle(self, method: int, offer: Offer, caller: str) -> int:
@@ -345,18 +353,9 @@ class ServingConnection(Connection):
         """A request ended before it became a call."""
         from taskrpc.transport.observed import refused
 
-        number = next(self.host.call_numbers)
-        call = CallInfo(
-            route.offer.name,
-            route.caller,
-            self.principal,
-            self.role,
-            number,
-            None,
-            self.host.now,
-            False,
-        )
-        refused(call, route.offer.observer, error)
+        offer, number, now = route.offer, next(self.host.call_numbers), self.host.now
+        who = route.caller, self.principal, self.role
+        refused(CallInfo(offer.name, *who, number, None, now, False), offer.observer, error)
 
     serves = True
     handlers: ClassVar = {
@@ -387,8 +386,10 @@ def _call_class(offer: Offer) -> type[ServedCall]:
     return ObservedCall
 
 
-def _answer(handle: int, offer: Offer, *, with_definition: bool) -> Resolved:
+def _answer(
+    handle: int, offer: Offer, store_id: asyncio.Future[bytes] | None, *, with_definition: bool
+) -> Resolved:
     srv_type = offer.srv_type
     text = srv_type._DEFINITION if with_definition else ""
-    store_id = b"" if offer.store_id is None else offer.store_id.result()
-    return Resolved(handle, int(offer.mode), srv_type._TYPE, srv_type._HASH, text, store_id)
+    name = b"" if store_id is None else store_id.result()
+    return Resolved(handle, int(offer.mode), srv_type._TYPE, srv_type._HASH, text, name)

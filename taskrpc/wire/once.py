@@ -90,7 +90,7 @@ class Completion(msgspec.Struct, frozen=True, array_like=True, gc=False):
     code: int
     """0 for a response, else the `Code` of the failure."""
     at: float
-    """Seconds since 1970."""
+    """Seconds on the store's clock: it goes on while a server has the store, and never leaps."""
 
 
 class Remembered(msgspec.Struct, frozen=True):
@@ -182,7 +182,7 @@ class _Known:
 
 
 class Ledger:
-    """The numbers of all clients of one store. Times are seconds since 1970."""
+    """The numbers of all clients of one store. Times are seconds on the store's clock."""
 
     def __init__(
         self,

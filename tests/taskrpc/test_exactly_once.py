@@ -4,6 +4,7 @@ import asyncio
 import threading
 
 import pytest
+from msgspec.structs import replace
 
 import srvgen
 import taskrpc
@@ -589,6 +590,28 @@ async def test_a_store_that_could_not_be_read_is_read_again():
         assert lab.store.effects == ["1+2"]
 
 
+async def test_a_store_that_could_not_be_read_at_first_serves_once_it_can():
+    store, broken = Store(), [True]
+    recall = store.recall
+
+    async def mended():
+        if broken:
+            raise TaskRpcError("the disk is away")
+        return await recall()
+
+    store.recall = mended
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as node,
+    ):
+        server.create_service(Add, "add", Counter(), exactly_once=store)
+        client = node.create_client(Add, "add")
+        with pytest.raises(ServiceUnavailable, match="away"):
+            await client.call(Add.Request(), timeout=1)
+        broken.clear()
+        assert (await client.call(Add.Request(a=1), timeout=5)).sum == 1
+
+
 async def test_a_store_that_was_mended_can_be_offered_again():
     store, broken = Store(), [True]
     recall = store.recall
@@ -698,11 +721,24 @@ async def test_a_client_whose_lease_has_ended_is_forgotten_by_the_store_too():
             await super().complete(completion, effect)
 
     async with Lab(Leased(), Counter()) as lab:
-        lab.service._desk._wall_clock = lambda: now[0]
+        lab.service._desk._now = lambda: now[0]
         await lab.client.call(Add.Request(a=1), request_id="old")
         now[0] += 24 * 3600 + 1
         await lab.client.call(Add.Request(a=2), request_id="new")
         assert len(forgotten) == 1
+
+
+@pytest.mark.parametrize("leap", [1e6, -1e6])
+async def test_a_clock_that_was_set_between_two_servers_ends_no_lease(leap):
+    async with Lab(Store(), Counter()) as lab:
+        await lab.client.call(Add.Request(a=1), request_id="monday")
+        known = lab.store.completions.items()
+        lab.store.completions = {key: replace(each, at=each.at - leap) for key, each in known}
+        await lab.restart()
+        assert await lab.client.wait_for_service(timeout=5)
+        await lab.client.call(Add.Request(a=2), request_id="tuesday")
+        await lab.client.call(Add.Request(a=1), request_id="monday")
+        assert lab.counter.ran == 2
 
 
 async def test_a_store_that_cannot_forget_keeps_nobody_from_his_answer():
@@ -715,10 +751,37 @@ async def test_a_store_that_cannot_forget_keeps_nobody_from_his_answer():
             await super().complete(completion, effect)
 
     async with Lab(Leased(), Counter()) as lab:
-        lab.service._desk._wall_clock = lambda: now[0]
+        lab.service._desk._now = lambda: now[0]
         await lab.client.call(Add.Request(a=1), request_id="old")
         now[0] += 24 * 3600 + 1
         assert (await lab.client.call(Add.Request(a=2), timeout=1, request_id="new")).sum == 2
+
+
+async def test_a_store_that_cannot_tell_whether_it_forgot_is_read_anew():
+    now = [1000.0]
+
+    class Torn(Store):
+        torn = False
+
+        async def recall(self):
+            self.torn = False
+            return await super().recall()
+
+        async def complete(self, completion, effect, clients=()):
+            if clients:
+                self.torn = True
+                raise OutcomeUnknown("the disk did not say")
+            if self.torn:
+                raise StoreError("it must be opened anew")
+            await super().complete(completion, effect)
+
+    async with Lab(Torn(), Counter()) as lab:
+        lab.service._desk._now = lambda: now[0]
+        await lab.client.call(Add.Request(a=1), request_id="old")
+        now[0] += 24 * 3600 + 1
+        with pytest.raises(HandlerFailed, match="opened anew"):
+            await lab.client.call(Add.Request(a=2), timeout=5, request_id="new")
+        assert (await lab.client.call(Add.Request(a=2), timeout=5, request_id="new")).sum == 2
 
 
 async def test_counted_calls_wait_for_their_turn():
