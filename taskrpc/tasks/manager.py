@@ -14,6 +14,7 @@ from taskrpc.tasks.book import TaskBook
 from taskrpc.tasks.guard import RobotGuard, checked_plan, sentence
 from taskrpc.tasks.model import EstimateChange, State, Task
 from taskrpc.tasks.queue import TaskQueue
+from taskrpc.tasks.run import Run
 from taskrpc.tasks.store import TaskStore
 from taskrpc.tasks.timetable import Timetable
 from taskrpc.tasks.worker import Worker
@@ -191,9 +192,10 @@ class TaskManager:
     async def cancel(self, task_id: int, *, client: str = "") -> Answer:
         """Call a task off, whether it waits or runs."""
         reason = by("cancelled", client)
-        if task_id in self.queue:
+        # Halting the robot does not wait for the disk.
+        if not self._runs(task_id) and await self._waits(task_id):
             return await self._call_off(task_id, reason)
-        if (run := self._worker.run) and run.task.task_id == task_id:
+        if run := self._runs(task_id):
             try:
                 is_over = await self._worker.cancel(run, reason)
             except TaskRpcError as error:  # the robot obeys, whatever the disk says
@@ -209,7 +211,7 @@ class TaskManager:
     async def drop(self, task_id: int, *, client: str = "") -> Answer:
         """Give up a task that waits or was interrupted."""
         reason = by("dropped", client)
-        if task_id in self.queue:
+        if await self._waits(task_id):
             return await self._call_off(task_id, reason)
         task = self.book.find(task_id)
         if task and task.state is State.INTERRUPTED:
@@ -223,14 +225,16 @@ class TaskManager:
         """Move a queued task to another priority."""
         if refusal := priority_refusal(priority):
             return Answer(False, refusal)
-        if task_id not in self.queue:
+        if not await self._waits(task_id):
             return self._refuse(task_id, "only a queued task can be moved")
         self.reckon()
         moved = self._timetable.rerank(task_id, priority)
         try:
             await self.book.save(moved)
         except TaskRpcError:
-            self._undo_move(moved)
+            if stored := self.book.find(task_id):
+                self.reckon()
+                self._timetable.rerank(task_id, stored.priority)
             raise
         return self._done(f"Task {task_id} has priority {priority}", moved)
 
@@ -239,9 +243,10 @@ class TaskManager:
 
         With `resume` an interrupted one takes the place that it had, before its later equals.
         """
-        if waiting := self.queue.find(task_id):
-            return self._done(f"Task {task_id} is queued already", waiting)
+        waits = await self._waits(task_id)
         task = self.book.find(task_id)
+        if task and waits:
+            return self._done(f"Task {task_id} is queued already", task)
         if task is None or State.QUEUED not in task.may_become:
             return self._refuse(
                 task_id, "only one that was interrupted, failed or cancelled can be queued again"
@@ -337,12 +342,18 @@ class TaskManager:
             raise
         return self._done(f"Task {task_id} was cancelled", task)
 
-    def _undo_move(self, moved: Task) -> None:
-        queued, stored = self.queue.find(moved.task_id), self.book.find(moved.task_id)
-        # Somebody may have cancelled it meanwhile, or moved it once more.
-        if queued and stored and queued.priority == moved.priority:
-            self.reckon()
-            self._timetable.rerank(moved.task_id, stored.priority)
+    async def _waits(self, task_id: int) -> bool:
+        """Whether a task is in the queue, once nothing about it is on its way to the store.
+
+        Two changes on their way could be refused one by one, and what undoes the second would
+        bring back what the first has never been.
+        """
+        await self.book.stored(task_id)
+        return task_id in self.queue
+
+    def _runs(self, task_id: int) -> Run | None:
+        run = self._worker.run
+        return run if run and run.task.task_id == task_id else None
 
     def _queued(self, task: Task) -> Answer:
         note = " (the queue is paused)" if self.is_paused else ""

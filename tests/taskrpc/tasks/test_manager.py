@@ -4,6 +4,7 @@ import asyncio
 
 import pytest
 
+from taskrpc.errors import StoreError
 from taskrpc.tasks.answers import Resumed
 from taskrpc.tasks.listing import page
 from taskrpc.tasks.manager import TaskManager
@@ -309,4 +310,57 @@ async def test_a_requests_completion_is_stored_with_its_task_and_not_without_one
     assert len((await store.load()).tasks) == 1
     await manager.submit("move", "1", 5, completing=lambda answer: None)
     assert len((await store.load()).completions) == 1
+    await manager.close()
+
+
+class Refusing(MemoryStore):
+    """A slow disk that refuses the changes with these numbers."""
+
+    def __init__(self, *refused):
+        super().__init__()
+        self.refused, self.count = refused, 0
+
+    async def apply(self, *arguments, **options):
+        self.count += 1
+        number = self.count
+        await asyncio.sleep(1)
+        if number in self.refused:
+            raise StoreError("the disk is full")
+        await super().apply(*arguments, **options)
+
+
+async def test_what_was_refused_does_not_come_to_light_when_it_is_moved_meanwhile():
+    store = Refusing(1)
+    manager = TaskManager(LineRobot(), store)
+    await manager.start()
+    submitted = asyncio.ensure_future(manager.submit("move", "3", 5))
+    await asyncio.sleep(0.5)
+    moved = await manager.reprioritise(1, 9)
+    with pytest.raises(StoreError):
+        await submitted
+    assert not moved.success
+    assert not (await store.load()).tasks
+    await manager.close()
+
+
+async def test_what_was_interrupted_stays_so_when_neither_its_requeue_nor_its_drop_is_stored():
+    store = MemoryStore()
+    first = TaskManager(LineRobot(), store, settle=0)
+    await first.start()
+    await submit(first, ("3", 5))
+    await asyncio.sleep(1)
+    await first.close()
+    refusing = Refusing(1, 2)
+    await MemoryStore.apply(refusing, (await store.load()).tasks)
+    robot = LineRobot()
+    manager = TaskManager(robot, refusing, settle=0)
+    await manager.start()
+    requeued = asyncio.ensure_future(manager.requeue(1))
+    await asyncio.sleep(0.5)
+    dropped = asyncio.ensure_future(manager.drop(1))
+    results = await asyncio.gather(requeued, dropped, return_exceptions=True)
+    assert [type(each) for each in results] == [StoreError, StoreError]
+    await manager.resume()
+    await asyncio.sleep(20)
+    assert (len(manager.queue), robot.log) == (0, [])
     await manager.close()
