@@ -15,6 +15,7 @@ from typing import Any, Protocol
 
 import msgspec
 
+from taskrpc.access import account_of
 from taskrpc.errors import NameInUse
 from taskrpc.transport.accounts import AccountBook
 from taskrpc.transport.entries import Change, Entry, Roster
@@ -88,13 +89,22 @@ class MemoryNetwork:
     """One endpoint's share in its loop's hub; `program` tells endpoints apart in tests."""
 
     certificate = ""
-    accounts: AccountBook | None = None
 
-    def __init__(self, *, domain: int, program: str = "") -> None:
+    def __init__(
+        self,
+        *,
+        domain: int,
+        program: str = "",
+        token: bytes | None = None,
+        accounts: AccountBook | None = None,
+    ) -> None:
         self.domain = domain
         self.program = program
+        self.accounts = accounts
         self._hub = hub_of(domain)
-        self.token = self._hub.token
+        self.token = token or self._hub.token
+        # Who gives an account's token wants to be that account; others are known to the hub.
+        self._account_token = token if account_of(token or b"") else None
         self._place = ""
 
     def listen(self, factory: Factory) -> str:
@@ -119,7 +129,7 @@ class MemoryNetwork:
         return client
 
     def voucher(self, transport: asyncio.BaseTransport, *, serving: bool) -> None:
-        """Nothing: the hub's token is proof enough."""
+        """Nothing: the token is proof enough."""
 
     def _listener(self, address: Address) -> Listener:
         listener = self._hub.listeners.get(address.place)
@@ -139,10 +149,13 @@ class MemoryNetwork:
     def locate(self, service: str) -> list[Address]:
         """Whom to ask for a service."""
         return [
-            Address(roster.about.address, self.token, surely_offers=True)
+            Address(roster.about.address, self._token_for(roster), surely_offers=True)
             for roster in self._hub.rosters.values()
             if roster.about.address and roster.offers(service)
         ]
+
+    def _token_for(self, roster: Roster) -> bytes:
+        return self._account_token or bytes.fromhex(roster.about.token)
 
     def entries(self) -> list[Entry]:
         """What every endpoint of this loop has."""

@@ -81,7 +81,7 @@ def _network(
             accounts=accounts,
         )
     if name == "memory":
-        return MemoryNetwork(domain=domain, program=listen or "")
+        return MemoryNetwork(domain=domain, program=listen or "", token=token, accounts=accounts)
     raise TaskRpcError(f"transport: expected 'tcp' or 'memory', got {name!r}")
 
 

@@ -3,6 +3,8 @@
 import asyncio
 import random
 
+import pytest
+
 import taskrpc
 from taskrpc.transport.memory import HIGH_WATER, join
 from tests.taskrpc.transport.helpers import Add, add, ask
@@ -143,3 +145,24 @@ async def test_hours_of_calls_leave_nothing_behind():
             assert (await client.call(ask(n))).sum == n
             await asyncio.sleep(3600)
         assert len(node._transport._served) == 1
+
+
+async def test_accounts_hold_in_memory_as_they_do_on_sockets():
+    ana = taskrpc.Account("ana", "anas-secret-anas")
+    gone = taskrpc.Account("gone", "gones-secret-gone", revoked=True)
+    async with (
+        taskrpc.Node(
+            "server", transport="memory", listen="s", accounts=taskrpc.Accounts([ana, gone])
+        ) as server,
+        taskrpc.Node("ana", transport="memory", listen="a", token=ana.token) as hers,
+        taskrpc.Node("gone", transport="memory", listen="g", token=gone.token) as theirs,
+        taskrpc.Node("any", transport="memory", listen="x") as mine,
+    ):
+        server.create_service(Add, "add", add)
+        server.create_service(Add, "steer", add, role=taskrpc.Role.OPERATE)
+        assert (await hers.create_client(Add, "add").call(ask(1, 2))).sum == 3
+        with pytest.raises(taskrpc.PermissionDenied, match="the account ana has submit"):
+            await hers.create_client(Add, "steer").call(ask())
+        with pytest.raises(taskrpc.AuthenticationFailed, match="the token"):
+            await theirs.create_client(Add, "add").call(ask())
+        assert (await mine.create_client(Add, "steer").call(ask(1, 2))).sum == 3
