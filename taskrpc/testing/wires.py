@@ -132,8 +132,9 @@ class End(Pipe):
         self.way.put(super()._end)
 
     def _reset(self) -> None:
-        self.way.clear()
-        self.way.put(super()._reset)
+        if not self.way.wire.is_cut:  # else the end is on its way already
+            self.way.clear()
+            self.way.put(super()._reset)
 
     def _plan_delivery(self) -> None:
         if not self._delivery_planned:

@@ -114,3 +114,24 @@ async def test_connections_made_before_or_elsewhere_are_left_alone():
             network.partition("", "")
             assert (await client.call(ask(1, 2))).sum == 3
             assert not network.happened
+
+
+async def test_who_is_cut_off_from_a_program_that_is_killed_then_learns_of_the_cut():
+    server = taskrpc.Node("server", transport="memory", listen="server")
+    user = taskrpc.Node("user", transport="memory", listen="user")
+    with FaultyNetwork(delay=(0.1, 0.1)) as network:
+        async with user, server:
+            server.create_service(Add, "slow", never)
+            client = user.create_client(Add, "slow", timeout=60)
+            call = asyncio.ensure_future(client.call(ask()))
+            await asyncio.sleep(2)
+            network.cut("user", "server")
+            await asyncio.sleep(0.05)
+            network.crash("server")
+            await asyncio.sleep(1)
+            assert isinstance(await outcome(call), taskrpc.OutcomeUnknown)
+            assert asyncio.get_running_loop().time() < 4
+
+
+async def never(request, response):
+    await asyncio.get_running_loop().create_future()
