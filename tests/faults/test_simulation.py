@@ -1,26 +1,34 @@
 """The whole system on virtual time, from seeds: kills, restarts, and a network that fails."""
 
 import asyncio
+import contextlib
 import os
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
 from msgspec.structs import replace
 
+from taskrpc import Node, attempts, service
 from taskrpc.attempts import Attempts
-from taskrpc.deduplication import OnceDesk, Run
-from taskrpc.errors import ConnectionLost
+from taskrpc.deduplication import OnceDesk, Run, desk
+from taskrpc.deduplication.shared import Shared
+from taskrpc.errors import Code, ConnectionLost, HandlerFailed, StoreError
 from taskrpc.tasks.book import TaskBook
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import State, Task
 from taskrpc.tasks.server import TaskServer
+from taskrpc.tasks.worker import Worker
+from taskrpc.transport import endpoint
 from taskrpc.transport.base import IncomingCall
-from taskrpc.transport.calling import OpenCall
+from taskrpc.transport.calling import CallingConnection, OpenCall
 from taskrpc.wire.once import Ledger, Verdict
 from tests.faults.harness import Bug, Counts
 from tests.simulation.ledger import PROMISES
+from tests.simulation.machine import WALL
+from tests.simulation.processes import PROCESS
 from tests.simulation.world import simulate
 
 pytestmark = pytest.mark.faults
@@ -40,6 +48,24 @@ FAULTS = (
     "retries",
     "interrupted tasks",
     "expired sessions",
+    "failed commits",
+    "unknown commits",
+    "full disks",
+    "no room",
+    "failed reads",
+    "failed starts",
+    "crashes of clients",
+    "asked again",
+    "revocations",
+    "changes of role",
+    "cancels",
+    "drops",
+    "pauses",
+    "resumes",
+    "reprioritises",
+    "requeues",
+    "stops",
+    "leaps of the clock",
 )
 STRIDE = 20
 """Worlds between two looks at the counts."""
@@ -145,6 +171,108 @@ def leave_the_worker_behind(patch):
     patch(TaskServer, "close", close)
 
 
+def take_an_unknown_commit_for_a_refused_one(patch):
+    def unknown(desk, run, error):
+        desk.undone(run, HandlerFailed(Code.UNAVAILABLE, str(error)))
+
+    patch(OnceDesk, "unknown", unknown)
+
+
+def accept_tasks_for_which_there_is_no_room(patch):
+    save = TaskBook.save
+
+    async def careless(self, *tasks, **options):
+        with contextlib.suppress(StoreError):
+            await save(self, *tasks, **options)
+
+    patch(TaskBook, "save", careless)
+
+
+def read_a_store_only_once(patch):
+    patch(Shared, "store_id", lambda self, store: self._store_id)
+
+
+def know_a_request_id_only_from_one_program(patch):
+    number = attempts.number_of_id
+
+    def own(service, request_id):
+        return number(service, f"{PROCESS.get()} {request_id}")
+
+    patch(attempts, "number_of_id", own)
+
+
+def leave_their_connections_to_the_revoked(patch):
+    patch(endpoint, "look_after_accounts", lambda served, accounts, today: None)
+
+
+def count_leases_by_the_wall_clock(patch):
+    patch(desk, "clock_of", lambda loop: lambda: time.time() - WALL)
+
+
+def forget_a_pause_at_the_restart(patch):
+    async def remember(book, paused):
+        pass
+
+    patch(TaskBook, "remember_pause", remember)
+
+
+def begin_while_paused(patch):
+    async def pause(worker):
+        return ""
+
+    patch(Worker, "pause", pause)
+
+
+def call_off_only_in_memory(patch):
+    async def call_off(manager, task_id, reason):
+        task = manager._timetable.remove(task_id, "was cancelled").task
+        return manager._done(f"Task {task_id} was cancelled", task)
+
+    patch(TaskManager, "_call_off", call_off)
+
+
+def move_only_in_memory(patch):
+    async def reprioritise(manager, task_id, priority):
+        if task_id not in manager.queue:
+            return manager._refuse(task_id, "only a queued task can be moved")
+        return manager._done("moved", manager._timetable.rerank(task_id, priority))
+
+    patch(TaskManager, "reprioritise", reprioritise)
+
+
+def queue_again_what_was_not_asked_for(patch):
+    cancel = TaskManager.cancel
+
+    async def eager(manager, task_id, **options):
+        answer = await cancel(manager, task_id, **options)
+        return await manager.requeue(task_id) if answer.success else answer
+
+    patch(TaskManager, "cancel", eager)
+
+
+def end_without_a_drain(patch):
+    async def drain(node, grace=0.0):
+        pass
+
+    patch(Node, "drain", drain)
+
+
+def let_the_callers_of_the_dead_wait(patch):
+    lost = CallingConnection.ended
+
+    def late(connection):
+        connection.owner.loop.call_later(1.0, lost, connection)
+
+    patch(CallingConnection, "ended", late)
+
+
+def tell_what_a_callback_raised(patch):
+    def unexpected(call, error):
+        call.fail(HandlerFailed(Code.INTERNAL, repr(error)))
+
+    patch(service, "answer_unexpected", unexpected)
+
+
 @pytest.mark.planted(
     Bug(forget_what_was_done, "ran twice"),
     Bug(accept_tasks_before_the_commit, "lost"),
@@ -159,6 +287,20 @@ def leave_the_worker_behind(patch):
     Bug(store_the_task_without_its_completion, "ran twice"),
     Bug(take_the_newest_first, "out of order"),
     Bug(leave_the_worker_behind, "left behind"),
+    Bug(take_an_unknown_commit_for_a_refused_one, "ran although not executed"),
+    Bug(accept_tasks_for_which_there_is_no_room, "lost"),
+    Bug(read_a_store_only_once, "did not come back"),
+    Bug(know_a_request_id_only_from_one_program, "ran twice"),
+    Bug(leave_their_connections_to_the_revoked, "ran without the right"),
+    Bug(count_leases_by_the_wall_clock, "ran twice"),
+    Bug(forget_a_pause_at_the_restart, "began while paused"),
+    Bug(begin_while_paused, "began while paused"),
+    Bug(call_off_only_in_memory, "began although called off"),
+    Bug(move_only_in_memory, "lost"),
+    Bug(queue_again_what_was_not_asked_for, "ran twice"),
+    Bug(end_without_a_drain, "lost in a drain"),
+    Bug(let_the_callers_of_the_dead_wait, "heard late of a crash"),
+    Bug(tell_what_a_callback_raised, "wrong answer"),
 )
 def test_every_caller_learns_the_truth_in_three_hundred_worlds(counts, seed, large, bug):
     hundred = Counts()

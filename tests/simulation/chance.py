@@ -13,27 +13,22 @@ import pytest
 from taskrpc import attempts, deduplication
 from taskrpc.deduplication import desk
 from taskrpc.wire.once import Ledger
-from tests.simulation.machine import WALL
 
 LEASE = 10.0
 """Seconds for which a simulated server remembers a client: longer than any call lasts."""
 
 
 @contextlib.contextmanager
-def only_chance(seed, loop, counts):
+def only_chance(seed, wall_clock, counts):
     """Inside the block nothing of the product depends on anything but the seed."""
     drawn = random.Random(seed)
     before = random.getstate()
     random.seed(seed)
     logging.disable(logging.CRITICAL)
 
-    def wall_clock():
-        return WALL + loop.time()
-
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(os, "urandom", drawn.randbytes)
         patch.setattr(time, "time", wall_clock)
-        patch.setitem(deduplication.OnceDesk.__init__.__kwdefaults__, "wall_clock", wall_clock)
         patch.setitem(Ledger.__init__.__kwdefaults__, "lease", LEASE)
         patch.setattr(desk, "_EXPIRE_EVERY", 1.0)
         _count(patch, counts)

@@ -4,13 +4,24 @@ from __future__ import annotations
 
 import asyncio
 import collections
+import math
 from dataclasses import dataclass, field
 
 import taskrpc
 from taskrpc.tasks.model import State
+from tests.simulation.orders import Orders
 
 LATE = 0.02
 """Seconds by which a deadline may be missed: a tick, and the loop's own grain."""
+
+PROMPT = 0.2
+"""Seconds in which the end of a server is heard of: what was on its way comes before."""
+
+INSIDE = "the server's inside"
+"""What a callback's exception says, and no caller may read."""
+
+FORGOTTEN = "the server does not remember this client"
+"""An answer too: that this was said before may have been lost, and then nobody can know."""
 
 PROMISES = (
     "ran twice",
@@ -18,28 +29,57 @@ PROMISES = (
     "lost",
     "wrong answer",
     "out of order",
+    "began while paused",
+    "began although called off",
+    "forbidden move",
     "robot moved twice",
+    "robot moved before it was stored",
     "ran on after the deadline",
+    "ran without the right",
     "waited beyond the deadline",
+    "waited for nobody",
+    "heard late of a crash",
+    "lost in a drain",
+    "did not come back",
     "left behind",
 )
 """Counts that must be zero."""
 
 ANSWERED, UNTOUCHED, UNKNOWN, CANCELLED = "answered", "not executed", "unknown", "cancelled"
-SAYS_MORE = ("", UNTOUCHED, CANCELLED, UNKNOWN, ANSWERED)
+FAILED = "ran and failed"
+SAYS_MORE = ("", UNTOUCHED, CANCELLED, UNKNOWN, FAILED, ANSWERED)
 
 
-@dataclass
+@dataclass(eq=False)
 class Request:
     """One call of a client, and what became of it."""
 
     number: int
     kind: str
+    client: str
+    asked: float
     deadline: float
+    request_id: str = ""
+    is_sent_once: bool = False
+    """Whether nothing sends it again when its answer is lost."""
+    must_be_answered: bool = False
     outcome: str = ""
+    senders: int = 0
+    """Programs and calls that sent it under one id."""
     task_id: int = 0
     started: list[float] = field(default_factory=list)
-    effects: int = 0
+    effects: collections.Counter[int] = field(default_factory=collections.Counter)
+    """By the disks' numbers."""
+    runs_on: str = ""
+    """The server on which it runs now."""
+    hears_by: float = math.inf
+    drained_with: int = -1
+    """How much trouble there was in the network when its server began to end."""
+
+    @property
+    def fails(self) -> bool:
+        """Whether its callback raises."""
+        return self.number % 9 == 4 and self.kind not in ("submit", "nowhere")
 
 
 class Ledger:
@@ -50,10 +90,15 @@ class Ledger:
         self.lines: list[str] = []
         self.requests: dict[int, Request] = {}
         self.disks = []
-        self.runs: collections.Counter[str] = collections.Counter()
+        self.orders = Orders(self)
+        self.network_happened: collections.Counter[str] = collections.Counter()
+        self._troubles = 0
+        self.runs: collections.Counter[tuple[int, str]] = collections.Counter()
         self._tell = tell
-        self._waiting: set[str] = set()
         self._loop = asyncio.get_running_loop()
+
+    def now(self) -> float:
+        return self._loop.time()
 
     def note(self, what: str) -> None:
         line = f"{self._loop.time():.6f} {what}"
@@ -65,74 +110,134 @@ class Ledger:
         self.counts[promise] += 1
         self.note(f"BROKEN: {promise}: {what}")
 
+    @property
+    def trouble(self) -> int:
+        """Counts what may break a connection, or what goes through it."""
+        return self._troubles + self.network_happened["cuts"] + self.network_happened["deaths"]
+
     # What servers do
 
-    def started(self, number: int) -> None:
+    def started(self, number: int, server: str) -> None:
         request = self.requests[number]
         request.started.append(self._loop.time())
+        request.runs_on = server
         self.note(f"run {number}")
 
     def finished(self, number: int, latest: float) -> None:
         self.note(f"ran {number}")
+        self.requests[number].runs_on = ""
         if self._loop.time() > latest + LATE:
             self.broke("ran on after the deadline", number)
 
-    def had_effect(self, number: int) -> None:
-        self.requests[number].effects += 1
+    def had_effect(self, number: int, disk: int) -> None:
+        self.requests[number].effects[disk] += 1
         self.note(f"effect {number}")
 
-    def chosen(self, task, waiting) -> None:
+    def drains(self, server: str) -> None:
+        """A server is told to end, and nothing troubles the network."""
+        for request in self._running_on(server):
+            request.drained_with = self.trouble
+
+    def crashed(self, server: str, hear_of_it: set[str]) -> None:
+        """A server is dead; of its callers these clients can hear of it."""
+        for request in self._running_on(server):
+            if request.client in hear_of_it and request.is_sent_once:
+                request.hears_by = self._loop.time() + PROMPT
+            request.runs_on = ""
+
+    def troubled(self) -> None:
+        """The network does something, so that nothing is certain of what goes through it."""
+        self._troubles += 1
+        for request in self.requests.values():
+            request.hears_by = math.inf
+
+    def _running_on(self, server: str) -> list[Request]:
+        return [each for each in self.requests.values() if each.runs_on == server]
+
+    # What the robot does
+
+    def chosen(self, disk, task, waiting) -> None:
         """The worker begins a task; those wait that the store has or is about to have."""
         place = (-task.priority, task.arrival)
         better = [each.task_id for each in waiting if (-each.priority, each.arrival) < place]
         if better:
             self.broke("out of order", f"task {task.task_id} before {better}")
+        self.orders.begins(disk.number, task, self._loop.time())
 
-    def moved(self, target: str) -> None:
+    def moved(self, disk, target: str) -> None:
         """The robot begins to do what a task asks for."""
-        self.runs[target] += 1
+        self.runs[disk.number, target] += 1
         self.note(f"robot {target}")
-        if self.runs[target] > 1:
+        task = disk.task_of(target)
+        if task is None or not task.state.is_begun:
+            self.broke("robot moved before it was stored", target)
+        elif self.runs[disk.number, target] > 1 + disk.requeues[task.task_id]:
             self.broke("robot moved twice", target)
 
     # What clients are told
 
-    def asked(self, kind: str, timeout: float) -> Request:
-        number = len(self.requests) + 1
-        request = Request(number, kind, self._loop.time() + timeout)
+    def asked(self, kind: str, client: str, timeout: float, **more) -> Request:
+        number, now = len(self.requests) + 1, self._loop.time()
+        request = Request(number, kind, client, now, now + timeout, **more)
         self.requests[number] = request
         self.note(f"ask {number} {kind} {timeout:.3f}")
         return request
 
+    def abandoned(self, request: Request) -> None:
+        """Who asked is gone: nobody was told anything."""
+        request.outcome = max(request.outcome, UNKNOWN, key=SAYS_MORE.index)
+        request.client = ""
+
     def told(self, request: Request, answer) -> None:
-        outcome = self._outcome(request, answer)
+        outcome, now = self._outcome(request, answer), self._loop.time()
         self.counts[outcome] += 1
         said = answer if isinstance(answer, BaseException) else ""
         self.note(f"told {request.number} {outcome} {said!r}")
         # Sent twice under one id, a request did not run only if neither of them did.
         request.outcome = max(request.outcome, outcome, key=SAYS_MORE.index)
-        if self._loop.time() > request.deadline + LATE:
+        if now > request.deadline + LATE:
             self.broke("waited beyond the deadline", request.number)
+        if now > request.hears_by + LATE:
+            self.broke("heard late of a crash", request.number)
+        is_forgotten = FORGOTTEN in str(said)
+        if request.must_be_answered and outcome not in (ANSWERED, FAILED) and not is_forgotten:
+            self.broke("did not come back", request.number)
+        ran_in_drain = request.drained_with == self.trouble and not request.runs_on
+        if isinstance(answer, taskrpc.ConnectionLost) and ran_in_drain:
+            self.broke("lost in a drain", request.number)
 
     def _outcome(self, request: Request, answer) -> str:
         if isinstance(answer, asyncio.CancelledError):
             return CANCELLED
         if isinstance(answer, taskrpc.TaskRpcError):
-            return UNTOUCHED if answer.not_executed is True else UNKNOWN
+            return self._failure(request, answer)
         if request.kind == "submit":
+            if request.task_id not in (0, answer.task_id) and len(self.disks) == 1:
+                self.broke("wrong answer", f"{request.task_id}, then {answer.task_id}")
             request.task_id = answer.task_id
-        elif answer.sum != 2 * request.number:
+        elif request.fails or answer.sum != 2 * request.number:
             self.broke("wrong answer", request.number)
         return ANSWERED
+
+    def _failure(self, request: Request, error) -> str:
+        is_late = self._loop.time() > request.asked + LATE
+        if request.kind == "nowhere" and request.is_sent_once and is_late:
+            self.broke("waited for nobody", request.number)
+        if error.not_executed is not False:
+            return UNTOUCHED if error.not_executed else UNKNOWN
+        if not request.fails or INSIDE in str(error):
+            self.broke("wrong answer", f"{request.number}: {error}")
+        return FAILED
 
     # In the end
 
     async def compare(self) -> None:
+        stored = [(disk, (await disk.load()).tasks) for disk in self.disks]
         tasks = collections.defaultdict(list)
-        for disk in self.disks:
-            for task in (await disk.load()).tasks:
-                tasks[task.target].append(task)
-        self._waiting = {task.target for task in (await self.disks[-1].load()).tasks}
+        for disk, found in stored:
+            self.orders.compare(disk, found)
+            for task in found:
+                tasks[task.target].append((disk.number, task))
         for request in self.requests.values():
             if request.kind == "submit":
                 self._compare_task(request, tasks[str(request.number)])
@@ -141,26 +246,34 @@ class Ledger:
 
     def _compare_call(self, request: Request) -> None:
         once = request.kind == "once"
-        done = request.effects if once else len(request.started)
-        if done > 1 and request.kind != "repeatable":
+        done = request.effects.total() if once else len(request.started)
+        if self._is_too_much(request, request.effects if once else {0: done}):
             self.broke("ran twice", request.number)
         if done and request.outcome == UNTOUCHED:
             self.broke("ran although not executed", request.number)
         if not done and request.outcome == ANSWERED:
             self.broke("lost", request.number)
+        if not request.started and request.outcome == FAILED:
+            self.broke("lost", request.number)
+
+    def _is_too_much(self, request: Request, done) -> bool:
+        """Whether it ran more than once for one store, or in more stores than it was sent to."""
+        if request.kind == "repeatable":
+            return False
+        return any(count > 1 for count in done.values()) or len(done) > max(1, request.senders)
 
     def _compare_task(self, request: Request, tasks) -> None:
-        if len(tasks) > 1:
+        if self._is_too_much(request, collections.Counter(disk for disk, _ in tasks)):
             self.broke("ran twice", request.number)
         if tasks and request.outcome == UNTOUCHED:
             self.broke("ran although not executed", request.number)
-        if request.outcome == ANSWERED and [each.task_id for each in tasks] != [request.task_id]:
-            self.broke("lost", f"{request.number}: told {request.task_id}, there is {tasks}")
-        for task in tasks:
-            runs = self.runs[task.target]
-            if task.state is State.SUCCEEDED and not runs:
+        numbers = [task.task_id for _, task in tasks]
+        if request.outcome == ANSWERED and request.task_id not in numbers:
+            self.broke("lost", f"{request.number}: told {request.task_id}, there is {numbers}")
+        for disk, task in tasks:
+            if task.state is State.SUCCEEDED and not self.runs[disk, task.target]:
                 self.broke("lost", f"task {task.task_id} was never done")
-            if task.state is State.QUEUED and task.target in self._waiting:
+            if task.state is State.QUEUED and disk == self.disks[-1].number:
                 self.broke("lost", f"task {task.task_id} still waits")
             self.counts["interrupted tasks"] += task.state is State.INTERRUPTED
             self.counts["finished tasks"] += task.state is State.SUCCEEDED

@@ -1,103 +1,60 @@
-"""What stands around the simulated servers: disks that take their time, and a robot that counts."""
+"""What stands around the simulated programs: a clock on the wall that leaps, a robot, accounts."""
 
 from __future__ import annotations
 
 import asyncio
 
-from taskrpc import Plan, Pose
-from taskrpc.storage.stores import MemoryCompletions
-from taskrpc.tasks.model import State
-from taskrpc.tasks.store import MemoryStore
+from taskrpc import Account, Accounts, Plan, Pose, Role
+from taskrpc.robot.protocol import RobotStopped
 
 WALL = 1_800_000_000.0
 """Seconds since 1970 when a simulation begins."""
 
+LEAPS = (-100_000.0, 20.0, 100_000.0)
+"""Seconds by which somebody sets the clock."""
 
-class Disk(MemoryStore):
-    """What survives: the tasks, and the completions of the exactly-once service."""
-
-    def __init__(self):
-        super().__init__()
-        self.completions = MemoryCompletions()
-
-
-class Arm:
-    """One server's access to a disk: each write takes time, and is done at one instant of it.
-
-    `strike` may end the server in the midst of it.
-    """
-
-    def __init__(self, disk, chance, strike):
-        self.disk = disk
-        self._strike = strike
-        self._chance = chance
-        self._turn = asyncio.Lock()
-
-    async def write(self, write):
-        async with self._turn:
-            if self._chance.random() < 0.03:
-                self._strike(self._chance.uniform(0.0, 0.03))
-            await self.wait()
-            await write()
-            await self.wait()
-
-    async def wait(self):
-        await asyncio.sleep(self._chance.choice((0.0, 0.002, 0.03)) * self._chance.random())
+GRACE = 1.7
+"""Seconds for which a server may not have noticed that an account changed: it looks once a second,
+and lets a caller read why."""
 
 
-class TaskDisk:
-    """The `TaskStore` of a simulated server."""
+class WallClock:
+    """Seconds since 1970, until somebody sets it."""
 
-    def __init__(self, arm, ledger):
-        self._arm = arm
-        self._ledger = ledger
-        self._newest = {}
+    def __init__(self, loop):
+        self._loop = loop
+        self._ahead = WALL
 
-    async def load(self):
-        await self._arm.wait()
-        stored = await self._arm.disk.load()
-        self._newest = {task.task_id: task for task in stored.tasks} | self._newest
-        return stored
+    def __call__(self):
+        return self._ahead + self._loop.time()
 
-    async def apply(self, saved, forgotten=(), completion=None, clients=()):
-        for task in saved:
-            before = self._newest.get(task.task_id)
-            if task.state is State.RUNNING and before and before.state is State.QUEUED:
-                waiting = [each for each in self._newest.values() if each.state is State.QUEUED]
-                self._ledger.chosen(task, waiting)
-            self._newest[task.task_id] = task
-        disk = self._arm.disk
-        await self._arm.write(lambda: disk.apply(saved, forgotten, completion, clients))
-        for task in saved:
-            self._ledger.note(f"stored {task.task_id} {task.state.value}")
-
-    async def remember_pause(self, paused):
-        disk = self._arm.disk
-        await self._arm.write(lambda: disk.remember_pause(paused))
-
-    async def clear(self):
-        disk = self._arm.disk
-        await self._arm.write(disk.clear)
-
-    async def close(self):
-        pass
+    def leap(self, seconds):
+        self._ahead += seconds
 
 
-class EffectDisk:
-    """The `CompletionStore` of a simulated server."""
+class ChangingAccounts(Accounts):
+    """Accounts that somebody changes while servers go by them."""
 
-    def __init__(self, arm):
-        self._arm = arm
+    def __init__(self, accounts):
+        accounts = list(accounts)
+        super().__init__(accounts)
+        self._loop = asyncio.get_running_loop()
+        self._past = {account.name: [(self._loop.time(), account)] for account in accounts}
 
-    async def recall(self):
-        await self._arm.wait()
-        return await self._arm.disk.completions.recall()
+    def change(self, account: Account) -> None:
+        self._by_name[account.name] = account
+        self._past[account.name].append((self._loop.time(), account))
 
-    async def complete(self, completion, effect, forgotten=()):
-        async def write():
-            self._arm.disk.completions.complete(completion, effect, forgotten)
-
-        await self._arm.write(write)
+    def might(self, name: str, role: Role) -> bool:
+        """Whether a server may believe now that an account may do so much."""
+        ended = self._loop.time()
+        for began, account in reversed(self._past[name]):
+            if not account.revoked and account.role >= role:
+                return True
+            ended = began
+            if ended < self._loop.time() - GRACE:
+                break
+        return False
 
 
 class CountingRobot:
@@ -106,10 +63,14 @@ class CountingRobot:
     speed = 1.0
     task_types = ("move",)
 
-    def __init__(self, ledger, chance):
+    def __init__(self, disk, ledger, chance):
+        self._disk = disk
         self._ledger = ledger
         self._chance = chance
         self._left = 0.0
+        self._going = asyncio.Event()
+        self._going.set()
+        self._is_stopped = False
 
     def plan(self, task_type, target, start):
         return Plan(0.3, start)
@@ -118,22 +79,31 @@ class CountingRobot:
         return Pose(0.0, 0.0, 0.0)
 
     async def execute(self, task_type, target, report):
-        self._ledger.moved(target)
+        self._ledger.moved(self._disk, target)
         self._left = self._chance.uniform(0.05, 0.8)
         try:
-            await asyncio.sleep(self._left)
+            while self._left:
+                await self._going.wait()
+                step = min(self._left, 0.2)
+                await asyncio.sleep(step)
+                if self._is_stopped:
+                    raise RobotStopped("stopped")
+                self._left -= step
         finally:
             self._left = 0.0
+            self._is_stopped = False
+            self._going.set()
         return {}
 
     def remaining(self):
         return self._left
 
     def pause(self):
-        pass
+        self._going.clear()
 
     def resume(self):
-        pass
+        self._going.set()
 
     def stop(self):
-        pass
+        self._is_stopped = self._left > 0
+        self._going.set()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import contextvars
+import inspect
 import logging
 
 from taskrpc.testing import VirtualTimeLoop
@@ -48,8 +49,7 @@ class SimulatedLoop(VirtualTimeLoop):
         self._is_over = True
         logging.disable(logging.CRITICAL)
         for task in self._buried:
-            with contextlib.suppress(BaseException):
-                task.get_coro().close()
+            _close(task.get_coro())
         self._buried.clear()
         self._owners.clear()
         logging.disable(logging.NOTSET)
@@ -93,3 +93,10 @@ class SimulatedLoop(VirtualTimeLoop):
         self._owners[task] = owner
         task.add_done_callback(lambda done: self._owners.pop(done, None))
         return task
+
+
+def _close(coroutine) -> None:
+    """Let a coroutine end now; each `finally` that waits for something must be told once more."""
+    while inspect.getcoroutinestate(coroutine) != inspect.CORO_CLOSED:
+        with contextlib.suppress(BaseException):
+            coroutine.close()

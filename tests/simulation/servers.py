@@ -1,19 +1,18 @@
-"""The simulated programs: servers that can die at any instant, clients that compare."""
+"""The simulated servers: they can die at any instant, and compare what they are asked to do."""
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
 
 import srvgen
 import taskrpc
-from tests.simulation.chance import LEASE
-from tests.simulation.machine import WALL, Arm, CountingRobot, EffectDisk, TaskDisk
+from tests.simulation.disks import EffectDisk, File, TaskDisk
+from tests.simulation.ledger import INSIDE
+from tests.simulation.machine import CountingRobot
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
-RobotTask = srvgen.load("my_robot_interfaces/srv/RobotTask")
-TYPES = {"plain": Add, "repeatable": Add, "once": Add, "submit": RobotTask}
-NAMES = {"submit": "robot_task"}
+START_AGAIN = 0.4
+"""Seconds after which a server that could not start is started again."""
 
 
 class Server:
@@ -22,117 +21,93 @@ class Server:
     `strike(seconds)` ends it in the midst of what it does then.
     """
 
-    def __init__(self, name, ledger, chance, strike, disk=None):
+    def __init__(self, name, ledger, chance, strike, around, disk=None):
         self.name = name
         self.stop = asyncio.Event()
         self._ledger = ledger
         self._chance = chance
         self._strike = strike
+        self._around = around
         self._disk = disk
+        self._tasks_file = None
+
+    @property
+    def is_ill(self) -> bool:
+        """Whether only another life of it can use its disk."""
+        return self._tasks_file is not None and self._tasks_file.is_broken
 
     async def run(self):
-        self._ledger.note(f"{self.name} starts")
-        async with taskrpc.Node("server", transport="memory", listen=self.name) as node:
-            for kind, options in (("plain", {}), ("repeatable", {"idempotent": True})):
-                node.create_service(Add, kind, self._handle, concurrency=4, join=True, **options)
+        while not self.stop.is_set():
+            self._ledger.note(f"{self.name} starts")
+            try:
+                await self._live()
+            except (taskrpc.StoreError, taskrpc.OutcomeUnknown) as error:
+                self._ledger.counts["failed starts"] += 1
+                self._ledger.note(f"{self.name} cannot start: {error}")
+                await asyncio.sleep(START_AGAIN)
+        self._ledger.note(f"{self.name} ends")
+
+    async def _live(self):
+        accounts = self._around.accounts
+        async with taskrpc.Node(
+            "server", transport="memory", listen=self.name, accounts=accounts
+        ) as node:
+            self._offer(node)
             if self._disk is None:
                 await self._until_told(node)
                 return
-            arm = Arm(self._disk, self._chance, lambda seconds: self._strike(self.name, seconds))
-            node.create_service(Add, "once", self._handle_once, exactly_once=EffectDisk(arm))
-            robot, store = CountingRobot(self._ledger, self._chance), TaskDisk(arm, self._ledger)
-            loop = asyncio.get_running_loop()
-            tasks = taskrpc.TaskServer(
-                node, robot, store, settle=0.02, wall_clock=lambda: WALL + loop.time()
-            )
-            async with tasks:
+            options = {"exactly_once": EffectDisk(self._file())}
+            node.create_service(Add, "once", self._handle_once, **options)
+            self._tasks_file = self._file()
+            store = TaskDisk(self._tasks_file, self._ledger)
+            robot = CountingRobot(self._disk, self._ledger, self._chance)
+            clock = self._around.wall_clock
+            async with taskrpc.TaskServer(node, robot, store, settle=0.02, wall_clock=clock):
                 await self._until_told(node)
+
+    def _offer(self, node):
+        for kind, options in (
+            ("plain", {}),
+            ("repeatable", {"idempotent": True}),
+            ("steer", {"role": taskrpc.Role.OPERATE}),
+        ):
+            node.create_service(Add, kind, self._handle, concurrency=4, join=True, **options)
+
+    def _file(self):
+        def strike(seconds):
+            self._strike(self.name, seconds)
+
+        return File(self._disk, self._chance, strike, self._ledger.counts)
 
     async def _until_told(self, node):
         await self.stop.wait()
         await node.drain(2)
-        self._ledger.note(f"{self.name} ends")
 
     async def _handle(self, request, response):
-        loop = asyncio.get_running_loop()
-        latest = loop.time() + (taskrpc.current_call().time_left() or 0.0)
-        self._ledger.started(request.a)
+        call = taskrpc.current_call()
+        latest = asyncio.get_running_loop().time() + (call.time_left() or 0.0)
+        self._begin(request, call)
         await self._work()
         self._ledger.finished(request.a, latest)
+        if self._ledger.requests[request.a].fails:
+            raise ValueError(INSIDE)
         response.sum = request.a + request.b
         return response
 
     async def _handle_once(self, request, response):
-        self._ledger.note(f"run {request.a}")
+        self._begin(request, taskrpc.current_call())
         await self._work()
+        if self._ledger.requests[request.a].fails:
+            raise taskrpc.HandlerError("ABORTED", f"{request.a} fails")
         response.sum = request.a + request.b
-        return taskrpc.Effect(response, lambda: self._ledger.had_effect(request.a))
+        disk = self._disk.number
+        return taskrpc.Effect(response, lambda: self._ledger.had_effect(request.a, disk))
+
+    def _begin(self, request, call):
+        self._ledger.started(request.a, self.name)
+        needed = taskrpc.Role.OPERATE if call.service == "/steer" else taskrpc.Role.SUBMIT
+        if not self._around.accounts.might(call.principal, needed):
+            self._ledger.broke("ran without the right", f"{request.a} for {call.principal}")
 
     async def _work(self):
         await asyncio.sleep(self._chance.choice((0.0, 0.01, 0.3, 3.0)) * self._chance.random())
-
-
-class Client:
-    """Calls everything, several at a time, and tells the ledger what it was told."""
-
-    def __init__(self, name, ledger, chance, calls):
-        self.name = name
-        self._ledger = ledger
-        self._chance = chance
-        self._calls = calls
-
-    async def run(self):
-        async with taskrpc.Node("client", transport="memory", listen=self.name) as node:
-            clients = {
-                kind: node.create_client(srv_type, NAMES.get(kind, kind))
-                for kind, srv_type in TYPES.items()
-            }
-            async with asyncio.TaskGroup() as group:
-                for _ in range(self._calls):
-                    group.create_task(self._call(clients))
-                    is_long = self._chance.random() < 0.04
-                    await asyncio.sleep(2 * LEASE if is_long else self._chance.expovariate(4))
-
-    async def _call(self, clients):
-        chance = self._chance
-        kind = chance.choice(tuple(TYPES))
-        timeout = chance.choice((0.1, 1.0, 8.0)) * (0.1 + chance.random())
-        request = self._ledger.asked(kind, timeout)
-        policy = chance.choice((None, taskrpc.RetryPolicy(), taskrpc.RetryPolicy(attempts=3)))
-        if kind == "once" and chance.random() < 0.3:
-            twice = [
-                self._sent(clients, request, timeout, policy, str(request.number)) for _ in range(2)
-            ]
-            await asyncio.gather(*twice)
-        else:
-            await self._sent(clients, request, timeout, policy, "")
-
-    async def _sent(self, clients, request, timeout, policy, request_id):
-        call = asyncio.ensure_future(
-            clients[request.kind].call(
-                _message(request), timeout=timeout, retry=policy, request_id=request_id
-            )
-        )
-        patience = timeout * self._chance.random() if self._chance.random() < 0.1 else None
-        done, _ = await asyncio.wait({call}, timeout=patience)
-        if not done:
-            call.cancel()
-        try:
-            self._ledger.told(request, await call)
-        except taskrpc.TaskRpcError as error:
-            self._ledger.told(request, error)
-        except asyncio.CancelledError as error:
-            self._ledger.told(request, error)
-
-
-def _message(request):
-    if request.kind == "submit":
-        priority = 1 + request.number * 7 % 10
-        return RobotTask.Request(task_type="move", target=str(request.number), priority=priority)
-    return Add.Request(a=request.number, b=request.number)
-
-
-async def ended(task):
-    """Wait for the end of a process, however it ends."""
-    with contextlib.suppress(asyncio.CancelledError):
-        await task
