@@ -72,6 +72,7 @@ class Request:
     """By the disks' numbers."""
     runs_on: str = ""
     """The server on which it runs now."""
+    ends: float = math.inf
     hears_by: float = math.inf
     drained_with: int = -1
     """How much trouble there was in the network when its server began to end."""
@@ -117,8 +118,10 @@ class Ledger:
 
     # What servers do
 
-    def started(self, number: int, server: str) -> None:
+    def started(self, number: int, server: str, until: float) -> None:
+        """A callback begins; it ends at `until` if nobody stops it."""
         request = self.requests[number]
+        request.ends = until
         request.started.append(self._loop.time())
         request.runs_on = server
         self.note(f"run {number}")
@@ -133,10 +136,11 @@ class Ledger:
         self.requests[number].effects[disk] += 1
         self.note(f"effect {number}")
 
-    def drains(self, server: str) -> None:
-        """A server is told to end, and nothing troubles the network."""
+    def drains(self, server: str, until: float) -> None:
+        """A server is told to end, but to wait for its calls; nothing troubles the network."""
         for request in self._running_on(server):
-            request.drained_with = self.trouble
+            if request.ends < until and request.kind not in ("once", "submit"):
+                request.drained_with = self.trouble
 
     def crashed(self, server: str, hear_of_it: set[str]) -> None:
         """A server is dead; of its callers these clients can hear of it."""
@@ -202,8 +206,7 @@ class Ledger:
         is_forgotten = FORGOTTEN in str(said)
         if request.must_be_answered and outcome not in (ANSWERED, FAILED) and not is_forgotten:
             self.broke("did not come back", request.number)
-        ran_in_drain = request.drained_with == self.trouble and not request.runs_on
-        if isinstance(answer, taskrpc.ConnectionLost) and ran_in_drain:
+        if isinstance(answer, taskrpc.ConnectionLost) and request.drained_with == self.trouble:
             self.broke("lost in a drain", request.number)
 
     def _outcome(self, request: Request, answer) -> str:

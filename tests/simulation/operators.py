@@ -19,6 +19,9 @@ VERBS = {
 TYPES = {verb: srvgen.load(f"taskrpc_interfaces/srv/{name}") for verb, name in VERBS.items()}
 DRAWN = (*VERBS, "resume", "resume", "reprioritise", "reprioritise", "requeue", "requeue")
 
+UNSTORED = "a restart would not know it"
+"""What an answer says of something that was done, and not stored."""
+
 
 class Operator:
     """Gives orders, some at the same time, until all is calm; then lets the queue go on."""
@@ -40,7 +43,7 @@ class Operator:
                     verb = self._chance.choice(DRAWN)
                     group.create_task(self._give(clients, verb, self._chance.uniform(0.2, 3)))
                     await asyncio.sleep(self._chance.expovariate(4))
-            while not await self._give(clients, "resume", 5.0):
+            while await self._give(clients, "resume", 5.0) is not True:
                 await asyncio.sleep(0.1)
 
     async def _give(self, clients, verb, timeout):
@@ -52,13 +55,15 @@ class Operator:
             # Also one that is about to be submitted.
             newest = max((each.task_id for each in self._ledger.requests.values()), default=0)
             request.task_id = task_id = max(1, newest + 2 - self._chance.randrange(8))
+        if hasattr(request, "resume"):
+            request.resume = self._chance.random() < 0.5
         if hasattr(request, "priority"):
             request.priority = priority = self._chance.randint(1, 10)
         now = self._ledger.now
         order = self._ledger.orders.given(verb, task_id, priority, now())
         try:
             answer = await clients[verb].call(request, timeout=timeout, retry=policy)
-            done = answer.success
+            done = None if UNSTORED in answer.message else answer.success
         except taskrpc.TaskRpcError as error:
             done = False if error.not_executed else None
         self._ledger.orders.told(order, done, now())

@@ -11,6 +11,8 @@ from tests.simulation.ledger import INSIDE
 from tests.simulation.machine import CountingRobot
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+GRACE = 2.0
+"""Seconds that calls in flight get when a server ends."""
 START_AGAIN = 0.4
 """Seconds after which a server that could not start is started again."""
 
@@ -81,13 +83,12 @@ class Server:
 
     async def _until_told(self, node):
         await self.stop.wait()
-        await node.drain(2)
+        await node.drain(GRACE)
 
     async def _handle(self, request, response):
         call = taskrpc.current_call()
         latest = asyncio.get_running_loop().time() + (call.time_left() or 0.0)
-        self._begin(request, call)
-        await self._work()
+        await asyncio.sleep(self._begin(request, call))
         self._ledger.finished(request.a, latest)
         if self._ledger.requests[request.a].fails:
             raise ValueError(INSIDE)
@@ -95,8 +96,7 @@ class Server:
         return response
 
     async def _handle_once(self, request, response):
-        self._begin(request, taskrpc.current_call())
-        await self._work()
+        await asyncio.sleep(self._begin(request, taskrpc.current_call()))
         if self._ledger.requests[request.a].fails:
             raise taskrpc.HandlerError("ABORTED", f"{request.a} fails")
         response.sum = request.a + request.b
@@ -104,10 +104,10 @@ class Server:
         return taskrpc.Effect(response, lambda: self._ledger.had_effect(request.a, disk))
 
     def _begin(self, request, call):
-        self._ledger.started(request.a, self.name)
+        """How many seconds the work takes."""
+        seconds = self._chance.choice((0.0, 0.01, 0.3, 3.0)) * self._chance.random()
+        self._ledger.started(request.a, self.name, self._ledger.now() + seconds)
         needed = taskrpc.Role.OPERATE if call.service == "/steer" else taskrpc.Role.SUBMIT
         if not self._around.accounts.might(call.principal, needed):
             self._ledger.broke("ran without the right", f"{request.a} for {call.principal}")
-
-    async def _work(self):
-        await asyncio.sleep(self._chance.choice((0.0, 0.01, 0.3, 3.0)) * self._chance.random())
+        return seconds

@@ -12,10 +12,11 @@ from msgspec.structs import replace
 
 from taskrpc import Account, Role
 from taskrpc.testing import FaultyNetwork
+from tests.simulation import servers
 from tests.simulation.chance import only_chance
 from tests.simulation.clients import Client
 from tests.simulation.disks import Disk
-from tests.simulation.ledger import Ledger
+from tests.simulation.ledger import LATE, Ledger
 from tests.simulation.machine import GRACE, LEAPS, ChangingAccounts, WallClock
 from tests.simulation.operators import Operator
 from tests.simulation.processes import SimulatedLoop
@@ -137,7 +138,7 @@ class World:
     async def _restart_of(self, which):
         _, task, server = self._running.pop(which)
         if not self._partitioned:
-            self._ledger.drains(server.name)
+            self._ledger.drains(server.name, self._loop.time() + servers.GRACE - LATE)
         server.stop.set()
         await asyncio.wait({task})
         task.result()
