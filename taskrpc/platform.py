@@ -131,10 +131,10 @@ def _check_owner(path: Path, found: os.stat_result) -> None:
         path.chmod(0o700)
 
 
-def open_private(path: Path) -> int:
+def open_private(path: Path, *, must_be_new: bool = False) -> int:
     """Open or create a file that only this user can read; returns the descriptor."""
     flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
-    return os.open(path, flags, 0o600)
+    return os.open(path, flags | (os.O_EXCL if must_be_new else 0), 0o600)
 
 
 def check_private(descriptor: int, path: object) -> None:
@@ -142,17 +142,27 @@ def check_private(descriptor: int, path: object) -> None:
 
     Raises TaskRpcError with what to do about it.
     """
+    if problem := why_not_private(descriptor, path):
+        raise TaskRpcError(problem)
+
+
+def why_not_private(descriptor: int, path: object, *, is_key: bool = False) -> str:
+    """Who else than this user, or root, can read or write a file, and what to do; "" for nobody.
+
+    A TLS key of root's may be readable for a group, as systems give it to their servers.
+    """
     if WINDOWS:  # who may read is the folder's matter there: the user's own profile
-        return
+        return ""
     found = os.fstat(descriptor)
     if found.st_uid not in (os.getuid(), 0):
-        raise TaskRpcError(f"{path}: expected a file of this user's, it belongs to another user")
-    if found.st_mode & 0o077:
+        return f"{path}: expected a file of this user's, it belongs to another user"
+    if found.st_mode & (0o037 if is_key and found.st_uid == 0 else 0o077):
         mode = stat.S_IMODE(found.st_mode)
-        raise TaskRpcError(
+        return (
             f"{path}: expected a file that only its owner can read, its mode is {mode:04o};"
             f" do `chmod 600 {path}`"
         )
+    return ""
 
 
 def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
@@ -161,10 +171,10 @@ def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
     Without `sync` it does not wait for the disk, and may be lost when the machine fails.
     """
     new = path.with_name(f"{path.name}.{os.getpid()}.new")
-    descriptor = open_private(new)
+    new.unlink(missing_ok=True)  # whoever made it may be able to read it
+    descriptor = open_private(new, must_be_new=True)
     try:
         with os.fdopen(descriptor, "wb") as file:
-            file.truncate()
             file.write(content)
             file.flush()
             if sync:

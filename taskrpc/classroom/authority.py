@@ -14,6 +14,7 @@ import msgspec
 
 from taskrpc import platform
 from taskrpc.errors import TaskRpcError
+from taskrpc.transport.tls import first_certificate
 
 if TYPE_CHECKING:
     from cryptography import x509
@@ -44,9 +45,7 @@ class Certificates(msgspec.Struct, frozen=True):
 
 def fingerprint(pem: str) -> bytes:
     """SHA-256 of a certificate, the first one of the text. Raises ValueError where it is none."""
-    end = "-----END CERTIFICATE-----"
-    first = pem.strip().partition(end)[0] + end
-    return hashlib.sha256(ssl.PEM_cert_to_DER_cert(first)).digest()
+    return hashlib.sha256(ssl.PEM_cert_to_DER_cert(first_certificate(pem))).digest()
 
 
 def files_in(folder: Path) -> Certificates:

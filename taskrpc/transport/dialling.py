@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import asyncio
 import os
+import ssl
 from collections.abc import Callable
 
 from taskrpc.errors import ConnectionLost
 from taskrpc.transport.calling import CallingConnection
 from taskrpc.transport.network import Address, Network
+from taskrpc.transport.tls import reason_of
 
 READY_TIMEOUT = 4.0
 """Seconds for dialling and the handshake together."""
@@ -84,8 +86,13 @@ class Dialler:
             async with asyncio.timeout(READY_TIMEOUT):
                 await self._network.dial(address, lambda: connection)
                 await connection.ready
+            if connection.why_closed is not None:  # by what followed the handshake
+                raise connection.why_closed
         except TimeoutError:
             raise ConnectionLost(f"{address.place} did not answer", not_executed=True) from None
+        except ssl.SSLError as error:
+            problem = f"{address.place}: no TLS connection: {reason_of(error)}"
+            raise ConnectionLost(problem, not_executed=True) from None
         except OSError as error:
             reason = os.strerror(error.errno) if error.errno else str(error)
             raise ConnectionLost(f"{address.place}: {reason}", not_executed=True) from None

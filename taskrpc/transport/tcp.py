@@ -116,7 +116,10 @@ class TcpNetwork:
     @property
     def certificate(self) -> str:
         """What callers are shown now (PEM), "" where connections are plain."""
-        return "" if self._server_tls is None else self._server_tls.certificate
+        if self._server_tls is None:
+            return ""
+        self._server_tls.context()  # its files may have changed
+        return self._server_tls.certificate
 
     def voucher(self, transport: asyncio.BaseTransport, *, serving: bool) -> Voucher | None:
         """What a connection proves of the other side by itself."""

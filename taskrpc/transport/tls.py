@@ -4,18 +4,22 @@ from __future__ import annotations
 
 import logging
 import os
+import re
 import ssl
 from collections.abc import Callable
+from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import msgspec
 
+from taskrpc import platform
 from taskrpc.errors import CannotListen, TaskRpcError
 
 log = logging.getLogger("taskrpc.transport")
 
 _Loaded = TypeVar("_Loaded")
+_CERTIFICATE = re.compile("-----BEGIN CERTIFICATE-----.*?-----END CERTIFICATE-----", re.DOTALL)
 
 
 class Tls(msgspec.Struct, frozen=True):
@@ -37,7 +41,7 @@ class Tls(msgspec.Struct, frozen=True):
             raise CannotListen("listening with TLS needs a certificate and its key")
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.minimum_version = ssl.TLSVersion.TLSv1_3
-        _reading(self.cert, lambda: context.load_cert_chain(str(self.cert), str(self.key)))
+        _load_pair(context, self.cert, self.key)
         if self.ca is not None:
             _reading(self.ca, lambda: context.load_verify_locations(str(self.ca)))
             context.verify_mode = ssl.CERT_REQUIRED
@@ -45,10 +49,13 @@ class Tls(msgspec.Struct, frozen=True):
 
     def client_context(self) -> ssl.SSLContext:
         """How to connect. Raises TaskRpcError for a file that is missing or is no certificate."""
-        context = ssl.create_default_context()
+        ca = self.ca
+        if ca is None:
+            context = ssl.create_default_context()
+        else:
+            # Loaded afterwards, it would be trusted beside all the system's authorities.
+            context = _reading(ca, lambda: ssl.create_default_context(cafile=str(ca)))
         context.minimum_version = ssl.TLSVersion.TLSv1_3
-        if self.ca is not None:
-            _reading(self.ca, lambda: context.load_verify_locations(str(self.ca)))
         _show(self, context)
         return context
 
@@ -81,6 +88,11 @@ class ServerTls:
         return self._context
 
 
+def reason_of(error: ssl.SSLError) -> str:
+    """What was wrong with a TLS connection, in OpenSSL's words."""
+    return getattr(error, "verify_message", "") or error.reason or str(error)
+
+
 def common_name(certificate: Any) -> str:
     """Whom a certificate names, as Python's ssl tells its contents; "" where nobody."""
     for part in certificate.get("subject", ()):
@@ -91,11 +103,22 @@ def common_name(certificate: Any) -> str:
 
 
 def shown_certificate(tls: Tls | None) -> str:
-    """The certificate that a server with these settings shows (PEM), "" where it has none."""
+    """The certificate that a server with these settings shows (PEM), "" where it has none.
+
+    That one only: its file may have its authorities' too, and its key.
+    """
     if tls is None or tls.cert is None:
         return ""
     path = Path(tls.cert)
-    return _reading(path, lambda: path.read_text(encoding="ascii"))
+    return _reading(path, lambda: first_certificate(path.read_text("ascii", errors="replace")))
+
+
+def first_certificate(pem: str) -> str:
+    """The first certificate of a text in PEM format. Raises ValueError where there is none."""
+    found = _CERTIFICATE.search(pem)
+    if found is None:
+        raise ValueError("expected a certificate in PEM format")
+    return found[0]
 
 
 def pinned_context(certificate: str, own: Tls | None) -> ssl.SSLContext:
@@ -131,7 +154,24 @@ def _signature(path: str | Path) -> object:
 def _show(tls: Tls, context: ssl.SSLContext) -> None:
     """Let a connection show the certificate, where there is one with its key."""
     if tls.cert is not None and tls.key is not None:
-        _reading(tls.cert, lambda: context.load_cert_chain(str(tls.cert), str(tls.key)))
+        _load_pair(context, tls.cert, tls.key)
+
+
+def _load_pair(context: ssl.SSLContext, cert: str | Path, key: str | Path) -> None:
+    """Load a certificate and its key. Raises TaskRpcError; warns of a key that others can read."""
+
+    def look() -> None:
+        with open(key, "rb") as file:
+            if problem := platform.why_not_private(file.fileno(), key, is_key=True):
+                _warn(problem)
+
+    _reading(key, look)
+    _reading(cert, lambda: context.load_cert_chain(str(cert), str(key)))
+
+
+@cache  # once a file, however many connections there are
+def _warn(problem: str) -> None:
+    log.warning("whoever has this key can pass for its owner: %s", problem)
 
 
 def _reading(path: str | Path, load: Callable[[], _Loaded]) -> _Loaded:

@@ -59,6 +59,33 @@ def test_what_is_not_a_folder_of_ours_is_refused(tmp_path):
         platform.open_private(tmp_path / "to")
 
 
+@pytest.mark.skipif(platform.WINDOWS, reason="file modes are POSIX's")
+def test_what_is_private_is_so_from_its_first_byte_on_whoever_was_there_before(tmp_path):
+    path = tmp_path / "secret"
+    waiting = tmp_path / f"secret.{os.getpid()}.new"
+    waiting.write_text("somebody else's")
+    waiting.chmod(0o666)
+    others = os.open(waiting, os.O_RDONLY)
+    modes = []
+    fsync = os.fsync
+
+    def look(descriptor):
+        modes.append(stat.S_IMODE(os.fstat(descriptor).st_mode))
+        fsync(descriptor)
+
+    before = os.umask(0)
+    try:
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(os, "fsync", look)
+            platform.write_private(path, b"the secret")
+    finally:
+        os.umask(before)
+    assert modes == [0o600]
+    assert stat.S_IMODE(path.stat().st_mode) == 0o600
+    assert os.read(others, 100) == b"somebody else's"
+    os.close(others)
+
+
 def test_a_lock_is_seen_by_others_and_ends_with_its_descriptor(tmp_path):
     one, other = (platform.open_private(tmp_path / "f") for _ in range(2))
     assert not platform.is_locked(other)

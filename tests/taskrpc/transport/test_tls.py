@@ -1,13 +1,16 @@
 """Connections beyond this machine are encrypted, proved from both sides, and refused otherwise."""
 
+import asyncio
+import os
 import ssl
 
 import pytest
 import trustme
 
 import taskrpc
-from taskrpc.transport.tls import Tls
-from tests.taskrpc.transport.helpers import Add, add, ask, outcome
+from taskrpc.transport import endpoint
+from taskrpc.transport.tls import Tls, pinned_context, shown_certificate
+from tests.taskrpc.transport.helpers import Add, add, ask, outcome, until
 
 pytestmark = pytest.mark.real_time
 
@@ -131,3 +134,102 @@ def test_a_file_that_is_no_certificate_is_named(tmp_path, content):
         Tls(ca=path).client_context()
     with pytest.raises(taskrpc.CannotListen, match="a certificate and its key"):
         Tls().server_context()
+
+
+async def test_who_names_an_authority_trusts_no_other_one(certificates, monkeypatch, tmp_path):
+    """Whoever can have a certificate from an authority of the system's is not believed."""
+    system, other = tmp_path / "system.pem", tmp_path / "other.pem"
+    system.write_bytes(certificates[1].ca.read_bytes())
+    trustme.CA().cert_pem.write_to_path(other)
+    monkeypatch.setenv("SSL_CERT_FILE", str(system))
+    async with taskrpc.Node("server", tls=certificates[0], token=TOKEN) as server:
+        server.create_service(Add, "add", add)
+        assert (await far_call(server, monkeypatch, tmp_path, Tls())).sum == 5
+        error = await far_call(server, monkeypatch, tmp_path, Tls(ca=other))
+    assert isinstance(error, taskrpc.ServiceUnavailable)
+    assert "no TLS connection: " in str(error)
+
+
+@pytest.fixture
+def one_file(authority, tmp_path):
+    """A key, its certificate and the authority's in one file."""
+    path = tmp_path / "all.pem"
+    path.touch(0o600)
+    authority.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(path)
+    with path.open("ab") as file:
+        file.write(authority.cert_pem.bytes())
+    return path
+
+
+async def test_the_registry_has_the_certificate_and_never_the_key(one_file):
+    async with taskrpc.Node("server", tls=Tls(cert=one_file, key=one_file)) as server:
+        server.create_service(Add, "add", add)
+        (entry,) = await server.graph()
+        assert "PRIVATE" not in entry.certificate
+        assert entry.certificate.count("BEGIN") == 1
+        async with taskrpc.Node("here") as here:
+            assert (await call(here)).sum == 5
+
+
+def test_a_pinned_server_is_that_one_and_no_other_of_its_authority(one_file, authority):
+    pinned = pinned_context(shown_certificate(Tls(cert=one_file, key=one_file)), None)
+    assert len(pinned.get_ca_certs(binary_form=True)) <= 1
+    with pytest.raises(ssl.SSLCertVerificationError):
+        shake(pinned, authority.issue_cert("127.0.0.1"))
+
+
+def shake(client, issued):
+    """Shake hands with a server that has this certificate, without any network."""
+    server = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    issued.configure_cert(server)
+    to_server, to_client = ssl.MemoryBIO(), ssl.MemoryBIO()
+    ours = client.wrap_bio(to_client, to_server, server_hostname="127.0.0.1")
+    theirs = server.wrap_bio(to_server, to_client, server_side=True)
+    for end in (ours, theirs) * 3:
+        try:
+            end.do_handshake()
+        except ssl.SSLWantReadError:
+            continue
+
+
+async def test_local_programs_find_a_server_whose_certificate_changed_while_nobody_was_there(
+    one_file, authority, monkeypatch
+):
+    monkeypatch.setattr(endpoint, "TICK", 0.02)
+    async with taskrpc.Node("server", tls=Tls(cert=one_file, key=one_file)) as server:
+        server.create_service(Add, "add", add)
+        entries = server._transport.network._registry.entries
+        before = entries()[0].certificate
+        authority.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(one_file)
+        await until(lambda: entries()[0].certificate != before)
+        async with taskrpc.Node("here") as here:
+            assert (await call(here)).sum == 5
+
+
+@pytest.mark.skipif(os.name != "posix", reason="file modes are POSIX's")
+@pytest.mark.parametrize(("mode", "warned"), [(0o600, False), (0o400, False), (0o644, True)])
+def test_a_key_that_others_can_read_is_told_once(one_file, caplog, mode, warned):
+    one_file.chmod(mode)
+    for _ in range(3):
+        Tls(cert=one_file, key=one_file).server_context()
+    text = f"{one_file}: expected a file that only its owner can read, its mode is {mode:04o}"
+    assert [text in each for each in caplog.messages] == [True] * warned
+
+
+def test_a_missing_key_is_named_not_the_certificate(certificates, tmp_path):
+    with pytest.raises(taskrpc.TaskRpcError, match=r"none\.pem: No such file"):
+        Tls(cert=certificates[0].cert, key=tmp_path / "none.pem").server_context()
+
+
+async def test_a_caller_is_told_what_is_wrong_with_a_certificate(certificates, tmp_path):
+    other = tmp_path / "other.pem"
+    trustme.CA().cert_pem.write_to_path(other)
+    async with taskrpc.Node("server", tls=certificates[0], token=TOKEN) as server:
+        server.create_service(Add, "add", add)
+        network = server._transport.network
+        network._registry.close()
+        async with elsewhere(Tls(ca=other), peers=[server.address]) as node:
+            error = await call(node)
+    assert "no TLS connection: unable to get local issuer certificate" in str(error)
+    assert "not permitted" not in str(error)
+    await asyncio.sleep(0)
