@@ -9,7 +9,16 @@ from typing import Any
 import msgspec
 
 from taskrpc.access import Role
+from taskrpc.errors import PermissionDenied
 from taskrpc.wire.once import Completion
+
+
+class Denied(PermissionDenied):
+    """A callback raises it: its caller may not do this, and nothing was done.
+
+    The caller gets PermissionDenied. A plain one, which a callback's own call has met, says nothing
+    about its caller.
+    """
 
 
 class CallInfo(msgspec.Struct, eq=False):

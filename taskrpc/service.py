@@ -12,13 +12,14 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from taskrpc.access import Role
-from taskrpc.callinfo import answering
+from taskrpc.callinfo import Denied, answering
 from taskrpc.deadline import TICK
 from taskrpc.errors import (
     DeadlineExceeded,
     HandlerError,
     HandlerFailed,
     OutcomeUnknown,
+    PermissionDenied,
     ServerBusy,
     ServiceUnavailable,
     TaskRpcError,
@@ -262,6 +263,9 @@ class Service:
             answer_unexpected(call, problem)
 
     def _raised(self, call: IncomingCall, error: BaseException) -> None:
+        if isinstance(error, Denied):
+            call.fail(PermissionDenied(str(error)))
+            return
         if not isinstance(error, HandlerError):
             answer_unexpected(call, error)
             return

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 from taskrpc.access import Role
-from taskrpc.callinfo import current_call
-from taskrpc.errors import Code, HandlerError
+from taskrpc.callinfo import Denied, current_call
 from taskrpc.tasks.model import Task
 
 ROLES = {
@@ -43,7 +42,7 @@ def account_name() -> str:
 def refuse_others_task(task: Task | None) -> None:
     """Let nobody below OPERATE touch what another client has submitted.
 
-    Raises HandlerError with PERMISSION_DENIED.
+    Raises Denied.
     """
     try:
         call = current_call()
@@ -51,8 +50,7 @@ def refuse_others_task(task: Task | None) -> None:
         return
     if task is None or call.role >= Role.OPERATE or task.client == call.principal:
         return
-    raise HandlerError(
-        Code.PERMISSION_DENIED,
+    raise Denied(
         f"task {task.task_id} is not the account {call.principal}'s: what others submitted needs"
         f" the role operate; the account has {call.role.name.lower()}",
     )

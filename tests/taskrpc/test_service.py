@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 
 import taskrpc
 from taskrpc.access import Role
+from taskrpc.callinfo import Denied
 from taskrpc.service import MEASURED, Service
 from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport.base import IncomingCall
@@ -253,6 +254,30 @@ async def test_one_future_may_be_the_answer_to_several_calls():
     made.destroy()
     await made.finished
     assert [call.ends for call in calls] == [[answer]] * 4
+
+
+@pytest.mark.parametrize("later", [False, True])
+async def test_a_callback_may_deny_its_caller_but_passes_on_nobody_elses_denial(later):
+    """What its own call was denied says nothing about its caller, and it may have done much."""
+    errors = [Denied("not yours"), taskrpc.PermissionDenied("the lab's, to the callback")]
+
+    async def callback(request, response):
+        if later:
+            await asyncio.sleep(1)
+        raise errors.pop(0)
+
+    transport, made = service(callback)
+    calls = [FakeCall(n) for n in range(2)]
+    for call in calls:
+        asyncio.get_running_loop().call_soon(transport.serve, call)
+    await asyncio.sleep(3)
+    made.destroy()
+    await made.finished
+    (denied,), (failed,) = (call.ends for call in calls)
+    assert (type(denied), str(denied)) == (taskrpc.PermissionDenied, "not yours")
+    assert denied.not_executed
+    assert failed.code is taskrpc.Code.INTERNAL
+    assert "lab" not in failed.message
 
 
 class Unfinished(taskrpc.HandlerError):

@@ -86,7 +86,7 @@ async def test_ones_own_task_is_ones_own_and_operators_touch_all(people, verb):
         assert (answer is True) is allowed, answer
         if who == "other":
             assert answer == (
-                f"PERMISSION_DENIED: task {task_id} is not the account other's: what others"
+                f"task {task_id} is not the account other's: what others"
                 " submitted needs the role operate; the account has submit"
             )
 
