@@ -17,13 +17,16 @@ MAX_STRANGERS = 128
 """Connections that have not; one more cuts the oldest off."""
 
 RETRY_AFTER = 1.0
+GRACE = 5.0
+"""Seconds that a connection has to finish its calls when somebody else needs its place."""
 
 
 class Admission:
     """Counts the connections of one listener.
 
     A flood of strangers costs only strangers their places: whoever has proved himself stays, and
-    a proof takes far less time than 128 others need to come.
+    a proof takes far less time than 128 others need to come. Nor can one account's flood keep the
+    others out: whoever has most connections loses one to who has fewer.
     """
 
     def __init__(self) -> None:
@@ -31,28 +34,61 @@ class Admission:
         self._most = min(MAX_CONNECTIONS, descriptors * 3 // 4)
         self._most_strangers = min(MAX_STRANGERS, descriptors // 8)
         self._strangers: dict[ServingConnection, None] = {}
-        self._known: set[ServingConnection] = set()
+        self._known: dict[str, dict[ServingConnection, None]] = {}
+        """By account, in the order in which they came."""
+        self._count = 0
         self._crowded = SeldomLog(log)
         self._full = SeldomLog(log)
+        self._greedy = SeldomLog(log)
+        self._problem = f"the server has {self._most} connections, as many as it can"
 
     def came(self, connection: ServingConnection) -> None:
         """Somebody connected; there is room for him, or there will be."""
-        if len(self._known) >= self._most:
-            self._refuse(connection)
-            return
         if len(self._strangers) >= self._most_strangers:
             self._cut_oldest(connection)
         self._strangers[connection] = None
 
     def proved(self, connection: ServingConnection) -> None:
-        """Somebody showed that he may be here."""
-        if self._strangers.pop(connection, False) is None:
-            self._known.add(connection)
+        """Somebody showed that he may be here; he stays unless the server is full."""
+        if connection not in self._strangers:
+            return
+        if self._count >= self._most and not self._make_room(connection.principal):
+            self._refuse(connection)
+            return
+        del self._strangers[connection]
+        self._known.setdefault(connection.principal, {})[connection] = None
+        self._count += 1
 
     def left(self, connection: ServingConnection) -> None:
         """A connection is gone."""
         self._strangers.pop(connection, None)
-        self._known.discard(connection)
+        self._forget(connection)
+
+    def _forget(self, connection: ServingConnection) -> None:
+        known = self._known.get(connection.principal, {})
+        if connection in known:
+            del known[connection]
+            self._count -= 1
+            if not known:
+                del self._known[connection.principal]
+
+    def _make_room(self, newcomer: str) -> bool:
+        """Send a connection away of who has most; False where that is the newcomer himself."""
+        known = self._known
+        greedy = max(known, key=lambda account: len(known[account]), default=newcomer)
+        theirs = known.get(greedy, {})
+        if len(theirs) <= len(known.get(newcomer, ())) + 1:
+            return False
+        idle = (each for each in theirs if not each.session.in_flight)
+        sent_away = next(idle, None) or next(iter(theirs))
+        loop, count = sent_away.owner.loop, len(theirs)
+        text = "%s; the account %s has %d of them, and one gives way"
+        self._greedy.warning(loop.time(), text, self._problem, greedy or "of this user", count)
+        self._forget(sent_away)
+        sent_away.drain()
+        error = ServerBusy(self._problem, retry_after=RETRY_AFTER)
+        loop.call_later(GRACE, sent_away.abort, error)
+        return True
 
     def _cut_oldest(self, newest: ServingConnection) -> None:
         oldest = next(iter(self._strangers))
@@ -66,8 +102,7 @@ class Admission:
         oldest.abort(ServerBusy("too many connections without a proof"))
 
     def _refuse(self, connection: ServingConnection) -> None:
-        problem = f"the server has {self._most} connections, as many as it can"
-        self._full.warning(
-            connection.owner.loop.time(), "refused %s: %s", connection.peer_name, problem
-        )
+        """Not counted among those who stay, but bounded with the strangers until it is gone."""
+        now, problem = connection.owner.loop.time(), self._problem
+        self._full.warning(now, "refused %s: %s", connection.peer_name, problem)
         connection.refuse(ServerBusy(problem, retry_after=RETRY_AFTER))

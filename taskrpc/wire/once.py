@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import hashlib
 import struct
+from collections import Counter
 from collections.abc import Awaitable, Iterable, Sequence
 from enum import Enum
 from typing import Any, Protocol
@@ -26,6 +27,9 @@ OPEN_PER_CLIENT = 1024
 
 CLIENTS = 100_000
 """Clients that a ledger remembers; each `--request-id` is one."""
+
+ONE_OF = 10
+"""One account may have this part of them, so that it cannot keep the others out."""
 
 _HEAD = struct.Struct("<16sQQ")
 
@@ -194,13 +198,17 @@ class Ledger:
     ) -> None:
         self._lease = lease
         self._most_clients = clients
+        self._most_of_one = max(1, clients // ONE_OF)
         self._most_open = open_per_client
         # The least recently used first: whose lease ends next.
         self._clients: dict[Client, _Known] = {}
+        self._counts: Counter[str] = Counter()
+        """How many of them each principal has."""
         for completion in sorted(completions, key=lambda each: each.at):
             client = (completion.principal, completion.client)
-            known = self._clients.pop(client, None) or _Known(completion.at)
+            known = self._known(client, completion.at)
             known.used = completion.at
+            del self._clients[client]
             self._clients[client] = known
             self.completed(completion)
 
@@ -214,20 +222,20 @@ class Ledger:
         if known is None:
             if number.first_incomplete > 1:
                 return Verdict.STALE
-            if len(self._clients) >= self._most_clients:
+            if self._is_full(principal):
                 return Verdict.FULL
-            known = _Known(now)
+            known = self._known(client, now)
         verdict = known.decide(number, fingerprint, self._most_open)
         if verdict is not Verdict.STALE:
             known.used = now
-            self._clients.pop(client, None)
+            del self._clients[client]
             self._clients[client] = known
         return verdict
 
     def runs(self, principal: str, claim: Claim, now: float) -> None:
         """A request runs that an earlier ledger decided to run."""
         number = claim.number
-        known = self._clients.setdefault((principal, number.client), _Known(now))
+        known = self._known((principal, number.client), now)
         known.requests.setdefault(number.sequence, claim.fingerprint)
 
     def answer(self, principal: str, number: Number) -> Completion:
@@ -239,7 +247,7 @@ class Ledger:
     def completed(self, completion: Completion) -> None:
         """A request is done, and its completion stored."""
         client = (completion.principal, completion.client)
-        known = self._clients.setdefault(client, _Known(completion.at))
+        known = self._known(client, completion.at)
         if completion.first_incomplete > known.first_incomplete:
             known.settle(completion.first_incomplete)
         if completion.sequence >= known.first_incomplete:
@@ -254,7 +262,7 @@ class Ledger:
         if known is not None:
             known.requests.pop(number.sequence, None)
             if known.first_incomplete == 1 and not known.requests:
-                del self._clients[client]  # nothing is known of it
+                self._forget(client)  # nothing is known of it
 
     def expire(self, now: float) -> list[Client]:
         """Forget the clients whose lease has ended, and return them."""
@@ -265,8 +273,27 @@ class Ledger:
             if known.is_idle:
                 ended.append(client)
         for client in ended:
-            del self._clients[client]
+            self._forget(client)
         return ended
+
+    def _is_full(self, principal: str) -> bool:
+        if len(self._clients) >= self._most_clients:
+            return True
+        # Without accounts everybody is the same.
+        return bool(principal) and self._counts[principal] >= self._most_of_one
+
+    def _known(self, client: Client, now: float) -> _Known:
+        known = self._clients.get(client)
+        if known is None:
+            known = self._clients[client] = _Known(now)
+            self._counts[client[0]] += 1
+        return known
+
+    def _forget(self, client: Client) -> None:
+        del self._clients[client]
+        self._counts[client[0]] -= 1
+        if not self._counts[client[0]]:
+            del self._counts[client[0]]
 
 
 class Numbers:

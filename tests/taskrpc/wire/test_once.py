@@ -3,6 +3,7 @@
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from taskrpc.errors import ProtocolError
 from taskrpc.wire.once import (
@@ -232,3 +233,21 @@ def test_no_request_runs_twice_and_each_gets_its_own_answer(actions):
             stored = {n: c for n, c in stored.items() if n >= run.first_incomplete}
             stored[run.sequence] = done
             ledger.completed(done)
+
+
+def test_one_account_cannot_fill_the_memory_that_all_have():
+    ledger = Ledger(clients=20)
+    verdicts = [ledger.decide("ada", Number(bytes([n] * 16), 1, 1), PRINT, 0.0) for n in range(9)]
+    assert verdicts == [Verdict.NEW] * 2 + [Verdict.FULL] * 7
+    assert ledger.decide("grace", Number(ME, 1, 1), PRINT, 0.0) is Verdict.NEW
+    # Nor does it keep itself out for ever.
+    ledger.abandoned("ada", Number(bytes([0] * 16), 1, 1))
+    assert ledger.decide("ada", Number(bytes([7] * 16), 1, 1), PRINT, 0.0) is Verdict.NEW
+
+
+def test_what_an_account_had_counts_after_a_restart_until_its_lease_ends():
+    old = [replace(completion(Number(bytes([n] * 16), 1, 1)), principal="ada") for n in range(2)]
+    ledger = Ledger(old, clients=20, lease=10.0)
+    assert ledger.decide("ada", Number(ME, 1, 1), PRINT, 9.0) is Verdict.FULL
+    assert len(ledger.expire(10.0)) == 2
+    assert ledger.decide("ada", Number(ME, 1, 1), PRINT, 10.0) is Verdict.NEW
