@@ -149,13 +149,14 @@ class MemoryNetwork:
     def locate(self, service: str) -> list[Address]:
         """Whom to ask for a service."""
         return [
-            Address(roster.about.address, self._token_for(roster), surely_offers=True)
-            for roster in self._hub.rosters.values()
+            Address(roster.about.address, self._token_for(network), surely_offers=True)
+            for network, roster in self._hub.rosters.items()
             if roster.about.address and roster.offers(service)
         ]
 
-    def _token_for(self, roster: Roster) -> bytes:
-        return self._account_token or bytes.fromhex(roster.about.token)
+    def _token_for(self, network: MemoryNetwork) -> bytes:
+        given = self._account_token
+        return network.token if given is None or network.accounts is None else given
 
     def entries(self) -> list[Entry]:
         """What every endpoint of this loop has."""
