@@ -153,10 +153,12 @@ class CallingConnection(Connection):
     def pause_writing(self) -> None:
         """The server reads slower than we call: new calls wait here, under their deadlines."""
         self._writing_paused = True
+        self.session.answers_pings = False
 
     def resume_writing(self) -> None:
         """The server has caught up."""
         self._writing_paused = False
+        self.session.answers_pings = True
         self._send_waiting()
 
     def expiring(self) -> Iterable[OpenCall]:

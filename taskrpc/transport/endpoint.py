@@ -118,6 +118,8 @@ class Endpoint:
         if not self.address:
             self._admission = Admission()
             self.address = self.network.listen(self._accepted)
+            if self.network.certificate:  # it may change before anybody comes
+                self._look_again()
         method = self._methods[offer.name] = self._next_method
         self.offers[method] = offer
         try:
@@ -227,8 +229,7 @@ class Endpoint:
         elif isinstance(connection, CallingConnection):
             self.dialler.connections[connection] = None
         self._vouch(connection)
-        if self._ticker is None:
-            self._ticker = self.loop.call_later(TICK, self._tick)
+        self._look_again()
 
     def connection_ended(self, connection: Connection) -> None:
         """A connection is gone."""
@@ -345,7 +346,11 @@ class Endpoint:
             look_after_accounts(self._served, book.now, time.time())
         if self.address and self.network.certificate != self._roster.about.certificate:
             self._publish(Change())
-        if connections:
+        if connections or (self.address and self.network.certificate):
+            self._look_again()
+
+    def _look_again(self) -> None:
+        if self._ticker is None and not self._closed:
             self._ticker = self.loop.call_later(TICK, self._tick)
 
     def _look_after(self, connections: list[Connection]) -> None:

@@ -18,6 +18,7 @@ from typing import Any
 from taskrpc.transport.connection import HANDSHAKE_TIMEOUT, shown
 from taskrpc.transport.network import Factory
 from taskrpc.transport.seldom import SeldomLog
+from taskrpc.transport.tls import reason_of
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -109,10 +110,14 @@ class Listener:
                 ssl_handshake_timeout=HANDSHAKE_TIMEOUT if context else None,
             )
         except ssl.SSLError as error:
-            reason = error.reason or str(error)
-            log.warning("closed the connection from %s: no TLS: %s", shown(peer), reason)
+            problem = reason_of(error)
+            log.warning("closed the connection from %s: no TLS: %s", shown(peer), problem)
         except OSError as error:
+            sock.close()  # there may be no transport yet that would
             log.debug("the connection from %s was not made: %s", shown(peer), error)
+        except Exception:
+            sock.close()
+            log.exception("the connection from %s could not be taken:", shown(peer))
 
     def _arrived(self, task: asyncio.Task[None]) -> None:
         sock = self._arriving.pop(task)

@@ -7,10 +7,13 @@ from collections.abc import Iterable
 
 from taskrpc.access import Accounts
 from taskrpc.errors import AuthenticationFailed
-from taskrpc.transport.serving import ServingConnection
+from taskrpc.transport.serving import LINGER, ServingConnection
 from taskrpc.wire.session import State
 
 log = logging.getLogger("taskrpc.transport")
+
+_GRACE = 2 * LINGER
+"""Seconds after which who was shut out is cut off, whether he has read why or not."""
 
 
 def look_after_accounts(
@@ -28,7 +31,16 @@ def look_after_accounts(
         if account is None or account.secret != proved.secret:
             why = accounts.refusal(proved.name, today) or f"{proved.name} has another secret now"
             log.warning("closed the connection from %s: %s", connection.peer_name, why)
-            connection.refuse(AuthenticationFailed("the token is not this server's any more"))
+            _shut_out(connection)
         elif account != proved and connection.session.state is State.OPEN:
             log.info("the account %s changed; its connections begin anew", proved.name)
             connection.drain()
+
+
+def _shut_out(connection: ServingConnection) -> None:
+    """End a connection, whatever its peer does; what runs or waits for it is cancelled now."""
+    error = AuthenticationFailed("the token is not this server's any more")
+    connection.refuse(error)
+    for call in connection.session.lost():
+        call.cancel()
+    connection.owner.loop.call_later(_GRACE, connection.abort, error)

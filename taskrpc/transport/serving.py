@@ -282,11 +282,11 @@ class ServingConnection(Connection):
 
     def _opened(self, event: Ready) -> None:
         self.handshake_over()
-        self.host.caller_proved(self)
         peer = event.peer
         self.caller, self.peer_id = peer.name, peer.id
         if (account := peer.account) is not None:
             self.account, self.principal, self.role = account, account.name, account.role
+        self.host.caller_proved(self)
 
     def _resolved(self, event: ResolveReceived) -> None:
         question = event.question

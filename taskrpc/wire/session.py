@@ -86,6 +86,7 @@ class Session:
         "_limits",
         "_magic_seen",
         "_their_limits",
+        "answers_pings",
         "body_limit",
         "is_client",
         "last_call_id",
@@ -116,6 +117,8 @@ class Session:
         self.out: list[Body] = []
         """What `take` is going to give."""
         self._large_out = False
+        self.answers_pings = True
+        """False while the peer does not read, where the answers would only pile up."""
         if isinstance(self._handshake, ClientHandshake):
             self.out.append(self._handshake.start())
 
@@ -392,7 +395,7 @@ class Session:
             case FrameType.CANCEL if not self.is_client:
                 request = self.open_calls.get(call_id)
                 return None if request is None else CancelReceived(call_id, request)
-            case FrameType.PING:
+            case FrameType.PING if self.answers_pings:
                 self._send(FrameType.PONG, 0, 0, 0, arg, b"")
             case FrameType.ADVERTISE | FrameType.GOAWAY if not self.is_client:
                 raise ProtocolError(f"frame type {type_} is not a client's to send")
@@ -400,7 +403,7 @@ class Session:
                 return Advertised()
             case FrameType.GOAWAY:
                 return self._on_goaway(arg)
-            case FrameType.PONG:
+            case FrameType.PING | FrameType.PONG:
                 pass
             case _ if type_ < FIRST_OPTIONAL_TYPE:
                 raise ProtocolError(f"frame type {type_} is not part of this protocol")

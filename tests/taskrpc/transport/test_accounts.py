@@ -140,6 +140,32 @@ async def test_a_revoked_account_loses_its_connections_and_gets_none(file, monke
             assert str(refused).endswith("the token is not this server's")
 
 
+async def test_who_is_shut_out_and_does_not_listen_is_cut_off(
+    file, authority, tmp_path, monkeypatch
+):
+    """Neither unread answers nor a missing farewell of TLS keep a connection alive."""
+    monkeypatch.setattr(endpoint, "TICK", 0.02)
+    path = tmp_path / "server.pem"
+    authority.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(path)
+    gate = Gate()
+    async with taskrpc.Node("server", accounts=file, tls=Tls(cert=path, key=path)) as server:
+        server.create_service(Add, "add", gate)
+        async with caller(server, ANA, tls=Tls()) as laptop:
+            client = laptop.create_client(Add, "/add", timeout=None)
+            assert await client.wait_for_service(5)
+            pending = asyncio.ensure_future(outcome(client.call(ask(1))))
+            await until(lambda: gate.started)
+            (connection,) = laptop._transport.dialler.connections
+            connection.transport.pause_reading()
+            (serving,) = server._transport._served
+            serving.transport.write(bytes(20_000_000))
+            write(file, OTTO)
+            await until(lambda: not server._transport._served, 4)
+            assert gate.cancelled == [1]
+            connection.abort(taskrpc.ConnectionLost("the test is over"))
+            await pending
+
+
 async def test_a_changed_role_counts_from_the_next_look_on(file, monkeypatch):
     monkeypatch.setattr(endpoint, "TICK", 0.02)
     async with taskrpc.Node("server", accounts=file) as server:
@@ -302,6 +328,7 @@ async def test_a_certificate_alone_is_not_enough_where_a_token_was_given(
 async def test_a_changed_certificate_is_shown_to_new_connections(authority, tmp_path, caplog):
     path, ca = tmp_path / "server.pem", tmp_path / "ca.pem"
     authority.cert_pem.write_to_path(ca)
+    path.touch(0o600)
     authority.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(path)
     async with taskrpc.Node("server", tls=Tls(cert=path, key=path), token="t" * 16) as server:
         server.create_service(Add, "add", add)

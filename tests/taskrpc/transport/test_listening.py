@@ -132,6 +132,29 @@ async def test_connections_that_are_never_made_do_not_keep_the_others_out(
     assert caplog.text.count("connections are being made at a time") == 1
 
 
+@pytest.mark.parametrize("error", [RuntimeError("no"), OSError("neither")])
+async def test_a_connection_that_cannot_be_taken_is_closed_and_the_next_one_is_taken(error, caplog):
+    sock = socket.create_server(("127.0.0.1", 0))
+    sock.setblocking(False)
+    made = [error]
+
+    def factory():
+        if made:
+            raise made.pop()
+        return asyncio.Protocol()
+
+    listener = Listener(sock, factory)
+    first, second = [await asyncio.open_connection(*sock.getsockname()) for _ in range(2)]
+    async with asyncio.timeout(5):
+        assert await first[0].read() == b""
+    second[1].write(b"x")
+    await second[1].drain()
+    assert not second[0].at_eof()
+    await close((first, second))
+    await listener.close()
+    assert ("could not be taken" in caplog.text) is isinstance(error, RuntimeError)
+
+
 async def test_a_closed_listener_leaves_nothing(recwarn):
     sock = socket.create_server(("127.0.0.1", 0))
     sock.setblocking(False)

@@ -1,14 +1,21 @@
 """Who proves an account's token is that account; who does not learns nothing of it."""
 
+import hashlib
 import hmac
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from taskrpc import Account, Accounts, AuthenticationFailed, Role
+from taskrpc import Account, Accounts, AuthenticationFailed, Role, TaskRpcError
+from taskrpc.wire import messages
 from taskrpc.wire.events import Closed, Ready
+from taskrpc.wire.frames import MAGIC, FrameType, pack_frame
 from taskrpc.wire.handshake import Voucher
-from tests.taskrpc.wire.helpers import CLIENT, SERVER, TOKEN, ConnectionPair
+from taskrpc.wire.messages import Auth, Hello
+from taskrpc.wire.session import Session, State
+from tests.taskrpc.wire.helpers import CLIENT, SERVER, TOKEN, ConnectionPair, receive
 
 ANA = Account("ana", "anas-secret-anas", Role.OPERATE)
 ACCOUNTS = Accounts(
@@ -144,3 +151,101 @@ def test_a_client_proves_the_empty_token_only_to_a_server_that_has_proved_itself
     at_client, at_server = shaken(b"", KNOWING, CERTIFICATE)
     assert at_server is None
     assert str(at_client[-1].error) == "its secret is needed (token, TASKRPC_TOKEN)"
+
+
+# Whatever a stranger puts together
+
+KEYS = {
+    "own": TOKEN,
+    "empty": b"",
+    "guess": b"ana.guess",
+    "no account": b"eve.eves-secret-eves",
+    **{each.name: each.token.encode() for each in ACCOUNTS},
+}
+NAMES = st.sampled_from(["", "ana", "late", "gone", "eve", "Ana", "ana."]) | st.text(
+    "an.@ é", max_size=5
+)
+VOUCHERS = st.none() | st.sampled_from([OWNER, *map(Voucher, ["ana", "late", "eve", ""])])
+
+
+def control(type_, body):
+    return pack_frame(type_, 0, 0, 0, 0, messages.encode(body))
+
+
+def proof(key, role, mine, theirs):
+    return Auth(hmac.digest(key, b"taskrpc " + role + mine + theirs, hashlib.sha256))
+
+
+def deserved(name, key, voucher, accounts):
+    """By the documentation: whom the server must see, None for nobody."""
+    if key == ("ana" if name == "ana" and accounts else "own"):
+        return ("ana", Role.OPERATE) if key == "ana" else ("", Role.ADMIN)
+    if key != "empty" or voucher is None:
+        return None
+    if voucher.is_owner or not accounts:
+        return "", Role.ADMIN
+    return ("ana", Role.OPERATE) if voucher.name == "ana" else None
+
+
+@given(
+    NAMES,
+    st.sampled_from(list(KEYS)),
+    VOUCHERS,
+    st.sampled_from([b"client", b"client", b"client", b"server", b""]),
+    st.sampled_from([SERVER.nonce, SERVER.nonce, SERVER.nonce, bytes(16), CLIENT.nonce]),
+    st.booleans(),
+)
+@settings(max_examples=500, deadline=None)
+def test_nobody_is_more_than_what_he_proves(name, key, voucher, role, theirs, with_accounts):
+    server = replace(KNOWING, accounts=ACCOUNTS if with_accounts else None)
+    session = Session(server, is_client=False)
+    if voucher is not None:
+        session.vouch(voucher)
+    hello = Hello(1, 1, CLIENT.id, CLIENT.nonce, 0, "/stranger", name)
+    auth = proof(KEYS[key], role, CLIENT.nonce, theirs)
+    stream = MAGIC + control(FrameType.HELLO, hello) + control(FrameType.AUTH, auth)
+    *_, event = receive(session, stream)
+    expected = deserved(name, key, voucher, with_accounts)
+    if role != b"client" or theirs != SERVER.nonce:
+        expected = None
+    assert (right(event) if isinstance(event, Ready) else None) == expected
+
+
+def conversation(token, number, voucher=None):
+    """What both sides of one connection say, frame by frame; its nonces are its own."""
+    mine, theirs = (bytes([number, side]) * 8 for side in (1, 2))
+    pair = ConnectionPair(replace(CLIENT, token=token, nonce=mine), replace(KNOWING, nonce=theirs))
+    if voucher is not None:
+        pair.server.vouch(voucher)
+        pair.client.vouch(voucher)
+    said = []
+    for end in (pair.server, pair.client) * 2:
+        pair.collect()
+        said.append(bytes(pair.wire[end]).removeprefix(MAGIC))
+        pair.deliver(end)
+    assert pair.server.state is State.OPEN
+    return said
+
+
+OVERHEARD = [
+    frame
+    for number, (token, voucher) in enumerate(
+        [(TOKEN, None), (ANA.token.encode(), None), (b"", CERTIFICATE), (b"", OWNER)]
+    )
+    for frame in conversation(token, number, voucher)
+]
+
+
+@given(st.lists(st.sampled_from(OVERHEARD), max_size=6), st.data())
+@settings(max_examples=300, deadline=None)
+def test_what_was_overheard_opens_nothing_in_any_order(frames, data):
+    stream = bytearray(b"".join(frames))
+    for place in data.draw(st.lists(st.integers(0, 500), max_size=3)):
+        if place < len(stream):
+            stream[place] ^= data.draw(st.integers(1, 255))
+    for is_client in (False, True):
+        me = replace(CLIENT, token=ANA.token.encode()) if is_client else KNOWING
+        session = Session(me, is_client=is_client)
+        events = receive(session, (b"" if is_client else MAGIC) + bytes(stream))
+        assert all(isinstance(event, Closed) for event in events)
+        assert all(isinstance(event.error, TaskRpcError) for event in events)

@@ -486,3 +486,13 @@ def test_a_peer_that_announces_megabytes_again_and_again_takes_no_memory():
     finally:
         tracemalloc.stop()
     assert peak < 30 * 2 * LARGE
+
+
+def test_pings_of_a_peer_that_does_not_read_are_not_answered():
+    pair = open_pair()
+    pair.client.answers_pings = False
+    assert pair.client.feed(frame(FrameType.PING, arg=7) * 1000) == []
+    assert pair.client.take() == []
+    pair.client.answers_pings = True
+    pair.client.feed(frame(FrameType.PING, arg=8))
+    assert b"".join(pair.client.take()) == frame(FrameType.PONG, arg=8)

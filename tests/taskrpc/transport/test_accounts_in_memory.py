@@ -1,0 +1,184 @@
+"""Accounts without sockets: roles, who is shut out, and whose request is whose."""
+
+import asyncio
+import contextlib
+
+import pytest
+
+import taskrpc
+from taskrpc import Account, Accounts, Role
+from taskrpc.transport import admission, endpoint
+from taskrpc.wire.once import Remembered
+from tests.taskrpc.transport.helpers import Add, Gate, add, ask, outcome, until
+from tests.taskrpc.transport.test_accounts import ANA, EYE, OTTO, call, write
+
+
+def in_memory(name, account=None, **options):
+    token = None if account is None else account.token
+    return taskrpc.Node(name, transport="memory", token=token, **options)
+
+
+@pytest.fixture
+def often(monkeypatch):
+    """The file of accounts is looked at often."""
+    monkeypatch.setattr(endpoint, "TICK", 0.02)
+
+
+@pytest.fixture
+def file(tmp_path):
+    return write(tmp_path / "accounts.json", ANA, OTTO)
+
+
+async def test_roles_hold_in_memory_as_they_do_on_sockets():
+    seen = []
+
+    def look(request, response):
+        info = taskrpc.current_call()
+        seen.append((info.principal, info.role))
+        return response
+
+    async with (
+        in_memory("server", accounts=Accounts([ANA, EYE])) as server,
+        in_memory("elsewhere", OTTO) as other,
+        in_memory("laptop", ANA) as laptop,
+        in_memory("looking", EYE) as looking,
+        in_memory("guest", Account("guest", "guests-secret-of-29-character")) as guest,
+        in_memory("local") as local,
+    ):
+        server.create_service(Add, "add", look)
+        other.create_service(Add, "open", add)  # a server without accounts asks for none
+        await call(laptop)
+        await call(local)
+        assert isinstance(await call(looking), taskrpc.PermissionDenied)
+        assert isinstance(await call(guest), taskrpc.AuthenticationFailed)
+        assert (await call(laptop, "/open")).sum == 5
+    assert seen == [("ana", Role.SUBMIT), ("", Role.ADMIN)]
+
+
+async def test_who_is_shut_out_neither_reads_nor_runs_on(file, often):
+    """What runs, waits for its turn, or waits to be read ends at once, whatever the peer does."""
+    gate = Gate()
+    async with (
+        in_memory("server", accounts=file) as server,
+        in_memory("laptop", ANA) as laptop,
+    ):
+        server.create_service(Add, "add", gate)
+        client = laptop.create_client(Add, "/add", timeout=None)
+        assert await client.wait_for_service(1)
+        pipe = client._channel._connection.transport
+        calls = [client.call_async(ask(number)) for number in range(5)]
+        await until(lambda: gate.started == [0])
+        (serving,) = server._transport._served
+        pipe.pause_reading()  # and never closes
+        serving.transport.write(bytes(100_000))
+        write(file, OTTO)
+        await until(lambda: gate.cancelled == [0])
+        gate.opened.set()
+        await until(lambda: not server._transport._served, 3)
+        assert gate.started == [0]
+        pipe.resume_reading()
+        results = [await outcome(each) for each in calls]
+        assert all(isinstance(each, taskrpc.TaskRpcError) for each in results)
+
+
+async def test_two_accounts_with_one_request_id_have_a_request_each():
+    seen = []
+
+    class Store:
+        async def recall(self):
+            return Remembered(b"s" * 16)
+
+        def complete(self, completion, effect, forgotten=()):
+            seen.append(completion.principal)
+
+    async with (
+        in_memory("server", accounts=Accounts([ANA, OTTO])) as server,
+        in_memory("ana", ANA) as ana,
+        in_memory("otto", OTTO) as otto,
+    ):
+        server.create_service(Add, "add", add, exactly_once=Store())
+        answers = []
+        for node, number in ((ana, 1), (otto, 2), (ana, 1), (otto, 2)):
+            client = node.create_client(Add, "/add", timeout=5)
+            answers.append((await client.call(ask(number), request_id="mine")).sum)
+    assert answers == [1, 2, 1, 2]
+    assert seen == ["ana", "otto"]
+
+
+class Crowd:
+    """Programs of accounts, each with a connection of its own."""
+
+    def __init__(self, server, stack):
+        self.server = server
+        self._stack = stack
+        self._count = 0
+
+    async def client(self, account):
+        self._count += 1
+        node = in_memory("program", account, listen=f"program {self._count}")
+        node = await self._stack.enter_async_context(node)
+        return node.create_client(Add, "/add", timeout=60)
+
+    def principals(self):
+        return sorted(each.principal for each in self.server._transport._served)
+
+
+@pytest.fixture
+async def crowd(monkeypatch):
+    monkeypatch.setattr(admission, "MAX_CONNECTIONS", 4)
+    async with (
+        in_memory("server", accounts=Accounts([ANA, OTTO])) as server,
+        contextlib.AsyncExitStack() as stack,
+    ):
+        yield Crowd(server, stack)
+
+
+async def test_an_account_with_most_connections_gives_one_to_who_has_fewer(crowd, caplog):
+    crowd.server.create_service(Add, "add", add)
+    leaked = [await crowd.client(ANA) for _ in range(5)]
+    answers = [await outcome(client.call(ask(2, 3))) for client in leaked]
+    assert [getattr(each, "sum", 0) for each in answers] == [5, 5, 5, 5, 0]
+    assert "the server has 4 connections, as many as it can" in str(answers[4])
+    others = [await crowd.client(OTTO) for _ in range(3)]
+    answers = [await outcome(client.call(ask(2, 3))) for client in others]
+    assert [getattr(each, "sum", 0) for each in answers] == [5, 5, 0]
+    await asyncio.sleep(1)
+    assert crowd.principals() == ["ana", "ana", "otto", "otto"]
+    assert "the account ana has 4 of them, and one gives way" in caplog.text
+    # Who lost a connection calls on, once there is room.
+    assert isinstance(await outcome(leaked[0].call(ask())), taskrpc.ServiceUnavailable)
+    leaked[3]._channel._connection.close()
+    await asyncio.sleep(1)
+    assert (await leaked[0].call(ask(1, 1))).sum == 2
+
+
+async def calling(crowd, account, number):
+    client = await crowd.client(account)
+    return asyncio.ensure_future(outcome(client.call(ask(number))))
+
+
+async def test_an_idle_connection_gives_way_before_a_busy_one(crowd):
+    crowd.server.create_service(Add, "add", gate := Gate(), concurrency=9)
+    calls = [await calling(crowd, ANA, 0)]
+    for _ in range(3):
+        await (await crowd.client(ANA)).wait_for_service(5)
+    calls += [await calling(crowd, OTTO, 1), await calling(crowd, OTTO, 2)]
+    await until(lambda: sorted(gate.started) == [0, 1, 2])
+    await asyncio.sleep(2 * admission.GRACE)
+    gate.opened.set()
+    assert [(await call).sum for call in calls] == [0, 1, 2]
+
+
+async def test_calls_that_do_not_end_keep_nobody_out_for_long(crowd):
+    crowd.server.create_service(Add, "add", gate := Gate(), concurrency=9)
+    calls = [await calling(crowd, ANA, number) for number in range(4)]
+    await until(lambda: len(gate.started) == 4)
+    late = await calling(crowd, OTTO, 9)
+    await until(lambda: 9 in gate.started)
+    await asyncio.sleep(admission.GRACE / 2)
+    assert not gate.cancelled
+    await asyncio.sleep(admission.GRACE)
+    assert gate.cancelled == [0]
+    assert isinstance(await calls[0], taskrpc.OutcomeUnknown)
+    gate.opened.set()
+    assert [(await call).sum for call in (*calls[1:], late)] == [1, 2, 3, 9]
