@@ -334,6 +334,9 @@ class Endpoint:
     def _tick(self) -> None:
         self._ticker = None
         connections = self._connections()
+        # First: whatever fails below, revoked accounts must be found a second later.
+        if connections or (self.address and self.network.certificate):
+            self._look_again()
         self.unread.measure_all()
         # Thousands have their pings, and the time that this takes, spread over the second.
         slices = min(SLICES, 1 + len(connections) // SLICE)
@@ -346,8 +349,6 @@ class Endpoint:
             look_after_accounts(self._served, book.now, time.time())
         if self.address and self.network.certificate != self._roster.about.certificate:
             self._publish(Change())
-        if connections or (self.address and self.network.certificate):
-            self._look_again()
 
     def _look_again(self) -> None:
         if self._ticker is None and not self._closed:
