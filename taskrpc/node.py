@@ -201,10 +201,11 @@ class Node:
         quick; `threaded=True` runs it in a thread instead. `concurrency` calls run at a time,
         later ones wait their turn: 1 unless said. `idempotent=True` tells clients that repeating a
         call does no harm. With `exactly_once=store` a repeated call is not run again but answered
-        as before, also by a later server of the same store; the callback may return an `Effect`,
-        and as many calls run at a time as a caller may have in flight. `join=True` allows other
-        processes to offer the same name. `role` is the least that the caller's account must have,
-        where the node has accounts.
+        as before, also by a later server of the same store; the callback may return an `Effect`.
+        As many calls run at a time then as a caller may have in flight, each until its effect is
+        stored; with `concurrency=1` a call sees what those before it have stored. `join=True`
+        allows other processes to offer the same name. `role` is the least that the caller's account
+        must have, where the node has accounts.
 
         Raises NameInUse, InvalidName, CannotListen; StoreError where another loop uses the store.
         """
@@ -288,7 +289,8 @@ class Node:
         if client in self._clients:
             del self._clients[client]
             name = client.service_name
-            self._retries[name] = self._retries.get(name, 0) + client.retries
+            if client.retries:  # names that a program was told may be many
+                self._retries[name] = self._retries.get(name, 0) + client.retries
 
     def _started(self) -> Transport:
         if self._transport is None:

@@ -26,6 +26,19 @@ class Connections(msgspec.Struct):
     sent: int = 0
 
 
+class OnceStatus(msgspec.Struct, frozen=True):
+    """What an exactly-once service was asked, and what its store remembers."""
+
+    requests: dict[str, int]
+    """How many there were, by what was known of them: `new`, `attach` (it runs), `done` (answered
+    from the store), `stale` (its client was forgotten), `reused` (another one had its number),
+    `full` (no room for it)."""
+    clients: int
+    """How many are remembered, with those of other services of the same store."""
+    bytes: int
+    """What that takes."""
+
+
 class ServiceStatus(msgspec.Struct, frozen=True):
     """How much one service has to do."""
 
@@ -33,6 +46,8 @@ class ServiceStatus(msgspec.Struct, frozen=True):
     running: int
     waiting: int
     """Calls that wait for their turn."""
+    once: OnceStatus | None = None
+    """For an exactly-once service."""
 
 
 class NodeStatus(msgspec.Struct, frozen=True):

@@ -111,7 +111,7 @@ class Service:
         from taskrpc.deduplication import OnceDesk  # few services are exactly-once
 
         codec = codec_of(self.srv_type.Response)
-        return OnceDesk(store, codec, self._arrived, self._finish_if_idle)
+        return OnceDesk(store, codec, self._arrived)
 
     def _offered(
         self, node: str, mode: Mode, join: bool, observer: Observer | None, role: Role
@@ -136,7 +136,8 @@ class Service:
         """How many calls run and wait."""
         from taskrpc.observer import ServiceStatus  # few programs ask
 
-        return ServiceStatus(self.service_name, self._running, self._waiting.count)
+        once = None if self._desk is None else self._desk.status()
+        return ServiceStatus(self.service_name, self._running, self._waiting.count, once)
 
     def abandon(self) -> None:
         """Stop at once: calls that wait go elsewhere, what became of running ones is unknown."""
@@ -204,6 +205,8 @@ class Service:
             answering.reset(token)
             if (held := self._now() - began) > HOLDS_LOOP_AFTER:
                 self._held_loop(held)
+        if self._desk is not None and self._waits_for_store(self._desk, call, began):
+            return True
         self._running -= 1
         if self._waiting.count or self._destroyed:
             self._finished(began)
@@ -248,6 +251,17 @@ class Service:
             self._raised(call, error)
         else:
             self._returned(call, done.result())
+        if self._desk is None or not self._waits_for_store(self._desk, call, began):
+            self._stored(began)
+
+    def _waits_for_store(self, desk: OnceDesk, call: IncomingCall, began: float) -> bool:
+        """Whether a call keeps its place until its effect is stored, for the next one to see."""
+        if call not in desk.storing:
+            return False
+        desk.storing[call] = partial(self._stored, began)
+        return True
+
+    def _stored(self, began: float) -> None:
         self._running -= 1
         self._finished(began)
 
@@ -319,7 +333,7 @@ class Service:
         self._finish_if_idle()
 
     def _finish_if_idle(self) -> None:
-        is_busy = self._running or self._waiting.count or (self._desk and self._desk.storing)
+        is_busy = self._running or self._waiting.count
         if self._destroyed and not is_busy and not self.finished.done():
             self.finished.set_result(None)
             self._stepper.close()

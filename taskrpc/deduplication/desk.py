@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
+import time
 from collections.abc import Awaitable, Callable
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taskrpc.callinfo import log_fields
 from taskrpc.deduplication.run import Run, fail_to, key_of
@@ -25,8 +26,10 @@ from taskrpc.errors import (
 from taskrpc.stepping import Stepper
 from taskrpc.transport.base import IncomingCall
 from taskrpc.transport.codec import Codec
-from taskrpc.transport.timers import clock_of
 from taskrpc.wire.once import Claim, Client, Completion, CompletionStore, Ledger, Verdict
+
+if TYPE_CHECKING:
+    from taskrpc.observer import OnceStatus
 
 log = logging.getLogger("taskrpc.server")
 
@@ -41,7 +44,6 @@ class OnceDesk:
         store: where completions and effects are kept.
         codec: encodes and decodes the service's responses.
         serve: runs a call.
-        stored: is told when nothing more is on its way to the store.
     """
 
     def __init__(
@@ -49,24 +51,29 @@ class OnceDesk:
         store: CompletionStore,
         codec: Codec,
         serve: Callable[[IncomingCall], None],
-        stored: Callable[[], object] = lambda: None,
     ) -> None:
         self.codec = codec
         self._store = store
         self._serve = serve
-        self._stored = stored
-        self.storing = 0
-        """Runs whose transaction has begun and not ended."""
+        self.storing: dict[IncomingCall, Callable[[], object]] = {}
+        """Runs whose transaction has begun and not ended; what stands here is called at its end."""
+        self._verdicts = dict.fromkeys(Verdict, 0)
         self._shared = shared_of(store)
-        loop = asyncio.get_running_loop()
-        self._now = clock_of(loop)
-        self._stepper = Stepper(loop, lambda _: None)
+        self._stepper = Stepper(asyncio.get_running_loop(), lambda _: None)
         self._shared.desks += 1
         self._shared.open(store)
 
     def store_id(self) -> asyncio.Future[bytes]:
         """The store's name, once it is open; one that could not be read is read again."""
         return self._shared.store_id(self._store)
+
+    def status(self) -> OnceStatus:
+        """What was asked, and what is remembered."""
+        from taskrpc.observer import OnceStatus  # few programs ask
+
+        ledger = self._shared.ledger
+        requests = {verdict.name.lower(): count for verdict, count in self._verdicts.items()}
+        return OnceStatus(requests, len(ledger or ()), 0 if ledger is None else ledger.size)
 
     def close(self) -> None:
         """Nothing more will come."""
@@ -79,7 +86,7 @@ class OnceDesk:
         """Do with a call what its number says."""
         shared, claim = self._shared, call.claim
         if claim is None:  # a caller that does not count: at most once
-            self._run(call, self._now() + shared.ahead)
+            self._run(call, 0.0)
         elif shared.ledger is None:
             self._wait_for_store(call)
         else:
@@ -101,6 +108,7 @@ class OnceDesk:
             answer,
             code,
             run.arrived,
+            time.time(),
         )
 
     def commit(
@@ -127,9 +135,9 @@ class OnceDesk:
         if storing is None:
             self.done(run, completion, answer)
             return
-        self.storing += 1
         with contextlib.suppress(StopIteration):  # it did not have to wait
             self._stepper.step(_nothing, self._committed(storing, run, completion, answer))
+            self.storing[run] = _nothing
 
     def done(
         self, run: Run, completion: Completion | None, answer: Callable[[IncomingCall], None]
@@ -161,11 +169,14 @@ class OnceDesk:
     # Inside
 
     def _decided(self, call: IncomingCall, claim: Claim, ledger: Ledger) -> None:
-        now = self._now() + self._shared.ahead
-        match ledger.decide(call.principal, claim.number, claim.fingerprint, now):
+        assert self._shared.clock is not None, "it comes with the ledger"
+        now = self._shared.clock.now()
+        if now >= self._shared.expires:
+            self._expire(ledger, now)
+        verdict = ledger.decide(call.principal, claim.number, claim.fingerprint, now)
+        self._verdicts[verdict] += 1
+        match verdict:
             case Verdict.NEW:
-                if now >= self._shared.expires:
-                    self._expire(ledger, now)
                 self._run(call, now)
             case Verdict.ATTACH:
                 text = "call %d of %s attaches to its first sending"
@@ -181,7 +192,8 @@ class OnceDesk:
             case Verdict.REUSED:
                 call.fail(RequestIdReused("another request was sent under this request id"))
             case Verdict.FULL:
-                problem = f"{call.service} remembers too many requests"
+                whose = f" of the account {call.principal}" if call.principal else ""
+                problem = f"{call.service} remembers too many requests{whose}"
                 call.fail(ServerBusy(problem, retry_after=RETRY_AFTER))
 
     def _run(self, call: IncomingCall, now: float) -> None:
@@ -232,9 +244,7 @@ class OnceDesk:
         else:
             self.done(run, completion, answer)
         finally:
-            self.storing -= 1
-            if not self.storing:
-                self._stored()
+            self.storing.pop(run, _nothing)()
 
     def _unstored(self, run: Run, error: BaseException) -> None:
         if isinstance(error, TaskRpcError) and not isinstance(error, OutcomeUnknown):

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
+import time
 import weakref
 from collections.abc import Callable
 
+from taskrpc.deduplication.leases import LeaseClock
 from taskrpc.deduplication.run import Key, Run, key_of
 from taskrpc.errors import Code, HandlerFailed, StoreError
 from taskrpc.wire.once import Completion, CompletionStore, Ledger
@@ -19,21 +21,18 @@ class Shared:
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self.loop = weakref.ref(loop)
+        self.clock: LeaseClock | None = None
+        """Set once the store has been read."""
         self.ledger: Ledger | None = None
         """None while the store is being read."""
         self.runs: dict[Key, Run] = {}
         self._store_id: asyncio.Future[bytes] = loop.create_future()
         self.desks = 0
-        self.ahead = 0.0
-        """Seconds by which the store's clock, on which leases end, is ahead of the loop's.
-
-        Not the wall clock: once somebody has set that, everybody's lease could be over."""
         self.expires = 0.0
-        """When on the store's clock to look for leases that have ended."""
+        """When to look for leases that have ended."""
         self._meanwhile: list[Completion] = []
         """Stored while the store is read: what is read may be older."""
         self._opening: asyncio.Task[None] | None = None
-        self._was_open = False
 
     # Reading the store
 
@@ -112,10 +111,9 @@ class Shared:
             return
         if self._opening is not asyncio.current_task():
             return  # it was read before somebody asked to read it anew
-        if not self._was_open:
-            newest = max((each.at for each in remembered.completions), default=0.0)
-            self.ahead = newest - asyncio.get_running_loop().time()
-            self._was_open = True
+        if self.clock is None:
+            ticks = asyncio.get_running_loop().time
+            self.clock = LeaseClock(remembered.completions, time.time(), ticks)
         self.ledger = ledger = Ledger((*remembered.completions, *self._meanwhile))
         self._meanwhile = []
         for run in self.runs.values():

@@ -3,6 +3,7 @@
 from taskrpc.metrics.collector import Metrics
 from taskrpc.metrics.families import Family, Histogram, Kind, Sample
 from taskrpc.metrics.prometheus import CONTENT_TYPE, render
+from taskrpc.metrics.stores import store_families
 
 __all__ = [
     "CONTENT_TYPE",
@@ -12,4 +13,5 @@ __all__ = [
     "Metrics",
     "Sample",
     "render",
+    "store_families",
 ]

@@ -14,6 +14,11 @@ from taskrpc.metrics.lateness import Lateness
 from taskrpc.metrics.prometheus import render
 from taskrpc.observer import Connections, NodeStatus, ObservedNode, Observer
 
+MAX_SERVICES = 1000
+"""Services that are told apart; what calls of others become is counted under `OTHERS`."""
+
+OTHERS = "(others)"
+
 
 class _Outcomes:
     """Calls by service and code, and their times by service."""
@@ -23,10 +28,13 @@ class _Outcomes:
         self._seconds: dict[str, Histogram] = {}
 
     def note(self, service: str, code: Code, seconds: float) -> None:
-        self._counts[service, code.name] += 1
         times = self._seconds.get(service)
         if times is None:
-            times = self._seconds[service] = Histogram()
+            # A program may call whatever name it is told; Prometheus keeps each for ever.
+            if len(self._seconds) >= MAX_SERVICES:
+                service = OTHERS
+            times = self._seconds.setdefault(service, Histogram())
+        self._counts[service, code.name] += 1
         times.observe(seconds)
 
     def families(self, prefix: str, what: str) -> list[Family]:
@@ -55,6 +63,7 @@ class Metrics(Observer):
         self._answered, self._made = _Outcomes(), _Outcomes()
         self._nodes: dict[ObservedNode, None] = {}
         self._retries_before: Counter[str] = Counter()
+        self._requests_before: Counter[tuple[str, str]] = Counter()
         self._sockets: dict[str, tuple[Connections, Connections]] = {}
         self._lateness = Lateness()
         self._more: list[Callable[[], Iterable[Family]]] = []
@@ -75,6 +84,7 @@ class Metrics(Observer):
         return [
             *self._answered.families("taskrpc_call", "Calls of this program's services"),
             *_service_families(statuses),
+            *self._once_families(statuses),
             *self._made.families("taskrpc_client_call", "Calls that this program made"),
             self._retries(statuses),
             *_socket_families(self._sockets.values()),
@@ -101,6 +111,7 @@ class Metrics(Observer):
         dialled = msgspec.structs.replace(status.dialled, open=0)
         self._sockets[status.endpoint] = accepted, dialled
         self._retries_before.update(status.retries)
+        self._requests_before.update(_requests([status]))
         self._nodes.pop(node, None)
         if not self._nodes:
             self._lateness.stop()
@@ -119,6 +130,36 @@ class Metrics(Observer):
         # The nodes of one program share their sockets, which must not be counted twice.
         self._sockets[status.endpoint] = (status.accepted, status.dialled)
 
+    def _once_families(self, statuses: Iterable[NodeStatus]) -> list[Family]:
+        requests = self._requests_before.copy()
+        requests.update(_requests(statuses))
+        services = [service for status in statuses for service in status.services]
+        once = {each.name: each.once for each in services if each.once is not None}
+        prefix = "taskrpc_exactly_once"
+        return [
+            Family(
+                f"{prefix}_requests_total",
+                Kind.COUNTER,
+                "Requests of exactly-once services, by what was known of them.",
+                [
+                    Sample(count, {"service": service, "known": known})
+                    for (service, known), count in sorted(requests.items())
+                ],
+            ),
+            Family(
+                f"{prefix}_clients",
+                Kind.GAUGE,
+                "Clients that a service's store remembers.",
+                by_label("service", {name: each.clients for name, each in once.items()}),
+            ),
+            Family(
+                f"{prefix}_bytes",
+                Kind.GAUGE,
+                "Bytes that a service's store takes in memory.",
+                by_label("service", {name: each.bytes for name, each in once.items()}),
+            ),
+        ]
+
     def _retries(self, statuses: Iterable[NodeStatus]) -> Family:
         retries = self._retries_before.copy()
         for status in statuses:
@@ -126,6 +167,15 @@ class Metrics(Observer):
         what = "How often this program's clients repeated a call."
         samples = by_label("service", retries)
         return Family("taskrpc_client_retries_total", Kind.COUNTER, what, samples)
+
+
+def _requests(statuses: Iterable[NodeStatus]) -> Counter[tuple[str, str]]:
+    found: Counter[tuple[str, str]] = Counter()
+    for status in statuses:
+        for service in status.services:
+            for known, count in service.once.requests.items() if service.once else ():
+                found[service.name, known] += count
+    return found
 
 
 def _service_families(statuses: Iterable[NodeStatus]) -> list[Family]:

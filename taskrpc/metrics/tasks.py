@@ -7,8 +7,10 @@ from collections import Counter
 from collections.abc import Sequence
 
 from taskrpc.metrics.families import Family, Histogram, Kind, Sample, by_label
+from taskrpc.metrics.stores import store_families
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, State, Task
+from taskrpc.tasks.sqlite_store import SqliteStore
 from taskrpc.tasks.store import Stored, TaskStore
 from taskrpc.wire.once import Client, Completion
 
@@ -71,6 +73,7 @@ class MeasuredStore:
                 "Changes that the store refused.",
                 [Sample(self._failures)],
             ),
+            *(store_families(self._store) if isinstance(self._store, SqliteStore) else ()),
         ]
 
     async def load(self) -> Stored:

@@ -109,6 +109,11 @@ class SqliteCompletions:
                 raise StoreError(f"an effect is part of a transaction: it cannot do {sql!r}")
         await self._writer.change(_Done(completion, statements, forgotten))
 
+    @property
+    def transactions(self) -> Mapping[int, int]:
+        """How many transactions there were, by how many calls shared one."""
+        return self._writer.transactions
+
     async def close(self) -> None:
         """Write everything into the one file and let others use it."""
         await self._writer.close()

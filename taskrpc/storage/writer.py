@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import copy
 import sqlite3
-from collections import deque
+from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -42,6 +42,8 @@ class Writer(Generic[_Change]):
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting: deque[_Asked] = deque()
         self._is_busy = False
+        self.transactions: Counter[int] = Counter()
+        """How many there were, by how many changes were written together."""
 
     async def change(self, change: _Change) -> None:
         """Write a change; it is on the disk when this returns.
@@ -99,6 +101,7 @@ class Writer(Generic[_Change]):
             while waiting and waiting[0].alone is None:
                 taken.append(waiting.popleft())
             job = partial(self._change_all, [each.change for each in taken])
+            self.transactions[len(taken)] += 1
         if self._thread is None:
             self._thread = ThreadPoolExecutor(1, thread_name_prefix="taskrpc-store")
         running = loop.run_in_executor(self._thread, job)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from taskrpc.storage.database import Database
@@ -52,6 +52,11 @@ class SqliteStore:
     async def clear(self) -> None:
         """Forget everything and begin again with number 1, as another store."""
         await self._writer.change_alone(task_tables.clear)
+
+    @property
+    def transactions(self) -> Mapping[int, int]:
+        """How many transactions there were, by how many calls shared one."""
+        return self._writer.transactions
 
     async def close(self) -> None:
         """Write everything into the one file and let others use it."""

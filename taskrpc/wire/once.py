@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import hashlib
 import struct
-from collections import Counter
 from collections.abc import Awaitable, Iterable, Sequence
 from enum import Enum
 from typing import Any, Protocol
@@ -25,11 +24,13 @@ LEASE = 24 * 3600.0
 OPEN_PER_CLIENT = 1024
 """Requests of one client that it has not yet reported as settled."""
 
-CLIENTS = 100_000
-"""Clients that a ledger remembers; each `--request-id` is one."""
+MEMORY = 128 * 2**20
+"""Bytes that a ledger remembers. An account may have as many as are still free: one alone gets a
+half, and whoever comes after ten that take what they can finds an eleventh."""
 
-ONE_OF = 10
-"""One account may have this part of them, so that it cannot keep the others out."""
+PER_CLIENT, PER_REQUEST = 500, 400
+"""Bytes that are counted for a client (each `--request-id` is one), and for a request besides its
+answer."""
 
 _HEAD = struct.Struct("<16sQQ")
 
@@ -94,7 +95,9 @@ class Completion(msgspec.Struct, frozen=True, array_like=True, gc=False):
     code: int
     """0 for a response, else the `Code` of the failure."""
     at: float
-    """Seconds on the store's clock: it goes on while a server has the store, and never leaps."""
+    """When it came, on the clock by which leases end."""
+    wall: float = 0.0
+    """The time of day when it was done, in seconds since 1970; 0 where nobody noted it."""
 
 
 class Remembered(msgspec.Struct, frozen=True):
@@ -140,30 +143,28 @@ class Verdict(Enum):
     DONE = "answer with what is remembered"
     STALE = "nobody can know any more whether it ran"
     REUSED = "its number belongs to another request"
-    FULL = "refuse it: the client has too many open requests, or there are too many clients"
+    FULL = "refuse it: the client has too many open requests, or its account takes too much memory"
 
 
 class _Known:
     """What is known of one client."""
 
-    __slots__ = ("first_incomplete", "requests", "used")
+    __slots__ = ("first_incomplete", "requests", "size", "used")
 
     def __init__(self, now: float) -> None:
         self.first_incomplete = 1
         self.used = now
         self.requests: dict[int, Completion | bytes] = {}
         """By their numbers: the completion of what is done, the fingerprint of what runs."""
+        self.size = PER_CLIENT
+        """Bytes."""
 
     def decide(self, number: Number, fingerprint: bytes, most_open: int) -> Verdict:
-        if number.sequence < self.first_incomplete:
-            return Verdict.STALE
-        if number.first_incomplete > self.first_incomplete:
-            self.settle(number.first_incomplete)
         found = self.requests.get(number.sequence)
         if found is None:
             if len(self.requests) >= most_open:
                 return Verdict.FULL
-            self.requests[number.sequence] = fingerprint
+            self.put(number.sequence, fingerprint)
             return Verdict.NEW
         verdict, belongs = Verdict.ATTACH, found
         if isinstance(found, Completion):
@@ -178,38 +179,54 @@ class _Known:
         few = settled if settled.stop - settled.start < len(self.requests) else list(self.requests)
         for number in few:
             if number in settled and isinstance(self.requests.get(number), Completion):
-                del self.requests[number]
+                self.drop(number)
+
+    def put(self, sequence: int, request: Completion | bytes) -> None:
+        self.drop(sequence)
+        self.requests[sequence] = request
+        self.size += _size(request)
+
+    def drop(self, sequence: int) -> None:
+        request = self.requests.pop(sequence, None)
+        if request is not None:
+            self.size -= _size(request)
 
     @property
     def is_idle(self) -> bool:
         return all(isinstance(each, Completion) for each in self.requests.values())
 
 
+def _size(request: Completion | bytes) -> int:
+    return PER_REQUEST + (len(request.answer) if isinstance(request, Completion) else 0)
+
+
 class Ledger:
-    """The numbers of all clients of one store. Times are seconds on the store's clock."""
+    """The numbers of all clients of one store.
+
+    Times are seconds on a clock that does not leap: by it leases end.
+    """
 
     def __init__(
         self,
         completions: Iterable[Completion] = (),
         *,
         lease: float = LEASE,
-        clients: int = CLIENTS,
+        memory: int = MEMORY,
         open_per_client: int = OPEN_PER_CLIENT,
     ) -> None:
         self._lease = lease
-        self._most_clients = clients
-        self._most_of_one = max(1, clients // ONE_OF)
+        self._memory = memory
         self._most_open = open_per_client
+        self.size = 0
+        """Bytes that are taken."""
+        self._sizes: dict[str, int] = {}  # by principal
         # The least recently used first: whose lease ends next.
         self._clients: dict[Client, _Known] = {}
-        self._counts: Counter[str] = Counter()
-        """How many of them each principal has."""
         for completion in sorted(completions, key=lambda each: each.at):
             client = (completion.principal, completion.client)
-            known = self._known(client, completion.at)
-            known.used = completion.at
-            del self._clients[client]
-            self._clients[client] = known
+            if known := self._clients.pop(client, None):
+                known.used = completion.at
+                self._clients[client] = known
             self.completed(completion)
 
     def __len__(self) -> int:
@@ -218,25 +235,32 @@ class Ledger:
     def decide(self, principal: str, number: Number, fingerprint: bytes, now: float) -> Verdict:
         """What to do with a request; after NEW it counts as running."""
         client = (principal, number.client)
-        known = self._clients.get(client)
+        known, before = self._clients.get(client), 0
         if known is None:
             if number.first_incomplete > 1:
                 return Verdict.STALE
-            if self._is_full(principal):
-                return Verdict.FULL
-            known = self._known(client, now)
-        verdict = known.decide(number, fingerprint, self._most_open)
-        if verdict is not Verdict.STALE:
+            known = _Known(now)
+        elif number.sequence < known.first_incomplete:
+            return Verdict.STALE
+        else:
+            self._settle(principal, known, number.first_incomplete)
+            before = known.size
+        # No share is set apart for each: nobody knows how many accounts will come.
+        has_room = self._memory - self.size > self._sizes.get(principal, 0)
+        verdict = known.decide(number, fingerprint, self._most_open if has_room else 0)
+        if before or verdict is Verdict.NEW:
+            self._charge(principal, known.size - before)
             known.used = now
-            del self._clients[client]
+            self._clients.pop(client, None)
             self._clients[client] = known
         return verdict
 
     def runs(self, principal: str, claim: Claim, now: float) -> None:
         """A request runs that an earlier ledger decided to run."""
-        number = claim.number
-        known = self._known((principal, number.client), now)
-        known.requests.setdefault(number.sequence, claim.fingerprint)
+        known = self._known((principal, claim.number.client), now)
+        if claim.number.sequence not in known.requests:
+            known.put(claim.number.sequence, claim.fingerprint)
+            self._charge(principal, PER_REQUEST)
 
     def answer(self, principal: str, number: Number) -> Completion:
         """What a request that is DONE was answered."""
@@ -246,21 +270,23 @@ class Ledger:
 
     def completed(self, completion: Completion) -> None:
         """A request is done, and its completion stored."""
-        client = (completion.principal, completion.client)
-        known = self._known(client, completion.at)
-        if completion.first_incomplete > known.first_incomplete:
-            known.settle(completion.first_incomplete)
+        known = self._known((completion.principal, completion.client), completion.at)
+        self._settle(completion.principal, known, completion.first_incomplete)
+        before = known.size
         if completion.sequence >= known.first_incomplete:
-            known.requests[completion.sequence] = completion
+            known.put(completion.sequence, completion)
         else:
-            known.requests.pop(completion.sequence, None)
+            known.drop(completion.sequence)
+        self._charge(completion.principal, known.size - before)
 
     def abandoned(self, principal: str, number: Number) -> None:
         """A request did not run after all: sent again, it is new."""
         client = (principal, number.client)
         known = self._clients.get(client)
         if known is not None:
-            known.requests.pop(number.sequence, None)
+            before = known.size
+            known.drop(number.sequence)
+            self._charge(principal, known.size - before)
             if known.first_incomplete == 1 and not known.requests:
                 self._forget(client)  # nothing is known of it
 
@@ -276,24 +302,27 @@ class Ledger:
             self._forget(client)
         return ended
 
-    def _is_full(self, principal: str) -> bool:
-        if len(self._clients) >= self._most_clients:
-            return True
-        # Without accounts everybody is the same.
-        return bool(principal) and self._counts[principal] >= self._most_of_one
-
     def _known(self, client: Client, now: float) -> _Known:
         known = self._clients.get(client)
         if known is None:
             known = self._clients[client] = _Known(now)
-            self._counts[client[0]] += 1
+            self._charge(client[0], PER_CLIENT)
         return known
 
+    def _settle(self, principal: str, known: _Known, first_incomplete: int) -> None:
+        if first_incomplete > known.first_incomplete:
+            before = known.size
+            known.settle(first_incomplete)
+            self._charge(principal, known.size - before)
+
     def _forget(self, client: Client) -> None:
-        del self._clients[client]
-        self._counts[client[0]] -= 1
-        if not self._counts[client[0]]:
-            del self._counts[client[0]]
+        self._charge(client[0], -self._clients.pop(client).size)
+
+    def _charge(self, principal: str, more: int) -> None:
+        self.size += more
+        size = self._sizes[principal] = self._sizes.get(principal, 0) + more
+        if not size:
+            del self._sizes[principal]
 
 
 class Numbers:

@@ -13,7 +13,8 @@ from msgspec.structs import replace
 
 from taskrpc import Node, attempts, service
 from taskrpc.attempts import Attempts
-from taskrpc.deduplication import OnceDesk, Run, desk
+from taskrpc.deduplication import OnceDesk, Run
+from taskrpc.deduplication.leases import LeaseClock
 from taskrpc.deduplication.shared import Shared
 from taskrpc.errors import Code, ConnectionLost, HandlerFailed, StoreError
 from taskrpc.tasks.book import TaskBook
@@ -27,7 +28,6 @@ from taskrpc.transport.calling import CallingConnection, OpenCall
 from taskrpc.wire.once import Ledger, Verdict
 from tests.faults.harness import Bug, Counts
 from tests.simulation.ledger import PROMISES
-from tests.simulation.machine import WALL
 from tests.simulation.processes import PROCESS
 from tests.simulation.world import simulate
 
@@ -206,7 +206,7 @@ def leave_their_connections_to_the_revoked(patch):
 
 
 def count_leases_by_the_wall_clock(patch):
-    patch(desk, "clock_of", lambda loop: lambda: time.time() - WALL)
+    patch(LeaseClock, "now", lambda clock: time.time())
 
 
 def forget_a_pause_at_the_restart(patch):

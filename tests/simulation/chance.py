@@ -11,11 +11,12 @@ import time
 import pytest
 
 from taskrpc import attempts, deduplication
-from taskrpc.deduplication import desk
+from taskrpc.deduplication import desk, leases
 from taskrpc.wire.once import Ledger
 
-LEASE = 10.0
-"""Seconds for which a simulated server remembers a client: longer than any call lasts."""
+LEASE = 20.0
+"""Seconds for which a simulated server remembers a client: half of it, the least that is left when
+the clock leaps, is longer than any call lasts."""
 
 
 @contextlib.contextmanager
@@ -30,6 +31,7 @@ def only_chance(seed, wall_clock, counts):
         patch.setattr(os, "urandom", drawn.randbytes)
         patch.setattr(time, "time", wall_clock)
         patch.setitem(Ledger.__init__.__kwdefaults__, "lease", LEASE)
+        patch.setattr(leases, "DOWN_AT_MOST", LEASE / 2)
         patch.setattr(desk, "_EXPIRE_EVERY", 1.0)
         _count(patch, counts)
         try:

@@ -1,7 +1,10 @@
 """A request of an exactly-once service runs once, however often it is sent and whoever crashes."""
 
 import asyncio
+import contextlib
+import sqlite3
 import threading
+import time
 
 import pytest
 from msgspec.structs import replace
@@ -18,6 +21,7 @@ from taskrpc.errors import (
     InvalidRequest,
     OutcomeUnknown,
     RequestIdReused,
+    ServerBusy,
     ServiceUnavailable,
     StoreError,
     TaskRpcError,
@@ -25,7 +29,7 @@ from taskrpc.errors import (
 from taskrpc.transport.calling import OpenCall
 from taskrpc.transport.memory import Pipe
 from taskrpc.wire.frames import FrameType, pack_frame
-from taskrpc.wire.once import Number, Remembered
+from taskrpc.wire.once import Ledger, Number, Remembered
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
 
@@ -687,6 +691,37 @@ async def test_a_service_that_is_ended_twice_does_not_give_up_the_store_for_anot
     assert not caplog.records
 
 
+@pytest.mark.parametrize("kind", ["plain", "async", "threaded"])
+async def test_one_call_at_a_time_sees_what_the_call_before_has_stored(tmp_path, kind):
+    path = tmp_path / "shop.db"
+    store = taskrpc.SqliteCompletions(path, ["CREATE TABLE IF NOT EXISTS sold (seat INTEGER)"])
+
+    def sell(request, response):
+        with contextlib.closing(sqlite3.connect(path)) as connection:
+            (response.sum,) = connection.execute("SELECT count(*) FROM sold").fetchone()
+        return Effect(response, [("INSERT INTO sold VALUES (?)", (response.sum,))])
+
+    async def sell_later(request, response):
+        await asyncio.sleep(0)
+        return sell(request, response)
+
+    callback = sell_later if kind == "async" else sell
+    async with Lab(store, callback, concurrency=1, threaded=kind == "threaded") as lab:
+        calls = [lab.client.call_async(Add.Request()) for _ in range(10)]
+        assert [(await call).sum for call in calls] == list(range(10))
+    await store.close()
+
+
+async def test_a_place_is_free_again_when_an_effect_cannot_be_stored():
+    async with Lab(Store(), Counter(), concurrency=1) as lab:
+        lab.store.fail_with = StoreError("the disk is full")
+        first = lab.client.call_async(Add.Request(a=1))
+        second = lab.client.call_async(Add.Request(a=2))
+        with pytest.raises(HandlerFailed, match="full"):
+            await first
+        assert (await second).sum == 2
+
+
 async def test_many_calls_at_once_each_run_once():
     async with Lab(Store(), Counter()) as lab:
         calls = [asyncio.ensure_future(lab.client.call(Add.Request(a=n))) for n in range(200)]
@@ -711,8 +746,18 @@ async def test_a_forgotten_client_with_a_call_in_doubt_learns_that_nobody_knows(
         assert lab.counter.ran == 2
 
 
+class Clock:
+    """Stands in for a store's `LeaseClock`."""
+
+    def __init__(self, lab):
+        lab.service._desk._shared.clock = self
+        self.seconds = 1000.0
+
+    def now(self):
+        return self.seconds
+
+
 async def test_a_client_whose_lease_has_ended_is_forgotten_by_the_store_too():
-    now = [1000.0]
     forgotten = []
 
     class Leased(Store):
@@ -721,9 +766,9 @@ async def test_a_client_whose_lease_has_ended_is_forgotten_by_the_store_too():
             await super().complete(completion, effect)
 
     async with Lab(Leased(), Counter()) as lab:
-        lab.service._desk._now = lambda: now[0]
+        clock = Clock(lab)
         await lab.client.call(Add.Request(a=1), request_id="old")
-        now[0] += 24 * 3600 + 1
+        clock.seconds += 24 * 3600 + 1
         await lab.client.call(Add.Request(a=2), request_id="new")
         assert len(forgotten) == 1
 
@@ -741,9 +786,33 @@ async def test_a_clock_that_was_set_between_two_servers_ends_no_lease(leap):
         assert lab.counter.ran == 2
 
 
-async def test_a_store_that_cannot_forget_keeps_nobody_from_his_answer():
-    now = [1000.0]
+async def test_a_time_of_day_that_leaps_makes_nothing_run_twice(monkeypatch):
+    async with Lab(Store(), Counter()) as lab:
+        await lab.client.call(Add.Request(a=1), request_id="one")
+        leapt = time.time() + 10**6
+        monkeypatch.setattr(time, "time", lambda: leapt)
+        await lab.client.call(Add.Request(a=2), request_id="two")
+        await lab.restart()
+        await lab.client.call(Add.Request(a=3), request_id="three")
+        for a, request_id in enumerate(("one", "two", "three"), 1):
+            await lab.client.call(Add.Request(a=a), request_id=request_id)
+        assert lab.counter.ran == 3
 
+
+async def test_a_store_whose_memory_is_full_takes_requests_again_when_leases_end():
+    async with Lab(Store(), Counter()) as lab:
+        lab.service._desk._shared.ledger = Ledger(memory=3000)
+        clock = Clock(lab)
+        await lab.client.call(Add.Request(a=1), request_id="one")
+        await lab.client.call(Add.Request(a=1), request_id="two")
+        with pytest.raises(ServerBusy, match="/add remembers too many requests"):
+            await lab.client.call(Add.Request(a=1), request_id="three")
+        clock.seconds += 24 * 3600 + 1
+        await lab.client.call(Add.Request(a=1), request_id="three")
+        assert lab.counter.ran == 3
+
+
+async def test_a_store_that_cannot_forget_keeps_nobody_from_his_answer():
     class Leased(Store):
         async def complete(self, completion, effect, clients=()):
             if clients:
@@ -751,15 +820,13 @@ async def test_a_store_that_cannot_forget_keeps_nobody_from_his_answer():
             await super().complete(completion, effect)
 
     async with Lab(Leased(), Counter()) as lab:
-        lab.service._desk._now = lambda: now[0]
+        clock = Clock(lab)
         await lab.client.call(Add.Request(a=1), request_id="old")
-        now[0] += 24 * 3600 + 1
+        clock.seconds += 24 * 3600 + 1
         assert (await lab.client.call(Add.Request(a=2), timeout=1, request_id="new")).sum == 2
 
 
 async def test_a_store_that_cannot_tell_whether_it_forgot_is_read_anew():
-    now = [1000.0]
-
     class Torn(Store):
         torn = False
 
@@ -776,9 +843,9 @@ async def test_a_store_that_cannot_tell_whether_it_forgot_is_read_anew():
             await super().complete(completion, effect)
 
     async with Lab(Torn(), Counter()) as lab:
-        lab.service._desk._now = lambda: now[0]
+        clock = Clock(lab)
         await lab.client.call(Add.Request(a=1), request_id="old")
-        now[0] += 24 * 3600 + 1
+        clock.seconds += 24 * 3600 + 1
         with pytest.raises(HandlerFailed, match="opened anew"):
             await lab.client.call(Add.Request(a=2), timeout=5, request_id="new")
         assert (await lab.client.call(Add.Request(a=2), timeout=5, request_id="new")).sum == 2

@@ -6,9 +6,9 @@ import time
 import pytest
 
 import taskrpc
-from taskrpc.metrics import Family, Kind, Sample
+from taskrpc.metrics import Family, Kind, Sample, collector, render, store_families
 from tests.taskrpc.metrics.exposition import read, values
-from tests.taskrpc.transport.helpers import Add, Gate, add, ask
+from tests.taskrpc.transport.helpers import Add, Gate, add, ask, until
 
 
 class Lab:
@@ -146,3 +146,54 @@ async def test_a_loop_that_is_held_up_is_late():
     assert late["_sum"] > 0.1
     await asyncio.sleep(0)
     assert metrics._lateness._timer is None
+
+
+async def test_an_exactly_once_service_tells_what_it_knew_of_its_requests(lab):
+    gate = Gate()
+    client = lab.offer(gate, exactly_once=taskrpc.MemoryCompletions())
+    first = client.call_async(ask(1), request_id="one")
+    await until(lambda: gate.started)
+    again = client.call_async(ask(1), request_id="one")
+    with pytest.raises(taskrpc.RequestIdReused):
+        await client.call(ask(2), request_id="one")
+    gate.opened.set()
+    await asyncio.gather(first, again)
+    await client.call(ask(1), request_id="one")
+    told = values(lab.metrics.text(), "taskrpc_exactly_once_requests_total")
+    counts = {"new": 1, "attach": 1, "reused": 1, "done": 1, "stale": 0, "full": 0}
+    assert told == {f"{known}//work": count for known, count in counts.items()}
+    assert values(lab.metrics.text(), "taskrpc_exactly_once_clients") == {"/work": 1}
+    (size,) = values(lab.metrics.text(), "taskrpc_exactly_once_bytes").values()
+    assert 500 < size < 2000
+    await lab.server.destroy()
+    assert values(lab.metrics.text(), "taskrpc_exactly_once_requests_total") == told
+
+
+async def test_plain_services_tell_nothing_about_repeated_requests(lab):
+    await lab.offer(add).call(ask())
+    assert "exactly_once" not in lab.metrics.text()
+
+
+async def test_a_program_that_makes_up_names_does_not_fill_a_prometheus(lab, monkeypatch):
+    monkeypatch.setattr(collector, "MAX_SERVICES", 3)
+    for number in range(10):
+        client = lab.client.create_client(Add, f"made_up_{number}")
+        with pytest.raises(taskrpc.ServiceUnavailable):
+            await client.call(ask())
+        client.destroy()
+    told = values(lab.theirs.text(), "taskrpc_client_calls_total")
+    assert told["UNIMPLEMENTED/(others)"] == 7
+    assert len(told) == 4
+    assert "made_up" not in lab.metrics.text()
+    assert "taskrpc_client_retries_total" not in lab.theirs.text()
+
+
+async def test_a_file_tells_how_many_changes_were_stored_together(tmp_path):
+    store = taskrpc.SqliteCompletions(tmp_path / "a.db")
+    for count in (1, 5, 5):
+        await asyncio.gather(*(store.complete(None, []) for _ in range(count)))
+    await store.close()
+    name = "taskrpc_store_transaction_changes"
+    told = values(render(store_families(store)), name)
+    assert (told["_sum"], told["_count"]) == (11, 3)
+    assert (told["_bucket/1"], told["_bucket/4"], told["_bucket/8"]) == (1, 1, 3)

@@ -7,6 +7,7 @@ import pytest
 from taskrpc.metrics import render
 from taskrpc.metrics.tasks import MeasuredStore, task_families
 from taskrpc.tasks.manager import TaskManager
+from taskrpc.tasks.sqlite_store import SqliteStore
 from taskrpc.tasks.store import MemoryStore
 from tests.taskrpc.metrics.exposition import values
 from tests.taskrpc.tasks.fakes import FullStore, LineRobot
@@ -68,4 +69,16 @@ async def test_a_store_is_measured_and_its_refusals_are_counted():
     inner.is_full = False
     assert values(render(store.families()), "taskrpc_store_failures_total") == {"": 1}
     assert values(render(store.families()), "taskrpc_store_seconds")["_count"] == 1
+    await manager.close()
+
+
+async def test_a_task_server_tells_how_many_changes_share_a_transaction(tmp_path):
+    store = MeasuredStore(SqliteStore(tmp_path / "tasks.db"))
+    manager = TaskManager(LineRobot(), store)
+    await manager.start()
+    await manager.pause()
+    await asyncio.gather(*(manager.submit("move", "3", 5) for _ in range(20)))
+    told = values(render(store.families()), "taskrpc_store_transaction_changes")
+    assert told["_sum"] == 21
+    assert told["_count"] < 10
     await manager.close()

@@ -7,12 +7,15 @@ from msgspec.structs import replace
 
 from taskrpc.errors import ProtocolError
 from taskrpc.wire.once import (
+    PER_CLIENT,
+    PER_REQUEST,
     Claim,
     Completion,
     Ledger,
     Number,
     Numbers,
     Verdict,
+    _size,
     cut_number,
     fingerprint,
     number_of_id,
@@ -99,7 +102,7 @@ def test_what_runs_is_taken_over_whatever_else_is_known_of_its_client():
 
 
 def test_a_client_whose_only_requests_were_refused_takes_no_place():
-    ledger = Ledger(clients=1)
+    ledger = Ledger(memory=2 * (PER_CLIENT + PER_REQUEST))
     for client in (b"a" * 16, b"b" * 16):
         assert ledger.decide("", Number(client, 1, 1), PRINT, 0.0) is Verdict.NEW
         ledger.abandoned("", Number(client, 1, 1))
@@ -162,14 +165,56 @@ def test_a_lease_lasts_from_the_last_use_and_what_runs_outlasts_it():
     assert len(ledger) == 2
 
 
-def test_memory_is_bounded_by_clients_and_by_open_requests():
-    ledger = Ledger(clients=2, open_per_client=2)
+def test_open_requests_of_a_client_are_bounded():
+    ledger = Ledger(open_per_client=2)
     for sequence in (1, 2):
-        assert ledger.decide("", Number(b"a" * 16, sequence, 1), PRINT, 0.0) is Verdict.NEW
-    assert ledger.decide("", Number(b"a" * 16, 3, 1), PRINT, 0.0) is Verdict.FULL
-    assert ledger.decide("", Number(b"b" * 16, 1, 1), PRINT, 0.0) is Verdict.NEW
-    assert ledger.decide("", Number(b"c" * 16, 1, 1), PRINT, 0.0) is Verdict.FULL
-    assert len(ledger) == 2
+        assert ledger.decide("", Number(ME, sequence, 1), PRINT, 0.0) is Verdict.NEW
+    assert ledger.decide("", Number(ME, 3, 1), PRINT, 0.0) is Verdict.FULL
+    assert len(ledger) == 1
+
+
+ROOM = 100 * (PER_CLIENT + PER_REQUEST)
+
+
+def fill(ledger, principal, *, answer=b""):
+    """Let an account name requests until it is refused; returns how many were taken."""
+    count = -1
+    while True:
+        count += 1
+        number = Number(f"{principal:>8}{count:08}".encode(), 1, 1)
+        if ledger.decide(principal, number, PRINT, 0.0) is Verdict.FULL:
+            return count
+        done = completion(number, answer=answer)
+        ledger.completed(replace(done, principal=principal))
+
+
+def test_no_account_can_take_the_room_of_another():
+    ledger = Ledger(memory=ROOM)
+    taken = [fill(ledger, name) for name in ("ana", "ben", "cem", "dora")]
+    assert taken == [50, 25, 13, 6]
+    first = Number(b"     ana00000000", 1, 1)
+    assert ledger.decide("ana", first, PRINT, 0.0) is Verdict.DONE, "nobody is forgotten for it"
+    assert ledger.size <= ROOM
+
+
+def test_answers_count_by_their_bytes():
+    assert fill(Ledger(memory=ROOM), "ana", answer=bytes(PER_CLIENT + PER_REQUEST)) == 25
+
+
+def test_a_client_that_settles_finds_room_in_a_full_account():
+    ledger = Ledger(memory=ROOM)
+    fill(ledger, "ana", answer=b"long")
+    client = b"     ana00000000"
+    assert ledger.decide("ana", Number(client, 2, 1), PRINT, 0.0) is Verdict.FULL
+    assert ledger.decide("ana", Number(client, 2, 2), PRINT, 0.0) is Verdict.NEW
+
+
+def test_room_is_free_again_when_leases_end():
+    ledger = Ledger(memory=ROOM, lease=10.0)
+    before = fill(ledger, "ana")
+    ledger.expire(10.0)
+    assert (ledger.size, len(ledger)) == (0, 0)
+    assert fill(ledger, "ana") == before
 
 
 def test_a_client_says_from_which_number_on_it_waits():
@@ -233,21 +278,17 @@ def test_no_request_runs_twice_and_each_gets_its_own_answer(actions):
             stored = {n: c for n, c in stored.items() if n >= run.first_incomplete}
             stored[run.sequence] = done
             ledger.completed(done)
-
-
-def test_one_account_cannot_fill_the_memory_that_all_have():
-    ledger = Ledger(clients=20)
-    verdicts = [ledger.decide("ada", Number(bytes([n] * 16), 1, 1), PRINT, 0.0) for n in range(9)]
-    assert verdicts == [Verdict.NEW] * 2 + [Verdict.FULL] * 7
-    assert ledger.decide("grace", Number(ME, 1, 1), PRINT, 0.0) is Verdict.NEW
-    # Nor does it keep itself out for ever.
-    ledger.abandoned("ada", Number(bytes([0] * 16), 1, 1))
-    assert ledger.decide("ada", Number(bytes([7] * 16), 1, 1), PRINT, 0.0) is Verdict.NEW
+        known = list(ledger._clients.values())
+        sizes = [sum(map(_size, each.requests.values())) for each in known]
+        assert [each.size - PER_CLIENT for each in known] == sizes
+        assert ledger.size == sum(each.size for each in known)
+        assert ledger._sizes == ({"": ledger.size} if known else {})
 
 
 def test_what_an_account_had_counts_after_a_restart_until_its_lease_ends():
     old = [replace(completion(Number(bytes([n] * 16), 1, 1)), principal="ada") for n in range(2)]
-    ledger = Ledger(old, clients=20, lease=10.0)
+    ledger = Ledger(old, memory=4 * (PER_CLIENT + PER_REQUEST), lease=10.0)
     assert ledger.decide("ada", Number(ME, 1, 1), PRINT, 9.0) is Verdict.FULL
+    assert ledger.decide("bob", Number(ME, 1, 1), PRINT, 9.0) is Verdict.NEW
     assert len(ledger.expire(10.0)) == 2
     assert ledger.decide("ada", Number(ME, 1, 1), PRINT, 10.0) is Verdict.NEW

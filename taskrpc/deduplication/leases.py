@@ -1,0 +1,38 @@
+"""The clock by which leases end: it goes on from server to server, and never leaps.
+
+The time of day does. A machine without a clock of its own wakes up in another year and is put
+right a minute later; by the time of day that would end every lease, and what is repeated then
+would run again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+
+from taskrpc.wire.once import LEASE, Completion
+
+DOWN_AT_MOST = LEASE / 2
+"""Seconds that count at most of the time for which no server ran: nobody can tell it from a leap of
+the clock, and no leap alone may end a lease."""
+
+
+class LeaseClock:
+    """Seconds, about those since 1970.
+
+    It goes on behind the newest of a store's completions, then as `ticks` does.
+    """
+
+    def __init__(
+        self, completions: Iterable[Completion], wall: float, ticks: Callable[[], float]
+    ) -> None:
+        newest = max(completions, key=lambda each: each.at, default=None)
+        start = wall
+        if newest is not None:
+            down = wall - (newest.wall or newest.at)
+            start = newest.at + min(max(0.0, down), DOWN_AT_MOST)
+        self._ticks = ticks
+        self._offset = start - ticks()
+
+    def now(self) -> float:
+        """The instant."""
+        return self._offset + self._ticks()
