@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from itertools import islice
 
 import msgspec
@@ -82,17 +82,19 @@ class TaskBook:
         *tasks: Task,
         completion: Completion | None = None,
         clients: Sequence[Client] = (),
+        undo: Callable[[], object] = lambda: None,
     ) -> None:
         """Store tasks and announce them; once begun it runs to its end, whoever stops waiting.
 
         The completion of the request that brought the tasks, and what else the store shall forget
-        of clients, are stored with them.
+        of clients, are stored with them. `undo` is called where nothing was announced, before
+        anybody hears of it.
 
         Raises:
             StoreError: nothing was stored and nothing announced.
             OutcomeUnknown: nothing was announced; the next server will know what was stored.
         """
-        commit = asyncio.ensure_future(self._commit(tasks, completion, clients))
+        commit = asyncio.ensure_future(self._commit(tasks, completion, clients, undo))
         for task in tasks:
             self._commits[task.task_id] = commit
         commit.add_done_callback(lambda _: self._forget_commit(commit, tasks))
@@ -145,13 +147,18 @@ class TaskBook:
         self.board.announce(task.task_id)
 
     async def _commit(
-        self, tasks: tuple[Task, ...], completion: Completion | None, clients: Sequence[Client]
+        self,
+        tasks: tuple[Task, ...],
+        completion: Completion | None,
+        clients: Sequence[Client],
+        undo: Callable[[], object],
     ) -> None:
         forgotten = self._surplus(tasks)
         try:
             await self._store.apply(tasks, forgotten, completion, clients)
         except TaskRpcError as error:
             self._problem = str(error)
+            undo()
             raise
         self._problem = ""
         for task_id in forgotten:

@@ -229,13 +229,13 @@ class TaskManager:
             return self._refuse(task_id, "only a queued task can be moved")
         self.reckon()
         moved = self._timetable.rerank(task_id, priority)
-        try:
-            await self.book.save(moved)
-        except TaskRpcError:
+
+        def undo() -> None:
             if stored := self.book.find(task_id):
                 self.reckon()
                 self._timetable.rerank(task_id, stored.priority)
-            raise
+
+        await self.book.save(moved, undo=undo)
         return self._done(f"Task {task_id} has priority {priority}", moved)
 
     async def requeue(self, task_id: int, *, resume: bool = False) -> Answer:
@@ -321,25 +321,30 @@ class TaskManager:
         self.reckon()
         accepted = self._timetable.accept(task, self._worker.now())
         answer = self._queued(accepted)
-        try:
-            completion = completing(answer) if completing else None
-            await self.book.save(accepted, completion=completion)
-        except TaskRpcError:
+
+        def undo() -> None:
             if task.task_id in self.queue:
                 self._timetable.remove(task.task_id, "could not be stored")
+
+        try:
+            completion = completing(answer) if completing else None
+        except TaskRpcError:
+            undo()
             raise
+        await self.book.save(accepted, completion=completion, undo=undo)
         return answer
 
     async def _call_off(self, task_id: int, reason: str) -> Answer:
         self.reckon()
         removed = self._timetable.remove(task_id, "was cancelled")
         task = removed.task
-        try:
-            await self.book.save(task.ended(State.CANCELED, self._wall_clock(), message=reason))
-        except TaskRpcError:
+
+        def undo() -> None:
             self.reckon()
             self._timetable.undo_remove(removed, "could not be cancelled")
-            raise
+
+        ended = task.ended(State.CANCELED, self._wall_clock(), message=reason)
+        await self.book.save(ended, undo=undo)
         return self._done(f"Task {task_id} was cancelled", task)
 
     async def _waits(self, task_id: int) -> bool:

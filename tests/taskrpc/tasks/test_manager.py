@@ -364,3 +364,24 @@ async def test_what_was_interrupted_stays_so_when_neither_its_requeue_nor_its_dr
     await asyncio.sleep(20)
     assert (len(manager.queue), robot.log) == (0, [])
     await manager.close()
+
+
+@pytest.mark.parametrize(("order", "state"), [("requeue", "CANCELED"), ("cancel", "QUEUED")])
+async def test_what_nobody_waits_for_any_more_is_undone_when_it_cannot_be_stored(order, state):
+    robot, store = LineRobot(), Refusing(3 if order == "requeue" else 2)
+    manager = TaskManager(robot, store, settle=0)
+    await manager.start()
+    await manager.pause()
+    await submit(manager, ("3", 5))
+    if order == "requeue":
+        await manager.cancel(1)
+    asked = asyncio.ensure_future(getattr(manager, order)(1))
+    await asyncio.sleep(0.5)
+    asked.cancel()
+    await asyncio.sleep(1)
+    assert manager.book.find(1).state.value == state
+    assert (1 in manager.queue) == (state == "QUEUED")
+    await manager.resume()
+    await asyncio.sleep(20)
+    assert len(robot.log) == (state == "QUEUED")
+    await manager.close()
