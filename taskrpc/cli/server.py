@@ -9,13 +9,14 @@ import importlib
 import inspect
 import logging
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Awaitable, Callable, Sequence
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from taskrpc import logs, platform
 from taskrpc.cli import remote
-from taskrpc.cli.command import Exit, run_main
+from taskrpc.cli.command import Exit, UsageError, run_main
 from taskrpc.cli.parsing import Parser, number, whole
 from taskrpc.errors import TaskRpcError
 
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from taskrpc.robot.protocol import Robot
     from taskrpc.tasks import TaskServer
     from taskrpc.tasks.store import TaskStore
+
+_Result = TypeVar("_Result")
 
 DRAIN_GRACE = 1.0
 """Seconds that calls in flight get when the server is told to end."""
@@ -40,10 +43,17 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(arguments: list[str]) -> Exit:
     options = _parser().parse_args(arguments)
+    if options.standby and (options.fresh or options.db == ":memory:"):
+        other = "--fresh" if options.fresh else "--db :memory:"
+        problem = f"--standby goes on with the tasks of the server before: expected no {other}"
+        raise UsageError(f"taskrpc-server: error: {problem}")
     handler = logs.handler(options.log_format)
     logging.basicConfig(level=options.log_level.upper(), handlers=[handler])
     # Not on the loop: there Ctrl-C would have to wait until the map is read.
     robot = _robot(options)
+    if not options.standby:  # else the server before still has what it may be connected to
+        made = robot()
+        robot = lambda: made  # noqa: E731
     from taskrpc.node import run
 
     run(_serve(options, robot))
@@ -78,6 +88,8 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     seconds = number("from 0 on", lambda seconds: seconds >= 0)
     add("--settle", metavar="S", type=seconds, default=0.1, help=settle)
     add("--join", action="store_true", help="start although another server has the name")
+    standby = "wait until the server that uses the database ends, then go on in its place"
+    add("--standby", action="store_true", help=standby)
     found = "how soon a caller whose machine is gone is given up: after 8 s, or 2 s (default)"
     add("--keepalive", choices=["default", "robot"], help=found)
     web = "also show /health and /metrics there, by HTTP"
@@ -114,9 +126,9 @@ def _add_security_options(parser: argparse.ArgumentParser) -> None:
     add("--tls-ca", metavar="FILE", help="callers must show a certificate signed by this one")
 
 
-async def _serve(options: argparse.Namespace, robot: Robot) -> None:
+async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> None:
     from taskrpc.node import Node, stop_requested
-    from taskrpc.tasks import TaskServer
+    from taskrpc.tasks import SqliteStore, TaskServer
 
     access = remote.remote_of(options)
     watch = _watch(options, access)
@@ -130,23 +142,32 @@ async def _serve(options: argparse.Namespace, robot: Robot) -> None:
         keepalive=options.keepalive,
         observer=_observer(options, watch),
     )
+    store = _store(options)
     async with stop_requested() as stopped, node, contextlib.AsyncExitStack() as stack:
+        started = _at_once
+        if isinstance(store, SqliteStore) and options.standby:
+            from taskrpc.cli.standby import claimed, once_free  # most servers have none before
+
+            started = once_free
+            if not await claimed(store, stopped, partial(_say, options)):
+                return
         server = TaskServer(
             node,
-            robot,
-            watch.measured(_store(options)) if watch else _store(options),
+            robot(),
+            watch.measured(store) if watch else store,
             queue_limit=options.queue_limit,
             share=options.share,
             settle=options.settle,
             join=options.join,
         )
         if watch is not None:  # before the start: monitors shall see that it takes its time
-            web = await stack.enter_async_context(watch.web(server))
-            _say(options, f"taskrpc-server: /health and /metrics at {web.url}")
-        resumed = await server.start(fresh=options.fresh)
-        _say(options, f"taskrpc-server: {resumed}")
+            pages = watch.web(server)
+            web = await started(lambda: stack.enter_async_context(pages))
+            _say(options, f"/health and /metrics at {web.url}")
+        resumed = await started(lambda: server.start(fresh=options.fresh))
+        _say(options, f"{resumed}")
         what = "/robot_task [my_robot_interfaces/srv/RobotTask]"
-        _say(options, f"taskrpc-server ready: {what} at {node.address}")
+        _print(options, f"taskrpc-server ready: {what} at {node.address}")
         await stopped
         await _shut_down(node, server)
 
@@ -169,7 +190,15 @@ def _watch(options: argparse.Namespace, access: remote.Remote) -> Watch | None:
     return Watch(options.web, access, options.accounts)
 
 
+async def _at_once(start: Callable[[], Awaitable[_Result]]) -> _Result:
+    return await start()
+
+
 def _say(options: argparse.Namespace, text: str) -> None:
+    _print(options, f"taskrpc-server: {text}")
+
+
+def _print(options: argparse.Namespace, text: str) -> None:
     """Tell whoever started the server, at every log level and in the format of the log."""
     if options.log_format == "json":
         level = logging.INFO
@@ -204,18 +233,19 @@ def _default_file() -> Path:
     return platform.state_dir() / name
 
 
-def _robot(options: argparse.Namespace) -> Robot:
+def _robot(options: argparse.Namespace) -> Callable[[], Robot]:
+    """Makes the robot; all that can be known to be wrong before is told now."""
     from taskrpc.robot import KinematicRobot, default_world, read_map
 
     world = read_map(options.map) if options.map else default_world()
     if options.robot:
-        return _own_robot(options.robot, {"world": world, "speed": options.speed})
-    return KinematicRobot(world, speed=options.speed)
+        make = _imported(options.robot)
+        return partial(_own_robot, options.robot, make, {"world": world, "speed": options.speed})
+    return partial(KinematicRobot, world, speed=options.speed)
 
 
-def _own_robot(spec: str, offered: dict[str, Any]) -> Robot:
+def _own_robot(spec: str, make: Callable[..., Any], offered: dict[str, Any]) -> Robot:
     """Make a user's robot; its constructor gets `world` and `speed` if it asks for them."""
-    make = _imported(spec)
     try:
         wanted = inspect.signature(make).parameters
         robot = make(**{name: value for name, value in offered.items() if name in wanted})

@@ -22,6 +22,21 @@ _HEAD = 80
 _WITNESS = re.compile(rb"store ([0-9a-f]{32}), commit (\d{20})\n")
 
 
+class FileInUse(StoreError):
+    """Another process uses the file.
+
+    Attributes:
+        fact: the sentence without what to do about it.
+    """
+
+    def __init__(self, fact: str) -> None:
+        self.fact = fact
+        super().__init__(f"{fact}; stop that one, or give this one another file")
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.fact,), self.__dict__
+
+
 class Witness(NamedTuple):
     """How far a file had come when it was last changed."""
 
@@ -35,7 +50,8 @@ class Lock:
     `holder` says what uses such files.
 
     Raises:
-        StoreError: another process has it; the text says which.
+        FileInUse: another process has it; the text says which.
+        StoreError: nobody can have it.
     """
 
     def __init__(self, path: Path, holder: str) -> None:
@@ -75,10 +91,7 @@ class Lock:
             ) from error
         if not is_ours:
             found = os.read(self._descriptor, _HEAD).decode(errors="replace").strip()
-            raise StoreError(
-                f"{path} is in use by another {holder} ({found}); "
-                "stop that one, or give this one another file"
-            )
+            raise FileInUse(f"{path} is in use by another {holder} ({found})")
         self.path.chmod(0o600)
         since = datetime.now().astimezone().isoformat(" ", "seconds")
         head = f"pid {os.getpid()}, since {since}".ljust(_HEAD - 1)

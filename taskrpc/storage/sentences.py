@@ -45,8 +45,9 @@ def plainly(path: Path, *, but_statements: bool = False) -> Iterator[None]:
     try:
         yield
     except StoreError as error:
-        text = str(error)
-        raise StoreError(text if str(path) in text else f"{path}: {text}") from error.__cause__
+        if str(path) in str(error):
+            raise
+        raise StoreError(f"{path}: {error}") from error.__cause__
     except Damaged as damage:
         raise StoreError(_of_damage(path, damage)) from None
     except sqlite3.DatabaseError as error:

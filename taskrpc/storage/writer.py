@@ -13,9 +13,13 @@ from typing import Any, Generic, TypeVar
 
 from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.storage.database import Database
+from taskrpc.storage.lock import FileInUse
 
 _Change = TypeVar("_Change")
 _Result = TypeVar("_Result")
+
+_LOOK = 0.05
+"""Seconds between two looks whether the file is free; nobody is told by the system."""
 
 
 class Writer(Generic[_Change]):
@@ -66,6 +70,22 @@ class Writer(Generic[_Change]):
     async def mend(self) -> None:
         """Open a broken file anew, for those who then read what it holds. Raises StoreError."""
         await self._ask(None, self._mend)
+
+    async def claim(self, waiting: Callable[[FileInUse], object]) -> None:
+        """Open the file once no other process uses it; `waiting` is told why it takes its time.
+
+        Raises StoreError.
+        """
+        told = False
+        while True:
+            try:
+                await self.mend()
+                return
+            except FileInUse as error:
+                if not told:
+                    told = True
+                    waiting(error)
+            await asyncio.sleep(_LOOK)
 
     async def close(self) -> None:
         """Do what was asked for, write everything into the one file and let others use it."""

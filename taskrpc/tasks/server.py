@@ -33,7 +33,28 @@ _WATCH_AT_MOST = 60.0
 _WATCH_SHARE = 0.9  # of the time that the caller waits; the rest is for the way back
 _WATCHED_TASKS = 100  # more changes at once are told as "list them afresh"
 
+_TYPES = {
+    "submit": "my_robot_interfaces/srv/RobotTask",
+    "list": "taskrpc_interfaces/srv/ListTasks",
+    "show": "taskrpc_interfaces/srv/ShowTask",
+    "watch": "taskrpc_interfaces/srv/WatchTasks",
+    "cancel": "taskrpc_interfaces/srv/CancelTask",
+    "pause": "taskrpc_interfaces/srv/PauseTasks",
+    "resume": "taskrpc_interfaces/srv/ResumeTasks",
+    "reprioritise": "taskrpc_interfaces/srv/ReprioritiseTask",
+    "requeue": "taskrpc_interfaces/srv/RequeueTask",
+    "drop": "taskrpc_interfaces/srv/DropTask",
+    "stop": "taskrpc_interfaces/srv/StopRobot",
+    "health": "std_srvs/srv/Trigger",
+}
+"""What each service's requests and answers are."""
+
 _Handler: TypeAlias = Callable[[Any, Any], Awaitable[Any]]
+
+
+def load_types() -> dict[str, Any]:
+    """The types of all services; loading them is most of the work of a task server's start."""
+    return {verb: srvgen.load(name) for verb, name in _TYPES.items()}
 
 
 class TaskServer:
@@ -83,6 +104,7 @@ class TaskServer:
         self._node = node
         self._service_name = service_name
         self._messages = Messages()
+        self._types = load_types()
         self._services: list[Service] = []
         self._started = asyncio.Event()
 
@@ -118,6 +140,7 @@ class TaskServer:
         except BaseException:
             for service in self._services:
                 service.destroy()
+            self._services.clear()
             raise
         self._started.set()
         self._completions.opened()
@@ -142,9 +165,8 @@ class TaskServer:
         await self.manager.close()
 
     def _offer(self) -> None:
-        submit_type = srvgen.load("my_robot_interfaces/srv/RobotTask")
         submit = self._node.create_service(
-            submit_type,
+            self._types["submit"],
             self._service_name,
             self._guarded(self.submit, unstored=Code.UNAVAILABLE),  # nothing was done
             exactly_once=self._completions,
@@ -153,20 +175,20 @@ class TaskServer:
         self._services.append(submit)
         # A call that looks or halts may be repeated when its answer is lost. One that sets things
         # going may not: somebody else may have halted them meanwhile.
-        for verb, type_name, handler, may_repeat in (
-            ("list", "ListTasks", self.list_tasks, True),
-            ("show", "ShowTask", self.show, True),
-            ("watch", "WatchTasks", self.watch, True),
-            ("cancel", "CancelTask", self.cancel, True),
-            ("pause", "PauseTasks", self.pause, True),
-            ("resume", "ResumeTasks", self.resume, False),
-            ("reprioritise", "ReprioritiseTask", self.reprioritise, False),
-            ("requeue", "RequeueTask", self.requeue, False),
-            ("drop", "DropTask", self.drop, True),
-            ("stop", "StopRobot", self.stop, True),
+        for verb, handler, may_repeat in (
+            ("list", self.list_tasks, True),
+            ("show", self.show, True),
+            ("watch", self.watch, True),
+            ("cancel", self.cancel, True),
+            ("pause", self.pause, True),
+            ("resume", self.resume, False),
+            ("reprioritise", self.reprioritise, False),
+            ("requeue", self.requeue, False),
+            ("drop", self.drop, True),
+            ("stop", self.stop, True),
         ):
             service = self._node.create_service(
-                srvgen.load(f"taskrpc_interfaces/srv/{type_name}"),
+                self._types[verb],
                 f"{self._service_name}/{verb}",
                 self._guarded(handler),
                 concurrency=_WATCHERS if verb == "watch" else _CONCURRENCY,
@@ -176,7 +198,7 @@ class TaskServer:
             )
             self._services.append(service)
         health = self._node.create_service(
-            srvgen.load("std_srvs/srv/Trigger"),
+            self._types["health"],
             f"{self._service_name}/health",
             self.tell_health,  # unguarded: it says what the others wait for
             concurrency=_CONCURRENCY,

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 from taskrpc.storage.database import Database
+from taskrpc.storage.lock import FileInUse
 from taskrpc.storage.writer import Writer
 from taskrpc.tasks import task_tables
 from taskrpc.tasks.model import Task
@@ -29,6 +30,15 @@ class SqliteStore:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._path = Path(path).absolute()
         self._writer: Writer[Change] = Writer(self._open_file, task_tables.write)
+
+    async def claim(self, waiting: Callable[[FileInUse], object] | None = None) -> None:
+        """Wait until no other process uses the file, and keep it from then on.
+
+        `waiting` is called once, with the error that says by whom, where it is in use.
+
+        Raises StoreError.
+        """
+        await self._writer.claim(waiting or (lambda error: None))
 
     async def load(self) -> Stored:
         """Return everything that is remembered; see `TaskStore.load`."""

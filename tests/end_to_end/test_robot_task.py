@@ -54,7 +54,7 @@ class Hoover:
 class TaskServer:
     """A `taskrpc-server` process, started and ready."""
 
-    def __init__(self, folder, *argv):
+    def __init__(self, folder, *argv, says=READY):
         self.folder = folder
         self.log = folder / f"server-{time.monotonic_ns()}.log"
         with self.log.open("wb") as log:
@@ -65,12 +65,15 @@ class TaskServer:
                 stdout=subprocess.DEVNULL,
                 stderr=log,
             )
+        self.wait_until_it_says(says)
+        self.address = self.text.partition(READY)[2].partition("\n")[0]
+
+    def wait_until_it_says(self, words):
         ends = time.monotonic() + PATIENCE
-        while READY not in self.text:
+        while words not in self.text:
             assert self.process.poll() is None, self.text
             assert time.monotonic() < ends, self.text
             time.sleep(0.02)
-        self.address = self.text.partition(READY)[2].splitlines()[0]
 
     @property
     def text(self):

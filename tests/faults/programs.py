@@ -44,6 +44,14 @@ taskrpc.run(main())
 """
 """Offers `add`: answers with `a` after `b` milliseconds; options `join` and `idempotent`."""
 
+TASK_SERVER = """
+import os, sys
+os.dup2(1, 2)  # what it says of itself is on stderr
+from taskrpc.cli.server import main
+sys.exit(main(sys.argv[1:]))
+"""
+"""`taskrpc-server`, whose lines begin with its name."""
+
 
 class Programs:
     """Starts programs and ends them, each by its process id."""

@@ -15,20 +15,13 @@ from taskrpc.tasks.book import TaskBook
 from taskrpc.tasks.completions import TaskCompletions
 from taskrpc.wire.once import Ledger, Remembered, Verdict
 from tests.faults.harness import Bug
-from tests.faults.programs import kill
+from tests.faults.programs import TASK_SERVER, kill
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 
 RobotTask = srvgen.load("my_robot_interfaces/srv/RobotTask")
 CLIENTS = 8
 BROKEN = ("lost", "doubled", "one number for two", "nobody's", "unknown")
-
-TASK_SERVER = """
-import os, sys
-os.dup2(1, 2)  # what it says of itself is on stderr
-from taskrpc.cli.server import main
-sys.exit(main(sys.argv[1:]))
-"""
 
 
 def forget_what_was_done(patch):

@@ -1,16 +1,26 @@
-"""Promise 12: SIGTERM drains: calls in flight are answered, later ones move to another server."""
+"""Promise 12: SIGTERM drains: calls in flight are answered, later ones move to another server.
+
+One that offers the same name beside it, or one that stands by and goes on with the same tasks.
+"""
 
 import asyncio
+import collections
 import contextlib
 import os
 import random
+import sqlite3
 
 import pytest
 
+import srvgen
 import taskrpc
 from taskrpc.node import Node
+from taskrpc.storage.lock import FileInUse
+from taskrpc.storage.writer import Writer
+from taskrpc.tasks import task_tables
+from taskrpc.tasks.store import Stored
 from tests.faults.harness import Bug
-from tests.faults.programs import ADDER, terminate
+from tests.faults.programs import ADDER, TASK_SERVER, terminate
 from tests.taskrpc.transport.helpers import Add, ask
 
 pytestmark = [
@@ -76,6 +86,128 @@ async def test_no_caller_sees_that_servers_are_told_to_end(counts, seed, large, 
     counts.check(
         "errors that callers saw",
         "wrong answers",
+        "ended badly",
+        happened=("SIGTERMs", "answers"),
+    )
+    # A server under four fifths of the load that these callers can make.
+    counts.require(in_flight_at_a_SIGTERM=round(0.7 * CLIENTS * AT_ONCE * counts["SIGTERMs"]))
+
+
+RobotTask = srvgen.load("my_robot_interfaces/srv/RobotTask")
+PauseTasks = srvgen.load("taskrpc_interfaces/srv/PauseTasks")
+
+
+def goes_on_without_the_tasks(patch):
+    patch(task_tables, "load", lambda connection: Stored((), 1, bytes(16)))
+
+
+def stands_by_for_ever(patch):
+    async def claim(writer, waiting):
+        waiting(FileInUse("planted"))
+        await asyncio.Event().wait()
+
+    patch(Writer, "claim", claim)
+
+
+LOAD = 24
+"""Answers between two SIGTERMs."""
+
+
+class Relay:
+    """Task servers of one file, each of which goes on where the one before it was told to end."""
+
+    def __init__(self, folder, programs, counts, seed, patience):
+        self.patience = patience
+        self.db, self.programs, self.counts = folder / "tasks.db", programs, counts
+        self.chance = random.Random(seed)
+        self.told = {}  # target -> task_id
+        self.in_flight = 0
+        self.over = asyncio.Event()
+
+    async def start(self, *options, says="taskrpc-server"):
+        """A server; tasks wait in a queue that is paused, and stays so."""
+        options = ["--db", str(self.db), "--log-level", "error", *options]
+        return await self.programs.start(TASK_SERVER, *options, ready=says, name="server.py")
+
+    async def stand_by(self):
+        return await self.start("--standby", says="taskrpc-server: standing by")
+
+    async def run(self, rounds, pace):
+        running = await self.start()
+        async with taskrpc.Node("users") as node:
+            client = node.create_client(PauseTasks, "/robot_task/pause")
+            await client.call(PauseTasks.Request(), retry=taskrpc.RetryPolicy())
+            callers = [
+                asyncio.ensure_future(self.keep_submitting(node, each, pace))
+                for each in range(CLIENTS)
+            ]
+            next_one = await self.stand_by()
+            for _ in range(rounds):
+                await self.under_load()
+                self.counts["in flight at a SIGTERM"] += self.in_flight
+                self.counts["SIGTERMs"] += 1
+                # The one after the next comes already: of two that stand by, one goes on.
+                code, after = await asyncio.gather(terminate(running), self.stand_by())
+                self.counts["ended badly"] += code != 0
+                running, next_one = next_one, after
+                if self.counts["errors that callers saw"]:
+                    break
+            self.over.set()
+            await asyncio.gather(*callers)
+        self.counts["ended badly"] += await terminate(next_one) != 0
+        self.counts["ended badly"] += await terminate(running) != 0
+
+    async def under_load(self):
+        """Return at some instant when the server has taken tasks and is at it."""
+        least = self.counts["answers"] + LOAD
+        while self.counts["answers"] < least and not self.counts["errors that callers saw"]:
+            await asyncio.sleep(0.002)
+        await asyncio.sleep(self.chance.uniform(0, 0.02))
+
+    async def keep_submitting(self, node, number, pace):
+        # Who has a policy waits for a server; without one, that there is none now is told.
+        retry = taskrpc.RetryPolicy()
+        client = node.create_client(RobotTask, "/robot_task", timeout=self.patience, retry=retry)
+        each = 0
+        while not self.over.is_set():
+            each += 1
+            target = f"{1 + number / 10:g},{1 + each / 100000:.5f}"
+            request = RobotTask.Request(task_type="move", target=target, priority=5)
+            self.in_flight += 1
+            try:
+                self.told[target] = (await client.call(request)).task_id
+                self.counts["answers"] += 1
+            except taskrpc.TaskRpcError:
+                self.counts["errors that callers saw"] += 1
+            self.in_flight -= 1
+            await asyncio.sleep(pace)
+
+    def judge(self):
+        with contextlib.closing(sqlite3.connect(self.db)) as file:
+            rows = file.execute("SELECT json_extract(record, '$.target') FROM task").fetchall()
+        stored = collections.Counter(target for (target,) in rows)
+        self.counts["lost"] = sum(not stored[target] for target in self.told)
+        self.counts["doubled"] = sum(count > 1 for count in stored.values())
+        numbers = collections.Counter(self.told.values())
+        self.counts["one number for two"] = sum(count > 1 for count in numbers.values())
+
+
+@pytest.mark.planted(
+    Bug(goes_on_without_the_tasks, "one number for two"),
+    Bug(stands_by_for_ever, "errors that callers saw"),
+)
+async def test_no_caller_sees_that_a_server_hands_its_tasks_to_the_next(
+    counts, seed, large, bug, programs, tmp_path
+):
+    relay = Relay(tmp_path, programs, counts, seed, 10 if bug is None else 3)
+    rounds = 1000 if large else 30 if bug is None else 3
+    await relay.run(rounds, pace=0.1 if large else 0.002)
+    relay.judge()
+    counts.check(
+        "errors that callers saw",
+        "lost",
+        "doubled",
+        "one number for two",
         "ended badly",
         happened=("SIGTERMs", "answers", "in flight at a SIGTERM"),
     )

@@ -292,3 +292,27 @@ async def test_a_closed_store_leaves_one_database_file_and_its_lock(path, tmp_pa
     await store.apply([make(1)])
     await store.close()
     assert sorted(entry.name for entry in tmp_path.glob("tasks*")) == ["tasks.db", "tasks.db.lock"]
+
+
+async def test_a_claim_waits_for_the_other_server_and_is_told_once_of_it(tmp_path):
+    first, second = SqliteStore(tmp_path / "tasks.db"), SqliteStore(tmp_path / "tasks.db")
+    await first.claim()
+    told = []
+    claim = asyncio.ensure_future(second.claim(lambda error: told.append(error.fact)))
+    await asyncio.sleep(3)
+    assert not claim.done()
+    (fact,) = told
+    assert re.search(r"tasks\.db is in use by another task server \(pid \d+, since .*\)$", fact)
+    await first.close()
+    await claim
+    with pytest.raises(StoreError, match=r"is in use .*; stop that one, or give this one"):
+        await first.load()
+    await second.close()
+
+
+async def test_a_file_that_cannot_be_used_ends_a_claim(tmp_path):
+    (tmp_path / "tasks.db").write_text("no database" * 100)
+    store = SqliteStore(tmp_path / "tasks.db")
+    with pytest.raises(StoreError, match="expected a database"):
+        await store.claim()
+    await store.close()

@@ -1,0 +1,115 @@
+"""A server that stands by goes on where the one before it ended, whatever ended it."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import urllib.request
+
+import pytest
+
+from taskrpc.cli.main import main
+from taskrpc.cli.server import main as server_main
+from taskrpc.transport.tcp import bound
+from tests.end_to_end.test_robot_task import READY, TaskServer
+
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.skipif(os.name == "nt", reason="sends POSIX signals"),
+]
+STANDS_BY = "taskrpc-server: standing by: "
+
+
+@pytest.fixture
+def start(tmp_path):
+    with contextlib.ExitStack() as stack:
+
+        def start(*argv, says=READY):
+            argv = ("--db", tmp_path / "tasks.db", *argv)
+            server = TaskServer(tmp_path, *argv, says=says)
+            stack.callback(server.process.wait)
+            stack.callback(server.process.kill)
+            return server
+
+        yield start
+
+
+def free_place():
+    with contextlib.closing(bound("127.0.0.1", 0)) as sock:
+        return f"127.0.0.1:{sock.getsockname()[1]}"
+
+
+def submit(*targets):
+    for target in targets:
+        assert main(["task", "submit", "move", target, "5"]) == 0
+
+
+def listed(capsys):
+    capsys.readouterr()
+    assert main(["task", "list", "--json", "--all"]) == 0
+    return json.loads(capsys.readouterr().out)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
+def test_it_goes_on_with_the_tasks_at_the_same_addresses(start, capsys, number):
+    pytest.importorskip("aiohttp")
+    places = ("--listen", free_place(), "--web", free_place())
+    first = start(*places)
+    submit("warehouse", "station_1", "central")
+    second = start(*places, "--standby", says=STANDS_BY)
+    assert f"is in use by another task server (pid {first.process.pid}, since " in second.text
+    assert READY not in second.text
+    code, _ = first.end(number)
+    assert code == (0 if number == signal.SIGTERM else -number)
+    second.wait_until_it_says(READY)
+    assert f"{READY}{first.address}\n" in second.text
+    assert "resumed 2 queued tasks; task 1 was interrupted" in second.text
+    with urllib.request.urlopen(f"http://{places[-1]}/health") as answer:
+        assert answer.status == 200
+    tasks = {task["task_id"]: task["state"] for task in listed(capsys)}
+    assert sorted(tasks) == [1, 2, 3]
+    assert tasks[1] == "INTERRUPTED"
+    assert second.end()[0] == 0
+
+
+def test_where_nobody_is_before_it_a_server_starts_at_once(start):
+    only = start("--standby")
+    assert "standing by" not in only.text
+
+
+def test_one_that_is_told_to_end_while_it_stands_by_ends_and_leaves_the_other_alone(start, capsys):
+    first = start()
+    second = start("--standby", says=STANDS_BY)
+    code, seconds = second.end()
+    assert (code, second.text.count("\n")) == (0, 1)
+    assert seconds < 2
+    submit("warehouse")
+    assert len(listed(capsys)) == 1
+    assert first.end()[0] == 0
+
+
+def test_of_two_that_stand_by_one_goes_on_and_the_other_waits_for_its_end(start):
+    first = start()
+    others = [start("--standby", says=STANDS_BY) for _ in range(2)]
+    first.end()
+    while not (ready := [each for each in others if READY in each.text]):
+        assert all(each.process.poll() is None for each in others)
+    (other,) = set(others) - set(ready)
+    assert READY not in other.text
+    ready[0].end()
+    other.wait_until_it_says(READY)
+
+
+def test_a_name_that_stays_in_use_is_told(start, tmp_path, monkeypatch):
+    first = start()
+    monkeypatch.setattr("taskrpc.cli.standby._PATIENCE", 0.2)
+    assert server_main(["--db", str(tmp_path / "other.db"), "--standby"]) == 1
+    assert first.process.poll() is None
+
+
+@pytest.mark.parametrize("options", [["--fresh"], ["--db", ":memory:"]])
+def test_who_stands_by_cannot_begin_anew(options, capsys):
+    assert server_main(["--standby", *options]) == 2
+    assert f"the tasks of the server before: expected no {options[0]}" in capsys.readouterr().err
