@@ -31,6 +31,7 @@ one knows better.
 
 from __future__ import annotations
 
+import re
 from enum import IntEnum
 
 
@@ -64,9 +65,11 @@ class TaskRpcError(Exception):
 
     Attributes:
         not_executed: True when the call certainly did not run, False when it did, None if unknown.
+        files: files that the text names, which are nothing to callers elsewhere.
     """
 
     not_executed: bool | None = None
+    files: tuple[str, ...] = ()
 
     def __init__(self, message: str = "", *, not_executed: bool | None = None) -> None:
         super().__init__(message)
@@ -232,6 +235,20 @@ class StoreError(TaskRpcError):
     """A store cannot be read or written; nothing was changed. The text says which file and why."""
 
     not_executed = True
+
+
+_PATH = re.compile(
+    r"(?<![^\s('\"])(?:[A-Za-z]:[\\/]|\\\\|~?/|\.{1,2}[\\/])[^\s'\",;)]*[^\s'\",;:)]"
+)
+
+
+def told(error: TaskRpcError) -> str:
+    """What callers elsewhere hear of an error of this machine's: its text without its files."""
+    text = str(error)
+    for file in sorted(error.files, key=len, reverse=True):
+        text = text.replace(f"{file}: ", "").replace(file, "the server's file")
+    # Stores of others name their files too, and do not say which words are names.
+    return _PATH.sub("…", text)
 
 
 def _rebuild_name(name: str, index: int, kind: str, problem: str) -> InvalidName:

@@ -1,4 +1,4 @@
-"""`taskrpc doctor`: find out why something does not work, here or on the way to HOST:PORT."""
+"""`taskrpc doctor`: find out why something does not work, here or on the way to a place."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dataclasses import asdict
 from taskrpc.cli import checks, health, probe
 from taskrpc.cli.command import Exit
 from taskrpc.cli.findings import Finding, problem
-from taskrpc.cli.remote import Remote, add_secrets, place, remote_of
+from taskrpc.cli.remote import Remote, add_secrets, any_place, remote_of
 from taskrpc.errors import TaskRpcError
 from taskrpc.lab import remembered_lab
 from taskrpc.transport.tcp import environment_peers
@@ -19,11 +19,17 @@ from taskrpc.transport.tcp import environment_peers
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `doctor`."""
-    what = "a server on another machine that cannot be reached"
-    parser.add_argument("connect", nargs="?", metavar="HOST:PORT", type=place, help=what)
+    what = "a server on another machine, or at unix:/path, that cannot be reached"
+    parser.add_argument("connect", nargs="?", metavar="HOST:PORT", type=_place, help=what)
     add_secrets(parser)
     parser.add_argument("--json", action="store_true", help="Print a JSON array of findings")
     parser.set_defaults(run=_run)
+
+
+def _place(text: str) -> str:
+    if text != "unix:":
+        return any_place(text)
+    raise argparse.ArgumentTypeError("expected unix:/path of the server's socket, got unix: alone")
 
 
 def _run(options: argparse.Namespace) -> int:

@@ -1,4 +1,4 @@
-"""Is anyone there, and is it taskrpc: what `taskrpc doctor` finds out about one HOST:PORT."""
+"""Is anyone there, and is it taskrpc: what `taskrpc doctor` finds out about one place."""
 
 from __future__ import annotations
 
@@ -10,11 +10,12 @@ import threading
 from collections.abc import AsyncIterator, Callable, Sequence
 from functools import partial
 
-from taskrpc.cli import encryption
+from taskrpc.cli import encryption, socket_file
 from taskrpc.cli.findings import Finding, ok, problem
 from taskrpc.cli.remote import Remote
 from taskrpc.errors import AuthenticationFailed, ConnectionLost, ProtocolError, TaskRpcError
 from taskrpc.transport.tcp import split_place
+from taskrpc.transport.unix import is_unix
 
 PATIENCE = 4.0
 """Seconds for each step."""
@@ -25,7 +26,13 @@ _NO_SUCH_HOST = frozenset({errno.EHOSTUNREACH, errno.EHOSTDOWN, 1232, 10065, 100
 
 
 async def examine(remote: Remote) -> AsyncIterator[Finding]:
-    """What happens at each step on the way to the services at HOST:PORT; ends where it fails."""
+    """What happens at each step on the way to the services of a place; ends where it fails."""
+    if is_unix(remote.place):
+        found = await socket_file.reach(remote.place, PATIENCE)
+        yield found
+        if found.state != "problem":
+            yield await _ask(remote)
+        return
     host, port = split_place(remote.place)
     try:
         addresses = await resolve(host, port, PATIENCE)

@@ -22,6 +22,7 @@ from taskrpc.errors import (
     ServiceUnavailable,
     SessionExpired,
     TaskRpcError,
+    told,
 )
 from taskrpc.stepping import Stepper
 from taskrpc.transport.base import IncomingCall
@@ -164,7 +165,7 @@ class OnceDesk:
         log.error("%s: %s", run.service, error, extra=log_fields(run))
         self._shared.end(run)
         self._shared.open(self._store, anew=True)
-        run.tell(partial(fail_to, error=error))
+        run.tell(partial(fail_to, error=OutcomeUnknown(told(error))))
 
     # Inside
 
@@ -250,7 +251,7 @@ class OnceDesk:
         if isinstance(error, TaskRpcError) and not isinstance(error, OutcomeUnknown):
             text = "%s cannot store what it did: %s"
             log.error(text, run.service, error, extra=log_fields(run))
-            self.undone(run, HandlerFailed(Code.UNAVAILABLE, str(error)))
+            self.undone(run, HandlerFailed(Code.UNAVAILABLE, told(error)))
             return
         if not isinstance(error, OutcomeUnknown):  # no store's word: it may mean anything
             log.error("the store of %s failed:", run.service, exc_info=error, extra=log_fields(run))

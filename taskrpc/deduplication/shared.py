@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 from taskrpc.deduplication.leases import LeaseClock
 from taskrpc.deduplication.run import Key, Run, key_of
-from taskrpc.errors import Code, HandlerFailed, StoreError
+from taskrpc.errors import Code, HandlerFailed, StoreError, TaskRpcError, told
 from taskrpc.wire.once import Completion, CompletionStore, Ledger
 
 log = logging.getLogger("taskrpc.server")
@@ -107,7 +107,8 @@ class Shared:
             if not self.desks or self._opening is not asyncio.current_task():
                 return  # nobody wants to know any more
             log.error("the store of exactly-once services cannot be used: %s", error)
-            self.give_up(str(error))
+            known = isinstance(error, TaskRpcError)
+            self.give_up(told(error) if known else "the store cannot be used")
             return
         if self._opening is not asyncio.current_task():
             return  # it was read before somebody asked to read it anew

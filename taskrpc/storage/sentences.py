@@ -7,7 +7,7 @@ import sqlite3
 from collections.abc import Iterator
 from pathlib import Path
 
-from taskrpc.errors import StoreError
+from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.storage.records import Damaged
 
 _ABOUT_THE_FILE = frozenset(
@@ -42,6 +42,17 @@ def plainly(path: Path, *, but_statements: bool = False) -> Iterator[None]:
 
     With `but_statements`, what is wrong with a statement itself is left to the caller.
     """
+    try:
+        with _in_words(path, but_statements=but_statements):
+            yield
+    except (StoreError, OutcomeUnknown) as error:
+        place = path.resolve()
+        error.files = (str(path), str(place), str(place.parent))
+        raise
+
+
+@contextlib.contextmanager
+def _in_words(path: Path, *, but_statements: bool) -> Iterator[None]:
     try:
         yield
     except StoreError as error:

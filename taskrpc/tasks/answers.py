@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import msgspec
 
-from taskrpc.errors import TaskRpcError
+from taskrpc.errors import TaskRpcError, told
 from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN
 
 
@@ -61,7 +61,7 @@ def again(task_id: int) -> str:
 
 def unstored(error: TaskRpcError) -> str:
     """What is said of something that was done although the store refused it."""
-    return f", but a restart would not know it: {error}"
+    return f", but a restart would not know it: {told(error)}"
 
 
 def by(what: str, client: str) -> str:

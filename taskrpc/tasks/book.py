@@ -9,7 +9,7 @@ from itertools import islice
 
 import msgspec
 
-from taskrpc.errors import TaskRpcError
+from taskrpc.errors import TaskRpcError, told
 from taskrpc.tasks.board import Board
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.store import TaskStore
@@ -108,7 +108,7 @@ class TaskBook:
         except BaseException as error:
             self._is_paused = before
             if isinstance(error, TaskRpcError):
-                self._problem = str(error)
+                self._problem = told(error)
             raise
 
     async def problem(self) -> str:
@@ -157,7 +157,7 @@ class TaskBook:
         try:
             await self._store.apply(tasks, forgotten, completion, clients)
         except TaskRpcError as error:
-            self._problem = str(error)
+            self._problem = told(error)
             undo()
             raise
         self._problem = ""

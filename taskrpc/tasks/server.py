@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import functools
+import logging
 import time
 from collections.abc import Awaitable, Callable
 from types import TracebackType
@@ -12,7 +13,7 @@ from typing import Any, Self, TypeAlias
 
 import srvgen
 from taskrpc.callinfo import current_call
-from taskrpc.errors import Code, HandlerError, OutcomeUnknown, StoreError
+from taskrpc.errors import Code, HandlerError, OutcomeUnknown, StoreError, TaskRpcError, told
 from taskrpc.node import Node
 from taskrpc.robot.protocol import Robot
 from taskrpc.service import Service
@@ -25,6 +26,8 @@ from taskrpc.tasks.model import Task
 from taskrpc.tasks.rights import ROLES, account_name, client_name, refuse_others_task
 from taskrpc.tasks.store import TaskStore
 from taskrpc.wire.once import Completion
+
+_log = logging.getLogger("taskrpc.tasks")
 
 _CONCURRENCY = 64  # so many calls of one service may wait for the disk together
 _WATCHERS = 1000
@@ -219,9 +222,9 @@ class TaskServer:
             try:
                 return await handler(request, response)
             except StoreError as error:
-                raise HandlerError(unstored, str(error)) from error
+                raise _failed(unstored, error) from error
             except OutcomeUnknown as error:
-                raise HandlerError(Code.OUTCOME_UNKNOWN, str(error)) from error
+                raise _failed(Code.OUTCOME_UNKNOWN, error) from error
 
         return guarded
 
@@ -333,6 +336,12 @@ class TaskServer:
 
     def _info(self, task: Task) -> Any:
         return self._messages.task_info(task, self.manager.estimate(task.task_id))
+
+
+def _failed(code: Code, error: TaskRpcError) -> HandlerError:
+    """What the caller is told of a store that failed; the log has the whole of it."""
+    _log.error("%s", error)
+    return HandlerError(code, told(error))
 
 
 def _answered(response: Any, answer: Answer) -> Any:

@@ -119,3 +119,26 @@ def test_a_code_that_is_none_is_named_with_those_that_are(code):
 def test_an_empty_path_is_the_whole_message():
     assert str(errors.InvalidRequest("", "not a message")) == "not a message"
     assert str(errors.InvalidRequest("a.b", "no")) == "a.b: no"
+
+
+@pytest.mark.parametrize(
+    ("text", "heard"),
+    [
+        ("the disk is full", "the disk is full"),
+        ("/home/ana/stock.json: disk full", "…: disk full"),
+        ("cannot write '/home/ana/stock.json' now", "cannot write '…' now"),
+        (r"C:\Users\ana\stock.json, D:/x (\\server\share) failed", "…, … (…) failed"),
+        ("~/stock.json and ./a and ../b.db; 1/2 of 3/4 is and/or not", None),
+        (
+            "/robot/my file.db: gone; /robot/my file.db is /robot's",
+            "gone; the server's file is …'s",
+        ),
+    ],
+)
+def test_what_callers_hear_of_a_store_names_no_file(text, heard):
+    error = errors.StoreError(text)
+    if "my file" in text:
+        error.files = ("/robot/my file.db",)
+    if heard is None:
+        heard = "… and … and …; 1/2 of 3/4 is and/or not"
+    assert errors.told(error) == heard

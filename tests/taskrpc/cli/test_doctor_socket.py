@@ -1,0 +1,146 @@
+"""`taskrpc doctor unix:/path` tells apart what can stand in the way to a socket's file."""
+
+from __future__ import annotations
+
+import asyncio
+import json
+import os
+import socket
+import tempfile
+import threading
+from pathlib import Path
+
+import pytest
+
+import taskrpc
+from taskrpc.cli import probe, socket_file
+from taskrpc.cli.main import main
+from tests.taskrpc.transport.helpers import Add, add
+
+HAS_UNIX = hasattr(socket, "AF_UNIX") and os.name == "posix"
+pytestmark = [
+    pytest.mark.real_time,
+    pytest.mark.skipif(not HAS_UNIX, reason="no unix sockets on this system"),
+]
+
+
+@pytest.fixture
+def path():
+    # pytest's own folders are too long for a socket's path on macOS.
+    with tempfile.TemporaryDirectory() as folder:
+        yield Path(folder) / "robot.sock"
+
+
+def diagnose(place, capsys):
+    code = main(["doctor", place, "--json"])
+    found = json.loads(capsys.readouterr().out)
+    problems = [(each["text"], each["advice"]) for each in found if each["state"] == "problem"]
+    assert code == bool(problems)
+    return problems, [each["text"] for each in found]
+
+
+@pytest.fixture
+def serving(path):
+    """A server at the path, in a thread of its own."""
+    ready, stop = threading.Event(), threading.Event()
+
+    async def serve():
+        async with taskrpc.Node("server", listen=f"unix:{path}") as node:
+            node.create_service(Add, "add", add)
+            ready.set()
+            await asyncio.to_thread(stop.wait)
+
+    thread = threading.Thread(target=lambda: asyncio.run(serve()))
+    thread.start()
+    ready.wait()
+    yield
+    stop.set()
+    thread.join()
+
+
+def test_a_server_that_answers_is_no_problem(serving, path, capsys):
+    problems, said = diagnose(f"unix:{path}", capsys)
+    assert problems == []
+    assert f"somebody listens at {path}" in said
+    assert f"unix:{path} offers /add" in said
+
+
+def test_a_path_without_a_socket(path, capsys):
+    (((text, advice),), _) = diagnose(f"unix:{path}", capsys)
+    assert text == f"there is no socket at {path}: No such file or directory"
+    assert f"--listen unix:{path}" in advice
+
+
+def test_a_file_that_is_no_socket(path, capsys):
+    path.write_text("precious")
+    (((text, _),), _) = diagnose(f"unix:{path}", capsys)
+    assert text == f"{path} is no socket"
+
+
+def test_a_server_that_died(path, capsys):
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(path))
+    (((text, advice),), _) = diagnose(f"unix:{path}", capsys)
+    assert text == f"nobody listens at {path}: the server that made it has died"
+    assert advice == f"start it again with --listen unix:{path}"
+
+
+def test_something_else_that_listens_there(path, capsys):
+    def hang_up(sock):
+        while True:
+            try:
+                sock.accept()[0].close()
+            except OSError:
+                return
+
+    with socket.socket(socket.AF_UNIX) as sock:
+        sock.bind(str(path))
+        sock.listen()
+        threading.Thread(target=hang_up, args=[sock], daemon=True).start()
+        (((text, advice),), _) = diagnose(f"unix:{path}", capsys)
+        sock.shutdown(socket.SHUT_RDWR)
+    assert text.startswith(f"unix:{path}: the connection was lost")
+    assert advice == "something else than taskrpc listens there"
+
+
+@pytest.mark.parametrize("place", ["socket", "folder"])
+async def test_what_is_another_users(path, monkeypatch, place):
+    """Root, as whom tests may run, is never refused: so the system's answer is made up."""
+    error = PermissionError(13, "Permission denied")
+
+    async def refuse(path):
+        raise error
+
+    def stat(path):
+        raise error
+
+    with socket.socket(socket.AF_UNIX) as sock:
+        sock.bind(str(path))
+        if place == "socket":
+            monkeypatch.setattr(asyncio, "open_unix_connection", refuse)
+        else:
+            monkeypatch.setattr(socket_file.os, "stat", stat)
+        found = await socket_file.reach(f"unix:{path}", probe.PATIENCE)
+        monkeypatch.undo()
+    assert found.state == "problem"
+    wanted = (
+        f"the socket {path} is another" if place == "socket" else f"may not look into {path.parent}"
+    )
+    assert wanted in found.text
+    assert "its own user" in found.advice
+
+
+def test_a_server_that_takes_no_connection(path, monkeypatch):
+    async def hang(path):
+        await asyncio.sleep(60)
+
+    with socket.socket(socket.AF_UNIX) as sock:
+        sock.bind(str(path))
+        monkeypatch.setattr(asyncio, "open_unix_connection", hang)
+        found = asyncio.run(socket_file.reach(f"unix:{path}", 0.01))
+    assert found.text == f"the server at {path} took no connection within 0.01 s"
+
+
+def test_unix_alone_names_no_server(capsys):
+    assert main(["doctor", "unix:"]) == 2
+    assert "expected unix:/path of the server's socket" in capsys.readouterr().err

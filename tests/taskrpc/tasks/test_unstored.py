@@ -1,0 +1,81 @@
+"""Callers learn that a store failed and why; where its files lie stays in the server's log."""
+
+import os
+
+import pytest
+
+import srvgen
+import taskrpc
+from taskrpc import SqliteCompletions
+from taskrpc.tasks import SqliteStore, TaskServer
+from tests.taskrpc.tasks.fakes import LineRobot
+from tests.taskrpc.tasks.test_server import Client
+
+pytestmark = pytest.mark.real_time
+
+Trigger = srvgen.load("std_srvs/srv/Trigger")
+
+
+@pytest.fixture
+def path(tmp_path):
+    (tmp_path / "My Robots").mkdir()
+    return tmp_path / "My Robots" / "tasks.db"
+
+
+async def outcome(awaitable):
+    try:
+        return await awaitable
+    except taskrpc.TaskRpcError as error:
+        return error
+
+
+def said(answer):
+    """All that an answer, or an error, says."""
+    return str(answer) if isinstance(answer, Exception) else answer.message
+
+
+async def everything(node):
+    """What each service answers that needs the store."""
+    client = Client(node)
+    health = node.create_client(Trigger, "/robot_task/health")
+    return [
+        await outcome(client.submit("move", "3", 5)),
+        await outcome(client("CancelTask", task_id=1)),
+        await outcome(client("PauseTasks")),
+        await outcome(client("ResumeTasks")),
+        await outcome(client("StopRobot")),
+        await outcome(health.call(Trigger.Request())),
+    ]
+
+
+@pytest.mark.skipif(os.name != "posix", reason="a file in use cannot be removed on Windows")
+async def test_no_answer_names_a_file_of_the_servers(path, caplog):
+    async with (
+        taskrpc.Node("task_server") as node,
+        TaskServer(node, LineRobot(), SqliteStore(path)) as server,
+    ):
+        await server.manager.pause()
+        assert (await outcome(Client(node).submit("move", "3", 5))).success
+        path.rename(path.with_name("elsewhere"))
+        answers = [said(each) for each in await everything(node)]
+        path.with_name("elsewhere").rename(path)
+    assert all("was removed or replaced while it was in use" in each for each in answers), answers
+    assert "the server's file was removed" in answers[0]
+    for word in (str(path), "My Robots", "tasks.db", os.sep):
+        assert not any(word in each for each in answers), answers
+    assert str(path) in caplog.text
+
+
+async def test_a_store_that_cannot_be_opened_is_told_without_its_place(path, caplog):
+    path.write_bytes(b"no database at all, but long enough" * 100)
+    async with (
+        taskrpc.Node("server", token="one") as node,
+        taskrpc.Node("client", token="other") as laptop,
+    ):
+        node.create_service(Trigger, "ask", None, exactly_once=SqliteCompletions(path))
+        client = laptop.create_client(Trigger, "ask", timeout=5)
+        answer = said(await outcome(client.call(Trigger.Request())))
+    assert "expected a database, found another file" in answer
+    assert "tasks.db" not in answer
+    assert "My Robots" not in answer
+    assert str(path) in caplog.text
