@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Iterator
 from enum import IntEnum
@@ -35,7 +36,8 @@ class Role(IntEnum):
 class Account(msgspec.Struct, frozen=True):
     """One user of a server.
 
-    Raises TaskRpcError for a name or secret of other characters than a token can have.
+    Raises TaskRpcError for a name or secret of other characters than a token can have, and for an
+    end that is none.
     """
 
     name: str
@@ -48,15 +50,17 @@ class Account(msgspec.Struct, frozen=True):
     revoked: bool = False
 
     def __post_init__(self) -> None:
-        if not _IS_NAME(self.name):
-            raise TaskRpcError(
-                "an account's name: expected 1 to 64 letters, digits or any of _.@+-,"
-                f" got {self.name!r}"
-            )
+        if problem := why_no_name(self.name):
+            raise TaskRpcError(problem)
         if not _IS_SECRET(self.secret):
             raise TaskRpcError(
                 f"the secret of the account {self.name}: expected 1 to 256 letters, digits or any"
                 " of _~=+/-"
+            )
+        if not 0 <= self.expires < math.inf:  # a file may say "nan", or a day before 1970
+            raise TaskRpcError(
+                f"the account {self.name}: expires: expected an instant after 1970, or 0 for never,"
+                f" got {self.expires}"
             )
 
     def __repr__(self) -> str:
@@ -103,6 +107,13 @@ class Accounts:
         """Why `find` gives no account, for the server's log only; "" where it gives one."""
         account = self._by_name.get(name)
         return f"there is no account {name}" if account is None else account.refusal(now)
+
+
+def why_no_name(name: str) -> str:
+    """Why an account cannot have this name, "" where it can."""
+    if _IS_NAME(name):
+        return ""
+    return f"an account's name: expected 1 to 64 letters, digits or any of _.@+-, got {name!r}"
 
 
 def account_of(token: bytes) -> str:

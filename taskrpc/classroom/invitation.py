@@ -18,18 +18,33 @@ _ALPHABET = string.ascii_letters + string.digits + "-_"
 _CHECKSUM = 4
 
 
+# Whoever made a string may be anybody: what is in it is printed, called and remembered.
+_Place = Annotated[
+    str,
+    Meta(
+        max_length=300,
+        pattern=r"^([A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?"
+        r"|\[[0-9A-Fa-f:.]+(%[A-Za-z0-9_.-]+)?\]):[0-9]{1,5}\Z",
+    ),
+]
+_Token = Annotated[str, Meta(pattern=r"^[A-Za-z0-9_.@+-]{1,64}\.[A-Za-z0-9_~=+/-]{1,256}\Z")]
+_Namespace = Annotated[str, Meta(max_length=80, pattern=r"^/([A-Za-z_][A-Za-z0-9_]*)?\Z")]
+_LATEST = 32_503_680_000
+"""The year 3000: some systems know no later time."""
+
+
 class Invitation(msgspec.Struct, array_like=True, frozen=True):
     """What a join string says."""
 
-    places: Annotated[tuple[str, ...], Meta(min_length=1)]
+    places: Annotated[tuple[_Place, ...], Meta(min_length=1, max_length=16)]
     """`HOST:PORT`, the likeliest first."""
     fingerprint: Annotated[bytes, Meta(min_length=32, max_length=32)]
     """SHA-256 of the server's certificate (DER)."""
-    token: str
+    token: _Token
     """`NAME.SECRET`."""
-    namespace: str
-    """For services of the student's own; nothing is put there by itself."""
-    expires: Annotated[int, Meta(ge=0)]
+    namespace: _Namespace
+    """Of the student's own nodes."""
+    expires: Annotated[int, Meta(ge=0, le=_LATEST)]
     """Seconds since 1970 from when on it is refused, 0 for never."""
     domain: Annotated[int, Meta(ge=0, le=232)]
     """The server's `ROS_DOMAIN_ID`."""

@@ -6,6 +6,7 @@ import re
 import secrets
 from collections.abc import Callable, Iterable
 from pathlib import Path
+from typing import Literal
 
 import msgspec
 
@@ -35,9 +36,12 @@ class Place(msgspec.Struct, frozen=True):
 
 class _Row(msgspec.Struct):
     secret: str
-    role: str
+    role: Literal["observe", "submit", "operate", "admin"] = "submit"
     expires: float = 0.0
     revoked: bool = False
+
+    def __repr__(self) -> str:
+        return f"_Row({self.role})"  # without the secret: what is printed ends in logs
 
 
 class _File(msgspec.Struct):
@@ -59,19 +63,20 @@ class Register:
         return [_account(name, row) for name, row in self._read().accounts.items()]
 
     def add(self, names: Iterable[str], expires: float) -> list[Account]:
-        """Accounts of these names until `expires` (seconds since 1970), old ones with their secret.
+        """Accounts of these names until `expires` (seconds since 1970).
 
-        A revoked one may be used again, with a new secret.
+        Old ones keep their secret and their role. A revoked one may be used again, as if it were
+        new.
         """
         wanted = list(names)
 
         def change(rows: dict[str, _Row]) -> None:
             for name in wanted:
                 old = rows.get(name)
-                secret = secrets.token_urlsafe(_SECRET_BYTES)
-                if old is not None and not old.revoked:
-                    secret = old.secret
-                rows[_account(name, _Row(secret, "submit")).name] = _Row(secret, "submit", expires)
+                if old is None or old.revoked:
+                    old = _Row(secrets.token_urlsafe(_SECRET_BYTES))
+                row = _Row(old.secret, old.role, expires)
+                rows[_account(name, row).name] = row
 
         self._edit(change)
         return [account for account in self.accounts() if account.name in wanted]
@@ -94,7 +99,7 @@ class Register:
             return msgspec.json.decode(self._place_file.read_bytes(), type=Place)
         except FileNotFoundError:
             raise TaskRpcError("there is no class yet: `taskrpc classroom` makes one") from None
-        except msgspec.MsgspecError as error:
+        except (msgspec.MsgspecError, UnicodeDecodeError) as error:
             raise TaskRpcError(f"{self._place_file}: {error}") from None
 
     @place.setter
@@ -127,7 +132,9 @@ class Register:
             return msgspec.json.decode(self.accounts_file.read_bytes(), type=_File)
         except FileNotFoundError:
             return _File()
-        except msgspec.MsgspecError as error:
+        except OSError as error:
+            raise TaskRpcError(f"{self.accounts_file}: {error.strerror}") from None
+        except (msgspec.MsgspecError, UnicodeDecodeError) as error:
             raise TaskRpcError(f"{self.accounts_file}: {error}") from None
 
 

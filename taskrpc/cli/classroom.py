@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 
 _PORT = 7450
 _DAYS = 180
+_MOST_DAYS = 36_500
 _SHARE = 20
 _DAY = 86_400
 _CLASS = "class"
@@ -34,7 +35,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = "a string for each: a file with a name a line, or how many (one string for all)"
     add("--students", metavar="FILE|N", help=what)
     what = f"how long the strings are good for ({_DAYS})"
-    add("--days", metavar="N", type=whole(1), default=_DAYS, help=what)
+    add("--days", metavar="N", type=whole(1, _MOST_DAYS), default=_DAYS, help=what)
     add("--renew", action="store_true", help="make a new certificate; everybody must join again")
     what = f"with --serve: how many tasks of one account may wait ({_SHARE})"
     add("--share", metavar="N", type=whole(1), default=_SHARE, help=what)
@@ -47,7 +48,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     roster.set_defaults(run=_roster)
     adding = add_command(commands, "add", "Let more students in; prints their strings")
     adding.add_argument("names", nargs="+", metavar="NAME", help="of the account")
-    adding.add_argument("--days", metavar="N", type=whole(1), default=_DAYS, help=f"({_DAYS})")
+    days = whole(1, _MOST_DAYS)
+    adding.add_argument("--days", metavar="N", type=days, default=_DAYS, help=f"({_DAYS})")
     adding.set_defaults(run=_add)
     revoking = add_command(commands, "revoke", "Let students in no more; a running server obeys")
     revoking.add_argument("names", nargs="+", metavar="NAME", help="of the account")
@@ -80,11 +82,14 @@ def _make(options: argparse.Namespace) -> Exit:
     if options.students or not accounts:
         names = _students(options.students) if options.students else [_CLASS]
         accounts = register.add(names, time.time() + options.days * _DAY)
-    _print_strings(register, accounts)
-    if options.serve is not None:
-        return _serve(register, place, options)
-    print("start the server: taskrpc classroom --serve", file=sys.stderr)
-    return Exit.DONE
+    if options.serve is None:
+        _print_strings(register, accounts)
+        print("start the server: taskrpc classroom --serve", file=sys.stderr)
+        return Exit.DONE
+    # In class this is seen by everybody, and each student's line is a secret.
+    if options.students or len(accounts) == 1:
+        _print_strings(register, accounts)
+    return _serve(register, place, options)
 
 
 def _register() -> Register:
@@ -126,15 +131,26 @@ def _students(given: str) -> list[str]:
         return [f"student{number:0{len(given)}}" for number in range(1, count + 1)]
     from pathlib import Path
 
+    from taskrpc.access import why_no_name
+
     try:
         lines = Path(given).read_text(encoding="utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "expected UTF-8 text"
         raise TaskRpcError(f"--students {given}: {reason}") from None
-    names = [line.strip() for line in lines if line.strip()]
+    names: dict[str, None] = {}
+    for number, line in enumerate(lines, 1):
+        if not (name := line.strip()):
+            continue
+        where = f"--students {given}, line {number}"
+        if problem := why_no_name(name):
+            raise TaskRpcError(f"{where}: {problem}")
+        if name in names:
+            raise TaskRpcError(f"{where}: {name!r} is there twice; two students need two names")
+        names[name] = None
     if not names:
         raise TaskRpcError(f"--students {given}: expected a name a line, the file is empty")
-    return names
+    return list(names)
 
 
 def _print_strings(register: Register, accounts: Sequence[Account]) -> None:

@@ -70,14 +70,16 @@ def number(rule: str, allowed: Callable[[float], bool]) -> Callable[[str], float
     return parse
 
 
-def whole(least: int) -> Callable[[str], int]:
+def whole(least: int, most: int | None = None) -> Callable[[str], int]:
     """The `type` of an option that takes a whole number."""
+    rule = f"from {least} on" if most is None else f"from {least} to {most}"
 
     def parse(text: str) -> int:
-        if not text.isdecimal() or int(text) < least:
-            problem = f"expected a whole number from {least} on, got {text!r}"
-            raise argparse.ArgumentTypeError(problem)
-        return int(text)
+        # Longer ones Python itself refuses to read.
+        value = int(text) if text.isdecimal() and len(text) < 20 else -1
+        if value < least or (most is not None and value > most):
+            raise argparse.ArgumentTypeError(f"expected a whole number {rule}, got {text!r}")
+        return value
 
     return parse
 

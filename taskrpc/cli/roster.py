@@ -67,5 +67,8 @@ def _state(account: Account, joined: bool) -> str:
 
 def _shown(value: Any) -> str:
     if isinstance(value, float):
-        return time.strftime("%Y-%m-%d %H:%M", time.localtime(value))
+        try:
+            return time.strftime("%Y-%m-%d %H:%M", time.localtime(value))
+        except (OverflowError, OSError, ValueError):  # later than the system can think of
+            return "-"
     return "-" if value is None else str(value)

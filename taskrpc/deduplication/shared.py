@@ -107,8 +107,8 @@ class Shared:
             if not self.desks or self._opening is not asyncio.current_task():
                 return  # nobody wants to know any more
             log.error("the store of exactly-once services cannot be used: %s", error)
-            known = isinstance(error, TaskRpcError)
-            self.give_up(told(error) if known else "the store cannot be used")
+            problem = told(error) if isinstance(error, TaskRpcError) else "the store failed"
+            self.give_up(problem)
             return
         if self._opening is not asyncio.current_task():
             return  # it was read before somebody asked to read it anew

@@ -27,6 +27,9 @@ class _Row(msgspec.Struct, forbid_unknown_fields=True):
     expires: float | datetime = 0.0
     revoked: bool = False
 
+    def __repr__(self) -> str:
+        return f"_Row({self.role})"  # without the secret: what is printed ends in logs
+
 
 class _File(msgspec.Struct, forbid_unknown_fields=True):
     accounts: dict[str, _Row] = {}

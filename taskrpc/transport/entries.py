@@ -57,6 +57,10 @@ class Change(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
     token: str = ""
     certificate: str = ""
 
+    def __repr__(self) -> str:
+        # Without the token: what is printed ends in logs.
+        return f"Change(node={self.node!r}, service={self.service!r}, client={self.client!r})"
+
 
 class Roster:
     """What one process has, kept up to date change by change, each in constant time."""

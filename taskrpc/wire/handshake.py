@@ -132,6 +132,9 @@ class _Key(NamedTuple):
     account: Account | None = None
     """None for everything."""
 
+    def __repr__(self) -> str:
+        return f"_Key({self.account!r})"  # without the token: what is printed ends in logs
+
 
 class ServerHandshake:
     """The called side."""

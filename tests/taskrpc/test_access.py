@@ -77,3 +77,9 @@ def test_a_secret_that_a_token_cannot_have_is_refused_without_telling_it(secret)
 def test_a_secret_is_not_in_a_repr():
     account = Account("ana", SECRET)
     assert SECRET not in repr(account) + str(account) + repr([account])
+
+
+@pytest.mark.parametrize("expires", [-1.0, float("nan"), float("inf"), -62135596800.0])
+def test_an_end_that_is_none_is_refused_instead_of_meaning_never(expires):
+    with pytest.raises(TaskRpcError, match="the account ana: expires: expected an instant after"):
+        Account("ana", SECRET, expires=expires)

@@ -6,6 +6,7 @@ import string
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from taskrpc.classroom.invitation import PREFIX, Invitation, from_join_string, to_join_string
 from taskrpc.errors import TaskRpcError
@@ -14,13 +15,21 @@ LETTERS = string.ascii_letters + string.digits + "-_"
 EXAMPLE = Invitation(
     ("192.168.1.20:7450",), bytes(range(32)), "ada.c2VjcmV0LXNlY3JldA", "/ada", 1_800_000_000, 7
 )
+PLACES = [
+    "192.168.1.20:7450",
+    "lab.example:1",
+    "a-b.c:65535",
+    "[::1]:80",
+    "[fe80::1%eth0]:7450",
+    "[fd00::1:2]:7",
+]
 invitations = st.builds(
     Invitation,
-    st.lists(st.text(max_size=30), min_size=1, max_size=4).map(tuple),
+    st.lists(st.sampled_from(PLACES), min_size=1, max_size=4).map(tuple),
     st.binary(min_size=32, max_size=32),
-    st.text(max_size=40),
-    st.text(max_size=20),
-    st.integers(0, 2**40),
+    st.from_regex(r"[A-Za-z0-9_.@+-]{1,64}\.[A-Za-z0-9_~=+/-]{1,40}", fullmatch=True),
+    st.from_regex(r"/([A-Za-z_][A-Za-z0-9_]{0,20})?", fullmatch=True),
+    st.integers(0, 32_503_680_000),
     st.integers(0, 232),
 )
 
@@ -79,3 +88,37 @@ def test_whatever_is_pasted_raises_nothing_else(text):
 
 def test_the_token_is_not_printed():
     assert "c2VjcmV0" not in repr(EXAMPLE)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"places": ()},
+        {"places": ("evil\x1b]0;title\x07:1",)},
+        {"places": ("unix:/tmp/evil",)},
+        {"places": ("lab.example",)},
+        {"places": ("lab.example:1\n",)},
+        {"places": ("lab example:1",)},
+        {"places": ("lab.example:1",) * 99},
+        {"fingerprint": bytes(31)},
+        {"token": "no account"},
+        {"token": "ada\x1b[2J.secret"},
+        {"token": ".secret"},
+        {"token": "ada."},
+        {"token": "ada.secret\n"},
+        {"namespace": "ada"},
+        {"namespace": "/ada/../root"},
+        {"namespace": "/7"},
+        {"namespace": "/ada\n"},
+        {"namespace": ""},
+        {"expires": -1},
+        {"expires": 10**15},
+        {"domain": 233},
+    ],
+)
+def test_a_string_that_no_lab_would_make_is_refused_whoever_made_it(changes):
+    """Its parts are printed, called, remembered, and name the nodes of who believes them."""
+    wrong = to_join_string(replace(EXAMPLE, **changes))
+    with pytest.raises(TaskRpcError, match="this is no join string of this version") as caught:
+        from_join_string(wrong)
+    assert str(caught.value).isprintable()

@@ -41,6 +41,37 @@ def test_who_is_revoked_is_refused_and_needs_a_new_secret_to_come_back(register)
     assert after.secret != before.secret
 
 
+def test_what_the_lecturer_has_written_into_the_file_stays(register):
+    """An assistant who operates the robot is still one when the lines are printed again."""
+    register.add(["ada", "bob"], 0)
+    text = register.accounts_file.read_text()
+    register.accounts_file.write_text(text.replace('"submit"', '"operate"', 1))
+    ada, bob = register.add(["ada", "bob"], 1e12)
+    assert (ada.role, bob.role) == (Role.OPERATE, Role.SUBMIT)
+    register.revoke("ada")
+    (ada,) = register.add(["ada"], 1e12)
+    assert ada.role is Role.SUBMIT, "who was shut out comes back as anybody"
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        b"{",
+        b'{"accounts": {"ada": {"secret": "x", "role": "root"}}}',
+        b'{"accounts": {"ada": {"secret": "canary canary", "role": "submit"}}}',
+        b'{"accounts": {"ada": {"secret": "x", "expires": -1}}}',
+        b'{"accounts": {"a\xff": {}}}',
+        b"[1]",
+    ],
+)
+def test_a_file_that_was_damaged_is_named_and_not_its_secrets(register, text):
+    register.accounts_file.write_bytes(text)
+    with pytest.raises(TaskRpcError) as caught:
+        register.accounts()
+    assert "account" in str(caught.value)
+    assert "canary" not in str(caught.value)
+
+
 def test_revoking_nobody_names_those_who_are_there(register):
     register.add(["ada", "bob"], 0)
     with pytest.raises(TaskRpcError, match="there is no account 'eve'; there are: ada, bob"):

@@ -57,6 +57,35 @@ def test_a_file_of_students_gives_each_a_string_behind_the_name(make, tmp_path):
     assert from_join_string(found["grace"]).places == ("192.0.2.7:7451",)
 
 
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (b"ada\n\ngrace\nada\n", "names.txt, line 4: 'ada' is there twice"),
+        (b"ada\nAda Lovelace\n", "names.txt, line 2: an account's name: expected 1 to 64 letters"),
+        (b"\n \n", "names.txt: expected a name a line, the file is empty"),
+        (b"\xff\xfe\x00", "names.txt: expected UTF-8 text"),
+    ],
+)
+def test_a_mistake_among_the_names_makes_no_accounts_and_is_told_with_its_line(
+    say, tmp_path, text, message
+):
+    names = tmp_path / "names.txt"
+    names.write_bytes(text)
+    where = "--address", "192.0.2.7", "--students", str(names)
+    assert message in say("classroom", *where, code=1)
+    assert classroom._register().accounts() == []
+
+
+def test_the_lines_of_a_class_are_not_shown_while_its_server_is_started(make, monkeypatch, capsys):
+    served = []
+    monkeypatch.setattr("taskrpc.cli.server.main", lambda argv: served.append(argv) or 0)
+    assert make("--serve", "--speed", "2") != [], "the one of all is for the projector"
+    made = make("--students", "2")
+    assert make("--serve") == []
+    assert len(make("--students", "2", "--serve")) == len(made) == 2
+    assert [argv[-2:] == ["--speed", "2"] for argv in served] == [True, False, False]
+
+
 def test_the_certificate_stays_until_it_is_renewed(make):
     first, again, renewed = (
         from_join_string(make(*argv)[0]).fingerprint for argv in ((), (), ("--renew",))
@@ -98,7 +127,9 @@ def test_a_machine_without_a_network_is_told(say, monkeypatch):
             "expected a host name or an address, got '10.0.0.1:7450'",
         ),
         (("--port", "70000"), 2, "expected a port from 1 to 65535, got '70000'"),
-        (("--days", "0"), 2, "expected a whole number from 1 on, got '0'"),
+        (("--days", "0"), 2, "expected a whole number from 1 to 36500, got '0'"),
+        (("--days", "9" * 5000), 2, "expected a whole number from 1 to 36500, got '999"),
+        (("add", "--days", "1000000", "ada"), 2, "expected a whole number from 1 to 36500"),
         (("add", "ada"), 1, "there is no class yet: `taskrpc classroom` makes one"),
     ],
 )

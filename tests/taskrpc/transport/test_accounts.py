@@ -238,6 +238,14 @@ SECRET = "canary-canary-canary"
         ('{"accounts": []}', "Expected `object`, got `array` - at `$.accounts`"),
         ('{"accounts": {"a": {}}}', "missing required field `secret`"),
         ('{"acounts": {}}', "unknown field `acounts`"),
+        (
+            '{"accounts": {"a": {"secret": "%s", "expires": -1}}}',
+            "the account a: expires: expected",
+        ),
+        (
+            '{"accounts": {"a": {"secret": "%s", "expires": "0001-01-01T00:00:00Z"}}}',
+            "the account a: expires: expected an instant after 1970",
+        ),
         ('{"accounts": {"a": {"secret": "%s", "role": "root"}}}', "Invalid enum value 'root'"),
         ('{"accounts": {"a": {"secret": "short"}}}', "account a has 5 characters; expected at"),
         ('{"accounts": {"a b": {"secret": "%s"}}}', "an account's name: expected 1 to 64"),

@@ -5,7 +5,12 @@ from collections import Counter
 from hypothesis import given
 from hypothesis import strategies as st
 
+from taskrpc.classroom import register
+from taskrpc.lab import Lab
+from taskrpc.transport import accounts
 from taskrpc.transport.entries import Change, Entry, Roster
+from taskrpc.transport.network import Address
+from taskrpc.wire import handshake
 from taskrpc.wire.messages import Endpoint
 
 ABOUT = Entry(pid=1, script="a.py", folder="/", since=1.0)
@@ -60,3 +65,17 @@ def test_the_oldest_node_is_the_first_that_is_still_there():
     assert roster.first_node == "/a"
     roster.apply(Change(node="/a", gone=True))
     assert roster.first_node == "/b"
+
+
+def test_no_repr_has_a_secret():
+    secret = "canary"
+    said = [
+        Entry(1, "x.py", "/", 0.0, "host:1", secret),
+        Change(node="/n", address="host:1", token=secret),
+        handshake._Key(secret.encode(), None),
+        register._Row(secret),
+        accounts._Row(secret),
+        Lab(place="host:1", token=f"ada.{secret}", certificate="x"),
+        Address("host:1", secret.encode()),
+    ]
+    assert not any(secret in repr(each) + str(each) + repr([each]) for each in said)
