@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import re
 from typing import IO, Any
 
 from taskrpc.callinfo import answering, log_fields
@@ -12,7 +13,8 @@ CALL_FIELDS = ("call", "service", "caller", "principal")
 
 STYLES = ("text", "json")
 
-_CONSOLE = "[%(levelname)s] [%(created).9f] [%(name)s]: %(message)s"  # as ROS 2 prints it
+# Without the tab; with what turns the direction of writing round.
+_STEERING = re.compile(r"[\x00-\x08\n-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 
 class CallFilter(logging.Filter):
@@ -34,6 +36,30 @@ class CallFilter(logging.Filter):
             if not hasattr(record, name):
                 setattr(record, name, known.get(name, ""))
         return True
+
+
+class TextFormatter(logging.Formatter):
+    """Formats each record as ROS 2 prints it, so that nobody forges a line or steers a terminal.
+
+    What callers have sent may stand in it. Control characters are written as `\\x1b`, and so are
+    ends of lines that the program's own text has not; what follows a first line is indented.
+    """
+
+    def __init__(self) -> None:
+        super().__init__()
+
+    def format(self, record: logging.LogRecord) -> str:
+        """The line, with a traceback below it where there is one."""
+        text = record.getMessage()
+        if not text.isprintable():
+            parts = text.split("\n") if "\n" in str(record.msg) else [text]
+            text = "\n  ".join(map(_harmless, parts))
+        lines = [f"[{record.levelname}] [{record.created:.9f}] [{record.name}]: {text}"]
+        if record.exc_info:
+            lines += self.formatException(record.exc_info).splitlines()
+        if record.stack_info:
+            lines += self.formatStack(record.stack_info).splitlines()
+        return "\n  ".join([lines[0], *map(_harmless, lines[1:])])
 
 
 class JsonFormatter(logging.Formatter):
@@ -80,9 +106,13 @@ def handler(style: str = "text", stream: IO[str] | None = None) -> logging.Handl
     if style not in STYLES:
         raise ValueError(f"style: expected 'text' or 'json', got {style!r}")
     made = logging.StreamHandler(stream)
-    made.setFormatter(JsonFormatter() if style == "json" else logging.Formatter(_CONSOLE))
+    made.setFormatter(JsonFormatter() if style == "json" else TextFormatter())
     made.addFilter(CallFilter())
     return made
+
+
+def _harmless(text: str) -> str:
+    return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def _utc(created: float) -> str:

@@ -100,6 +100,43 @@ def test_a_text_line_looks_as_in_ros_2():
     assert stream.getvalue().endswith("] [lab]: hello\n")
 
 
+def text_of(*args, **extra):
+    """A line of text without its head."""
+    text = logs.TextFormatter().format(record(*args, **extra))
+    return text.partition("]: ")[2]
+
+
+def test_a_caller_cannot_forge_a_line_of_text():
+    assert text_of("to %s", "dock\n[ERROR] it burns") == r"to dock\n[ERROR] it burns"
+    assert (
+        text_of("to %s", "a\r\x1b[2J\x9b\u202e\u2028\x7f") == r"to a\r\x1b[2J\x9b\u202e\u2028\x7f"
+    )
+    assert text_of("two\nlines: %s", "a\n[ERROR] b") == "two\n  lines: a\n  [ERROR] b"
+
+
+def test_what_is_no_control_character_is_written_as_it_is():
+    assert text_of("%s", "Küche\t→ 厨房 \xa0✓") == "Küche\t→ 厨房 \xa0✓"
+
+
+def test_a_traceback_cannot_forge_a_line_either_whoever_formats_it_before():
+    try:
+        raise OSError("no\n[ERROR] it burns\x1b[2J")
+    except OSError:
+        made = record("task failed", error=sys.exc_info())
+    logging.Formatter().format(made)
+    first, *more = logs.TextFormatter().format(made).split("\n")
+    assert first.endswith("]: task failed")
+    assert more[0] == "  Traceback (most recent call last):"
+    assert more[-2:] == ["  OSError: no", r"  [ERROR] it burns\x1b[2J"]
+    assert all(line.startswith("  ") for line in more)
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.text())
+def test_whatever_is_sent_is_one_line_of_text(message):
+    assert len(text_of("%s", message).splitlines()) <= 1
+
+
 def test_outside_a_callback_the_fields_are_empty():
     made = record()
     assert logs.CallFilter().filter(made)
