@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Callable, Iterable
 
@@ -13,6 +14,8 @@ from taskrpc.metrics.families import Family, Histogram, Kind, Sample, by_label
 from taskrpc.metrics.lateness import Lateness
 from taskrpc.metrics.prometheus import render
 from taskrpc.observer import Connections, NodeStatus, ObservedNode, Observer
+
+log = logging.getLogger("taskrpc.metrics")
 
 MAX_SERVICES = 1000
 """Services that are told apart; what calls of others become is counted under `OTHERS`."""
@@ -94,7 +97,7 @@ class Metrics(Observer):
                 "By how much the event loop is late, looked at twice a second.",
                 self._lateness.seconds.samples(),
             ),
-            *(family for collect in self._more for family in collect()),
+            *(family for collect in self._more for family in _collected(collect)),
         ]
 
     # What an observer is told
@@ -167,6 +170,15 @@ class Metrics(Observer):
         what = "How often this program's clients repeated a call."
         samples = by_label("service", retries)
         return Family("taskrpc_client_retries_total", Kind.COUNTER, what, samples)
+
+
+def _collected(collect: Callable[[], Iterable[Family]]) -> list[Family]:
+    """What was added by others, whose failure must not take all the rest away."""
+    try:
+        return list(collect())
+    except Exception:
+        log.exception("a part of the metrics cannot be told")
+        return []
 
 
 def _requests(statuses: Iterable[NodeStatus]) -> Counter[tuple[str, str]]:

@@ -6,7 +6,7 @@ import asyncio
 import logging
 import socket
 import ssl
-from collections.abc import Callable
+from collections.abc import Awaitable, Callable
 from types import TracebackType
 from typing import Any, Self, cast
 
@@ -114,8 +114,16 @@ class WebServer:
         elif show is None:
             page = Page(f"no such page; there are {', '.join(self._pages)}\n", status=404)
         else:
-            page = await show()
+            page = await _shown(request.path, show)
         return _response(page)
+
+
+async def _shown(path: str, show: Callable[[], Awaitable[Page]]) -> Page:
+    try:
+        return await show()
+    except Exception:
+        log.exception("the page %s cannot be shown", path)
+        return Page("this page cannot be shown; see the server's log\n", status=500)
 
 
 def _head(request: web.BaseRequest) -> Head:

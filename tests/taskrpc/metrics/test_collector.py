@@ -197,3 +197,10 @@ async def test_a_file_tells_how_many_changes_were_stored_together(tmp_path):
     told = values(render(store_families(store)), name)
     assert (told["_sum"], told["_count"]) == (11, 3)
     assert (told["_bucket/1"], told["_bucket/4"], told["_bucket/8"]) == (1, 1, 3)
+
+
+async def test_a_part_that_cannot_be_told_does_not_take_the_rest_away(lab, caplog):
+    lab.metrics.add(lambda: [Family("lab_total", Kind.COUNTER, "Lab.", [Sample(1 / 0)])])
+    lab.metrics.add(lambda: [Family("cats", Kind.GAUGE, "Cats.", [Sample(2)])])
+    assert values(lab.metrics.text(), "cats") == {"": 2}
+    assert "a part of the metrics cannot be told" in caplog.text
