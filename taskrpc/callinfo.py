@@ -40,6 +40,12 @@ class CallInfo(msgspec.Struct, eq=False):
     cancelled: bool
     """True once the caller gave up; plain and threaded callbacks may look now and then."""
 
+    @property
+    def span(self) -> bytes:
+        """The caller's span, as an observer is told it: 16 bytes of the trace's id, 8 of its own,
+        1 of flags; empty where the caller told none."""
+        return b""
+
     def completed_by(self, response: Any) -> Completion | None:
         """The record with which this response completes the call of an exactly-once service.
 

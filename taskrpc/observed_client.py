@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 from collections.abc import Callable
-from functools import partial
+from contextvars import ContextVar
 from typing import Any
 
 from taskrpc.client import UNSET, Client, Unset
@@ -14,6 +15,9 @@ from taskrpc.retry import RetryPolicy
 from taskrpc.transport.base import WaitingThread
 from taskrpc.wire.status import code_of
 
+_span: ContextVar[bytes] = ContextVar("taskrpc_span", default=b"")
+"""Of the call whose request is being sent, each time that it is."""
+
 
 class ObservedClient(Client):
     """Calls one service and tells its observer; all else is `Client`'s."""
@@ -21,6 +25,7 @@ class ObservedClient(Client):
     def __init__(self, observer: Observer, *settings: Any, **more: Any) -> None:
         super().__init__(*settings, **more)
         self._observer = observer
+        self._channel.span_of = _span.get
 
     async def call(
         self,
@@ -30,13 +35,17 @@ class ObservedClient(Client):
         request_id: str = "",
     ) -> Any:
         """Call the service; see `Client.call`."""
-        tell = self._stopwatch()
+        began = self._begin()
+        token = _span.set(began.span)
         try:
             response = await super().call(request, timeout, retry, request_id)
         except BaseException as error:
-            tell(_code(error))
+            began.end(_code(error))
             raise
-        tell(Code.OK)
+        finally:
+            with contextlib.suppress(ValueError):  # closed by the garbage collector, elsewhere
+                _span.reset(token)
+        began.end(Code.OK)
         return response
 
     def call_async(
@@ -47,8 +56,13 @@ class ObservedClient(Client):
         request_id: str = "",
     ) -> asyncio.Future[Any]:
         """Send the request now; see `Client.call_async`."""
-        future = super().call_async(request, timeout, retry, request_id)
-        future.add_done_callback(partial(_done, self._stopwatch()))
+        began = self._begin()
+        token = _span.set(began.span)
+        try:
+            future = super().call_async(request, timeout, retry, request_id)
+        finally:
+            _span.reset(token)
+        future.add_done_callback(began.done)
         return future
 
     def _send_in_thread(
@@ -59,17 +73,29 @@ class ObservedClient(Client):
     ) -> WaitingThread | None:
         return None  # the loop calls, on which the observer must be told
 
-    def _stopwatch(self) -> Callable[[Code], None]:
-        """Start it; to stop it is to tell the observer."""
-        began = self._now()
-        return lambda code: told(
-            self._observer.request_ended, self.service_name, code, self._now() - began
-        )
+    def _begin(self) -> _Begun:
+        return _Begun(self._observer, self.service_name, self._now)
 
 
-def _done(tell: Callable[[Code], None], future: asyncio.Future[Any]) -> None:
-    error = asyncio.CancelledError() if future.cancelled() else future.exception()
-    tell(Code.OK if error is None else _code(error))
+class _Begun:
+    """One call of which an observer is told."""
+
+    def __init__(self, observer: Observer, service: str, now: Callable[[], float]) -> None:
+        self._observer, self._service = observer, service
+        self._now = now
+        self._began = now()
+        self._outgoing = told(observer.request_began, service)
+        self.span = b"" if self._outgoing is None else self._outgoing.span
+
+    def end(self, code: Code) -> None:
+        seconds = self._now() - self._began
+        if self._outgoing is not None:
+            told(self._outgoing.ended, code, seconds)
+        told(self._observer.request_ended, self._service, code, seconds)
+
+    def done(self, future: asyncio.Future[Any]) -> None:
+        error = asyncio.CancelledError() if future.cancelled() else future.exception()
+        self.end(Code.OK if error is None else _code(error))
 
 
 def _code(error: BaseException) -> Code:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import msgspec
 
@@ -12,6 +12,8 @@ from taskrpc.callinfo import CallInfo
 from taskrpc.errors import Code
 
 log = logging.getLogger("taskrpc.observer")
+
+_Answer = TypeVar("_Answer")
 
 
 class Connections(msgspec.Struct):
@@ -74,6 +76,20 @@ class ObservedNode(Protocol):
         """What the node has to do now."""
 
 
+class Outgoing(Protocol):
+    """What an observer keeps of a call that a client makes."""
+
+    @property
+    def span(self) -> bytes:
+        """What the server shall know: 16 bytes of the trace's id, 8 of the span's, 1 of flags.
+
+        As W3C's trace context has them; empty for nothing.
+        """
+
+    def ended(self, code: Code, seconds: float) -> None:
+        """The client has made the call, which took `seconds` with all retries."""
+
+
 class Observer:
     """Derive from it, override what you want to know, and give it to `Node(observer=...)`.
 
@@ -97,6 +113,10 @@ class Observer:
         `code` is `Code.OK`, or that of the error which the caller gets, `Code.CANCELLED` where the
         caller has gone. A request that could not be decoded ends without having begun.
         """
+
+    def request_began(self, service: str) -> Outgoing | None:
+        """One of the node's clients makes a call; what is returned hears of its end."""
+        return None
 
     def request_ended(self, service: str, code: Code, seconds: float) -> None:
         """One of the node's clients has made a call, which took `seconds` with all retries."""
@@ -128,15 +148,33 @@ class Observers(Observer):
         for each in self._observers:
             told(each.call_ended, call, code, seconds)
 
+    def request_began(self, service: str) -> Outgoing | None:
+        """A client makes a call; the server knows the span of the first observer that has one."""
+        began = [told(each.request_began, service) for each in self._observers]
+        return _Several([each for each in began if each is not None])
+
     def request_ended(self, service: str, code: Code, seconds: float) -> None:
         """A client has made a call."""
         for each in self._observers:
             told(each.request_ended, service, code, seconds)
 
 
-def told(tell: Callable[..., None], *what: Any) -> None:
-    """Tell an observer, and survive what it raises."""
+class _Several:
+    """One call, and what several observers keep of it."""
+
+    def __init__(self, began: list[Outgoing]) -> None:
+        self._began = began
+        self.span = next((each.span for each in began if each.span), b"")
+
+    def ended(self, code: Code, seconds: float) -> None:
+        for each in self._began:
+            told(each.ended, code, seconds)
+
+
+def told(tell: Callable[..., _Answer], *what: Any) -> _Answer | None:
+    """Tell an observer, and survive what it raises: None then."""
     try:
-        tell(*what)
+        return tell(*what)
     except Exception:
         log.exception("an observer failed")
+        return None

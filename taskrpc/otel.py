@@ -1,7 +1,7 @@
 """Spans for OpenTelemetry: one for each call that a node answers, one for each that it makes.
 
-Needs the extra `otel`. A call carries no trace context on the wire, so a server's span begins a
-trace of its own: what is linked is what happens within one program.
+Needs the extra `otel`. A request carries its caller's span, so that the server's lies below
+it, where both sides have such an observer.
 """
 
 from __future__ import annotations
@@ -10,11 +10,12 @@ import time
 from contextlib import AbstractContextManager
 
 from opentelemetry import trace
+from opentelemetry.context import Context
 from opentelemetry.util.types import AttributeValue
 
 from taskrpc.callinfo import CallInfo, current_call
 from taskrpc.errors import Code
-from taskrpc.observer import Observer
+from taskrpc.observer import Observer, Outgoing
 
 
 class Tracing(Observer):
@@ -45,7 +46,7 @@ class Tracing(Observer):
             "taskrpc.call": call.number,
             "taskrpc.caller": call.caller,
         }
-        span = self._span(call.service, trace.SpanKind.SERVER, attributes, None)
+        span = self._span(call.service, trace.SpanKind.SERVER, attributes, _caller(call.span))
         self._open[call.service, call.number] = span
 
     def call_ended(self, call: CallInfo, code: Code, seconds: float) -> None:
@@ -54,24 +55,56 @@ class Tracing(Observer):
         if span is not None:  # None where the request could not be decoded
             _end(span, code)
 
-    def request_ended(self, service: str, code: Code, seconds: float) -> None:
-        """A client has made a call: its span, below the current one, is written afterwards."""
-        began = time.time_ns() - int(seconds * 1e9)
-        _end(self._span(service, trace.SpanKind.CLIENT, {}, began), code)
+    def request_began(self, service: str) -> Outgoing:
+        """A client makes a call: its span, below the current one, begins."""
+        now = time.time_ns()
+        return _Sent(self._span(service, trace.SpanKind.CLIENT, {}, None, now), now)
 
     def _span(
         self,
         service: str,
         kind: trace.SpanKind,
         more: dict[str, AttributeValue],
-        began: int | None,
+        parent: Context | None,
+        began: int | None = None,
     ) -> trace.Span:
         attributes = {"rpc.system": "taskrpc", "rpc.service": service, **more}
-        return self._tracer.start_span(service, kind=kind, attributes=attributes, start_time=began)
+        return self._tracer.start_span(
+            service, parent, kind=kind, attributes=attributes, start_time=began
+        )
 
 
-def _end(span: trace.Span, code: Code) -> None:
+class _Sent:
+    """The span of a call that a client makes."""
+
+    def __init__(self, span: trace.Span, began: int) -> None:
+        self._span = span
+        self._began = began
+        context = span.get_span_context()
+        self.span = b""
+        if context.is_valid:
+            trace_id, span_id = context.trace_id.to_bytes(16), context.span_id.to_bytes(8)
+            self.span = trace_id + span_id + bytes([context.trace_flags])
+
+    def ended(self, code: Code, seconds: float) -> None:
+        _end(self._span, code, self._began + int(seconds * 1e9))
+
+
+def _caller(span: bytes) -> Context | None:
+    """The context of a call whose caller told its span; None where it told none."""
+    if not span:
+        return None
+    parent = trace.SpanContext(
+        int.from_bytes(span[:16]),
+        int.from_bytes(span[16:24]),
+        is_remote=True,
+        trace_flags=trace.TraceFlags(span[24]),
+    )
+    return trace.set_span_in_context(trace.NonRecordingSpan(parent), Context())
+
+
+def _end(span: trace.Span, code: Code, at: int | None = None) -> None:
     span.set_attribute("rpc.response.status_code", code.name)
     if code is not Code.OK:
         span.set_status(trace.StatusCode.ERROR, code.name)
-    span.end()
+    span.end(at)

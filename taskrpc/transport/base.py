@@ -122,6 +122,9 @@ class WaitingThread(Protocol):
 class Channel(Protocol):
     """A client's way to one service, kept open over reconnects."""
 
+    span_of: Callable[[], bytes] | None
+    """Asked at each sending for the span that the server shall know, where there is one."""
+
     @property
     def offered(self) -> bool:
         """Whether somebody is known to offer the service."""

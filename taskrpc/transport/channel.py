@@ -31,7 +31,7 @@ from taskrpc.wire.once import Number, Numbers, with_number
 log = logging.getLogger("taskrpc.client")
 
 RESOLVE_TIMEOUT = 3.0
-_EXACTLY_ONCE = int(Flag.EXACTLY_ONCE)
+_EXACTLY_ONCE, _TRACED = int(Flag.EXACTLY_ONCE), int(Flag.TRACED)
 
 
 class Home(Protocol):
@@ -53,6 +53,8 @@ class RemoteChannel:
     def __init__(self, endpoint: Home, named: Named, srv_type: ServiceType) -> None:
         self.mode = Mode.AT_MOST_ONCE
         self.store_id = b""
+        self.span_of: Callable[[], bytes] | None = None
+        """Asked at each sending for the span that the server shall know, where there is one."""
         self._endpoint = endpoint
         self._named = named
         self._encode = codec_of(srv_type.Request).encode
@@ -107,6 +109,8 @@ class RemoteChannel:
         if number is not None:
             # Never moved by itself: whoever counts must know to which store each sending went.
             body, flags, move = with_number(number, body), _EXACTLY_ONCE, None
+        if self.span_of is not None and (span := self.span_of()):
+            body, flags = span + body, flags | _TRACED
         future: asyncio.Future[Any] = asyncio.Future(loop=self._endpoint.loop)
         call = OpenCall(future, connection, decode, deadline, self._method, body, move, flags)
         connection.begin(call)

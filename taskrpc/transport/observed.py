@@ -18,8 +18,10 @@ class ObservedCall(ServedCall, eq=False):
     """A call that tells of its begin and its end."""
 
     ended: bool = False
+    span: bytes = b""
 
     def __post_init__(self) -> None:
+        self.span = self.connection.session.open_calls[self.call_id].span
         _debug(self, "call %d of %s from %s began")
         if (observer := self.route.offer.observer) is not None:
             told(observer.call_began, self)

@@ -38,9 +38,11 @@ from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Listing, Resolved
 from taskrpc.wire.once import Claim, cut_number, fingerprint
 from taskrpc.wire.session import State
+from taskrpc.wire.spans import cut_span
 
 log = logging.getLogger("taskrpc.server")
 
+_TRACED = int(Flag.TRACED)
 _EXACTLY_ONCE = int(Flag.EXACTLY_ONCE)  # a Flag's own & costs as much as a decoded message
 
 MAX_HANDLES = 0xFFFF
@@ -260,7 +262,9 @@ class ServingConnection(Connection):
             call.route.offer.serve(call)
 
     def _claim(self, event: RequestReceived, route: Route) -> Claim | None:
-        """The number of a request that has one, cut off its body."""
+        """The number of a request that has one, cut off its body; so is its caller's span."""
+        if event.flags & _TRACED:
+            event.span, event.body = cut_span(event.body)
         if not event.flags & _EXACTLY_ONCE:
             return None
         if route.offer.mode is not Mode.EXACTLY_ONCE:  # a lost caller would never be given up

@@ -31,6 +31,8 @@ class RequestReceived(msgspec.Struct):
     body: Body
     size: int
     """Bytes of the body, which count as in flight until the answer."""
+    span: bytes = b""
+    """The caller's, where it told one."""
     ticket: Any = None
     """Whatever the one who answers wants to find again, as long as the call is open."""
 

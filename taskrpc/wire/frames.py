@@ -56,6 +56,7 @@ class Flag(IntFlag):
     NOT_EXECUTED = 2
     RETRY = 4
     FROM_HANDLER = 8
+    TRACED = 16
 
 
 Frame: TypeAlias = tuple[int, int, int, int, int, bytes]

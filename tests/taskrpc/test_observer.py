@@ -154,7 +154,7 @@ async def test_an_observer_that_raises_is_logged_and_harms_no_call(caplog):
         def call_began(self, call):
             raise RuntimeError("broken")
 
-        call_ended = node_started = node_ended = request_ended = call_began
+        call_ended = node_started = node_ended = request_began = request_ended = call_began
 
     async with (
         taskrpc.Node("server", transport="memory", token="server", observer=Broken()) as server,
@@ -171,7 +171,7 @@ async def test_several_observers_are_told_the_same_whatever_one_of_them_raises(c
         def call_began(self, call):
             raise RuntimeError("broken")
 
-        call_ended = node_started = node_ended = request_ended = call_began
+        call_ended = node_started = node_ended = request_began = request_ended = call_began
 
     logs = [Log(), Log()]
     observer = taskrpc.Observers(logs[0], Broken(), logs[1])
@@ -263,3 +263,98 @@ async def test_retries_are_counted_also_of_clients_that_are_gone(pair):
     client.destroy()
     assert pair.client.status().retries == {"/work": 2}
     assert len(pair.client_log.requests) == 1
+
+
+class Spans(taskrpc.Observer):
+    """Tells spans of its own, and notes those of others."""
+
+    def __init__(self, span=b""):
+        self.span = span
+        self.seen, self.ends = [], []
+
+    def request_began(self, service):
+        return self
+
+    def ended(self, code, seconds):
+        self.ends.append(code)
+
+    def call_began(self, call):
+        self.seen.append(call.span)
+
+
+@pytest.mark.parametrize("once", [False, True])
+async def test_a_server_knows_the_span_of_whoever_called(once):
+    ours, theirs = Spans(bytes(range(25))), Spans()
+    async with (
+        taskrpc.Node("server", transport="memory", token="s", observer=theirs) as server,
+        taskrpc.Node("client", transport="memory", token="c", observer=ours) as node,
+        taskrpc.Node("other", transport="memory", token="o") as other,
+    ):
+        store = taskrpc.MemoryCompletions() if once else None
+        server.create_service(Add, "work", add, exactly_once=store)
+        client, plain = node.create_client(Add, "work"), other.create_client(Add, "work")
+        assert (await client.call(ask(2, 3))).sum == 5
+        assert (await plain.call(ask(2, 4))).sum == 6
+        assert (await client.call_async(ask(2, 5))).sum == 7
+        ours.span = b""
+        assert (await client.call(ask(2, 6))).sum == 8
+    assert theirs.seen == [bytes(range(25)), b"", bytes(range(25)), b""]
+    assert ours.ends == [Code.OK] * 3
+
+
+async def test_each_sending_of_a_request_has_the_span_of_its_call():
+    theirs = Spans()
+    spans = iter([b"a" * 25, b"b" * 25])
+
+    class Two(taskrpc.Observer):
+        def request_began(self, service):
+            return Spans(next(spans))
+
+    def busy(request, response):
+        if len(theirs.seen) <= 4:
+            raise taskrpc.HandlerError("UNAVAILABLE", "not yet")
+        return response
+
+    async with (
+        taskrpc.Node("server", transport="memory", token="s", observer=theirs) as server,
+        taskrpc.Node("client", transport="memory", token="c", observer=Two()) as node,
+    ):
+        server.create_service(Add, "work", busy, idempotent=True)
+        client = node.create_client(Add, "work", retry=taskrpc.RetryPolicy())
+        await asyncio.gather(client.call(ask()), client.call(ask()))
+    assert {b"a" * 25, b"b" * 25} == set(theirs.seen)
+    assert len(theirs.seen) > 4
+
+
+async def test_the_first_of_several_observers_that_has_a_span_tells_it():
+    theirs, silent, first, second = Spans(), Spans(), Spans(b"1" * 25), Spans(b"2" * 25)
+    observer = taskrpc.Observers(taskrpc.Observer(), silent, first, second)
+    async with (
+        taskrpc.Node("server", transport="memory", token="s", observer=theirs) as server,
+        taskrpc.Node("client", transport="memory", token="c", observer=observer) as node,
+    ):
+        server.create_service(Add, "work", add)
+        await node.create_client(Add, "work").call(ask())
+    assert theirs.seen == [b"1" * 25]
+    assert [silent.ends, first.ends, second.ends] == [[Code.OK]] * 3
+
+
+@pytest.mark.parametrize("observer", [None, Spans()])
+async def test_a_span_that_is_cut_short_is_no_request(observer, pair):
+    async with taskrpc.Node("traced", transport="memory", token="t", observer=observer) as server:
+        server.create_service(Text, "traced", lambda request, response: response)
+        client = pair.client.create_client(Text, "traced")
+        await client.wait_for_service()
+        client._channel.span_of = lambda: b"short"
+        client._channel._encode = lambda request: b"\x91"
+        with pytest.raises(taskrpc.ProtocolError, match="a traced request without its span"):
+            await client.call(Text.Request())
+
+
+async def test_a_server_without_an_observer_takes_no_notice_of_spans(pair):
+    async with taskrpc.Node("plain", transport="memory", token="p") as server:
+        server.create_service(Add, "plain", add)
+        client = pair.client.create_client(Add, "plain")
+        await client.wait_for_service()
+        client._channel.span_of = lambda: bytes(25)
+        assert (await client.call(ask(2, 3))).sum == 5

@@ -99,6 +99,35 @@ async def test_what_a_callback_does_in_its_call_lies_below_the_calls_span(lab, t
     assert mine.start_time >= server.start_time
 
 
+async def test_a_servers_span_lies_below_its_callers(lab):
+    tracer = trace.get_tracer("mine", tracer_provider=lab.provider)
+    inner = lab.offer(add, "inner")
+
+    async def outer(request, response):
+        with lab.tracing.in_call():
+            return await inner.call(request)
+
+    with tracer.start_as_current_span("mine"):
+        assert (await lab.offer(outer).call(ask(2, 3))).sum == 5
+    (mine,) = lab.spans(SpanKind.INTERNAL)
+    servers = {each.name: each for each in lab.spans(SpanKind.SERVER)}
+    clients = {each.name: each for each in lab.spans(SpanKind.CLIENT)}
+    way = [mine, clients["/work"], servers["/work"], clients["/inner"], servers["/inner"]]
+    assert {each.context.trace_id for each in way} == {mine.context.trace_id}
+    assert [each.parent.span_id for each in way[1:]] == [each.context.span_id for each in way[:-1]]
+    assert servers["/work"].parent.is_remote
+
+
+@pytest.mark.parametrize("told", [bytes(25), b"t" * 16 + bytes(9)])
+async def test_a_span_that_is_none_begins_a_trace_of_its_own(lab, told):
+    client = lab.offer(add)
+    client._channel.span_of = lambda: told
+    await client.call(ask())
+    (server,) = lab.spans(SpanKind.SERVER)
+    assert server.parent is None
+    assert server.context.is_valid
+
+
 async def test_an_exactly_once_service_has_its_span_too(lab):
     def traced(request, response):
         with lab.tracing.in_call() as span:
