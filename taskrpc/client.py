@@ -35,7 +35,7 @@ class Client:
     """Calls one service; made by `Node.create_client`.
 
     `timeout` (seconds, None for no deadline) and `retry` are the defaults of its calls. `forget`
-    learns of its end.
+    learns of its end. The service `otherwise` is called where nobody offers the first one.
     """
 
     def __init__(
@@ -48,6 +48,7 @@ class Client:
         timeout: float | None = DEFAULT_TIMEOUT,
         retry: RetryPolicy | None = None,
         forget: Callable[[Client], object] = lambda _: None,
+        otherwise: str = "",
     ) -> None:
         self.srv_type = srv_type
         self.service_name = name
@@ -57,7 +58,7 @@ class Client:
         self._loop = asyncio.get_running_loop()
         self._now = clock_of(self._loop)
         self._forget = forget
-        self._channel = transport.channel(name, srv_type, node)
+        self._channel = transport.channel(name, srv_type, node, otherwise=otherwise)
 
     def service_is_ready(self) -> bool:
         """Whether somebody is known to offer the service."""

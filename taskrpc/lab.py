@@ -25,7 +25,7 @@ class Lab(msgspec.Struct, frozen=True, kw_only=True):
     """The very one that the server shows (PEM)."""
     domain: int = 0
     namespace: str = "/"
-    """For services of this user's own; nothing is put there by itself."""
+    """Of this user's nodes that say none."""
     expires: float = 0.0
     """Seconds since 1970 from when on the account is refused, 0.0 for never."""
 

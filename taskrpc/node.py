@@ -14,11 +14,11 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 from taskrpc import names, platform
 from taskrpc.access import Accounts, Role
 from taskrpc.client import DEFAULT_TIMEOUT, Client
-from taskrpc.errors import TaskRpcError
+from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.retry import RetryPolicy
 from taskrpc.transport.base import Mode, Transport
 from taskrpc.transport.entries import Entry
-from taskrpc.transport.shared import shared_transport
+from taskrpc.transport.shared import lab_namespace, shared_transport
 from taskrpc.transport.tls import Tls
 from taskrpc.wire.once import CompletionStore
 
@@ -39,7 +39,8 @@ class Node:
     share one listening socket and its connections.
 
     Arguments:
-        name, namespace: by ROS's naming rules.
+        name, namespace: by ROS's naming rules. Without a namespace it is the root, or the one that
+            this user has in the lab that was joined (`taskrpc join`), where the lab is called.
         transport: `tcp`, or `memory` for nodes of this event loop only (tests, demos).
         listen: `HOST:PORT` to take calls at, or `unix:/path` (`unix:` alone: in the runtime
             folder); any free loopback port unless said.
@@ -73,7 +74,9 @@ class Node:
         observer: Observer | None = None,
     ) -> None:
         self._name = names.check_node_name(name)
-        self._namespace = names.check_namespace(namespace)
+        in_lab = "" if namespace else lab_namespace(transport, peers)
+        self._namespace = names.check_namespace(namespace or in_lab)
+        self._is_in_lab = bool(in_lab)
         self._transport_name = transport
         self._listen, self._peers, self._tls = listen, peers, tls
         self._token = token or os.environ.get("TASKRPC_TOKEN")
@@ -246,6 +249,7 @@ class Node:
             timeout=timeout,
             retry=retry,
             forget=self._forget_client,
+            otherwise=self._name_in_lab(srv_name),
         )
         self._clients[client] = None
         return client
@@ -259,7 +263,13 @@ class Node:
 
         Raises ServiceUnavailable when nobody offers it.
         """
-        return await self._started().definition(self.resolve_service_name(srv_name))
+        transport, otherwise = self._started(), self._name_in_lab(srv_name)
+        try:
+            return await transport.definition(self.resolve_service_name(srv_name))
+        except ServiceUnavailable:
+            if not otherwise:
+                raise
+            return await transport.definition(otherwise)
 
     def status(self) -> NodeStatus:
         """What this node has to do now, and what it has done since it started."""
@@ -271,6 +281,16 @@ class Node:
         from taskrpc.observer import NodeStatus  # few programs ask
 
         return NodeStatus(services, retries, *self._started().traffic())
+
+    def _name_in_lab(self, srv_name: str) -> str:
+        """What else a relative name of a client may mean: the lab's own service, "" for nothing.
+
+        The lab has its services in the root; programs that were not written for a lab call them by
+        relative names.
+        """
+        if not self._is_in_lab or srv_name.startswith(("/", "~")):
+            return ""
+        return names.expand(srv_name, node=self._name)
 
     def _tell(self, tell: Callable[[Observer], None]) -> None:
         if self._observer is not None:

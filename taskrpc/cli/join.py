@@ -53,6 +53,8 @@ def _join(text: str) -> Exit:
     print(f"You have joined the lab at {lab.place} as {_account(lab)}{_until(lab)}.")
     print(_offers(lab, listing))
     print(*_greeted(lab), sep="\n")
+    if lab.namespace != "/":
+        print(f"Your own services are in {lab.namespace}: `greet` is {lab.namespace}/greet.")
     _warn_of_peers()
     print(_NEXT)
     return Exit.DONE

@@ -52,6 +52,7 @@ class Remote:
         peers = [self.place] if self.place else None
         return Node(
             f"_taskrpc_cli_{os.getpid()}",
+            namespace="/",  # names on a command line are those of listings
             transport=transport,
             peers=peers,
             tls=self.tls,

@@ -134,6 +134,7 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> Non
     watch = _watch(options, access)
     node = Node(
         "task_server",
+        namespace="/",  # in a lab too: /robot_task is where everybody looks for it
         transport=options.transport,
         listen=options.listen,
         tls=access.tls,

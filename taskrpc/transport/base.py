@@ -153,7 +153,7 @@ class Channel(Protocol):
 
     @property
     def service_name(self) -> str:
-        """Absolute."""
+        """Absolute; of what is called, once that is known."""
 
     def numbers(self) -> Numbers:
         """What counts our requests to the store of this exactly-once service."""
@@ -197,8 +197,10 @@ class Transport(Protocol):
     def withdraw(self, offer: Offer) -> None:
         """Stop taking calls for a service; those that came before may still be answered."""
 
-    def channel(self, name: str, srv_type: ServiceType, node: str) -> Channel:
-        """A way to call a service for a node."""
+    def channel(
+        self, name: str, srv_type: ServiceType, node: str, *, otherwise: str = ""
+    ) -> Channel:
+        """A way to call a service for a node; the service `otherwise` where nobody offers it."""
 
     async def graph(self) -> list[Entry]:
         """Every process that can be seen: its nodes, services and clients."""

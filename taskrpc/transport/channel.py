@@ -50,13 +50,18 @@ class Home(Protocol):
 class RemoteChannel:
     """The `Channel` of an endpoint."""
 
-    def __init__(self, endpoint: Home, named: Named, srv_type: ServiceType) -> None:
+    def __init__(
+        self, endpoint: Home, named: Named, srv_type: ServiceType, *, otherwise: str = ""
+    ) -> None:
         self.mode = Mode.AT_MOST_ONCE
         self.store_id = b""
         self.span_of: Callable[[], bytes] | None = None
         """Asked at each sending for the span that the server shall know, where there is one."""
         self._endpoint = endpoint
         self._named = named
+        self._names = (named.name, otherwise) if otherwise else (named.name,)
+        self._shown = " or ".join(self._names)
+        self._reached = named.name
         self._encode = codec_of(srv_type.Request).encode
         self._decode = codec_of(srv_type.Response).decode
         self._connection: CallingConnection | None = None
@@ -79,12 +84,12 @@ class RemoteChannel:
         """Whether somebody is known to offer the service."""
         if self.ready or self._closed:
             return not self._closed
-        return any(each.surely_offers for each in self._locate())
+        return any(each.surely_offers for _, each in self._locate())
 
     @property
     def service_name(self) -> str:
-        """Absolute."""
-        return self._named.name
+        """Absolute; of what is called, once that is known."""
+        return self._reached
 
     def numbers(self) -> Numbers:
         """What counts our requests to the service's store."""
@@ -134,7 +139,7 @@ class RemoteChannel:
         """Find the service and reach it."""
         while not self.ready:
             if self._closed:
-                raise TaskRpcError(f"the client of {self._named.name} is destroyed")
+                raise TaskRpcError(f"the client of {self._shown} is destroyed")
             connecting = self._connecting
             if connecting is None or connecting.done():
                 self._connecting = connecting = asyncio.ensure_future(self._connect())
@@ -143,7 +148,7 @@ class RemoteChannel:
             # Several calls may wait for one connection: none of them may take it from the others.
             done, _ = await asyncio.wait((connecting,), timeout=left)
             if not done:
-                raise ServiceUnavailable(f"{self._named.name} could not be reached in time")
+                raise ServiceUnavailable(f"{self._shown} could not be reached in time")
             if not connecting.cancelled():
                 connecting.result()
 
@@ -178,8 +183,10 @@ class RemoteChannel:
         # Whoever still waits for the service must learn it.
         self._endpoint.news.pulse()
 
-    def _locate(self) -> list[Address]:
-        return self._endpoint.network.locate(self._named.name)
+    def _locate(self) -> list[tuple[str, Address]]:
+        """For which name to ask whom."""
+        locate = self._endpoint.network.locate
+        return [(name, each) for name in self._names for each in locate(name)]
 
     async def _something_new(self, failures: int, left: float | None) -> int:
         """Wait for a sign that another attempt may succeed."""
@@ -195,30 +202,29 @@ class RemoteChannel:
         self._mark = self._endpoint.news.mark()
         addresses = self._locate()
         self._somebody = bool(addresses)
-        problem = ServiceUnavailable(f"nobody offers {self._named.name}")
+        problem = ServiceUnavailable(f"nobody offers {self._shown}")
         refusal: TaskRpcError | None = None
-        for address in addresses:
+        for name, address in addresses:
             try:
-                return await self._reach(address)
+                return await self._reach(name, address)
             except (TypeMismatch, AuthenticationFailed, PermissionDenied) as error:
                 refusal = refusal or error
             except ServiceUnavailable:
                 pass  # a peer that has other services
             except TaskRpcError as error:
-                problem = ServiceUnavailable(f"{self._named.name} could not be reached: {error}")
+                problem = ServiceUnavailable(f"{self._shown} could not be reached: {error}")
         raise refusal or problem
 
-    async def _reach(self, address: Address) -> None:
+    async def _reach(self, name: str, address: Address) -> None:
         endpoint = self._endpoint
         connection = await endpoint.dialler.connection(address, None)
         # Read before asking: what changes while the answer is on its way may make it stale.
         epoch = connection.epoch
-        named = self._named
-        question = Resolve(named.name, named.type_hash, named.node)
+        question = Resolve(name, self._named.type_hash, self._named.node)
         asked = connection.resolve(question, endpoint.loop.time() + RESOLVE_TIMEOUT)
         resolved = await asked.future
         self._connection = None  # until all three belong together, other threads find nothing
-        self._method, self._epoch = resolved.method, epoch
+        self._method, self._epoch, self._reached = resolved.method, epoch, name
         known = resolved.mode in tuple(Mode)
         self.mode = Mode(resolved.mode) if known else Mode.AT_MOST_ONCE
         self.store_id = resolved.store_id if self.mode is Mode.EXACTLY_ONCE else b""

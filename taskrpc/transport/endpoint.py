@@ -138,11 +138,13 @@ class Endpoint:
             self._publish(Change(service=_named(offer), gone=True))
             self._advertise()
 
-    def channel(self, name: str, srv_type: ServiceType, node: str) -> RemoteChannel:
-        """A way to call a service for a node."""
+    def channel(
+        self, name: str, srv_type: ServiceType, node: str, *, otherwise: str = ""
+    ) -> RemoteChannel:
+        """A way to call a service for a node; the service `otherwise` where nobody offers it."""
         named = Named(name, srv_type._TYPE, srv_type._HASH, node)
         self._publish(Change(client=named))
-        return RemoteChannel(self, named, srv_type)
+        return RemoteChannel(self, named, srv_type, otherwise=otherwise)
 
     def channel_closed(self, named: Named) -> None:
         """A client is gone."""

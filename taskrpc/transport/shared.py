@@ -60,6 +60,17 @@ def shared_transport(
     return endpoint
 
 
+def lab_namespace(name: str, peers: Sequence[str] | None) -> str:
+    """The namespace of a node that says none: the joined lab's where it calls the lab, else "".
+
+    Raises TaskRpcError for a lab's file that says something else.
+    """
+    if name != "tcp" or peers is not None or environment_peers():
+        return ""
+    lab = remembered_lab()
+    return "" if lab is None else lab.namespace
+
+
 def _network(
     name: str,
     domain: int,

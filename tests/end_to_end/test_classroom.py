@@ -137,3 +137,54 @@ def test_a_string_that_is_typed_in_wrong_is_told_and_changes_nothing(strings, la
     wrong = right[:30] + ("A" if right[30] != "A" else "B") + right[31:]
     assert "the character at place 31" in laptop.run("taskrpc", "join", wrong, code=1)
     assert "no lab is joined" in laptop.run("taskrpc", "join", "--status", code=1)
+
+
+PROGRAM = """
+import asyncio, srvgen, taskrpc
+
+RobotTask = srvgen.load("my_robot_interfaces/srv/RobotTask")
+Trigger = srvgen.load("std_srvs/srv/Trigger")
+
+def greet(request, response):
+    response.success = True
+    return response
+
+async def main():
+    async with taskrpc.Node("turtle") as node:
+        node.create_service(Trigger, "greet", greet)
+        robot = node.create_client(RobotTask, "robot_task")
+        asked = RobotTask.Request(task_type="report", target="dock", priority=5)
+        answer = await robot.call(asked)
+        print(answer.success, answer.task_id > 0, node.get_fully_qualified_name(), flush=True)
+        await node.spin()
+
+taskrpc.run(main())
+"""
+
+
+def test_programs_that_know_of_no_lab_call_it_and_have_a_namespace_there(strings, laptop):
+    said = laptop.run("taskrpc", "join", strings["grace"])
+    assert "Your own services are in /grace: `greet` is /grace/greet." in said
+    script = laptop.folder / "turtle.py"
+    script.write_text(PROGRAM, encoding="utf-8")
+    for argv, services in (
+        ([sys.executable, str(script)], ["/grace/greet", "/robot_task"]),
+        ([sys.executable, "-m", "taskrpc.cli.server", "--db", ":memory:"], ["/robot_task"]),
+    ):
+        own = subprocess.Popen(
+            argv,
+            cwd=laptop.folder,
+            env=laptop.environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        try:
+            line = next(each for each in own.stdout if "ready:" in each or "turtle" in each)
+            assert "/grace/robot_task" not in line
+            assert "ready: /robot_task" in line or line == "True True /grace/turtle\n"
+            listed = laptop.run("taskrpc", "service", "list").splitlines()
+            assert [each for each in listed if each.count("/") == 1 or "greet" in each] == services
+        finally:
+            own.terminate()
+            own.communicate(timeout=PATIENCE)

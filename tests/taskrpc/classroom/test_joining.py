@@ -12,6 +12,7 @@ from taskrpc import lab
 from taskrpc.classroom.authority import fingerprint, make_certificates
 from taskrpc.classroom.invitation import Invitation
 from taskrpc.classroom.joining import find_lab, visit
+from taskrpc.cli.remote import HERE
 from tests.taskrpc.transport.helpers import Add, add, ask, outcome
 
 pytestmark = pytest.mark.real_time
@@ -77,6 +78,68 @@ async def test_what_the_laptop_itself_offers_comes_first(invitation):
         node.create_service(Add, "add", other)
         assert (await call()).sum == -1
     assert (await call()).sum == 5
+
+
+@pytest.fixture
+async def joined(invitation):
+    lab.remember_lab(await found(invitation))
+
+
+async def test_nodes_that_say_no_namespace_are_in_the_labs(joined, monkeypatch):
+    assert taskrpc.Node("turtle").get_fully_qualified_name() == "/ada/turtle"
+    assert taskrpc.sync.Node("turtle").get_fully_qualified_name() == "/ada/turtle"
+    others = [
+        taskrpc.Node("turtle", namespace="/"),
+        taskrpc.Node("turtle", transport="memory"),
+        taskrpc.Node("turtle", peers=["127.0.0.1:1"]),  # calls no lab
+    ]
+    assert {each.get_namespace() for each in others} == {"/"}
+    assert taskrpc.Node("turtle", namespace="/lab7").get_namespace() == "/lab7"
+    assert HERE.node().get_namespace() == "/"
+    monkeypatch.setenv("TASKRPC_PEERS", "127.0.0.1:1")
+    assert taskrpc.Node("turtle").get_namespace() == "/"
+    monkeypatch.delenv("TASKRPC_PEERS")
+    lab.forget_lab()
+    assert taskrpc.Node("turtle").get_namespace() == "/"
+
+
+async def test_services_go_into_the_namespace_unless_their_name_is_absolute(joined):
+    async with taskrpc.Node("turtle") as node:
+        for name in ("add", "/add", "~/add"):
+            node.create_service(Add, name, add, join=True)
+        (here,) = [entry for entry in await node.graph() if "/ada/turtle" in entry.nodes]
+    assert [each.name for each in here.services] == ["/ada/add", "/add", "/ada/turtle/add"]
+
+
+async def test_a_relative_name_is_the_students_own_service_else_the_labs(joined, invitation):
+    """So that programs which know of no lab, such as the lecture's, call it unchanged."""
+
+    def other(request, response):
+        response.sum = -1
+        return response
+
+    async with taskrpc.Node("turtle") as node:
+        client = node.create_client(Add, "add", timeout=5)
+        assert (await client.call(ask(2, 3))).sum == 5
+        # A request id means the same one as to who calls it by its absolute name.
+        assert client._channel.service_name == "/add"
+        assert (await node.definition("add"))[0] == "example_interfaces/srv/AddTwoInts"
+        async with taskrpc.Node("mine", token="m") as mine:
+            mine.create_service(Add, "add", other)
+            again = node.create_client(Add, "add", timeout=5)
+            assert (await again.call(ask(2, 3))).sum == -1
+            absolute = node.create_client(Add, "/add", timeout=5)
+            assert (await absolute.call(ask(2, 3))).sum == 5
+        nobody = await outcome(node.create_client(Add, "nothing").call(ask()))
+        assert str(nobody) == "nobody offers /ada/nothing or /nothing"
+        private = await outcome(node.create_client(Add, "~/add").call(ask()))
+        assert str(private) == "nobody offers /ada/turtle/add"
+
+
+async def test_who_says_a_namespace_means_it(joined):
+    async with taskrpc.Node("turtle", namespace="/own") as node:
+        error = await outcome(node.create_client(Add, "add").call(ask()))
+        assert str(error) == "nobody offers /own/add"
 
 
 async def test_peers_go_before_the_lab(invitation, monkeypatch):
