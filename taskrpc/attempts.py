@@ -28,7 +28,7 @@ from taskrpc.errors import (
     TaskRpcError,
 )
 from taskrpc.retry import RetryBudget, RetryPolicy
-from taskrpc.transport.base import Channel, Mode
+from taskrpc.transport.base import Channel, Mode, SentCall
 from taskrpc.wire.once import Number, Numbers, number_of_id
 
 FREE_SENDINGS = 8
@@ -61,17 +61,22 @@ class Attempts(msgspec.Struct, eq=False):
     _sequence: int = 0
     _store: bytes = b""
 
-    async def result(self) -> Any:
-        """The response; raises what `Client.call` tells."""
+    async def result(self, call: SentCall | None = None) -> Any:
+        """The response; raises what `Client.call` tells.
+
+        `call` is a first sending by `Channel.send_next`.
+        """
+        if call is not None and call.numbers is not None:
+            self._counted(call.numbers.store_id, call.numbers, call.sequence)
         try:
             while True:
-                call = None
                 self._made += 1
                 try:
-                    if not self.channel.ready:
-                        await self._find()
-                    call = self.channel.send(self.request, self.deadline, self._number())
-                    assert call is not None, "the channel was connected in this very turn"
+                    if call is None:
+                        if not self.channel.ready:
+                            await self._find()
+                        call = self.channel.send(self.request, self.deadline, self._number())
+                        assert call is not None, "the channel was connected in this very turn"
                     response = await call.future
                 except asyncio.CancelledError:
                     if call is not None:
@@ -81,6 +86,7 @@ class Attempts(msgspec.Struct, eq=False):
                     wait = self._wait_after(error)
                     if wait is None:
                         raise self._verdict(error) from None
+                    call = None
                     await asyncio.sleep(wait)
                 else:
                     self.budget.earn()
@@ -122,12 +128,16 @@ class Attempts(msgspec.Struct, eq=False):
 
     def _count(self, channel: Channel) -> None:
         self._settle()
+        numbers, sequence = None, 0
+        if not self.request_id:
+            numbers = channel.numbers()
+            sequence = numbers.take()
+        self._counted(channel.store_id, numbers, sequence)
+
+    def _counted(self, store_id: bytes, numbers: Numbers | None, sequence: int) -> None:
         if self.policy is None:
             self.policy, self._only_what_is_lost = _UNTIL_THE_DEADLINE, True
-        self._store = channel.store_id
-        if not self.request_id:
-            self._numbers = channel.numbers()
-            self._sequence = self._numbers.take()
+        self._store, self._numbers, self._sequence = store_id, numbers, sequence
 
     def _settle(self) -> None:
         if self._numbers is not None:
@@ -165,7 +175,7 @@ class Attempts(msgspec.Struct, eq=False):
         if self._in_doubt or self._numbers is None or self._counts_anew:
             return False
         self._counts_anew = True
-        self.channel.forget_numbers(self._numbers)
+        self._numbers.is_over = True
         self._settle()
         self._store = b""
         return True

@@ -10,7 +10,7 @@ from enum import Enum
 from typing import Any, Final
 
 from taskrpc.attempts import Attempts
-from taskrpc.errors import InvalidRequest
+from taskrpc.errors import InvalidRequest, TaskRpcError
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Transport, WaitingThread
 from taskrpc.transport.codec import ServiceType
@@ -91,15 +91,31 @@ class Client:
         """
         deadline = self._deadline(timeout)
         policy = self._retry if retry is UNSET else retry
-        once = policy is None and not request_id
-        call = self._channel.send(request, deadline) if once else None
+        channel, call = self._channel, None
+        if policy is None and not request_id:
+            send = channel.send_next if channel.store_id else channel.send
+            call = send(request, deadline)
         if call is None:
             return await self._attempts(request, deadline, policy, request_id).result()
-        try:  # as `Attempts` does: one more coroutine would cost a tenth of the call
-            return await call.future
+        # As `Attempts` does: one more coroutine would cost a tenth of the call.
+        if (numbers := call.numbers) is None:
+            try:
+                return await call.future
+            except asyncio.CancelledError:
+                call.give_up()
+                raise
+        try:
+            response = await call.future
         except asyncio.CancelledError:
             call.give_up()
             raise
+        except TaskRpcError:
+            return await self._attempts(request, deadline, policy, request_id).result(call)
+        finally:
+            numbers.settle(call.sequence)
+        if self._budget.spent:
+            self._budget.earn()
+        return response
 
     def call_async(
         self,

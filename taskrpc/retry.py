@@ -56,12 +56,13 @@ class RetryBudget:
     def __init__(self) -> None:
         self.booked = 0
         """How many retries there were."""
-        self._tokens = _BUDGET_FULL
+        self.spent = 0.0
+        """How many tokens are missing; without any there is nothing to `earn`."""
         self._next_floor = float("-inf")
 
     def earn(self) -> None:
         """A call succeeded."""
-        self._tokens = min(_BUDGET_FULL, self._tokens + _BUDGET_GAIN)
+        self.spent = max(0.0, self.spent - _BUDGET_GAIN)
 
     def book(self, now: float, wait: float, latest: float) -> float | None:
         """Book one retry for `wait` seconds after `now`, or later when the budget is empty.
@@ -71,8 +72,8 @@ class RetryBudget:
         """
         if now + wait >= latest:
             return None
-        if self._tokens >= 1:
-            self._tokens -= 1
+        if self.spent + 1 <= _BUDGET_FULL:
+            self.spent += 1
             self.booked += 1
             return wait
         place = max(now, self._next_floor) + 1 / _BUDGET_FLOOR

@@ -205,7 +205,8 @@ class Service:
             answering.reset(token)
             if (held := self._now() - began) > HOLDS_LOOP_AFTER:
                 self._held_loop(held)
-        if self._desk is not None and self._waits_for_store(self._desk, call, began):
+        desk = self._desk
+        if desk is not None and desk.storing and self._waits_for_store(desk, call, began):
             return True
         self._running -= 1
         if self._waiting.count or self._destroyed:

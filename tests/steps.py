@@ -54,13 +54,16 @@ def types(request: Any, response: Any) -> Any:
 
 
 @asynccontextmanager
-async def connected(srv_type: Any, callback: Any, **options: Any) -> AsyncIterator[Any]:
+async def connected(
+    srv_type: Any, callback: Any, *, once: bool = False, **options: Any
+) -> AsyncIterator[Any]:
     """A client in one process, so to speak, and its server in another."""
+    store = taskrpc.MemoryCompletions() if once else None
     async with (
         taskrpc.Node("server", transport="memory", token="server") as server,
         taskrpc.Node("client", transport="memory", token="client") as node,
     ):
-        server.create_service(srv_type, "work", callback, concurrency=IN_FLIGHT)
+        server.create_service(srv_type, "work", callback, concurrency=IN_FLIGHT, exactly_once=store)
         yield node.create_client(srv_type, "work", **options)
 
 
@@ -150,6 +153,7 @@ WORKS: dict[str, tuple[Callable[[], Awaitable[int]], int]] = {
         calling(Add, add, _two_ints, retry=taskrpc.RetryPolicy()),
         CALLS,
     ),
+    "an exactly-once call": (calling(Add, add, _two_ints, once=True), CALLS),
     "a service made and destroyed": (creating, SERVICES),
     "a task submitted and cancelled": (queueing, TASKS),
 }

@@ -5,13 +5,11 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import logging
-import time
 from collections.abc import Awaitable, Callable
-from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from taskrpc.callinfo import log_fields
-from taskrpc.deduplication.run import Run, fail_to, key_of
+from taskrpc.deduplication.run import Run
 from taskrpc.deduplication.shared import forget, shared_of
 from taskrpc.errors import (
     Code,
@@ -27,7 +25,8 @@ from taskrpc.errors import (
 from taskrpc.stepping import Stepper
 from taskrpc.transport.base import IncomingCall
 from taskrpc.transport.codec import Codec
-from taskrpc.wire.once import Claim, Client, Completion, CompletionStore, Ledger, Verdict
+from taskrpc.wire.ledger import Ledger, Verdict
+from taskrpc.wire.once import Claim, Client, Completion, CompletionStore
 
 if TYPE_CHECKING:
     from taskrpc.observer import OnceStatus
@@ -36,6 +35,7 @@ log = logging.getLogger("taskrpc.server")
 
 RETRY_AFTER = 0.5
 _EXPIRE_EVERY = 60.0
+_NEW = Verdict.NEW  # in Python 3.11 to look it up in its class costs as much as to decide
 
 
 class OnceDesk:
@@ -58,7 +58,8 @@ class OnceDesk:
         self._serve = serve
         self.storing: dict[IncomingCall, Callable[[], object]] = {}
         """Runs whose transaction has begun and not ended; what stands here is called at its end."""
-        self._verdicts = dict.fromkeys(Verdict, 0)
+        self._begun = 0
+        self._repeats = dict.fromkeys(Verdict, 0)
         self._shared = shared_of(store)
         self._stepper = Stepper(asyncio.get_running_loop(), lambda _: None)
         self._shared.desks += 1
@@ -73,7 +74,8 @@ class OnceDesk:
         from taskrpc.observer import OnceStatus  # few programs ask
 
         ledger = self._shared.ledger
-        requests = {verdict.name.lower(): count for verdict, count in self._verdicts.items()}
+        verdicts = self._repeats | {Verdict.NEW: self._begun}
+        requests = {verdict.name.lower(): count for verdict, count in verdicts.items()}
         return OnceStatus(requests, len(ledger or ()), 0 if ledger is None else ledger.size)
 
     def close(self) -> None:
@@ -85,119 +87,20 @@ class OnceDesk:
 
     def arrived(self, call: IncomingCall) -> None:
         """Do with a call what its number says."""
-        shared, claim = self._shared, call.claim
-        if claim is None:  # a caller that does not count: at most once
-            self._run(call, 0.0)
-        elif shared.ledger is None:
-            self._wait_for_store(call)
-        else:
-            self._decided(call, claim, shared.ledger)
-
-    # Runs end here
-
-    def completion(self, run: Run, answer: bytes, code: int) -> Completion:
-        """What is to be remembered of a run."""
-        claim = run.claim
-        assert claim is not None, "only a numbered request is remembered"
-        number = claim.number
-        return Completion(
-            run.principal,
-            number.client,
-            number.sequence,
-            number.first_incomplete,
-            claim.fingerprint,
-            answer,
-            code,
-            run.arrived,
-            time.time(),
-        )
-
-    def commit(
-        self,
-        run: Run,
-        body: bytes,
-        code: int,
-        effect: Any,
-        answer: Callable[[IncomingCall], None],
-    ) -> None:
-        """Store an effect and the completion, then answer."""
-        completion = None if run.claim is None else self.completion(run, body, code)
-        if completion is None and effect is None:
-            self.done(run, None, answer)
-            return
-        run.completion = completion
-        try:
-            storing = self._store.complete(completion, effect)
-        except BaseException as error:
-            self._unstored(run, error)
-            if isinstance(error, SystemExit | KeyboardInterrupt):
-                raise
-            return
-        if storing is None:
-            self.done(run, completion, answer)
-            return
-        with contextlib.suppress(StopIteration):  # it did not have to wait
-            self._stepper.step(_nothing, self._committed(storing, run, completion, answer))
-            self.storing[run] = _nothing
-
-    def done(
-        self, run: Run, completion: Completion | None, answer: Callable[[IncomingCall], None]
-    ) -> None:
-        """A run's completion is stored: answer everybody."""
-        if completion is not None:
-            self._shared.completed(completion)
-        self._shared.end(run)
-        run.tell(answer)
-
-    def undone(self, run: Run, error: TaskRpcError) -> None:
-        """A run has left nothing behind: whoever sends the request again has it run."""
-        self._shared.end_without_trace(run)
-        # Cancelled not by these, who came when the run was being given up.
-        run.tell(self.arrived if run.cancelled else partial(fail_to, error=error))
-
-    def refused(self, run: Run, answer: Callable[[IncomingCall], None]) -> None:
-        """A run has left nothing behind but its answer."""
-        self._shared.end_without_trace(run)
-        run.tell(answer)
-
-    def unknown(self, run: Run, error: OutcomeUnknown) -> None:
-        """Nobody can tell whether a run's transaction was done, before the store is read anew."""
-        log.error("%s: %s", run.service, error, extra=log_fields(run))
-        self._shared.end(run)
-        self._shared.open(self._store, anew=True)
-        run.tell(partial(fail_to, error=OutcomeUnknown(told(error))))
-
-    # Inside
-
-    def _decided(self, call: IncomingCall, claim: Claim, ledger: Ledger) -> None:
-        assert self._shared.clock is not None, "it comes with the ledger"
-        now = self._shared.clock.now()
-        if now >= self._shared.expires:
-            self._expire(ledger, now)
-        verdict = ledger.decide(call.principal, claim.number, claim.fingerprint, now)
-        self._verdicts[verdict] += 1
-        match verdict:
-            case Verdict.NEW:
-                self._run(call, now)
-            case Verdict.ATTACH:
-                text = "call %d of %s attaches to its first sending"
-                log.debug(text, call.number, call.service, extra=log_fields(call))
-                self._shared.runs[key_of(call, claim)].attach(call)
-            case Verdict.DONE:
-                text = "call %d of %s was done before"
-                log.debug(text, call.number, call.service, extra=log_fields(call))
-                self._repeat(call, ledger.answer(call.principal, claim.number))
-            case Verdict.STALE:
-                problem = "the server does not remember this client: whether it ran is unknown"
-                call.fail(SessionExpired(problem))
-            case Verdict.REUSED:
-                call.fail(RequestIdReused("another request was sent under this request id"))
-            case Verdict.FULL:
-                whose = f" of the account {call.principal}" if call.principal else ""
-                problem = f"{call.service} remembers too many requests{whose}"
-                call.fail(ServerBusy(problem, retry_after=RETRY_AFTER))
-
-    def _run(self, call: IncomingCall, now: float) -> None:
+        shared, claim, now = self._shared, call.claim, 0.0
+        if claim is not None:  # else the caller does not count: at most once
+            ledger, clock = shared.ledger, shared.clock
+            if ledger is None or clock is None:
+                self._wait_for_store(call)
+                return
+            now = clock.now()
+            if now >= shared.expires:
+                self._expire(ledger, now)
+            verdict = ledger.decide(call.principal, claim, now)
+            if verdict is not _NEW:
+                self._repeated(call, claim, verdict, ledger)
+                return
+            self._begun += 1
         run = Run(
             call.service,
             call.caller,
@@ -210,14 +113,99 @@ class OnceDesk:
             call.request,
             None,  # on_cancel
             False,  # started
-            call.claim,
+            claim,
             self,
-            [],
+            [call],
             now,
         )
-        run.attach(call)
-        self._shared.begin(run)
+        call.on_cancel = run.left
+        if claim is not None:
+            claim.run = run
         self._serve(run)
+
+    # Runs end here
+
+    def commit(
+        self,
+        run: Run,
+        body: bytes,
+        code: int,
+        effect: Any,
+        error: TaskRpcError | None = None,
+    ) -> None:
+        """Store an effect and the completion, then answer, with the error if there is one."""
+        completion = run.completed(body, code)
+        if completion is None and effect is None:
+            self.done(run, None, error)
+            return
+        run.completion = completion
+        try:
+            storing = self._store.complete(completion, effect)
+        except BaseException as problem:
+            self._unstored(run, problem)
+            if isinstance(problem, SystemExit | KeyboardInterrupt):
+                raise
+            return
+        if storing is None:  # as `done` does: most stores are as quick
+            self._shared.end(run, completion)
+            run.tell(error)
+            return
+        with contextlib.suppress(StopIteration):  # it did not have to wait
+            self._stepper.step(_nothing, self._committed(storing, run, completion, error))
+            self.storing[run] = _nothing
+
+    def done(
+        self, run: Run, completion: Completion | None, error: TaskRpcError | None = None
+    ) -> None:
+        """A run's completion is stored: answer everybody."""
+        self._shared.end(run, completion)
+        run.tell(error)
+
+    def undone(self, run: Run, error: TaskRpcError) -> None:
+        """A run has left nothing behind: whoever sends the request again has it run."""
+        self._shared.end_without_trace(run)
+        if not run.cancelled:
+            run.tell(error)
+            return
+        callers, run.callers = run.callers, []
+        for call in callers:  # they came when the run was being given up, not by them
+            self.arrived(call)
+
+    def refused(self, run: Run) -> None:
+        """A run has left nothing behind but its answer."""
+        self._shared.end_without_trace(run)
+        run.tell()
+
+    def unknown(self, run: Run, error: OutcomeUnknown) -> None:
+        """Nobody can tell whether a run's transaction was done, before the store is read anew."""
+        log.error("%s: %s", run.service, error, extra=log_fields(run))
+        self._shared.end(run)
+        self._shared.open(self._store, anew=True)
+        run.tell(OutcomeUnknown(told(error)))
+
+    # Inside
+
+    def _repeated(self, call: IncomingCall, claim: Claim, verdict: Verdict, ledger: Ledger) -> None:
+        self._repeats[verdict] += 1
+        match verdict:
+            case Verdict.ATTACH:
+                text = "call %d of %s attaches to its first sending"
+                log.debug(text, call.number, call.service, extra=log_fields(call))
+                run: Run = ledger.running(call.principal, claim).run
+                run.attach(call)
+            case Verdict.DONE:
+                text = "call %d of %s was done before"
+                log.debug(text, call.number, call.service, extra=log_fields(call))
+                self._repeat(call, ledger.answer(call.principal, claim))
+            case Verdict.STALE:
+                problem = "the server does not remember this client: whether it ran is unknown"
+                call.fail(SessionExpired(problem))
+            case Verdict.REUSED:
+                call.fail(RequestIdReused("another request was sent under this request id"))
+            case Verdict.FULL:
+                whose = f" of the account {call.principal}" if call.principal else ""
+                problem = f"{call.service} remembers too many requests{whose}"
+                call.fail(ServerBusy(problem, retry_after=RETRY_AFTER))
 
     def _repeat(self, call: IncomingCall, completion: Completion) -> None:
         if completion.code:
@@ -234,16 +222,16 @@ class OnceDesk:
         storing: Awaitable[None],
         run: Run,
         completion: Completion | None,
-        answer: Callable[[IncomingCall], None],
+        error: TaskRpcError | None,
     ) -> None:
         try:
             await storing
-        except BaseException as error:
-            self._unstored(run, error)
-            if isinstance(error, SystemExit | KeyboardInterrupt):
+        except BaseException as problem:
+            self._unstored(run, problem)
+            if isinstance(problem, SystemExit | KeyboardInterrupt):
                 raise
         else:
-            self.done(run, completion, answer)
+            self.done(run, completion, error)
         finally:
             self.storing.pop(run, _nothing)()
 

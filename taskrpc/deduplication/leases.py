@@ -9,7 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 
-from taskrpc.wire.once import LEASE, Completion
+from taskrpc.wire.ledger import LEASE
+from taskrpc.wire.once import Completion
 
 DOWN_AT_MOST = LEASE / 2
 """Seconds that count at most of the time for which no server ran: nobody can tell it from a leap of

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Hashable
-from functools import partial
+import time
+from collections.abc import Hashable
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from taskrpc.errors import Code, HandlerFailed, OutcomeUnknown, TaskRpcError
 from taskrpc.transport.base import IncomingCall
-from taskrpc.wire.once import Claim, Completion
+from taskrpc.wire.once import Completion
 
 if TYPE_CHECKING:
     from taskrpc.deduplication.desk import OnceDesk
-
-Key = tuple[str, bytes, int]
-"""Principal, client and sequence: which request it is."""
 
 
 class Effect(msgspec.Struct):
@@ -41,6 +38,10 @@ class Run(IncomingCall, eq=False):
     """Once the transaction has begun: what it remembers."""
     refused: bool = False
     """Whether the callback has done nothing, and is to be asked again."""
+    response: Any = None
+    """What the callback answered."""
+    body: bytes = b""
+    """The same, encoded."""
 
     @property
     def lane(self) -> Hashable:
@@ -53,10 +54,26 @@ class Run(IncomingCall, eq=False):
         From here on the run cannot be cancelled. Raises InvalidRequest for a response that cannot
         be sent.
         """
-        if self.claim is None:
-            return None
-        self.completion = self.desk.completion(self, self.desk.codec.encode(response), 0)
+        if self.claim is not None:
+            self.completion = self.completed(self.desk.codec.encode(response), 0)
         return self.completion
+
+    def completed(self, body: bytes, code: int) -> Completion | None:
+        """What is to be remembered with an answer, if anything."""
+        claim = self.claim
+        if claim is None:
+            return None
+        return Completion(
+            self.principal,
+            claim.client,
+            claim.sequence,
+            claim.first_incomplete,
+            claim.fingerprint,
+            body,
+            code,
+            self.arrived,
+            time.time(),
+        )
 
     def nothing_done(self) -> None:
         """Say that the response need not be remembered."""
@@ -64,25 +81,24 @@ class Run(IncomingCall, eq=False):
 
     def reply(self, response: Any, body: bytes | None = None) -> None:
         """Store the effect and the completion, then answer everybody."""
-        effect = None
+        effect, desk = None, self.desk
         if isinstance(response, Effect):
             response, effect = response.response, response.effect
         if self.completion is not None:  # the handler has stored both itself
-            body = self.completion.answer
-            self.desk.done(self, self.completion, partial(reply_to, response=response, body=body))
+            self.response, self.body = response, self.completion.answer
+            desk.done(self, self.completion)
             return
-        body = self.desk.codec.encode(response)
-        answer = partial(reply_to, response=response, body=body)
+        self.body = body = desk.codec.encode(response)
+        self.response = response
         if self.refused and effect is None:
-            self.desk.refused(self, answer)
+            desk.refused(self)
         else:
-            self.desk.commit(self, body, 0, effect, answer)
+            desk.commit(self, body, 0, effect)
 
     def fail(self, error: TaskRpcError) -> None:
         """Answer everybody with an error; one of the handler's own is remembered as an answer."""
-        answer = partial(fail_to, error=error)
         if isinstance(error, OutcomeUnknown):  # the service is given up; the run has its own end
-            self.tell(answer)
+            self.tell(error)
         elif isinstance(error, HandlerFailed) and error.code is Code.OUTCOME_UNKNOWN:
             self.desk.unknown(self, OutcomeUnknown(error.message))
         elif self.completion is not None and not error.not_executed:
@@ -91,50 +107,41 @@ class Run(IncomingCall, eq=False):
         elif isinstance(error, HandlerFailed) and not error.not_executed and self.claim is not None:
             # As it travels: it need not be text. And with the code 0 it would be a response.
             body = error.message.encode("utf-8", "backslashreplace")
-            self.desk.commit(self, body, int(error.code or Code.UNKNOWN), None, answer)
+            self.desk.commit(self, body, int(error.code or Code.UNKNOWN), None, error)
         else:
             self.desk.undone(self, error)
 
-    def tell(self, answer: Callable[[IncomingCall], None]) -> None:
-        """Answer everybody who waits; nobody does afterwards."""
+    def tell(self, error: TaskRpcError | None = None) -> None:
+        """Answer everybody who waits, with an error or the response; nobody waits afterwards."""
         callers, self.callers = self.callers, []
         for call in callers:
-            answer(call)
+            if error is not None:
+                call.fail(error)
+                continue
+            try:
+                call.reply(self.response, self.body)
+            except TaskRpcError as problem:  # it is too large for this caller
+                text = f"it ran; its answer cannot be sent: {problem}"
+                call.fail(TaskRpcError(text, not_executed=False))
 
     def attach(self, call: IncomingCall) -> None:
         """Another sender of the same request waits too."""
         self.callers.append(call)
-        call.on_cancel = partial(self._left, call)
+        call.on_cancel = self.left
         if self.deadline is not None:
             late = call.deadline
             self.deadline = None if late is None else max(self.deadline, late)
 
-    def _left(self, call: IncomingCall) -> None:
-        if call not in self.callers:
-            return  # it has its answer
-        self.callers.remove(call)
-        # What one who leaves is told: for others it may run, also where it has not begun.
-        call.started = self.started or bool(self.callers)
-        if self.callers or self.completion is not None:
-            return
+    def left(self) -> None:
+        """Somebody waits no more: he is cancelled, unless he has his answer."""
+        for call in [each for each in self.callers if each.cancelled]:
+            self.callers.remove(call)
+            # What one who leaves is told: for others it may run, also where it has not begun.
+            call.started = self.started or bool(self.callers)
+            if not self.callers and self.completion is None:
+                self._give_up()
+
+    def _give_up(self) -> None:
         self.cancel()
         if not self.started:
             self.desk.undone(self, TaskRpcError("cancelled by the caller"))
-
-
-def key_of(call: IncomingCall, claim: Claim) -> Key:
-    """Which request a call brings."""
-    return call.principal, claim.number.client, claim.number.sequence
-
-
-def reply_to(call: IncomingCall, response: Any, body: bytes) -> None:
-    """Answer one of those who wait."""
-    try:
-        call.reply(response, body)
-    except TaskRpcError as error:  # it is too large for this caller
-        call.fail(TaskRpcError(f"it ran; its answer cannot be sent: {error}", not_executed=False))
-
-
-def fail_to(call: IncomingCall, error: TaskRpcError) -> None:
-    """Answer one of those who wait with an error."""
-    call.fail(error)

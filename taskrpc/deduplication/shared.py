@@ -9,9 +9,11 @@ import weakref
 from collections.abc import Callable
 
 from taskrpc.deduplication.leases import LeaseClock
-from taskrpc.deduplication.run import Key, Run, key_of
+from taskrpc.deduplication.run import Run
 from taskrpc.errors import Code, HandlerFailed, StoreError, TaskRpcError, told
-from taskrpc.wire.once import Completion, CompletionStore, Ledger
+from taskrpc.transport.timers import clock_of
+from taskrpc.wire.ledger import Ledger
+from taskrpc.wire.once import Completion, CompletionStore
 
 log = logging.getLogger("taskrpc.server")
 
@@ -25,7 +27,8 @@ class Shared:
         """Set once the store has been read."""
         self.ledger: Ledger | None = None
         """None while the store is being read."""
-        self.runs: dict[Key, Run] = {}
+        self._before: Ledger | None = None
+        """What knows what runs, while the store is read anew."""
         self._store_id: asyncio.Future[bytes] = loop.create_future()
         self.desks = 0
         self.expires = 0.0
@@ -38,8 +41,8 @@ class Shared:
 
     def open(self, store: CompletionStore, *, anew: bool = False) -> None:
         """Read the store, unless it is read or being read; `anew`: even then."""
-        if anew:
-            self.ledger = None
+        if anew and self.ledger is not None:
+            self._before, self.ledger = self.ledger, None
         if anew or (self.ledger is None and not self._is_opening):
             loop = asyncio.get_running_loop()
             self._opening = loop.create_task(self._opened(store))
@@ -72,29 +75,26 @@ class Shared:
 
     # What runs
 
-    def begin(self, run: Run) -> None:
-        """A run has begun."""
-        if run.claim is not None:
-            self.runs[key_of(run, run.claim)] = run
+    def end(self, run: Run, completion: Completion | None = None) -> bool:
+        """A run has ended, and what is to be remembered of it is stored.
 
-    def end(self, run: Run) -> bool:
-        """Whether this is the first end of the run, and nobody else runs its request by now."""
-        if run.claim is None or self.runs.get(key := key_of(run, run.claim)) is not run:
+        Returns whether this is its first end, and its request had a number.
+        """
+        if completion is not None:
+            if self.ledger is not None:
+                self.ledger.completed(completion)
+            else:
+                self._meanwhile.append(completion)
+        claim = run.claim
+        if claim is None or claim.run is not run:
             return False
-        del self.runs[key]
+        claim.run = None
         return True
 
     def end_without_trace(self, run: Run) -> None:
         """A run has left nothing behind: sent again, its request is new."""
         if self.end(run) and run.claim is not None and self.ledger is not None:
-            self.ledger.abandoned(run.principal, run.claim.number)
-
-    def completed(self, completion: Completion) -> None:
-        """A request is done, and its completion stored."""
-        if self.ledger is not None:
-            self.ledger.completed(completion)
-        else:
-            self._meanwhile.append(completion)
+            self.ledger.abandoned(run.principal, run.claim)
 
     @property
     def _is_opening(self) -> bool:
@@ -113,13 +113,14 @@ class Shared:
         if self._opening is not asyncio.current_task():
             return  # it was read before somebody asked to read it anew
         if self.clock is None:
-            ticks = asyncio.get_running_loop().time
+            ticks = clock_of(asyncio.get_running_loop())
             self.clock = LeaseClock(remembered.completions, time.time(), ticks)
         self.ledger = ledger = Ledger((*remembered.completions, *self._meanwhile))
         self._meanwhile = []
-        for run in self.runs.values():
-            assert run.claim is not None, "only numbered runs are listed"
-            ledger.runs(run.principal, run.claim, run.arrived)
+        for principal, claim in self._before.all_running() if self._before else ():
+            if claim.run is not None:
+                ledger.runs(principal, claim, claim.run.arrived)
+        self._before = None
         if not self._store_id.done():
             self._store_id.set_result(remembered.store_id)
 

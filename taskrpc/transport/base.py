@@ -107,6 +107,10 @@ class SentCall(Protocol):
     future: asyncio.Future[Any]
     """Yields the response, or an error. Its class is asyncio's own, which awaits fastest; whoever
     cancels it must say so to `give_up`."""
+    numbers: Numbers | None
+    """What has counted it, where `send_next` did."""
+    sequence: int
+    """Its number then."""
 
     def give_up(self, future: asyncio.Future[Any] | None = None) -> None:
         """Tell the server that nobody waits, if the future was cancelled."""
@@ -158,9 +162,6 @@ class Channel(Protocol):
     def numbers(self) -> Numbers:
         """What counts our requests to the store of this exactly-once service."""
 
-    def forget_numbers(self, numbers: Numbers) -> None:
-        """Count anew: the store does not remember us."""
-
     def send(
         self, request: Any, deadline: float | None, number: Number | None = None
     ) -> SentCall | None:
@@ -170,6 +171,12 @@ class Channel(Protocol):
         to another server unseen.
 
         Raises InvalidRequest for a request that cannot be sent.
+        """
+
+    def send_next(self, request: Any, deadline: float | None) -> SentCall | None:
+        """Send a request to an exactly-once service under the next number, as `send` does.
+
+        Whoever waits for it must settle that number.
         """
 
     def send_in_thread(self, request: Any, deadline: float | None) -> WaitingThread | None:

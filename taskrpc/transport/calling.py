@@ -23,6 +23,7 @@ from taskrpc.wire import messages
 from taskrpc.wire.events import Advertised, Answered, Body, Closed, Draining, Failed, Ready
 from taskrpc.wire.frames import LARGE, NO_DEADLINE
 from taskrpc.wire.handshake import Identity
+from taskrpc.wire.once import Numbers
 from taskrpc.wire.session import LAST_CALL_ID, refused_error, unknown_error
 
 MAX_MOVES = 8
@@ -45,6 +46,9 @@ class OpenCall(msgspec.Struct, eq=False):
     call_id: int = 0
     """0 until the request is sent."""
     moves: int = 0
+    numbers: Numbers | None = None
+    """What has counted it, where it came to an exactly-once service by `send_next`."""
+    sequence: int = 0
 
     def failed(self, error: BaseException) -> None:
         """The call ended with an error."""

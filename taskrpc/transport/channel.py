@@ -9,6 +9,7 @@ from typing import Any, Protocol
 
 from taskrpc.errors import (
     AuthenticationFailed,
+    InvalidRequest,
     PermissionDenied,
     ServiceUnavailable,
     TaskRpcError,
@@ -57,6 +58,7 @@ class RemoteChannel:
         self.store_id = b""
         self.span_of: Callable[[], bytes] | None = None
         """Asked at each sending for the span that the server shall know, where there is one."""
+        self._numbers: Numbers | None = None
         self._endpoint = endpoint
         self._named = named
         self._names = (named.name, otherwise) if otherwise else (named.name,)
@@ -95,10 +97,6 @@ class RemoteChannel:
         """What counts our requests to the service's store."""
         return self._endpoint.counting.numbers(self.store_id)
 
-    def forget_numbers(self, numbers: Numbers) -> None:
-        """Count anew."""
-        self._endpoint.counting.forget(self.store_id, numbers)
-
     def send(
         self, request: Any, deadline: float | None, number: Number | None = None
     ) -> OpenCall | None:
@@ -119,6 +117,40 @@ class RemoteChannel:
         future: asyncio.Future[Any] = asyncio.Future(loop=self._endpoint.loop)
         call = OpenCall(future, connection, decode, deadline, self._method, body, move, flags)
         connection.begin(call)
+        return call
+
+    def send_next(self, request: Any, deadline: float | None) -> OpenCall | None:
+        """Send a request under the next number; None where the service is not reached."""
+        connection = self._connection
+        if connection is None or connection.epoch != self._epoch:
+            return None
+        body, numbers = self._encode(request), self._numbers
+        if numbers is None or numbers.is_over:
+            numbers = self._numbers = self.numbers()
+        sequence, body = numbers.take_for(body)
+        flags = _EXACTLY_ONCE
+        if self.span_of is not None and (span := self.span_of()):
+            body, flags = span + body, flags | _TRACED
+        future: asyncio.Future[Any] = asyncio.Future(loop=self._endpoint.loop)
+        call = OpenCall(
+            future,
+            connection,
+            self._decode,
+            deadline,
+            self._method,
+            body,
+            None,  # never moved by itself, as in `send`
+            flags,
+            0,  # call_id
+            0,  # moves
+            numbers,
+            sequence,
+        )
+        try:
+            connection.begin(call)
+        except InvalidRequest:
+            numbers.settle(sequence)
+            raise
         return call
 
     def send_in_thread(self, request: Any, deadline: float | None) -> Waiter | None:
@@ -228,6 +260,7 @@ class RemoteChannel:
         known = resolved.mode in tuple(Mode)
         self.mode = Mode(resolved.mode) if known else Mode.AT_MOST_ONCE
         self.store_id = resolved.store_id if self.mode is Mode.EXACTLY_ONCE else b""
+        self._numbers = None
         self._connection = connection
 
     def _move(self, call: OpenCall) -> None:

@@ -17,11 +17,6 @@ class Counting:
         """What counts the next request to a store."""
         known = self._numbers.get(store_id)
         # One request that waits long must not keep the store from forgetting all later ones.
-        if known is None or known.is_wide:
-            known = self._numbers[store_id] = Numbers(os.urandom(16))
+        if known is None or known.is_over:
+            known = self._numbers[store_id] = Numbers(os.urandom(16), store_id)
         return known
-
-    def forget(self, store_id: bytes, numbers: Numbers) -> None:
-        """A store does not know these any more."""
-        if self._numbers.get(store_id) is numbers:
-            del self._numbers[store_id]

@@ -16,10 +16,12 @@ from taskrpc.errors import (
     HandlerFailed,
     InvalidRequest,
     PermissionDenied,
+    ProtocolError,
     TaskRpcError,
 )
 from taskrpc.transport.base import IncomingCall, Offer
 from taskrpc.wire.frames import LARGE
+from taskrpc.wire.once import Claim
 
 if TYPE_CHECKING:
     from taskrpc.transport.serving import ServingConnection
@@ -98,6 +100,8 @@ class Route(msgspec.Struct, frozen=True, eq=False):
     encode: Callable[[Any], bytes]
     call: type[ServedCall]
     """What a request becomes: an `ObservedCall` where somebody wants to know of it."""
+    claim: Callable[[bytes], tuple[Claim, bytes]]
+    """Cuts the number off a request that has one."""
 
 
 def denied(offer: Offer, account: str, held: Role) -> Callable[[bytes], Any]:
@@ -109,6 +113,15 @@ def denied(offer: Offer, account: str, held: Role) -> Callable[[bytes], Any]:
 
     def refuse(_: bytes) -> Any:
         raise PermissionDenied(sentence)
+
+    return refuse
+
+
+def claimless(offer: Offer) -> Callable[[bytes], Any]:
+    """The `claim` of a route to a service that is not exactly-once."""
+
+    def refuse(_: bytes) -> Any:  # a caller who counts and is lost would never be given up
+        raise ProtocolError(f"a number for {offer.name}, which is not exactly-once")
 
     return refuse
 

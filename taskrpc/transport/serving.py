@@ -22,7 +22,7 @@ from taskrpc.errors import (
 from taskrpc.transport.base import Mode, Offer
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.connection import UNREAD_LIMIT, Connection, Owner
-from taskrpc.transport.served import Route, ServedCall, denied
+from taskrpc.transport.served import Route, ServedCall, claimless, denied
 from taskrpc.transport.unread import Unread
 from taskrpc.wire import messages
 from taskrpc.wire.events import (
@@ -36,7 +36,7 @@ from taskrpc.wire.events import (
 from taskrpc.wire.frames import NO_DEADLINE, Flag
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Listing, Resolved
-from taskrpc.wire.once import Claim, cut_number, fingerprint
+from taskrpc.wire.once import claims_for
 from taskrpc.wire.session import State
 from taskrpc.wire.spans import cut_span
 
@@ -217,7 +217,10 @@ class ServingConnection(Connection):
         claim = None
         try:
             if event.flags:
-                claim = self._claim(event, route)
+                if event.flags & _TRACED:
+                    event.span, event.body = cut_span(event.body)
+                if event.flags & _EXACTLY_ONCE:
+                    claim, event.body = route.claim(event.body)
             request = route.decode(event.body)
         except (InvalidRequest, PermissionDenied, ProtocolError) as error:
             session.fail(event.call_id, error)
@@ -260,17 +263,6 @@ class ServingConnection(Connection):
             self.hold(call)
         else:
             call.route.offer.serve(call)
-
-    def _claim(self, event: RequestReceived, route: Route) -> Claim | None:
-        """The number of a request that has one, cut off its body; so is its caller's span."""
-        if event.flags & _TRACED:
-            event.span, event.body = cut_span(event.body)
-        if not event.flags & _EXACTLY_ONCE:
-            return None
-        if route.offer.mode is not Mode.EXACTLY_ONCE:  # a lost caller would never be given up
-            raise ProtocolError(f"a number for {route.offer.name}, which is not exactly-once")
-        number, event.body = cut_number(event.body)
-        return Claim(number, fingerprint(route.offer.name, event.body))
 
     def _cancelled(self, event: CancelReceived) -> None:
         # Asked only now: both may have come in one read, and the request's call was made since.
@@ -349,7 +341,9 @@ class ServingConnection(Connection):
                 if self.role >= offer.role
                 else denied(offer, self.principal, self.role)
             )
-            route = Route(method, offer, caller, decode, response.encode, call)
+            counts = offer.mode is Mode.EXACTLY_ONCE
+            claim = claims_for(offer.name) if counts else claimless(offer)
+            route = Route(method, offer, caller, decode, response.encode, call, claim)
             self._routes[handle] = route
         return handle
 

@@ -13,7 +13,8 @@ import taskrpc
 from taskrpc.attempts import Attempts
 from taskrpc.tasks.book import TaskBook
 from taskrpc.tasks.completions import TaskCompletions
-from taskrpc.wire.once import Ledger, Remembered, Verdict
+from taskrpc.wire.ledger import Ledger, Verdict
+from taskrpc.wire.once import Remembered
 from tests.faults.harness import Bug
 from tests.faults.programs import TASK_SERVER, kill
 

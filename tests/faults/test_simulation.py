@@ -25,7 +25,7 @@ from taskrpc.tasks.worker import Worker
 from taskrpc.transport import endpoint
 from taskrpc.transport.base import IncomingCall
 from taskrpc.transport.calling import CallingConnection, OpenCall
-from taskrpc.wire.once import Ledger, Verdict
+from taskrpc.wire.ledger import Ledger, Verdict
 from tests.faults.harness import Bug, Counts
 from tests.simulation.ledger import PROMISES
 from tests.simulation.processes import PROCESS
@@ -97,11 +97,9 @@ def accept_tasks_before_the_commit(patch):
 def answer_before_the_effect(patch):
     commit = OnceDesk.commit
 
-    def early(self, run, body, code, effect, answer):
-        for call in run.callers:
-            answer(call)
-        run.callers.clear()
-        commit(self, run, body, code, effect, answer)
+    def early(self, run, body, code, effect, error=None):
+        run.tell(error)
+        commit(self, run, body, code, effect, error)
 
     patch(OnceDesk, "commit", early)
 

@@ -12,7 +12,7 @@ import pytest
 
 from taskrpc import attempts, deduplication
 from taskrpc.deduplication import desk, leases
-from taskrpc.wire.once import Ledger
+from taskrpc.wire.ledger import Ledger
 
 LEASE = 20.0
 """Seconds for which a simulated server remembers a client: half of it, the least that is left when

@@ -29,7 +29,8 @@ from taskrpc.errors import (
 from taskrpc.transport.calling import OpenCall
 from taskrpc.transport.memory import Pipe
 from taskrpc.wire.frames import FrameType, pack_frame
-from taskrpc.wire.once import Ledger, Number, Remembered
+from taskrpc.wire.ledger import Ledger
+from taskrpc.wire.once import Number, Remembered
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
 

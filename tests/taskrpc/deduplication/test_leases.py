@@ -3,7 +3,8 @@
 import pytest
 
 from taskrpc.deduplication.leases import DOWN_AT_MOST, LeaseClock
-from taskrpc.wire.once import LEASE, Completion
+from taskrpc.wire.ledger import LEASE
+from taskrpc.wire.once import Completion
 
 HOUR, YEAR = 3600.0, 365 * 24 * 3600.0
 
