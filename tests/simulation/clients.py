@@ -67,7 +67,7 @@ class Client:
                     self.left -= 1
                     group.create_task(self._call(clients))
                     is_long = self._chance.random() < 0.04
-                    await asyncio.sleep(2 * LEASE if is_long else self._chance.expovariate(4))
+                    await asyncio.sleep(1.25 * LEASE if is_long else self._chance.expovariate(4))
                     if is_long:
                         self._ledger.note(f"{self.name} is back")
             await self._calm.wait()

@@ -74,8 +74,10 @@ class Request:
     """The server on which it runs now."""
     ends: float = math.inf
     hears_by: float = math.inf
-    drained_with: int = -1
-    """How much trouble there was in the network when its server began to end."""
+    started_with: int = 0
+    """How much trouble there had been in the network when it began to run."""
+    is_drained: bool = False
+    """Whether its server ended, and had to wait for it."""
 
     @property
     def fails(self) -> bool:
@@ -122,6 +124,7 @@ class Ledger:
         """A callback begins; it ends at `until` if nobody stops it."""
         request = self.requests[number]
         request.ends = until
+        request.started_with = self.trouble
         request.started.append(self._loop.time())
         request.runs_on = server
         self.note(f"run {number}")
@@ -132,6 +135,11 @@ class Ledger:
         if self._loop.time() > latest + LATE:
             self.broke("ran on after the deadline", number)
 
+    def stopped(self, number: int) -> None:
+        """A callback was cancelled."""
+        self.note(f"stopped {number}")
+        self.requests[number].runs_on = ""
+
     def had_effect(self, number: int, disk: int) -> None:
         self.requests[number].effects[disk] += 1
         self.note(f"effect {number}")
@@ -139,8 +147,10 @@ class Ledger:
     def drains(self, server: str, until: float) -> None:
         """A server is told to end, but to wait for its calls; nothing troubles the network."""
         for request in self._running_on(server):
-            if request.ends < until and request.kind not in ("once", "submit"):
-                request.drained_with = self.trouble
+            # Whatever had cut its caller off before has ended it by now.
+            has_settled = request.started[-1] < self.now() - PROMPT
+            if request.ends < until and has_settled and request.kind not in ("once", "submit"):
+                request.is_drained = True
 
     def crashed(self, server: str, hear_of_it: set[str]) -> None:
         """A server is dead; of its callers these clients can hear of it."""
@@ -206,7 +216,8 @@ class Ledger:
         is_forgotten = FORGOTTEN in str(said)
         if request.must_be_answered and outcome not in (ANSWERED, FAILED) and not is_forgotten:
             self.broke("did not come back", request.number)
-        if isinstance(answer, taskrpc.ConnectionLost) and request.drained_with == self.trouble:
+        is_quiet = request.started_with == self.trouble
+        if isinstance(answer, taskrpc.ConnectionLost) and request.is_drained and is_quiet:
             self.broke("lost in a drain", request.number)
 
     def _outcome(self, request: Request, answer) -> str:

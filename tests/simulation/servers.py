@@ -88,7 +88,11 @@ class Server:
     async def _handle(self, request, response):
         call = taskrpc.current_call()
         latest = asyncio.get_running_loop().time() + (call.time_left() or 0.0)
-        await asyncio.sleep(self._begin(request, call))
+        try:
+            await asyncio.sleep(self._begin(request, call))
+        except asyncio.CancelledError:
+            self._ledger.stopped(request.a)
+            raise
         self._ledger.finished(request.a, latest)
         if self._ledger.requests[request.a].fails:
             raise ValueError(INSIDE)

@@ -24,10 +24,10 @@ from tests.simulation.servers import Server
 
 ROLES = (Role.SUBMIT, Role.SUBMIT, Role.OPERATE)
 """Of the clients."""
-CALLS = 11
+CALLS = 10
 SECONDS = 6.0
 """For how long things break."""
-QUIET = 25.0
+QUIET = 15.0
 """For how long nothing does, so that what is still to happen happens."""
 
 
@@ -50,6 +50,7 @@ class World:
         self._clients = {}
         self._returning = set()
         self._partitioned = set()
+        self._was_ahead = False
         self._calm = asyncio.Event()
         self._context = contextvars.copy_context()
         self._calm_from = self._loop.time() + SECONDS
@@ -59,7 +60,7 @@ class World:
         with FaultyNetwork(
             chance.randrange(2**32),
             delay=(0.0, chance.choice((0.0, 0.002, 0.05))),
-            pieces=chance.choice((0, 0, 7, 60)),
+            pieces=chance.choice((0, 0, 20, 60)),
             cut_after=chance.choice((0, 20_000, 3000)),
             refuse=chance.choice((0.0, 0.1)),
             dead_after=1.0,
@@ -195,6 +196,9 @@ class World:
 
     async def _leap(self):
         seconds = self._chance.choice(LEAPS)
+        if self._was_ahead:  # no leap alone ends a lease; two would
+            seconds = -abs(seconds)
+        self._was_ahead = self._was_ahead or seconds > 0
         self._ledger.note(f"the clock leaps by {seconds}")
         self._ledger.counts["leaps of the clock"] += 1
         self.wall_clock.leap(seconds)
