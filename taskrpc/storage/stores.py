@@ -80,7 +80,8 @@ class SqliteCompletions:
     def __init__(self, path: str | os.PathLike[str], schema: Sequence[str] = ()) -> None:
         self._path = Path(path).absolute()
         self._schema = tuple(schema)
-        self._writer: Writer[_Done] = Writer(self._open_file, _write)
+        self._guard = _Guard()
+        self._writer: Writer[_Done] = Writer(self._open_file, self._write)
 
     async def recall(self) -> Remembered:
         """Return what is remembered; a file that broke is opened anew.
@@ -103,10 +104,10 @@ class SqliteCompletions:
             StoreError: nothing was changed.
             OutcomeUnknown: nobody knows whether it was, before `recall`.
         """
-        statements = tuple(effect or ())
+        statements = _statements(effect)
         for sql, _ in statements:
             if _ENDS_TRANSACTIONS.match(sql):
-                raise StoreError(f"an effect is part of a transaction: it cannot do {sql!r}")
+                raise StoreError(_not_part(sql))
         await self._writer.change(_Done(completion, statements, forgotten))
 
     @property
@@ -119,7 +120,19 @@ class SqliteCompletions:
         await self._writer.close()
 
     def _open_file(self) -> Database:
-        return Database(self._path, self._prepare, lambda _: None, holder="program")
+        return Database(self._path, self._prepare, self._guard.watch, holder="program")
+
+    def _write(self, database: Database, changes: Sequence[_Done]) -> None:
+        def work(connection: sqlite3.Connection) -> None:
+            batch = CompletionBatch()
+            with self._guard:
+                for change in changes:
+                    for sql, parameters in change.effect:
+                        _do(connection, sql, parameters)
+                    batch.add(change.completion, change.forgotten)
+            batch.write(connection)
+
+        database.change(work)
 
     def _prepare(self, connection: sqlite3.Connection) -> None:
         if not has_tables(connection):
@@ -142,17 +155,61 @@ class _Done:
         self.completion, self.effect, self.forgotten = completion, effect, forgotten
 
 
+class _Guard:
+    """Lets no statement within its block touch the transaction, however it is written.
+
+    One that ended it would leave behind the effects of others without their completions.
+    """
+
+    _FORBIDDEN = frozenset(
+        {
+            sqlite3.SQLITE_TRANSACTION,
+            sqlite3.SQLITE_SAVEPOINT,
+            sqlite3.SQLITE_ATTACH,
+            sqlite3.SQLITE_DETACH,
+            sqlite3.SQLITE_PRAGMA,
+        }
+    )
+
+    def __init__(self) -> None:
+        self._is_on = False
+
+    def __enter__(self) -> None:
+        self._is_on = True
+
+    def __exit__(self, *_: object) -> None:
+        self._is_on = False
+
+    def watch(self, connection: sqlite3.Connection) -> None:
+        """Be asked about each statement that the connection compiles."""
+        connection.set_authorizer(self._may)
+
+    def _may(self, action: int, *_: str | None) -> int:
+        denied = self._is_on and action in self._FORBIDDEN
+        return sqlite3.SQLITE_DENY if denied else sqlite3.SQLITE_OK
+
+
+def _statements(effect: Any) -> list[Statement]:
+    try:
+        if all(isinstance(sql, str) for sql, _ in effect or ()):
+            return list(effect or ())
+    except (TypeError, ValueError):
+        pass
+    raise StoreError(f"expected an effect of pairs [(sql, parameters), …], got {effect!r:.200}")
+
+
+def _do(connection: sqlite3.Connection, sql: str, parameters: Any) -> None:
+    try:
+        connection.execute(sql, parameters)
+    except sqlite3.DatabaseError as error:
+        if getattr(error, "sqlite_errorcode", 0) == sqlite3.SQLITE_AUTH:
+            raise ValueError(_not_part(sql)) from error
+        raise
+
+
+def _not_part(sql: str) -> str:
+    return f"an effect is part of a transaction: it cannot do {sql!r}"
+
+
 def _read(connection: sqlite3.Connection) -> Remembered:
     return Remembered(read_store_id(connection), read_completions(connection))
-
-
-def _write(database: Database, changes: Sequence[_Done]) -> None:
-    def work(connection: sqlite3.Connection) -> None:
-        batch = CompletionBatch()
-        for change in changes:
-            for sql, parameters in change.effect:
-                connection.execute(sql, parameters)
-            batch.add(change.completion, change.forgotten)
-        batch.write(connection)
-
-    database.change(work)

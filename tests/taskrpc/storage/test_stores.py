@@ -124,7 +124,12 @@ async def test_a_file_remembers_after_it_was_closed(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "sql", ["COMMIT", " rollback", "\nBegin immediate", "PRAGMA synchronous = OFF", "VACUUM"]
+    "sql",
+    [
+        *("COMMIT", " rollback", "\nBegin immediate", "PRAGMA synchronous = OFF", "VACUUM"),
+        *("-- done\nCOMMIT", "/* a */ END", "; COMMIT", "\ufeffROLLBACK", "--\nSAVEPOINT a"),
+        *("-- a\nATTACH 'other.db' AS other", "--\nPRAGMA journal_mode = OFF"),
+    ],
 )
 async def test_an_effect_cannot_end_the_transaction_of_which_it_is_part(tmp_path, sql):
     stock = Sqlite(tmp_path)
@@ -132,6 +137,38 @@ async def test_an_effect_cannot_end_the_transaction_of_which_it_is_part(tmp_path
         await complete(stock.store, completion(1), [*stock.effect(1), (sql, ())])
     assert await known(stock.store) == []
     assert stock.count == 0
+    await stock.close()
+
+
+async def test_an_effect_that_would_end_the_transaction_harms_no_others(tmp_path):
+    stock = Sqlite(tmp_path)
+    bad = [*stock.effect(100), ("-- done\nCOMMIT", ())]
+    outcomes = await asyncio.gather(
+        *(
+            complete(stock.store, completion(1, client=bytes([n] * 16)), stock.effect(1))
+            for n in (1, 2)
+        ),
+        complete(stock.store, completion(1, client=b"b" * 16), bad),
+        complete(stock.store, completion(1, client=b"3" * 16), stock.effect(1)),
+        return_exceptions=True,
+    )
+    assert [type(outcome) for outcome in outcomes] == [
+        type(None),
+        type(None),
+        StoreError,
+        type(None),
+    ]
+    assert stock.count == 3
+    assert len(await known(stock.store)) == 3
+    await stock.close()
+
+
+@pytest.mark.parametrize("effect", ["DELETE FROM stock", ("DELETE FROM stock", ()), [("a",)], 3])
+async def test_an_effect_of_another_shape_is_told_and_does_nothing(tmp_path, effect):
+    stock = Sqlite(tmp_path)
+    with pytest.raises(StoreError, match=r"expected an effect of pairs \[\(sql, parameters\)"):
+        await stock.store.complete(completion(1), effect)
+    assert await known(stock.store) == []
     await stock.close()
 
 
