@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sqlite3
 from collections.abc import Sequence
+from itertools import pairwise
 
 import msgspec
 
@@ -81,7 +82,12 @@ def read_completions(connection: sqlite3.Connection) -> tuple[Completion, ...]:
     rows = connection.execute(
         "SELECT client, sequence, record, checksum FROM taskrpc_completion"
     ).fetchall()
-    return tuple(read_records(rows, Completion, "taskrpc_completion", "client", "sequence"))
+    found = read_records(rows, Completion, "taskrpc_completion", "client", "sequence")
+    # A page that stands where another belongs has rows whose checksums are right.
+    keys = [(each.principal.encode(), each.client, each.sequence) for each in found]
+    if any(key >= following for key, following in pairwise(keys)):
+        raise Damaged("taskrpc_completion", "the rows are not in their order")
+    return tuple(found)
 
 
 class CompletionBatch:

@@ -159,7 +159,14 @@ DAMAGE = {
         data, chance.randrange(len(data) // 4096) * 4096, bytes(4096)
     ),
     "a missing end": lambda data, chance: data[: chance.randrange(len(data))],
+    "another page": lambda data, chance: _overwritten(
+        data, _page(data, chance), data[(at := _page(data, chance)) : at + 4096]
+    ),
 }
+
+
+def _page(data, chance):
+    return chance.randrange(len(data) // 4096) * 4096
 
 
 def _overwritten(data, at, new):
