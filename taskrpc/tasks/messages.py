@@ -11,6 +11,9 @@ import srvgen
 from taskrpc.tasks.model import EstimateChange, Task
 
 
+_EARLIEST, _LATEST = -(2.0**31), 2.0**31 - 1  # what fits into builtin_interfaces/msg/Time
+
+
 class Messages:
     """Writes tasks as messages; the message classes are loaded when it is made."""
 
@@ -49,5 +52,6 @@ class Messages:
         return info
 
     def _instant(self, seconds: float | None) -> Any:
-        whole, fraction = divmod(seconds or 0.0, 1)
+        # What a clock said that was wrong by decades must not keep a whole list from being sent.
+        whole, fraction = divmod(min(max(seconds or 0.0, _EARLIEST), _LATEST), 1)
         return self._time(sec=int(whole), nanosec=int(fraction * 1e9))

@@ -287,3 +287,18 @@ async def test_a_server_can_go_by_another_name():
         assert (await client.call(request)).success
         stop = node.create_client(stop_type, "/depot/tasks/stop")
         assert (await stop.call(stop_type.Request())).success
+
+
+@pytest.mark.parametrize("wrong", [3e9, -3e9])
+async def test_a_clock_that_is_wrong_by_decades_keeps_nothing_from_being_shown(robot, wrong):
+    async with (
+        taskrpc.Node("task_server", transport="memory") as node,
+        TaskServer(node, robot, MemoryStore(), wall_clock=lambda: wrong),
+    ):
+        client = Client(node)
+        await client.submit("move", "3", 5)
+        await asyncio.sleep(100)
+        (task,) = (await client("ListTasks", all=True)).tasks
+        assert task.state == "SUCCEEDED"
+        assert abs(task.submitted.sec) > 2e9
+        assert (await client("ShowTask", task_id=1)).success
