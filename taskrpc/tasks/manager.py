@@ -59,7 +59,7 @@ class TaskManager:
         self._wall_clock = wall_clock
         self._queue_limit = queue_limit
         self._share = share
-        self.board = Board(int(wall_clock() * 1000))
+        self.board = Board(max(1, int(wall_clock() * 1000)))
         """Tells who waits for it what has changed."""
         self.book = TaskBook(store, self.board, keep_ended=keep_ended)
         """Every task that is remembered."""

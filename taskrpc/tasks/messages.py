@@ -10,7 +10,6 @@ import msgspec
 import srvgen
 from taskrpc.tasks.model import EstimateChange, Task
 
-
 _EARLIEST, _LATEST = -(2.0**31), 2.0**31 - 1  # what fits into builtin_interfaces/msg/Time
 
 
