@@ -243,6 +243,7 @@ class Service:
 
     def _job_done(self, done: asyncio.Future[Any]) -> None:
         call, began = self._jobs.pop(done)
+        call.on_cancel = None  # the job has the call in its context: left to each other, both stay
         if done.cancelled():
             if call.cancelled:
                 call.fail(TaskRpcError("cancelled by the caller"))

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from taskrpc import logs, platform
 from taskrpc.cli import remote
-from taskrpc.cli.command import Exit, UsageError, run_main
+from taskrpc.cli.command import Exit, UsageError, goes_on, run_main
 from taskrpc.cli.parsing import Parser, number, whole
 from taskrpc.errors import TaskRpcError
 
@@ -169,6 +169,7 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> Non
         _say(options, f"{resumed}")
         what = "/robot_task [my_robot_interfaces/srv/RobotTask]"
         _print(options, f"taskrpc-server ready: {what} at {node.address}")
+        goes_on()
         await stopped
         await _shut_down(node, server)
 

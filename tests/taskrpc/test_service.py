@@ -1,6 +1,7 @@
 """A service answers each call exactly once, whatever its callback does and whenever it ends."""
 
 import asyncio
+import gc
 import random
 import time
 
@@ -366,3 +367,39 @@ async def test_a_timeout_that_is_no_span_of_time_is_refused(timeout):
         client = node.create_client(Add, "add")
         with pytest.raises(ValueError, match="timeout: expected seconds, or None"):
             await client.call(ask(), timeout=timeout)
+
+
+@pytest.mark.parametrize("once", [False, True])
+@pytest.mark.parametrize("kind", ["plain", "async", "threaded"])
+async def test_calls_leave_no_work_to_the_garbage_collector(kind, once):
+    """A server that makes cycles halts for them, the longer the more it has to remember."""
+
+    def add(request, response):
+        return response
+
+    async def add_later(request, response):
+        await asyncio.sleep(0)
+        return response
+
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as node,
+    ):
+        callback = add_later if kind == "async" else add
+        store = taskrpc.MemoryCompletions() if once else None
+        server.create_service(Add, "add", callback, threaded=kind == "threaded", exactly_once=store)
+        client = node.create_client(Add, "add")
+        assert await client.wait_for_service(timeout=5)
+
+        async def calls():
+            for _ in range(30):
+                await client.call(Add.Request())
+
+        await calls()
+        gc.collect()
+        gc.disable()
+        try:
+            await calls()
+            assert gc.collect() < 30
+        finally:
+            gc.enable()

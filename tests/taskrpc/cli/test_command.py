@@ -136,3 +136,27 @@ def test_with_arguments_given_the_process_is_left_as_it_was(monkeypatch):
     monkeypatch.setattr(command.gc, "freeze", lambda: frozen.append(True))
     main(["--version"])
     assert not frozen
+
+
+def test_a_command_that_goes_on_looks_through_few_objects_at_once_and_not_through_its_imports():
+    program = (
+        "import gc; from taskrpc.cli import command\n"
+        "def action(_):\n"
+        "    command.goes_on()\n"
+        "    print(gc.get_threshold()[0], gc.get_freeze_count())\n"
+        "    return 0\n"
+        "command.run_main(action, None)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=20, check=True
+    )
+    few, frozen = map(int, done.stdout.split())
+    assert few <= 10_000
+    assert frozen > 1000
+
+
+def test_in_a_process_that_is_not_the_commands_garbage_is_none_of_its_business(monkeypatch):
+    monkeypatch.setattr(command.gc, "freeze", pytest.fail)
+    before = command.gc.get_threshold()
+    command.goes_on()
+    assert command.gc.get_threshold() == before
