@@ -11,12 +11,28 @@ import pytest
 
 from taskrpc.testing import VirtualTimeLoop
 
+MOST_PROCESSES = 4
+"""More than these gain little: the longest tests wait for programs that they start."""
+
 
 def pytest_addoption(parser):
     """Options of the fault harnesses in `tests/faults`."""
     group = parser.getgroup("fault harnesses")
     group.addoption("--soak", action="store_true", help="the large sizes: hours")
     group.addoption("--seed", type=int, default=5, help="what chance begins with (5)")
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_cmdline_main(config):
+    """The plain `pytest` uses the cores; whatever is picked runs here, where a debugger sees it."""
+    if "PYTEST_XDIST_WORKER" in os.environ:  # one of those processes must never start more of them
+        return
+    option = config.option
+    picked = option.keyword or option.usepdb or option.trace or option.capture == "no"
+    plain = config.args_source is config.ArgsSource.TESTPATHS and option.markexpr == "not faults"
+    if plain and not picked and getattr(option, "numprocesses", 0) is None and not option.tx:
+        option.numprocesses = min(os.cpu_count() or 1, MOST_PROCESSES)
+        option.dist = "worksteal"
 
 
 def pytest_asyncio_loop_factories(config, item):
@@ -35,8 +51,10 @@ def pytest_collection_finish():
 @pytest.fixture(scope="session", autouse=True)
 def _shared_bytecode(tmp_path_factory):
     """Programs that tests start compile each module once a session, and never in the checkout."""
+    base = tmp_path_factory.getbasetemp()
+    session = base.parent if "PYTEST_XDIST_WORKER" in os.environ else base
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("PYTHONPYCACHEPREFIX", str(tmp_path_factory.mktemp("bytecode")))
+        patch.setenv("PYTHONPYCACHEPREFIX", str(session / "bytecode"))
         patch.delenv("PYTHONDONTWRITEBYTECODE", raising=False)
         yield
 

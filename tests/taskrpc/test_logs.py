@@ -70,12 +70,16 @@ def test_a_traceback_is_one_field():
 
 anything = st.recursive(
     st.none() | st.booleans() | st.floats() | st.text() | st.binary() | st.just(object()),
-    lambda inner: st.lists(inner) | st.dictionaries(st.text() | st.tuples(), inner),
+    lambda inner: (
+        st.lists(inner, max_size=3) | st.dictionaries(st.text() | st.tuples(), inner, max_size=3)
+    ),
 )
 
 
 @settings(max_examples=40, deadline=None)
-@given(st.text(), st.dictionaries(st.from_regex(r"x_[a-z]{1,5}", fullmatch=True), anything))
+@given(
+    st.text(), st.dictionaries(st.from_regex(r"x_[a-z]{1,5}", fullmatch=True), anything, max_size=4)
+)
 def test_whatever_is_logged_becomes_one_line_of_valid_json(message, extra):
     got = line("%s", message, **extra)
     assert got["message"] == message
