@@ -60,6 +60,8 @@ class Programs:
         self._folder = folder
         self._bug = bug
         self._started: list[subprocess.Popen[str]] = []
+        self.said = ""
+        """What the program that was started last has printed until it was ready."""
 
     def __enter__(self) -> Programs:
         return self
@@ -69,8 +71,12 @@ class Programs:
             if program.poll() is None:
                 program.kill()
             program.wait(10)
-            for pipe in (program.stdout, program.stderr):
-                pipe.close()
+            _close(program)
+
+    def command(self, script: Path, *arguments: str) -> list[str]:
+        """What starts a script of the harness's own, with the bug in it."""
+        planting = [] if self._bug is None else ["-c", PLANTING, self._bug.place]
+        return [sys.executable, *planting, str(script), *arguments]
 
     async def start(
         self, source: str = ADDER, *arguments: str, ready: str = "ready", name: str = "adder.py"
@@ -83,12 +89,8 @@ class Programs:
     ) -> subprocess.Popen[str]:
         script = self._folder / name
         script.write_text(source)
-        command = [sys.executable, str(script), *arguments]
-        if self._bug is not None:
-            planting = ["-c", PLANTING, self._bug.place]
-            command = [sys.executable, *planting, str(script), *arguments]
         program = subprocess.Popen(
-            command,
+            self.command(script, *arguments),
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -96,8 +98,11 @@ class Programs:
             env={**os.environ, "PYTHONPATH": str(ROOT)},
         )
         self._started.append(program)
-        line = program.stdout.readline()
-        assert line.startswith(ready), f"{line}{program.stderr.read()}"
+        said = [program.stdout.readline()]
+        while said[-1] and not said[-1].startswith(ready):
+            said.append(program.stdout.readline())
+        self.said = "".join(said)
+        assert said[-1], f"{self.said}{program.stderr.read()}"
         return program
 
 
@@ -105,9 +110,18 @@ async def kill(program: subprocess.Popen[str]) -> None:
     """`kill -9`, and wait until it is gone."""
     program.kill()
     await asyncio.to_thread(program.wait, 10)
+    _close(program)
 
 
 async def terminate(program: subprocess.Popen[str], patience: float = 30) -> int:
     """SIGTERM; returns the exit status."""
     program.terminate()
-    return await asyncio.to_thread(program.wait, patience)
+    status = await asyncio.to_thread(program.wait, patience)
+    _close(program)
+    return status
+
+
+def _close(program: subprocess.Popen[str]) -> None:
+    """Let go of its pipes: in a soak ten thousand programs come and go."""
+    for pipe in (program.stdout, program.stderr):
+        pipe.close()

@@ -94,5 +94,4 @@ def often_checkpointed(connect):
 
 if __name__ == "__main__":
     database._connect = often_checkpointed(database._connect)
-    exec(sys.argv[5])  # the bug that is planted
     asyncio.run(main(sys.argv[1], *map(int, sys.argv[2:5])))

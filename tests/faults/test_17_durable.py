@@ -4,6 +4,7 @@ A store under load is recorded, call by call; from the recording come the disks 
 the machine could leave behind at any moment. Each of them is opened, and holds what it must.
 """
 
+import asyncio
 import json
 import random
 import shutil
@@ -13,9 +14,11 @@ from pathlib import Path
 
 import pytest
 
+from taskrpc.storage import database
 from taskrpc.tasks.sqlite_store import SqliteStore
 from tests.faults import submitting
 from tests.faults.disk_states import Disk, recorded
+from tests.faults.harness import Bug
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 
@@ -23,32 +26,45 @@ ROOT = Path(__file__).parents[2]
 PROGRAM = Path(submitting.__file__)
 FAST = Path("/dev/shm")  # where there is one: thousands of small files are made there
 
-PRAGMA = """
-connect = database._connect
-def hasty(path):
-    connection = connect(path)
-    connection.execute("PRAGMA synchronous = {}")
-    return connection
-database._connect = hasty
-"""
-PLANTED = {
-    "synchronous=NORMAL": PRAGMA.format("NORMAL"),
-    "synchronous=OFF": PRAGMA.format("OFF"),
-    "acknowledged before the commit": """
-apply, kept = SqliteStore.apply, []
-async def early(*arguments):
-    kept.append(asyncio.ensure_future(apply(*arguments)))
-    await asyncio.sleep(0)
-SqliteStore.apply = early
-""",
-}
-TAKEN_FOR_REFUSED = """
-def guess(self, number, error):
-    raise error
-database.Database._find_out = guess
-"""
 SYNC_FAILS = "fdatasync:error=EIO:when={}"
 MOMENTS = range(20, 50, 3)  # at which a sync fails: some of them are those of a COMMIT
+BROKEN = ("lost", "came to light", "torn apart", "corrupt")
+
+
+def syncs_only_at_checkpoints(patch):
+    _set_synchronous(patch, "NORMAL")
+
+
+def never_syncs(patch):
+    _set_synchronous(patch, "OFF")
+
+
+def _set_synchronous(patch, how):
+    connect = database._connect
+
+    def hasty(path):
+        connection = connect(path)
+        connection.execute(f"PRAGMA synchronous = {how}")
+        return connection
+
+    patch(database, "_connect", hasty)
+
+
+def acknowledges_before_the_commit(patch):
+    apply, begun = SqliteStore.apply, []
+
+    async def early(*arguments):
+        begun.append(asyncio.ensure_future(apply(*arguments)))
+        await asyncio.sleep(0)
+
+    patch(SqliteStore, "apply", early)
+
+
+def takes_the_unknown_for_refused(patch):
+    def guess(self, number, error):
+        raise error
+
+    patch(database.Database, "_find_out", guess)
 
 
 @pytest.fixture
@@ -114,14 +130,14 @@ async def look(folder, files, ledger, counts):
     ledger.judge(stored, counts)
 
 
-async def rehearse(folder, seed, counts, *, large, planted="", limit=0, inject=()):
+async def rehearse(folder, programs, seed, counts, *, large, limit=0, inject=()):
     """Record the program, then look at a bounded number of disks at moments that chance picks."""
     operations, disks = (2400, 8_000) if large else (240, 300)
     there = folder / "recorded"
     shutil.rmtree(there, ignore_errors=True)
     there.mkdir()
-    arguments = [str(there), str(seed), str(operations), str(limit), planted]
-    events = recorded([sys.executable, str(PROGRAM), *arguments], there, inject=inject)
+    command = programs.command(PROGRAM, str(there), str(seed), str(operations), str(limit))
+    events = recorded(command, there, inject=inject)
     chance = random.Random(seed)
     wanted = sorted(_moments(events, disks, chance))
     disk, ledger = Disk(ignored=("-shm",)), Ledger()
@@ -151,56 +167,47 @@ def _moments(events, count, chance):
     return special + chance.choices(range(len(events)), k=count - len(special))
 
 
-BROKEN = ("lost", "came to light", "torn apart", "corrupt")
-
-
+@pytest.mark.planted(
+    Bug(syncs_only_at_checkpoints, "lost"),
+    Bug(never_syncs, "lost"),
+    Bug(acknowledges_before_the_commit, "lost"),
+)
 async def test_whenever_the_machine_fails_all_that_was_acknowledged_is_there(
-    folder, seed, counts, large
+    folder, programs, seed, counts, large
 ):
-    await rehearse(folder, seed, counts, large=large)
+    await rehearse(folder, programs, seed, counts, large=large)
+    counts.check(*BROKEN, "refused", "unknown")
     counts.require(disks=250, acknowledged=200)
-    assert not counts.broken(*BROKEN)
-    assert not counts["refused"] + counts["unknown"]
 
 
-async def test_whatever_a_failed_sync_has_done_the_answer_is_true(folder, seed, counts, large):
+@pytest.mark.planted(Bug(takes_the_unknown_for_refused, "came to light"))
+async def test_whatever_a_failed_sync_has_done_the_answer_is_true(
+    folder, programs, seed, counts, large
+):
     for moment in MOMENTS:
         fault = SYNC_FAILS.format(moment)
-        await rehearse(folder, seed + moment, counts, large=large, inject=[fault])
-        if counts["refused"] > 8:
+        await rehearse(folder, programs, seed + moment, counts, large=large, inject=[fault])
+        if counts.broken(*BROKEN) or counts["refused"] > 8:
             break
+    counts.check(*BROKEN)
     counts.require(disks=250, acknowledged=200, failed_syncs=1, refused=9)
-    assert not counts.broken(*BROKEN)
 
 
-async def test_a_disk_that_fails_for_good_leaves_what_was_acknowledged(folder, seed, counts, large):
+async def test_a_disk_that_fails_for_good_leaves_what_was_acknowledged(
+    folder, programs, seed, counts, large
+):
     fault = SYNC_FAILS.format("30+")
-    await rehearse(folder, seed, counts, large=large, inject=[fault])
+    await rehearse(folder, programs, seed, counts, large=large, inject=[fault])
+    counts.check(*BROKEN)
     counts.require(disks=250, acknowledged=50, failed_syncs=2, refused=50, unknown=1)
-    assert not counts.broken(*BROKEN)
 
 
-async def test_what_found_no_room_is_refused_and_never_comes_to_light(folder, seed, counts, large):
-    await rehearse(folder, seed, counts, large=large, limit=150_000)
+async def test_what_found_no_room_is_refused_and_never_comes_to_light(
+    folder, programs, seed, counts, large
+):
+    await rehearse(folder, programs, seed, counts, large=large, limit=150_000)
+    counts.check(*BROKEN)
     counts.require(disks=250, acknowledged=100, refused=3)
-    assert not counts.broken(*BROKEN)
-
-
-@pytest.mark.parametrize("patch", PLANTED)
-async def test_a_store_that_is_hasty_is_found_out(folder, seed, counts, patch):
-    await rehearse(folder, seed, counts, large=False, planted=PLANTED[patch])
-    assert counts["lost"], patch
-
-
-async def test_a_store_that_guesses_is_found_out(folder, seed, counts):
-    for moment in MOMENTS:
-        fault = SYNC_FAILS.format(moment)
-        await rehearse(
-            folder, seed + moment, counts, large=False, planted=TAKEN_FOR_REFUSED, inject=[fault]
-        )
-        if counts["came to light"]:
-            break
-    assert counts["came to light"]
 
 
 async def test_a_disk_without_room_refuses_clearly_and_loses_nothing(tmp_path, counts):

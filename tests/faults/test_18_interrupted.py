@@ -5,36 +5,49 @@ The server is killed in the middle of tasks; a robot that writes down what it do
 
 import asyncio
 import collections
-import os
 import random
-import subprocess
-import sys
-from pathlib import Path
 
+import msgspec
 import pytest
 
 import srvgen
 import taskrpc
+from taskrpc.tasks.answers import Resumed
+from taskrpc.tasks.book import TaskBook
+from taskrpc.tasks.model import State
+from tests.faults.harness import Bug
+from tests.faults.programs import TASK_SERVER, kill
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 
-ROOT = Path(__file__).parents[2]
-PROGRAM = "import sys\n{patch}\nfrom taskrpc.cli.server import main\nsys.exit(main(sys.argv[1:]))\n"
-RUN_AGAIN = """
-import msgspec
-from taskrpc.tasks.book import TaskBook
-from taskrpc.tasks.model import State
-open_book = TaskBook.open
-async def reopened(self):
-    tasks = await open_book(self)
-    again = lambda task: msgspec.structs.replace(task, state=State.QUEUED)
-    return [again(task) if task.state.is_begun else task for task in tasks]
-TaskBook.open = reopened
-"""
 RobotTask = srvgen.load("my_robot_interfaces/srv/RobotTask")
 ListTasks = srvgen.load("taskrpc_interfaces/srv/ListTasks")
 RequeueTask = srvgen.load("taskrpc_interfaces/srv/RequeueTask")
 DropTask = srvgen.load("taskrpc_interfaces/srv/DropTask")
+BROKEN = (
+    "not interrupted",
+    "not told",
+    "requeue refused",
+    "drop refused",
+    "run again",
+    "not as decided",
+)
+
+
+def runs_it_again(patch):
+    open_book = TaskBook.open
+
+    def queued(task):
+        return msgspec.structs.replace(task, state=State.QUEUED) if task.state.is_begun else task
+
+    async def reopened(book):
+        return [queued(task) for task in await open_book(book)]
+
+    patch(TaskBook, "open", reopened)
+
+
+def says_nothing_of_it(patch):
+    patch(Resumed, "__str__", lambda resumed: f"resumed {resumed.queued} tasks")
 
 
 class Notebook:
@@ -59,10 +72,9 @@ class Notebook:
 class Rehearsal:
     """A server that is killed in mid-task, and a user who decides what becomes of the task."""
 
-    def __init__(self, folder, counts, seed, patch):
+    def __init__(self, folder, programs, counts, seed):
         self.db, self.notebook = folder / "tasks.db", Notebook(folder / "notebook")
-        self.counts, self.chance = counts, random.Random(seed)
-        self.program = PROGRAM.format(patch=patch)
+        self.programs, self.counts, self.chance = programs, counts, random.Random(seed)
         self.allowed = collections.Counter()  # how often each target may be begun
         self.dropped = set()
 
@@ -70,17 +82,10 @@ class Rehearsal:
         """Start the server; returns what it says of the tasks before."""
         robot = ["--robot", "tests.faults.notebook_robot:NotebookRobot", "--speed", "20"]
         options = ["--db", str(self.db), "--log-level", "error", "--settle", "0", *robot]
-        self.process = await asyncio.create_subprocess_exec(
-            *(sys.executable, "-c", self.program, *options),
-            cwd=ROOT,
-            env={**os.environ, "PYTHONPATH": str(ROOT), "NOTEBOOK": str(self.notebook.path)},
-            stderr=subprocess.PIPE,
+        self.server = await self.programs.start(
+            TASK_SERVER, *options, ready="taskrpc-server ready", name="server.py"
         )
-        said = [await self.process.stderr.readline()]
-        while said[-1] and b"ready" not in said[-1]:
-            said.append(await self.process.stderr.readline())
-        assert said[-1], "the server did not start"
-        return b"".join(said).decode()
+        return self.programs.said
 
     async def kill_in_mid_task(self):
         """Kill it while the robot drives; returns the target to which it drove."""
@@ -90,8 +95,7 @@ class Rehearsal:
             await asyncio.sleep(self.chance.uniform(0.0, 0.15))
             if self.notebook.in_hand():
                 break
-        self.process.kill()
-        await self.process.wait()
+        await kill(self.server)
         self.counts["kills"] += 1
         return self.notebook.in_hand()
 
@@ -106,6 +110,8 @@ class Rehearsal:
                     self.counts["ended as it was killed"] += 1
                     continue
                 await self.decide(target, said, requeue=each % 2 == 0)
+                if self.counts.broken(*BROKEN):
+                    break
             await self.judge()
 
     async def call(self, service, name, **fields):
@@ -158,36 +164,13 @@ class Rehearsal:
             self.counts["not as decided"] += tasks[target].state != state
 
 
-BROKEN = ("not interrupted", "not told", "requeue refused", "drop refused", "run again")
-
-
-@pytest.fixture
-def rehearse(tmp_path, monkeypatch, counts, seed):
-    """Kill a server, with a bug or without, so many times in the middle of tasks."""
-    for name, variable in (("run", "XDG_RUNTIME_DIR"), ("state", "XDG_STATE_HOME")):
-        (tmp_path / name).mkdir(mode=0o700)
-        monkeypatch.setenv(variable, str(tmp_path / name))
-
-    async def rehearsed(kills, patch=""):
-        rehearsal = Rehearsal(tmp_path, counts, seed, patch)
-        try:
-            await asyncio.wait_for(rehearsal.run(kills), 60 + 10 * kills)
-        finally:
-            if rehearsal.process.returncode is None:
-                rehearsal.process.kill()
-                await rehearsal.process.wait()
-
-    return rehearsed
-
-
-async def test_what_ran_when_the_server_died_waits_for_a_decision(rehearse, counts, large):
-    kills = 1000 if large else 8
-    await rehearse(kills)
+@pytest.mark.planted(Bug(runs_it_again, "run again"), Bug(says_nothing_of_it, "not told"))
+async def test_what_ran_when_the_server_died_waits_for_a_decision(
+    tmp_path, monkeypatch, programs, counts, seed, large
+):
+    kills = 1000 if large else 30
+    rehearsal = Rehearsal(tmp_path, programs, counts, seed)
+    monkeypatch.setenv("NOTEBOOK", str(rehearsal.notebook.path))
+    await asyncio.wait_for(rehearsal.run(kills), 60 + 10 * kills)
+    counts.check(*BROKEN, happened=("kills", "interrupted"))
     counts.require(kills=kills, interrupted=kills // 2)
-    assert counts.broken(*BROKEN, "not as decided") == {}
-
-
-async def test_a_server_that_runs_it_again_is_found_out(rehearse, counts):
-    await rehearse(4, RUN_AGAIN)
-    assert counts.broken("run again")
-    assert counts.broken("not interrupted")

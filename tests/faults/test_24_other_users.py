@@ -4,14 +4,13 @@ import asyncio
 import json
 import os
 import subprocess
-import sys
 import tempfile
 from pathlib import Path
 
 import pytest
 
 from tests.faults.harness import Bug
-from tests.faults.programs import PLANTING, ROOT
+from tests.faults.programs import ROOT
 
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 pytestmark = [
@@ -116,17 +115,16 @@ def runtime():
 
 @pytest.mark.planted(Bug(opens_the_registry, "read the token"), Bug(opens_the_socket, "called"))
 async def test_a_second_user_can_neither_read_the_token_nor_call(
-    counts, programs, bug, tmp_path, monkeypatch, runtime
+    counts, programs, tmp_path, monkeypatch, runtime
 ):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))
     server = await programs.start(SERVER, name="server.py")
     places = json.loads(await asyncio.to_thread(_addresses, runtime))
     script = tmp_path / "other.py"
     script.write_text(OTHER)
-    planting = [] if bug is None else ["-c", PLANTING, bug.place]
     found = await asyncio.to_thread(
         subprocess.run,
-        [sys.executable, *planting, str(script), str(runtime), *places],
+        programs.command(script, str(runtime), *places),
         env={**os.environ, "PYTHONPATH": str(ROOT), "XDG_RUNTIME_DIR": str(tmp_path / "warm")},
         capture_output=True,
         text=True,
