@@ -1,0 +1,4 @@
+"""How many nanoseconds a second has."""
+
+S_TO_NS = 1_000_000_000
+"""Nanoseconds of one second."""

@@ -1,0 +1,191 @@
+"""The time between `init` and `shutdown`, and what belongs to it."""
+
+from __future__ import annotations
+
+import inspect
+import os
+import sys
+import threading
+import weakref
+from collections.abc import Callable, Sequence
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from .exceptions import RCLError
+from .handle import Handle
+
+if TYPE_CHECKING:
+    from .executors import Executor
+    from .node import Node
+
+_living: weakref.WeakSet[Context] = weakref.WeakSet()
+"""Contexts that were initialised; a signal ends them all."""
+
+
+class ContextHandle(Handle):
+    """What `Context.handle` is after `init`; `ok()` until the shutdown."""
+
+    def __init__(self, context: Context) -> None:
+        super().__init__(context)
+        self._ok = True
+
+    def ok(self) -> bool:
+        """Whether the context was not shut down."""
+        return self._ok
+
+    def get_domain_id(self) -> int:
+        """The domain that the context is in."""
+        return int(self.owner.get_domain_id())
+
+    def shutdown(self) -> None:
+        """End the context without its callbacks."""
+        self._ok = False
+
+
+class Context:
+    """Holds what nodes and executors have in common from `init` to `shutdown`.
+
+    Most programs use the one that `rclpy.init()` fills, and never see it.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.RLock()
+        self._callbacks: list[Callable[[], Callable[[], Any] | None]] = []
+        self._handle: ContextHandle | None = None
+        self._by_signal = False
+        self._domain_id = 0
+        self._nodes: list[weakref.ReferenceType[Node]] = []
+        self._executors: weakref.WeakSet[Executor] = weakref.WeakSet()
+        self._arguments: list[str] = []
+
+    @property
+    def handle(self) -> ContextHandle | None:
+        """What ROS keeps of it; None before `init`."""
+        return self._handle
+
+    def init(
+        self,
+        args: Sequence[str] | None = None,
+        *,
+        initialize_logging: bool = True,
+        domain_id: int | None = None,
+    ) -> None:
+        """Begin, with the ROS arguments of a command line (by default, this program's).
+
+        Raises RuntimeError the second time, and for a negative domain id.
+        """
+        if domain_id is not None and domain_id < 0:
+            raise RuntimeError(f"Domain id ({domain_id}) should not be lower than zero.")
+        with self._lock:
+            if self._handle is not None:
+                raise RuntimeError("Context.init() must only be called once")
+            self._arguments = list(sys.argv if args is None else args)
+            self._domain_id = _domain_of_the_environment() if domain_id is None else domain_id
+            self._handle = ContextHandle(self)
+            _living.add(self)
+
+    def track_node(self, node: Node) -> None:
+        """Have the node destroyed with the context."""
+        self._nodes.append(weakref.ref(node))
+
+    def untrack_node(self, node: Node) -> None:
+        """Forget a node that was destroyed."""
+        self._nodes = [known for known in self._nodes if known() not in (None, node)]
+
+    def ok(self) -> bool:
+        """Whether it was initialised and not shut down since."""
+        handle = self._handle
+        return handle is not None and handle._ok
+
+    def destroy(self) -> None:
+        """Give up the handle."""
+        if self._handle is not None:
+            self._handle.destroy_when_not_in_use()
+
+    def shutdown(self) -> None:
+        """End it: its nodes are destroyed, whoever spins stops spinning.
+
+        Raises RuntimeError before `init`, and the second time (silent where a signal was first).
+        """
+        if self._handle is None:
+            raise RuntimeError("Context must be initialized before it can be shutdown")
+        if not self._handle._ok and not self._by_signal:
+            raise RCLError("failed to shutdown: rcl_shutdown already called on the given context")
+        self._end()
+
+    def try_shutdown(self) -> None:
+        """End it, unless it never began or is over."""
+        if self._handle is not None and (self._handle._ok or self._by_signal):
+            self._end()
+
+    def on_shutdown(self, callback: Callable[[], Any]) -> None:
+        """Have the callback called at the shutdown; at once when that was already."""
+        if not callable(callback):
+            raise TypeError(f"callback should be a callable, got {type(callback)}")
+        with self._lock:
+            if self._handle is None or self._handle._ok:
+                self._callbacks.append(_reference(callback))
+                return
+        callback()
+
+    def get_domain_id(self) -> int:
+        """The domain whose nodes this context's nodes see."""
+        if self._handle is None:
+            raise RuntimeError("Context must be initialized before it can have a domain id")
+        return self._domain_id
+
+    def __enter__(self) -> Self:
+        if self._handle is None:
+            self.init()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.try_shutdown()
+
+    def _end(self) -> None:
+        with self._lock:
+            if self._handle is not None:
+                self._handle._ok = False
+            self._by_signal = False
+            callbacks, self._callbacks = self._callbacks, []
+            nodes, self._nodes = self._nodes, []
+        for reference in callbacks:
+            if (callback := reference()) is not None:
+                callback()
+        for executor in list(self._executors):  # after the callbacks, which may shut them down
+            executor._notify()
+        for known in nodes:
+            if (node := known()) is not None:
+                node.destroy_node()
+
+    def _end_by_signal(self) -> None:
+        """End it as far as a signal handler may: no lock is taken, no callback called."""
+        if self._handle is not None and self._handle._ok:
+            self._by_signal = True
+            self._handle._ok = False
+            for executor in list(self._executors):
+                executor._notify()
+
+
+def end_all_by_signal() -> None:
+    """End every context, from a signal handler."""
+    for context in list(_living):
+        context._end_by_signal()
+
+
+def _reference(callback: Callable[[], Any]) -> Callable[[], Callable[[], Any] | None]:
+    """A weak reference to a method, so that its object may go; functions are kept."""
+    if inspect.ismethod(callback):
+        return weakref.WeakMethod(callback)
+    return lambda: callback
+
+
+def _domain_of_the_environment() -> int:
+    """ROS_DOMAIN_ID; 0 when it is not a number, as ROS has it."""
+    text = os.environ.get("ROS_DOMAIN_ID", "")
+    return int(text) if text.isdecimal() else 0

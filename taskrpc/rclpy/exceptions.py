@@ -1,0 +1,168 @@
+"""Everything that rclpy raises by a name of its own."""
+
+from __future__ import annotations
+
+from typing import Any
+
+
+class NotInitializedException(Exception):
+    """Something needs a context, and `rclpy.init()` has not been called for it."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__("rclpy.init() has not been called", *args)
+
+
+class NoTypeSupportImportedException(Exception):
+    """A class was given as a message type that is none."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__("no type_support imported", *args)
+
+
+class RCLError(RuntimeError):
+    """An operation that ROS refuses."""
+
+
+class InvalidHandle(Exception):
+    """A node, client, timer … is used after it was destroyed."""
+
+
+class TimerCancelledError(RCLError):
+    """A timer is called that was cancelled."""
+
+
+class NodeNameNonExistentError(RCLError):
+    """A question about a node that nobody sees."""
+
+
+class RCLInvalidROSArgsError(RCLError):
+    """`--ros-args` with something behind it that cannot be read."""
+
+
+class UnknownROSArgsError(RuntimeError):
+    """`--ros-args` with an option behind it that ROS does not know."""
+
+
+class UnsupportedEventTypeError(RCLError):
+    """An event that this layer never reports."""
+
+
+for _shown in (
+    RCLError,
+    InvalidHandle,
+    TimerCancelledError,
+    NodeNameNonExistentError,
+    RCLInvalidROSArgsError,
+    UnknownROSArgsError,
+    UnsupportedEventTypeError,
+):
+    _shown.__module__ = "rclpy._rclpy_pybind11"  # so tracebacks show them as ROS does
+
+
+class NameValidationException(Exception):
+    """A name breaks ROS's rules; the message shows where, by a caret under the name."""
+
+    def __init__(
+        self, name_type: str, name: str, error_msg: str, invalid_index: int, *args: Any
+    ) -> None:
+        caret = " " * invalid_index + "^"
+        super().__init__(f"Invalid {name_type}: {error_msg}:\n  '{name}'\n   {caret}", *args)
+
+
+class InvalidNamespaceException(NameValidationException):
+    """A namespace breaks ROS's rules."""
+
+    def __init__(self, name: str, error_msg: str, invalid_index: int, *args: Any) -> None:
+        super().__init__("namespace", name, error_msg, invalid_index, *args)
+
+
+class InvalidNodeNameException(NameValidationException):
+    """A node's name breaks ROS's rules."""
+
+    def __init__(self, name: str, error_msg: str, invalid_index: int, *args: Any) -> None:
+        super().__init__("node name", name, error_msg, invalid_index, *args)
+
+
+class InvalidTopicNameException(NameValidationException):
+    """A topic's name breaks ROS's rules."""
+
+    def __init__(self, name: str, error_msg: str, invalid_index: int, *args: Any) -> None:
+        super().__init__("topic name", name, error_msg, invalid_index, *args)
+
+
+class InvalidServiceNameException(NameValidationException):
+    """A service's name breaks ROS's rules."""
+
+    def __init__(self, name: str, error_msg: str, invalid_index: int, *args: Any) -> None:
+        super().__init__("service name", name, error_msg, invalid_index, *args)
+
+
+class ParameterException(Exception):
+    """What every error about parameters is; the message ends with their names."""
+
+    def __init__(self, error_msg: str, parameters: str | list[str], *args: Any) -> None:
+        super().__init__(f"{error_msg}: {parameters}", *args)
+
+
+class ParameterNotDeclaredException(ParameterException):
+    """A parameter is used that nobody declared."""
+
+    def __init__(self, parameters: str | list[str], *args: Any) -> None:
+        super().__init__("Invalid access to undeclared parameter(s)", parameters, *args)
+
+
+class ParameterAlreadyDeclaredException(ParameterException):
+    """A parameter is declared for the second time."""
+
+    def __init__(self, parameters: str | list[str], *args: Any) -> None:
+        super().__init__("Parameter(s) already declared", parameters, *args)
+
+
+class InvalidParameterException(ParameterException):
+    """A parameter is declared by a name that ROS refuses."""
+
+    def __init__(self, parameter: str, *args: Any) -> None:
+        super().__init__("Invalid parameter name", parameter, *args)
+
+
+class InvalidParameterTypeException(ParameterException):
+    """A parameter is set to a value of another type than it was declared with."""
+
+    def __init__(self, parameter: Any, expected_type: Any, *args: Any) -> None:
+        got = type(parameter).Type.from_parameter_value(parameter.value).name
+        super().__init__(
+            f"Trying to set parameter '{parameter.name}' to '{parameter.value}'"
+            f" of type '{got}', expecting type '{expected_type}'",
+            parameter.name,
+            *args,
+        )
+
+
+class InvalidParameterValueException(ParameterException):
+    """A descriptor's range or a callback of the program refuses a parameter's value."""
+
+    def __init__(self, parameter: str, value: Any, reason: str, *args: Any) -> None:
+        super().__init__(
+            f"Invalid parameter value ({value}) for parameter. Reason: {reason}", parameter, *args
+        )
+
+
+class ParameterImmutableException(ParameterException):
+    """A read-only parameter is to be changed."""
+
+    def __init__(self, parameter: str, *args: Any) -> None:
+        super().__init__("Attempted to modify read-only parameter", parameter, *args)
+
+
+class ParameterUninitializedException(ParameterException):
+    """A parameter is read that was declared without a value."""
+
+    def __init__(self, parameter: str, *args: Any) -> None:
+        super().__init__(f"The parameter '{parameter}' is not initialized", parameter, *args)
+
+
+class ROSInterruptException(Exception):
+    """A wait ends because the context was shut down."""
+
+    def __init__(self, *args: Any) -> None:
+        super().__init__("rclpy.shutdown() has been called", *args)

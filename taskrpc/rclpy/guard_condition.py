@@ -1,0 +1,48 @@
+"""A callback that a program triggers itself, from any thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from ._entity import Entity
+from .callback_groups import CallbackGroup
+from .context import Context
+from .handle import Handle
+from .utilities import get_default_context
+
+
+class GuardCondition(Entity):
+    """Runs its callback on the spinning thread after `trigger`; several may run it once."""
+
+    def __init__(
+        self,
+        callback: Callable[[], Any] | None,
+        callback_group: CallbackGroup | None,
+        context: Context | None = None,
+    ) -> None:
+        self._context = get_default_context() if context is None else context
+        self.callback = callback
+        self.callback_group = callback_group
+        self.handle = Handle(self)
+        self._triggered = False
+
+    def trigger(self) -> None:
+        """Have the callback run; raises InvalidHandle after `destroy`."""
+        self.handle.check()
+        self._triggered = True
+        self._arrived()
+
+    def destroy(self) -> None:
+        """Never run the callback again."""
+        self.handle.destroy_when_not_in_use()
+        self._triggered = False
+
+    def _ready(self) -> bool:
+        return self._triggered
+
+    def _take(self) -> Callable[[], Any] | None:
+        if not self._triggered:
+            return None
+        self._triggered = False
+        return self.callback

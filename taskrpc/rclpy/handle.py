@@ -1,0 +1,47 @@
+"""What `.handle` of a node, client, service … is: a name for it that ends with it."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import Any, Self
+
+from .exceptions import InvalidHandle
+
+
+class Handle:
+    """Stands for what ROS keeps behind a Python object; `with` checks that it is still there."""
+
+    def __init__(self, owner: Any = None) -> None:
+        self._destroyed = False
+        self.owner = owner
+
+    @property
+    def pointer(self) -> int:
+        """A number that no other handle has while this one lives."""
+        return id(self)
+
+    @property
+    def valid(self) -> bool:
+        """Whether it was not destroyed."""
+        return not self._destroyed
+
+    def destroy_when_not_in_use(self) -> None:
+        """End it: who enters it later is refused."""
+        self._destroyed = True
+
+    def check(self) -> None:
+        """Raise InvalidHandle when it was destroyed."""
+        if self._destroyed:
+            raise InvalidHandle("cannot use Destroyable because destruction was requested")
+
+    def __enter__(self) -> Self:
+        self.check()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Nothing to give back."""

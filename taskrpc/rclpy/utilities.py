@@ -1,0 +1,61 @@
+"""Small questions that need no node: is ROS up, what is left of the arguments."""
+
+from __future__ import annotations
+
+import threading
+
+from .constants import S_TO_NS
+from .context import Context
+
+_default_context: Context | None = None
+_lock = threading.Lock()
+
+
+def get_default_context(*, shutting_down: bool = False) -> Context:
+    """The context that `rclpy.init()` fills; with `shutting_down`, a new one is next."""
+    global _default_context
+    with _lock:
+        context = Context() if _default_context is None else _default_context
+        _default_context = None if shutting_down else context
+        return context
+
+
+def ok(*, context: Context | None = None) -> bool:
+    """Whether the context was initialised and not shut down since."""
+    return (get_default_context() if context is None else context).ok()
+
+
+def shutdown(*, context: Context | None = None) -> None:
+    """End the context; raises RuntimeError where it is over already."""
+    if context is None:
+        context = get_default_context(shutting_down=True)
+    context.shutdown()
+
+
+def try_shutdown(*, context: Context | None = None, uninstall_handlers: bool | None = None) -> None:
+    """End the context, unless it never began or is over."""
+    from .signals import uninstall_signal_handlers
+
+    default = context is None
+    if context is None:
+        context = get_default_context(shutting_down=True)
+    context.try_shutdown()
+    if uninstall_handlers or (uninstall_handlers is None and default):
+        uninstall_signal_handlers()
+
+
+def get_rmw_implementation_identifier() -> str:
+    """What carries the calls and messages here."""
+    return "rmw_taskrpc"
+
+
+def get_available_rmw_implementations() -> set[str]:
+    """What could carry them."""
+    return {get_rmw_implementation_identifier()}
+
+
+def timeout_sec_to_nsec(timeout_sec: float | None) -> int:
+    """Nanoseconds of a timeout in seconds; -1 for None and for a negative one: no timeout."""
+    if timeout_sec is None or timeout_sec < 0:
+        return -1
+    return int(float(timeout_sec) * S_TO_NS)

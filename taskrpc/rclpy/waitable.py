@@ -1,0 +1,93 @@
+"""What a program may add to a node beside timers, subscriptions, clients and services."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, Generic, Self, TypeVar
+
+from ._entity import Entity
+from .callback_groups import CallbackGroup
+from .future import Future
+
+T = TypeVar("T")
+
+
+@dataclasses.dataclass
+class NumberOfEntities:
+    """How many things of each kind a waitable waits for; they add up."""
+
+    num_subscriptions: int = 0
+    num_guard_conditions: int = 0
+    num_timers: int = 0
+    num_clients: int = 0
+    num_services: int = 0
+    num_events: int = 0
+
+    def __add__(self, other: NumberOfEntities) -> NumberOfEntities:
+        ours, theirs = dataclasses.astuple(self), dataclasses.astuple(other)
+        return NumberOfEntities(*(a + b for a, b in zip(ours, theirs, strict=True)))
+
+    def __iadd__(self, other: NumberOfEntities) -> Self:
+        for field in dataclasses.fields(self):
+            added = getattr(self, field.name) + getattr(other, field.name)
+            setattr(self, field.name, added)
+        return self
+
+
+class Waitable(Entity, Generic[T]):
+    """Something of a program's own that an executor asks each round whether it has work.
+
+    A subclass defines `is_ready`, `take_data` and `execute`.
+    """
+
+    def __init__(self, callback_group: CallbackGroup) -> None:
+        self.callback_group = callback_group
+        self.callback_group.add_entity(self)
+        self._futures: list[Future[Any]] = []
+
+    def __enter__(self) -> None:
+        """Be used by an executor."""
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        """Be left by an executor."""
+
+    def add_future(self, future: Future[Any]) -> None:
+        """Have the future's done callbacks run by the executor."""
+        self._futures.append(future)
+
+    def remove_future(self, future: Future[Any]) -> None:
+        """Forget the future."""
+        self._futures.remove(future)
+
+    def is_ready(self, wait_set: Any) -> bool:
+        """Whether there is something to take."""
+        raise NotImplementedError("Must be implemented by subclass")
+
+    def take_data(self) -> T:
+        """Take what is there, so that `is_ready` says False."""
+        raise NotImplementedError("Must be implemented by subclass")
+
+    async def execute(self, taken_data: T) -> None:
+        """Work on what `take_data` took."""
+        raise NotImplementedError("Must be implemented by subclass")
+
+    def get_num_entities(self) -> NumberOfEntities:
+        """What it waits for; not asked here."""
+        return NumberOfEntities()
+
+    def add_to_wait_set(self, wait_set: Any) -> None:
+        """Tell what it waits for; there is no wait set here, so this is not called."""
+
+    def _ready(self) -> bool:
+        return self.is_ready(None)
+
+    def _take(self) -> Callable[[], Any] | None:
+        data = self.take_data()
+        return lambda: self.execute(data)
