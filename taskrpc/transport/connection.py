@@ -11,6 +11,7 @@ from typing import Any, ClassVar, Protocol, cast
 from taskrpc.errors import ProtocolError, TaskRpcError
 from taskrpc.transport.keepalive import Keepalive
 from taskrpc.transport.patience import Patience
+from taskrpc.transport.seldom import FewLines
 from taskrpc.transport.timers import Deadlines, Expiring
 from taskrpc.wire.events import Closed, Event
 from taskrpc.wire.handshake import Identity
@@ -41,6 +42,8 @@ class Owner(Protocol):
     """The loop's clock."""
     read_buffer: memoryview
     keepalive: Keepalive
+    refusals: FewLines
+    """The log of connections that were ended for what their peers said."""
 
     def connection_began(self, connection: Any) -> None:
         """A connection has its transport."""
@@ -281,7 +284,8 @@ class Connection(asyncio.BufferedProtocol):
         if not self.session.is_client:
             # What is noted beside it the peer is not told.
             why = "; ".join([str(error), *getattr(error, "__notes__", ())])
-            log.warning("closed the connection from %s: %s", self.peer_name, why)
+            text = "closed the connection from %s: %s"
+            self.owner.refusals.warning(self.owner.loop.time(), text, self.peer_name, why)
         self.close(error)
 
     def _handshake_late(self) -> None:

@@ -36,6 +36,7 @@ from taskrpc.transport.keepalive import DEFAULT, Keepalive
 from taskrpc.transport.network import Address, Network
 from taskrpc.transport.news import News
 from taskrpc.transport.revoking import look_after_accounts
+from taskrpc.transport.seldom import FewLines
 from taskrpc.transport.serving import ServingConnection
 from taskrpc.transport.threads import ThreadedConnection
 from taskrpc.transport.timers import clock_of
@@ -87,6 +88,7 @@ class Endpoint:
         self.call_numbers = itertools.count(1)
         self.counting = Counting()
         self.unread = Unread()
+        self.refusals = FewLines(log)
         self.offers: dict[int, Offer] = {}
         self._methods: dict[str, int] = {}
         self._next_method = 1

@@ -17,7 +17,7 @@ from typing import Any
 
 from taskrpc.transport.connection import HANDSHAKE_TIMEOUT, shown
 from taskrpc.transport.network import Factory
-from taskrpc.transport.seldom import SeldomLog
+from taskrpc.transport.seldom import FewLines, SeldomLog
 from taskrpc.transport.tls import reason_of
 
 log = logging.getLogger("taskrpc.transport")
@@ -56,6 +56,7 @@ class Listener:
         self._arriving: dict[asyncio.Task[None], socket.socket] = {}
         self._exhausted = SeldomLog(log)
         self._crowded = SeldomLog(log)
+        self._refusals = FewLines(log)
         self._accepting = self._loop.create_task(self._accept())
         self._accepting.add_done_callback(self._stopped)
 
@@ -111,7 +112,8 @@ class Listener:
             )
         except ssl.SSLError as error:
             problem = reason_of(error)
-            log.warning("closed the connection from %s: no TLS: %s", shown(peer), problem)
+            text = "closed the connection from %s: no TLS: %s"
+            self._refusals.warning(self._loop.time(), text, shown(peer), problem)
         except OSError as error:
             sock.close()  # there may be no transport yet that would
             log.debug("the connection from %s was not made: %s", shown(peer), error)

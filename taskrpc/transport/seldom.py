@@ -1,4 +1,4 @@
-"""Log lines about what may happen thousands of times a second: at most one in ten seconds."""
+"""Log lines about what may happen thousands of times a second: one in ten seconds, or a few."""
 
 from __future__ import annotations
 
@@ -26,3 +26,31 @@ class SeldomLog:
             message, args = message + " (and %d times more before)", (*args, self._left_out)
             self._left_out = 0
         self._log.warning(message, *args)
+
+
+LINES = 100
+"""Lines about strangers in each such period; a flood of them must not fill a disk with its log."""
+
+
+class FewLines:
+    """One kind of line of which each says something; more than a bound are only counted."""
+
+    def __init__(self, log: logging.Logger) -> None:
+        self._log = log
+        self._until = float("-inf")
+        self._count = 0
+
+    def warning(self, now: float, message: str, *args: object) -> None:
+        """Log a line, unless there were many; `now` is any clock's."""
+        if now >= self._until:
+            self._tell_rest()
+            self._until, self._count = now + PERIOD, 0
+        self._count += 1
+        if self._count <= LINES:
+            self._log.warning(message, *args)
+        elif self._count == LINES + 1:
+            self._log.warning("… more such lines within %g s are only counted", PERIOD)
+
+    def _tell_rest(self) -> None:
+        if self._count > LINES:
+            self._log.warning("%d more such lines were left out", self._count - LINES)

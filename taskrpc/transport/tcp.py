@@ -8,7 +8,8 @@ import logging
 import os
 import socket
 import ssl
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import partial
 
 from msgspec.structs import replace
 
@@ -73,7 +74,7 @@ class TcpNetwork:
         self._listen_at = listen or "127.0.0.1:0"
         self._registry = Registry(domain)
         self._listener: Listener | None = None
-        self._unix_path = ""
+        self._remove_socket: Callable[[], object] = lambda: None
         self._seen: object = None
         self._looked = float("-inf")
 
@@ -81,9 +82,10 @@ class TcpNetwork:
         """Take connections from now on."""
         if is_unix(self._listen_at):
             name = f"{os.getpid()}-{id(self):x}.sock"
-            sock, self._unix_path = bound_unix(self._listen_at, name)
+            sock, path, made = bound_unix(self._listen_at, name)
+            self._remove_socket = partial(remove_unix, path, made)
             self._listener = Listener(sock, factory)
-            return PREFIX + self._unix_path
+            return PREFIX + path
         host, port = split_place(self._listen_at)
         if not is_loopback(host):
             refuse_exposure(
@@ -187,8 +189,7 @@ class TcpNetwork:
         if self._listener is not None:
             listener, self._listener = self._listener, None
             await listener.close()
-            if self._unix_path:
-                remove_unix(self._unix_path)
+            self._remove_socket()
 
     def close(self) -> None:
         """Remove this process's registry entry."""

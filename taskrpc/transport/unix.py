@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import socket
 import stat
@@ -40,8 +41,8 @@ def path_of(place: str) -> str:
     return checked_unix(place).removeprefix(PREFIX)
 
 
-def bound_unix(place: str, name: str) -> tuple[socket.socket, str]:
-    """A listening socket that only this user can reach, and its path.
+def bound_unix(place: str, name: str) -> tuple[socket.socket, str, os.stat_result]:
+    """A listening socket that only this user can reach, its path, and what is there now.
 
     `unix:` alone means a socket of this name in the runtime folder. A socket file that a dead
     server left is replaced. Raises CannotListen, also where a server answers at it.
@@ -50,19 +51,24 @@ def bound_unix(place: str, name: str) -> tuple[socket.socket, str]:
     path = Path(path_of(place)) if not own else platform.runtime_dir() / name
     try:
         platform.check_private_dir(path.parent)
-        with platform.locked(path.with_name(f".{path.name}.lock")):
+        with platform.locked(_lock_of(path)):
             _clear(path)
-            return _bound(path), str(path)
+            return _bound(path), str(path), os.lstat(path)
     except OSError as error:
         raise CannotListen(f"cannot listen at {PREFIX}{path}: {error.strerror or error}") from None
     except TaskRpcError as error:
         raise CannotListen(f"cannot listen at {PREFIX}{path}: {error}") from None
 
 
-def remove_unix(path: str) -> None:
-    """Remove a listening socket's files."""
-    for file in (Path(path), Path(path).with_name(f".{Path(path).name}.lock")):
-        file.unlink(missing_ok=True)
+def remove_unix(path: str, made: os.stat_result) -> None:
+    """Remove a listening socket's files, unless it is another server's by now."""
+    file = Path(path)
+    with contextlib.suppress(OSError), platform.locked(_lock_of(file)):
+        _lock_of(file).unlink(missing_ok=True)
+        found = file.lstat()
+        # Its number alone may have been given to another file since.
+        if os.path.samestat(found, made) and found.st_mtime_ns == made.st_mtime_ns:
+            file.unlink()
 
 
 def unix_voucher(sock: socket.socket, *, serving: bool, has_accounts: bool) -> Voucher | None:
@@ -76,6 +82,10 @@ def unix_voucher(sock: socket.socket, *, serving: bool, has_accounts: bool) -> V
     if serving and not has_accounts:
         raise PermissionDenied("this socket is for programs of its own user only")
     return None
+
+
+def _lock_of(path: Path) -> Path:
+    return path.with_name(f".{path.name}.lock")
 
 
 def _clear(path: Path) -> None:

@@ -10,7 +10,7 @@ import pytest
 import taskrpc
 from taskrpc.transport import admission, listening
 from taskrpc.transport.listening import Listener
-from taskrpc.transport.seldom import PERIOD, SeldomLog
+from taskrpc.transport.seldom import LINES, PERIOD, FewLines, SeldomLog
 from tests.taskrpc.transport.helpers import Add, ask, outcome, until
 from tests.taskrpc.transport.test_tcp import host_and_port, offering
 
@@ -182,3 +182,30 @@ def test_lines_that_were_left_out_are_counted_in_the_next_one(caplog):
         "trouble with 0",
         "trouble with 10.0 (and 2 times more before)",
     ]
+
+
+def test_a_flood_of_strangers_fills_no_log(caplog):
+    import logging
+
+    few = FewLines(logging.getLogger("test"))
+    for number in range(10_000):
+        few.warning(number / 1000, "stranger %d", number)
+    few.warning(PERIOD, "stranger %d", 10_000)
+    assert [each.message for each in caplog.records] == [
+        *[f"stranger {number}" for number in range(LINES)],
+        f"… more such lines within {PERIOD:g} s are only counted",
+        f"{10_000 - LINES} more such lines were left out",
+        "stranger 10000",
+    ]
+
+
+async def test_every_stranger_is_told_of_until_there_are_very_many(caplog):
+    async with offering() as server:
+        for _ in range(LINES + 20):
+            _, writer = await asyncio.open_connection(*host_and_port(server))
+            writer.write(b"GET / HTTP/1.1\r\n\r\n")
+            writer.close()
+        await until(lambda: server.status().accepted.opened == LINES + 20)
+        await until(lambda: server.status().accepted.open == 0)
+    assert caplog.text.count("does not speak taskrpc") == LINES
+    assert caplog.text.count("are only counted") == 1

@@ -174,6 +174,23 @@ async def test_the_socket_of_a_living_server_is_left_alone(folder):
         assert (await call(local)).sum == 5
 
 
+async def test_a_server_that_ends_late_leaves_its_successors_socket_alone(folder):
+    path = folder / "robot.sock"
+    async with (
+        taskrpc.Node("first", listen=f"unix:{path}") as first,
+        taskrpc.Node("second", listen=f"unix:{path}", token="of its own") as second,
+        taskrpc.Node("local", peers=[f"unix:{path}"]) as local,
+    ):
+        first.create_service(Add, "first", add)
+        # It has closed its socket, and comes to remove the file only after the second has started.
+        first._transport.network._listener._sock.close()
+        second.create_service(Add, "add", add)
+        await first.destroy()
+        assert (await call(local)).sum == 5
+        assert path.exists()
+    assert not list(folder.iterdir())
+
+
 @pytest.mark.parametrize("kind", ["file", "open folder", "link"])
 def test_what_is_no_socket_of_this_user_is_never_touched(folder, kind):
     path = folder / "robot.sock"
