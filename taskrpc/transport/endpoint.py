@@ -279,8 +279,8 @@ class Endpoint:
             connection.abort(error)
             log.warning("closed the connection of another user: %s", error)
         else:
-            if voucher is not None:
-                connection.session.vouch(voucher)
+            channel = self.network.channel(connection.transport, serving=served)
+            connection.session.vouch(voucher, channel)
 
     def _publish(self, change: Change, *, claim: str = "") -> None:
         if self._closed:

@@ -131,6 +131,10 @@ class MemoryNetwork:
     def voucher(self, transport: asyncio.BaseTransport, *, serving: bool) -> None:
         """Nothing: the token is proof enough."""
 
+    def channel(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
+        """Nothing: there is nobody between."""
+        return b""
+
     def _listener(self, address: Address) -> Listener:
         listener = self._hub.listeners.get(address.place)
         if listener is None:

@@ -58,6 +58,9 @@ class Network(Protocol):
         `serving` says that we are called on it. Raises PermissionDenied for one that may not stay.
         """
 
+    def channel(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
+        """What both ends know of a connection, and nobody between them can have the same of two."""
+
     def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
         """Tell everybody of a change to what this process has; the roster takes note of it.
 

@@ -22,7 +22,7 @@ from taskrpc.transport.exposure import refuse_exposure
 from taskrpc.transport.listening import BACKLOG, Listener
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.registry import Registry
-from taskrpc.transport.tls import ServerTls, Tls, common_name, pinned_context
+from taskrpc.transport.tls import ServerTls, Tls, common_name, digest, pinned_context
 from taskrpc.transport.unix import (
     PREFIX,
     bound_unix,
@@ -136,6 +136,16 @@ class TcpNetwork:
         if not certificate or (self._peer_token and self.accounts is None):
             return None  # a token that was given must be proved beside the certificate
         return Voucher(common_name(certificate))
+
+    def channel(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
+        """The digest of the certificate that the server showed, empty for a plain connection."""
+        encrypted = transport.get_extra_info("ssl_object")
+        if encrypted is None:
+            return b""
+        if not serving:
+            return digest(encrypted.getpeercert(binary_form=True))
+        assert self._server_tls is not None, "only then connections that come are encrypted"
+        return self._server_tls.shown_with(encrypted.context)
 
     def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
         """Tell everybody on this machine of a change to what this process has."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import logging
 import os
 import re
@@ -10,6 +11,7 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
+from weakref import WeakKeyDictionary
 
 import msgspec
 
@@ -66,9 +68,11 @@ class ServerTls:
     def __init__(self, tls: Tls) -> None:
         self._tls = tls
         self._seen = _signatures(tls)
+        self._shown: WeakKeyDictionary[ssl.SSLContext, bytes] = WeakKeyDictionary()
         self._context = tls.server_context()
         self.certificate = shown_certificate(tls)
         """What callers are shown (PEM)."""
+        self._note()
 
     def context(self) -> ssl.SSLContext:
         """The context for a new connection, made afresh where a file has changed.
@@ -84,8 +88,21 @@ class ServerTls:
                 log.error("the certificate stays as it was: %s", error)
             else:
                 self._context, self.certificate = context, certificate
+                self._note()
                 log.info("%s: a new certificate for new connections", self._tls.cert)
         return self._context
+
+    def shown_with(self, context: ssl.SSLContext) -> bytes:
+        """The digest of the certificate that a connection was shown which was made with this."""
+        return self._shown[context]
+
+    def _note(self) -> None:
+        self._shown[self._context] = digest(ssl.PEM_cert_to_DER_cert(self.certificate))
+
+
+def digest(certificate: bytes) -> bytes:
+    """What tells a certificate (DER) from all others."""
+    return hashlib.sha256(certificate).digest()
 
 
 def reason_of(error: ssl.SSLError) -> str:

@@ -7,8 +7,11 @@
                                 ◀─      AUTH_OK(proof)
 
 A proof is an HMAC over both nonces and the prover's role, so that it can neither be replayed nor
-sent back to the one who asked for it. The server knows a token of its own and those of its
-accounts; which of them the caller proves to know says who he is.
+sent back to the one who asked for it; and over the certificate that the server showed, so that
+nobody can pass it on to another server, or from a plain connection to an encrypted one.
+
+The server knows a token of its own and those of its accounts; which of them the caller proves to
+know says who he is.
 
 Where the connection itself has proved the peer, by a certificate or since the system says which
 user it belongs to, the empty token may be proved instead.
@@ -83,6 +86,8 @@ class ClientHandshake:
     def __init__(self, me: Identity) -> None:
         self._me = me
         self._ack: HelloAck | None = None
+        self.channel = b""
+        """What both ends know of the connection itself."""
         self.voucher: Voucher | None = None
         self.peer: Peer | None = None
 
@@ -114,15 +119,18 @@ class ClientHandshake:
         if ack.version != VERSION:
             raise ProtocolError(f"the server speaks version {ack.version}; this is {VERSION}")
         self._ack = ack
-        proof = _proof(self._me.token, b"client", self._me.nonce, ack.nonce)
+        proof = self._proof(b"client", ack)
         return pack_frame(FrameType.AUTH, 0, 0, 0, 0, messages.encode(messages.Auth(proof)))
 
     def _accept(self, auth: messages.Auth, ack: HelloAck) -> bytes:
-        expected = _proof(self._me.token, b"server", self._me.nonce, ack.nonce)
+        expected = self._proof(b"server", ack)
         if not hmac.compare_digest(auth.proof, expected):
             raise AuthenticationFailed("the server could not prove that it knows the token")
         self.peer = Peer(ack.boot_id, "", ack.limits)
         return b""
+
+    def _proof(self, role: bytes, ack: HelloAck) -> bytes:
+        return _proof(self._me.token, role, self._me.nonce, ack.nonce, self.channel)
 
 
 class _Key(NamedTuple):
@@ -143,6 +151,8 @@ class ServerHandshake:
         self._me = me
         self._own = _Key(me.token)
         self._hello: Hello | None = None
+        self.channel = b""
+        """What both ends know of the connection itself."""
         self.voucher: Voucher | None = None
         self.peer: Peer | None = None
 
@@ -180,7 +190,7 @@ class ServerHandshake:
         if not self._proves(auth, hello, key.token):
             key = self._vouched(auth, hello, why)
         self.peer = Peer(hello.client_id, hello.name, DEFAULT_LIMITS, key.account)
-        proof = _proof(key.token, b"server", hello.nonce, me.nonce)
+        proof = _proof(key.token, b"server", hello.nonce, me.nonce, self.channel)
         return pack_frame(FrameType.AUTH_OK, 0, 0, 0, 0, messages.encode(messages.Auth(proof)))
 
     def _key_of(self, name: str) -> tuple[_Key, str]:
@@ -209,7 +219,7 @@ class ServerHandshake:
         return _Key(b"", account)
 
     def _proves(self, auth: messages.Auth, hello: Hello, token: bytes) -> bool:
-        expected = _proof(token, b"client", hello.nonce, self._me.nonce)
+        expected = _proof(token, b"client", hello.nonce, self._me.nonce, self.channel)
         return hmac.compare_digest(auth.proof, expected)
 
 
@@ -227,5 +237,8 @@ def _refused(why: str) -> AuthenticationFailed:
     return error
 
 
-def _proof(token: bytes, role: bytes, client_nonce: bytes, server_nonce: bytes) -> bytes:
-    return hmac.digest(token, b"taskrpc " + role + client_nonce + server_nonce, hashlib.sha256)
+def _proof(
+    token: bytes, role: bytes, client_nonce: bytes, server_nonce: bytes, channel: bytes
+) -> bytes:
+    said = b"taskrpc " + role + client_nonce + server_nonce + channel
+    return hmac.digest(token, said, hashlib.sha256)

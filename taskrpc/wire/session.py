@@ -122,10 +122,14 @@ class Session:
         if isinstance(self._handshake, ClientHandshake):
             self.out.append(self._handshake.start())
 
-    def vouch(self, voucher: Voucher) -> None:
-        """Say what the connection proves of the peer, before anything is heard of it."""
+    def vouch(self, voucher: Voucher | None, channel: bytes = b"") -> None:
+        """Say what the connection proves of the peer, before anything is heard of it.
+
+        `channel` is what both ends know of the connection itself; proofs hold for it only.
+        """
         if self._handshake is not None:
             self._handshake.voucher = voucher
+            self._handshake.channel = channel
 
     # Bytes in, events out
 

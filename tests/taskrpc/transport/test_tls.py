@@ -1,6 +1,7 @@
 """Connections beyond this machine are encrypted, proved from both sides, and refused otherwise."""
 
 import asyncio
+import contextlib
 import os
 import ssl
 
@@ -9,7 +10,7 @@ import trustme
 
 import taskrpc
 from taskrpc.transport import endpoint
-from taskrpc.transport.tls import Tls, pinned_context, shown_certificate
+from taskrpc.transport.tls import Tls, digest, pinned_context, shown_certificate
 from tests.taskrpc.transport.helpers import Add, add, ask, outcome, until
 
 pytestmark = pytest.mark.real_time
@@ -233,3 +234,78 @@ async def test_a_caller_is_told_what_is_wrong_with_a_certificate(certificates, t
     assert "no TLS connection: unable to get local issuer certificate" in str(error)
     assert "not permitted" not in str(error)
     await asyncio.sleep(0)
+
+
+@contextlib.asynccontextmanager
+async def between(server, context=None):
+    """Somebody who passes on all that a caller says to a server, and all that it answers.
+
+    To his callers he shows a certificate of his own, or none. Yields where he listens.
+    """
+    trusting = ssl.create_default_context()
+    trusting.check_hostname = False
+    trusting.verify_mode = ssl.CERT_NONE
+
+    async def pass_on(reader, writer):
+        with contextlib.suppress(OSError):
+            while data := await reader.read(65_536):
+                writer.write(data)
+                await writer.drain()
+        writer.close()
+
+    async def relay(reader, writer):
+        host, _, port = server.address.rpartition(":")
+        there = await asyncio.open_connection(host, int(port), ssl=trusting)
+        await asyncio.gather(pass_on(reader, there[1]), pass_on(there[0], writer))
+
+    async with await asyncio.start_server(relay, "127.0.0.1", 0, ssl=context) as relaying:
+        yield "{}:{}".format(*relaying.sockets[0].getsockname())
+
+
+@pytest.mark.parametrize("encrypted", [False, True])
+@pytest.mark.parametrize("account", [False, True])
+async def test_nobody_can_pass_a_callers_proof_on_to_another_server(
+    certificates, authority, encrypted, account, monkeypatch, tmp_path
+):
+    """Neither from a port of this machine that he took, nor with a certificate of his own."""
+    ada = taskrpc.Account("ada", "adas-secret-for-the-lab")
+    token = ada.token if account else TOKEN
+    calls = []
+
+    def note(request, response):
+        calls.append(request)
+        return response
+
+    mine, theirs = None, None
+    if encrypted:
+        theirs = certificates[1]
+        mine = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        authority.issue_cert("127.0.0.1").configure_cert(mine)
+    options = {"token": TOKEN, "accounts": taskrpc.Accounts([ada])}
+    async with (
+        taskrpc.Node("server", tls=certificates[0], **options) as server,
+        between(server, mine) as place,
+    ):
+        server.create_service(Add, "add", note)
+        direct = await far_call(server, monkeypatch, tmp_path, certificates[1], token)
+        assert isinstance(direct, Add.Response)
+        async with taskrpc.Node("victim", peers=[place], tls=theirs, token=token) as victim:
+            assert isinstance(await call(victim), taskrpc.AuthenticationFailed)
+    assert len(calls) == 1
+
+
+async def test_a_proof_holds_for_the_certificate_of_its_connection_while_that_changes(
+    one_file, authority, monkeypatch, tmp_path
+):
+    """Who shakes hands while the certificate changes proves the token for the one he was shown."""
+    ca = tmp_path / "ca.pem"
+    authority.cert_pem.write_to_path(ca)
+    async with taskrpc.Node("server", tls=Tls(cert=one_file, key=one_file), token=TOKEN) as server:
+        server.create_service(Add, "add", add)
+        tls = server._transport.network._server_tls
+        old, before = tls.context(), tls.certificate
+        authority.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(one_file)
+        assert tls.context() is not old
+        assert tls.shown_with(old) != tls.shown_with(tls.context())
+        assert tls.shown_with(old) == digest(ssl.PEM_cert_to_DER_cert(before))
+        assert (await far_call(server, monkeypatch, tmp_path, Tls(ca=ca))).sum == 5

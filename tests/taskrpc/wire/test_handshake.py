@@ -1,5 +1,7 @@
 """Nobody gets in without the token, and every stranger is turned away with one clear sentence."""
 
+import hmac
+
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -97,6 +99,36 @@ def test_a_recorded_handshake_does_not_open_another_connection():
 
     other = Session(replace(SERVER, nonce=b"t" * 16), is_client=False)
     assert isinstance(why_closed(receive(other, first + second)), AuthenticationFailed)
+
+
+@pytest.mark.parametrize(("mine", "theirs"), [(b"", b"k"), (b"k", b""), (b"k", b"l")])
+def test_a_proof_holds_for_its_own_connection_only(mine, theirs):
+    pair = ConnectionPair()
+    pair.client.vouch(None, mine)
+    pair.server.vouch(None, theirs)
+    at_client, at_server = pair.run()
+    assert isinstance(why_closed(at_server), AuthenticationFailed)
+    assert isinstance(why_closed(at_client), AuthenticationFailed)
+
+
+def test_both_sides_know_the_same_of_an_encrypted_connection():
+    pair = ConnectionPair()
+    for end in (pair.client, pair.server):
+        end.vouch(None, b"k" * 32)
+    pair.run()
+    assert pair.client.state is pair.server.state is State.OPEN
+
+
+def test_a_server_that_believes_to_speak_on_another_connection_is_left():
+    """It proves the token, but not to us: somebody stands between."""
+    client, server = Session(CLIENT, is_client=True), Session(SERVER, is_client=False)
+    server.vouch(None, b"k")
+    receive(server, b"".join(client.take()))
+    receive(client, b"".join(server.take()))
+    nonces = CLIENT.nonce + SERVER.nonce
+    forged = hmac.digest(SERVER.token, b"taskrpc server" + nonces + b"k", "sha256")
+    answer = control(FrameType.AUTH_OK, messages.encode(Auth(forged)))
+    assert isinstance(why_closed(receive(client, answer)), AuthenticationFailed)
 
 
 @pytest.mark.parametrize(
