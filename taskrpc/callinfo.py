@@ -46,6 +46,11 @@ class CallInfo(msgspec.Struct, eq=False):
         1 of flags; empty where the caller told none."""
         return b""
 
+    @property
+    def machine(self) -> str:
+        """The address of the machine that called, "" for the server's own."""
+        return ""
+
     def completed_by(self, response: Any) -> Completion | None:
         """The record with which this response completes the call of an exactly-once service.
 

@@ -37,7 +37,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = f"how long the strings are good for ({_DAYS})"
     add("--days", metavar="N", type=whole(1, _MOST_DAYS), default=_DAYS, help=what)
     add("--renew", action="store_true", help="make a new certificate; everybody must join again")
-    what = f"with --serve: how many tasks of one account may wait ({_SHARE})"
+    what = f"with --serve: how many tasks of one laptop may wait ({_SHARE})"
     add("--share", metavar="N", type=whole(1), default=_SHARE, help=what)
     what = "then run taskrpc-server for them; what follows are options of its"
     add("--serve", nargs=argparse.REMAINDER, metavar="OPTION", help=what)

@@ -80,7 +80,7 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--fresh", action="store_true", help="forget the tasks of earlier runs")
     limit = "how many tasks may wait (10000)"
     add("--queue-limit", metavar="N", type=whole(1), default=10_000, help=limit)
-    share = "how many of them may be of one account (all)"
+    share = "how many of them may be of one account at one machine (all)"
     add("--share", metavar="N", type=whole(1), help=share)
     attendance = "note there when each account last called"
     add("--attendance", metavar="FILE", help=attendance)

@@ -48,6 +48,11 @@ class Run(IncomingCall, eq=False):
         """Whose call it is: the first caller's."""
         return self.callers[0].lane
 
+    @property
+    def machine(self) -> str:
+        """The address of the machine whose call it is, "" for the server's own."""
+        return self.callers[0].machine if self.callers else ""
+
     def completed_by(self, response: Any) -> Completion | None:
         """What a handler that stores its own effect must store with it, if anything.
 

@@ -36,7 +36,7 @@ class TaskManager:
         robot: the robot, an object that follows the `Robot` protocol.
         store: where tasks survive the server.
         queue_limit: how many tasks may wait.
-        share: how many of them may be of one account; None for all.
+        share: how many of them may be of one account at one machine; None for all.
         settle: real seconds that an idle robot waits for company before it takes the first task.
         keep_ended: how many ended tasks are remembered.
         wall_clock: the time of day, in seconds since 1970.
@@ -155,11 +155,13 @@ class TaskManager:
         *,
         client: str = "",
         account: str = "",
+        machine: str = "",
         completing: Completing | None = None,
     ) -> Answer:
         """Queue a task, or say what is wrong with it.
 
-        `account` is the caller's, where there are accounts; `client` is the same then.
+        `account` is the caller's, where there are accounts; `client` is the same then. One account
+        may be a whole class, so that its shares are told apart by `machine`.
         `completing` is asked for the request's completion once the answer is known; what it
         returns is stored together with the task. A refusal is not remembered.
 
@@ -167,7 +169,7 @@ class TaskManager:
             StoreError: it could not be stored, and so was not queued.
             OutcomeUnknown: it was not queued, but the next server may find it stored.
         """
-        if refusal := self._refusal(task_type, target, priority, account):
+        if refusal := self._refusal(task_type, target, priority, account, machine):
             return Answer(False, refusal)
         task = Task(
             task_id=self.book.new_id(),
@@ -177,6 +179,7 @@ class TaskManager:
             arrival=self.book.new_arrival(),
             submitted_at=self._wall_clock(),
             client=client,
+            machine=machine if account else "",
         )
         answer = await self._accept(task, completing)
         _log.info(
@@ -253,7 +256,7 @@ class TaskManager:
             )
         if resume and task.state is not State.INTERRUPTED:
             return self._refuse(task_id, f"only an interrupted task goes on; {again(task_id)}")
-        if refusal := self._refusal(task.task_type, task.target, task.priority, account=""):
+        if refusal := self._refusal(task.task_type, task.target, task.priority):
             return Answer(False, refusal)
         arrival = task.arrival if resume else self.book.new_arrival()
         return await self._accept(task.requeued(self._wall_clock(), arrival))
@@ -292,7 +295,9 @@ class TaskManager:
 
     # How
 
-    def _refusal(self, task_type: str, target: str, priority: int, account: str) -> str:
+    def _refusal(
+        self, task_type: str, target: str, priority: int, account: str = "", machine: str = ""
+    ) -> str:
         robot = self._guard.robot
         if task_type not in robot.task_types:
             expected = " or ".join(", ".join(robot.task_types).rsplit(", ", 1))
@@ -307,14 +312,16 @@ class TaskManager:
             return refusal
         if len(self.queue) >= self._queue_limit:
             return f"Queue full: {len(self.queue)} tasks wait, and no more may"
-        return self._share_refusal(account)
+        return self._share_refusal(account, machine)
 
-    def _share_refusal(self, account: str) -> str:
+    def _share_refusal(self, account: str, machine: str) -> str:
         if self._share is None or not account:
             return ""
-        waiting = self.queue.waiting_of(account)
+        waiting = self.queue.waiting_of(account, machine)
         if waiting < self._share:
             return ""
+        if machine:
+            account = f"{account} at {machine}"
         return f"Share full: {waiting} tasks of {account} wait, and no more of one account may"
 
     async def _accept(self, task: Task, completing: Completing | None = None) -> Answer:

@@ -109,6 +109,8 @@ class Task(msgspec.Struct, frozen=True, kw_only=True, gc=False):
     """What the robot found, as JSON text; empty until it succeeded."""
     client: str = ""
     """Who submitted it."""
+    machine: str = ""
+    """The address from which it came, where one account may have many machines."""
     changes: tuple[EstimateChange, ...] = ()
     """Why the promise was not kept to the second; filled in when it ends."""
 

@@ -49,10 +49,11 @@ class TaskQueue:
         """Return the queued task of this number, None if it does not wait here."""
         return self._tasks.get(task_id)
 
-    def waiting_of(self, account: str) -> int:
-        """How many tasks of an account wait."""
+    def waiting_of(self, account: str, machine: str) -> int:
+        """How many tasks of an account wait that came from a machine."""
         # Looked for, not counted along: whoever has shares has short queues.
-        return sum(task.client == account for task in self._tasks.values())
+        who = account, machine
+        return sum((task.client, task.machine) == who for task in self._tasks.values())
 
     def put(self, task: Task) -> list[Shift]:
         """Add a task at the place that its priority and arrival give it."""

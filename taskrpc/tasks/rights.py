@@ -39,6 +39,14 @@ def account_name() -> str:
         return ""
 
 
+def machine_name() -> str:
+    """The address of the machine that makes the running call, "" for this one."""
+    try:
+        return current_call().machine
+    except LookupError:
+        return ""
+
+
 def refuse_others_task(task: Task | None) -> None:
     """Let nobody below OPERATE touch what another client has submitted.
 

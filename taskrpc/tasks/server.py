@@ -23,7 +23,13 @@ from taskrpc.tasks.listing import page
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.messages import Messages
 from taskrpc.tasks.model import Task
-from taskrpc.tasks.rights import ROLES, account_name, client_name, refuse_others_task
+from taskrpc.tasks.rights import (
+    ROLES,
+    account_name,
+    client_name,
+    machine_name,
+    refuse_others_task,
+)
 from taskrpc.tasks.store import TaskStore
 from taskrpc.wire.once import Completion
 
@@ -70,7 +76,7 @@ class TaskServer:
         robot: the robot, an object that follows the `Robot` protocol.
         store: where tasks survive; `close` closes it.
         queue_limit: how many tasks may wait.
-        share: how many of them may be of one account; None for all.
+        share: how many of them may be of one account at one machine; None for all.
         settle: real seconds that an idle robot waits for company before it takes the first task.
         service_name: the name of the service that takes tasks.
         keep_ended: how many ended tasks are remembered.
@@ -238,6 +244,7 @@ class TaskServer:
             request.priority,
             client=client_name(),
             account=account_name(),
+            machine=machine_name(),
             completing=lambda answer: _completed(_answered(response, answer)),
         )
         if not answer.success:

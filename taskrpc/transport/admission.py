@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import logging
+from collections import Counter
 
 from taskrpc import platform
 from taskrpc.errors import ServerBusy
 from taskrpc.transport.seldom import SeldomLog
 from taskrpc.transport.serving import ServingConnection
+from taskrpc.transport.shares import Caller, name_of
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -26,7 +28,8 @@ class Admission:
 
     A flood of strangers costs only strangers their places: whoever has proved himself stays, and
     a proof takes far less time than 128 others need to come. Nor can one account's flood keep the
-    others out: whoever has most connections loses one to who has fewer.
+    others out, nor one machine's others of its account: whoever has most connections loses one to
+    who has fewer.
     """
 
     def __init__(self) -> None:
@@ -34,8 +37,8 @@ class Admission:
         self._most = min(MAX_CONNECTIONS, descriptors * 3 // 4)
         self._most_strangers = min(MAX_STRANGERS, descriptors // 8)
         self._strangers: dict[ServingConnection, None] = {}
-        self._known: dict[str, dict[ServingConnection, None]] = {}
-        """By account, in the order in which they came."""
+        self._known: dict[Caller, dict[ServingConnection, None]] = {}
+        """By caller, in the order in which they came."""
         self._count = 0
         self._crowded = SeldomLog(log)
         self._full = SeldomLog(log)
@@ -52,11 +55,11 @@ class Admission:
         """Somebody showed that he may be here; he stays unless the server is full."""
         if connection not in self._strangers:
             return
-        if self._count >= self._most and not self._make_room(connection.principal):
+        if self._count >= self._most and not self._make_room(connection.shares):
             self._refuse(connection)
             return
         del self._strangers[connection]
-        self._known.setdefault(connection.principal, {})[connection] = None
+        self._known.setdefault(connection.shares, {})[connection] = None
         self._count += 1
 
     def left(self, connection: ServingConnection) -> None:
@@ -65,25 +68,37 @@ class Admission:
         self._forget(connection)
 
     def _forget(self, connection: ServingConnection) -> None:
-        known = self._known.get(connection.principal, {})
+        known = self._known.get(connection.shares, {})
         if connection in known:
             del known[connection]
             self._count -= 1
             if not known:
-                del self._known[connection.principal]
+                del self._known[connection.shares]
 
-    def _make_room(self, newcomer: str) -> bool:
+    def _greediest(self, newcomer: Caller) -> Caller | None:
+        """Who has most, of the account that has most; None where that is the newcomer himself."""
+        own, accounts = newcomer[0], Counter[str]()
+        for (account, _), theirs in self._known.items():
+            accounts[account] += len(theirs)
+        most = max(accounts, key=accounts.__getitem__, default=own)
+        if accounts[most] <= accounts[own] + 1:
+            most = own
+        having = {who: len(theirs) for who, theirs in self._known.items() if who[0] == most}
+        greedy = max(having, key=having.__getitem__, default=newcomer)
+        is_he = most == own and having.get(greedy, 0) <= having.get(newcomer, 0) + 1
+        return None if is_he else greedy
+
+    def _make_room(self, newcomer: Caller) -> bool:
         """Send a connection away of who has most; False where that is the newcomer himself."""
-        known = self._known
-        greedy = max(known, key=lambda account: len(known[account]), default=newcomer)
-        theirs = known.get(greedy, {})
-        if len(theirs) <= len(known.get(newcomer, ())) + 1:
+        greedy = self._greediest(newcomer)
+        if greedy is None:
             return False
+        theirs = self._known[greedy]
         idle = (each for each in theirs if not each.session.in_flight)
         sent_away = next(idle, None) or next(iter(theirs))
         loop, count = sent_away.owner.loop, len(theirs)
-        text = "%s; the account %s has %d of them, and one gives way"
-        self._greedy.warning(loop.time(), text, self._problem, greedy or "of this user", count)
+        text = "%s; %s has %d of them, and one gives way"
+        self._greedy.warning(loop.time(), text, self._problem, name_of(greedy), count)
         self._forget(sent_away)
         sent_away.drain()
         error = ServerBusy(self._problem, retry_after=RETRY_AFTER)

@@ -33,6 +33,7 @@ from taskrpc.transport.counting import Counting
 from taskrpc.transport.dialling import READY_TIMEOUT, Dialler
 from taskrpc.transport.entries import Change, Entry, Roster
 from taskrpc.transport.keepalive import DEFAULT, Keepalive
+from taskrpc.transport.load import Load
 from taskrpc.transport.network import Address, Network
 from taskrpc.transport.news import News
 from taskrpc.transport.revoking import look_after_accounts
@@ -89,6 +90,7 @@ class Endpoint:
         self.counting = Counting()
         self.unread = Unread()
         self.refusals = FewLines(log)
+        self.load = Load()
         self.offers: dict[int, Offer] = {}
         self._methods: dict[str, int] = {}
         self._next_method = 1
@@ -342,6 +344,7 @@ class Endpoint:
         if connections or (self.address and self.network.certificate):
             self._look_again()
         self.unread.measure_all()
+        self.load.settle()
         # Thousands have their pings, and the time that this takes, spread over the second.
         slices = min(SLICES, 1 + len(connections) // SLICE)
         for number in range(1, slices):

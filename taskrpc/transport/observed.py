@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import logging
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taskrpc.callinfo import CallInfo, log_fields
 from taskrpc.errors import Code, TaskRpcError
 from taskrpc.observer import Observer, told
-from taskrpc.transport.served import ServedCall
+from taskrpc.transport.served import Route, ServedCall
 from taskrpc.wire.status import code_of
+
+if TYPE_CHECKING:
+    from taskrpc.transport.serving import ServingConnection
 
 log = logging.getLogger("taskrpc.server")
 
@@ -49,9 +52,12 @@ class ObservedCall(ServedCall, eq=False):
             _tell_end(self, self.route.offer.observer, code, self._clock() - self.arrived)
 
 
-def refused(call: CallInfo, observer: Observer | None, error: TaskRpcError) -> None:
+def refused(connection: ServingConnection, route: Route, error: TaskRpcError) -> None:
     """Tell of a request that was refused before it became a call."""
-    _tell_end(call, observer, code_of(error), 0.0)
+    host, offer = connection.host, route.offer
+    who = route.caller, connection.principal, connection.role
+    call = CallInfo(offer.name, *who, next(host.call_numbers), None, host.now, False)
+    _tell_end(call, offer.observer, code_of(error), 0.0)
 
 
 def _tell_end(call: CallInfo, observer: Observer | None, code: Code, seconds: float) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Callable, Hashable
 from typing import TYPE_CHECKING, Any
@@ -18,10 +19,14 @@ from taskrpc.errors import (
     PermissionDenied,
     ProtocolError,
     TaskRpcError,
+    TypeMismatch,
 )
-from taskrpc.transport.base import IncomingCall, Offer
+from taskrpc.transport.base import IncomingCall, Mode, Offer
+from taskrpc.transport.codec import codec_of
+from taskrpc.wire import messages
 from taskrpc.wire.frames import LARGE
-from taskrpc.wire.once import Claim
+from taskrpc.wire.messages import Resolved
+from taskrpc.wire.once import Claim, claims_for
 
 if TYPE_CHECKING:
     from taskrpc.transport.serving import ServingConnection
@@ -73,8 +78,13 @@ class ServedCall(IncomingCall, eq=False):
 
     @property
     def lane(self) -> Hashable:
-        """Whose call it is, where callers take turns: all connections of an account are one."""
-        return self.principal or self.connection.peer_id
+        """Whose call it is, where callers take turns: all connections of a caller are one."""
+        return self.connection.lane
+
+    @property
+    def machine(self) -> str:
+        """The address of the machine that called, "" for this one."""
+        return self.connection.shares[1]
 
     def must_wait(self) -> bool:
         """Whether too many answers wait for its caller to read them, or for all callers."""
@@ -102,6 +112,16 @@ class Route(msgspec.Struct, frozen=True, eq=False):
     """What a request becomes: an `ObservedCall` where somebody wants to know of it."""
     claim: Callable[[bytes], tuple[Claim, bytes]]
     """Cuts the number off a request that has one."""
+
+
+def route_to(offer: Offer, method: int, caller: str, account: str, role: Role) -> Route:
+    """The route of a peer's node to a service, by the account and role of the peer."""
+    request, response = codec_of(offer.srv_type.Request), codec_of(offer.srv_type.Response)
+    # Decided here, so that a call that is allowed costs nothing more.
+    decode = request.decode if role >= offer.role else denied(offer, account, role)
+    counts = offer.mode is Mode.EXACTLY_ONCE
+    claim = claims_for(offer.name) if counts else claimless(offer)
+    return Route(method, offer, caller, decode, response.encode, call_class(offer), claim)
 
 
 def denied(offer: Offer, account: str, held: Role) -> Callable[[bytes], Any]:
@@ -138,3 +158,31 @@ def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
     )
     message = f"the handler failed; see the server's log, call {call.number}"
     call.fail(HandlerFailed(Code.INTERNAL, message))
+
+
+def mismatch(question: messages.Resolve, offer: Offer) -> TypeMismatch:
+    """What a caller learns whose definition is not the server's."""
+    ours, theirs = offer.srv_type._HASH, question.type_hash
+    return TypeMismatch(
+        f"{offer.name} is offered as {offer.srv_type._TYPE} with the hash {ours[:15]}…, the caller"
+        f" has another definition with the hash {theirs[:15]}…; compare the two .srv files"
+    )
+
+
+def call_class(offer: Offer) -> type[ServedCall]:
+    """Asked when a caller first wants a service, so that a call itself need not ask."""
+    if offer.observer is None and not log.isEnabledFor(logging.DEBUG):
+        return ServedCall
+    from taskrpc.transport.observed import ObservedCall
+
+    return ObservedCall
+
+
+def resolved(
+    handle: int, offer: Offer, store_id: asyncio.Future[bytes] | None, *, with_definition: bool
+) -> Resolved:
+    """The answer to a caller that wants to call a service: by which number, and what it is."""
+    srv_type = offer.srv_type
+    text = srv_type._DEFINITION if with_definition else ""
+    name = b"" if store_id is None else store_id.result()
+    return Resolved(handle, int(offer.mode), srv_type._TYPE, srv_type._HASH, text, name)

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable
 from itertools import count
 from typing import ClassVar, Protocol, TypeAlias, cast
 
 from taskrpc.access import Account, Role
-from taskrpc.callinfo import CallInfo
 from taskrpc.errors import (
     InvalidRequest,
     PermissionDenied,
@@ -17,17 +16,25 @@ from taskrpc.errors import (
     ServerBusy,
     ServiceUnavailable,
     TaskRpcError,
-    TypeMismatch,
 )
-from taskrpc.transport.base import Mode, Offer
-from taskrpc.transport.codec import codec_of
+from taskrpc.transport.base import Offer
 from taskrpc.transport.connection import UNREAD_LIMIT, Connection, Owner
-from taskrpc.transport.served import Route, ServedCall, claimless, denied
+from taskrpc.transport.load import Load
+from taskrpc.transport.served import (
+    Route,
+    ServedCall,
+    mismatch,
+    resolved,
+    route_to,
+)
+from taskrpc.transport.shares import Caller, caller_of
 from taskrpc.transport.unread import Unread
 from taskrpc.wire import messages
 from taskrpc.wire.events import (
+    Announced,
     CancelReceived,
     Closed,
+    Crowded,
     Overrun,
     Ready,
     RequestReceived,
@@ -35,8 +42,7 @@ from taskrpc.wire.events import (
 )
 from taskrpc.wire.frames import NO_DEADLINE, Flag
 from taskrpc.wire.handshake import Identity
-from taskrpc.wire.messages import Listing, Resolved
-from taskrpc.wire.once import claims_for
+from taskrpc.wire.messages import Listing
 from taskrpc.wire.session import State
 from taskrpc.wire.spans import cut_span
 
@@ -66,6 +72,8 @@ class Host(Owner, Protocol):
     """The services by their method ids."""
     unread: Unread
     """What callers have not read."""
+    load: Load
+    """What is in flight of theirs."""
 
     def method_of(self, name: str) -> int:
         """The method id of a service, 0 if there is none."""
@@ -89,9 +97,10 @@ class ServingConnection(Connection):
         "account",
         "caller",
         "host",
-        "peer_id",
+        "lane",
         "principal",
         "role",
+        "shares",
         "unread",
     )
 
@@ -100,8 +109,10 @@ class ServingConnection(Connection):
         self.host = host
         self.unread = host.unread
         self.caller = ""
-        self.peer_id = b""
-        """The calling program: all its connections have the same."""
+        self.shares: Caller = ("", "")
+        """Who he is where seats and memory are divided."""
+        self.lane: Hashable = b""
+        """Who he is where callers take turns: a program of this machine is somebody there."""
         self.account: Account | None = None
         self.principal = ""
         """The account that the caller has proved, "" for the server's own token."""
@@ -109,6 +120,7 @@ class ServingConnection(Connection):
         self._linger: asyncio.TimerHandle | None = None
         self._writing_paused = False
         self._splitter.most = FRAMES_A_TURN
+        host.load.came(self)
         # Not a list at once: most of thousands of idle connections need none.
         self._held: list[_Held] | None = None
         # Several nodes of a program share a connection: a method id means a service and a caller.
@@ -180,6 +192,7 @@ class ServingConnection(Connection):
             self._linger.cancel()
         self._held = None
         self.unread.left(self)
+        self.host.load.left(self)
         for call in self.session.lost():
             call.lost()
 
@@ -224,8 +237,7 @@ class ServingConnection(Connection):
             request = route.decode(event.body)
         except (InvalidRequest, PermissionDenied, ProtocolError) as error:
             session.fail(event.call_id, error)
-            if route.call is not ServedCall:
-                self._tell_of_refusal(route, error)
+            self._tell_of_refusal(event.method, error)
             return
         event.body = b""  # the message stands for it, as long as the call is open
         # Not the time now: what came in the same read may have run for long before.
@@ -258,6 +270,19 @@ class ServingConnection(Connection):
         else:
             route.offer.serve(call)
 
+    def _announced(self, event: Announced) -> None:
+        if (refusal := self.host.load.refusal(self)) is not None:
+            self.session.skip_large(refusal)
+            self._tell_of_refusal(event.method, refusal)
+
+    def _crowded(self, event: Crowded) -> None:
+        request, refusal = event.request, self.host.load.refusal(self)
+        if refusal is None:
+            self._requested(request)
+        else:
+            self.session.fail(request.call_id, refusal)
+            self._tell_of_refusal(request.method, refusal)
+
     def _serve(self, call: ServedCall) -> None:
         if self.must_wait(call):
             self.hold(call)
@@ -279,9 +304,12 @@ class ServingConnection(Connection):
     def _opened(self, event: Ready) -> None:
         self.handshake_over()
         peer = event.peer
-        self.caller, self.peer_id = peer.name, peer.id
+        self.caller = peer.name
         if (account := peer.account) is not None:
             self.account, self.principal, self.role = account, account.name, account.role
+        where = None if self.transport is None else self.transport.get_extra_info("peername")
+        self.shares = caller_of(self.principal, where)
+        self.lane = self.shares if any(self.shares) else peer.id
         self.host.caller_proved(self)
 
     def _resolved(self, event: ResolveReceived) -> None:
@@ -310,7 +338,7 @@ class ServingConnection(Connection):
         else:
             handle = self._handle(method, offer, question.caller or self.caller)
             try:
-                body = _answer(handle, offer, store_id, with_definition=event.with_definition)
+                body = resolved(handle, offer, store_id, with_definition=event.with_definition)
             except TaskRpcError as error:
                 self.session.fail(event.call_id, error)
             else:
@@ -333,61 +361,26 @@ class ServingConnection(Connection):
         """The number by which this peer calls a service for one of its nodes."""
         handle = self._handles.setdefault((method, caller), len(self._handles) + 1)
         if handle not in self._routes:
-            request, response = codec_of(offer.srv_type.Request), codec_of(offer.srv_type.Response)
-            call = _call_class(offer)
-            # Decided here, so that a call that is allowed costs nothing more.
-            decode = (
-                request.decode
-                if self.role >= offer.role
-                else denied(offer, self.principal, self.role)
-            )
-            counts = offer.mode is Mode.EXACTLY_ONCE
-            claim = claims_for(offer.name) if counts else claimless(offer)
-            route = Route(method, offer, caller, decode, response.encode, call, claim)
-            self._routes[handle] = route
+            self._routes[handle] = route_to(offer, method, caller, self.principal, self.role)
         return handle
 
-    def _tell_of_refusal(self, route: Route, error: TaskRpcError) -> None:
+    def _tell_of_refusal(self, method: int, error: TaskRpcError) -> None:
         """A request ended before it became a call."""
+        route = self._routes.get(method)
+        if route is None or route.call is ServedCall:
+            return
         from taskrpc.transport.observed import refused
 
-        offer, number, now = route.offer, next(self.host.call_numbers), self.host.now
-        who = route.caller, self.principal, self.role
-        refused(CallInfo(offer.name, *who, number, None, now, False), offer.observer, error)
+        refused(self, route, error)
 
     serves = True
     handlers: ClassVar = {
         RequestReceived: _requested,
+        Announced: _announced,
+        Crowded: _crowded,
         ResolveReceived: _resolved,
         CancelReceived: _cancelled,
         Overrun: _overran,
         Ready: _opened,
         Closed: Connection._closed,
     }
-
-
-def mismatch(question: messages.Resolve, offer: Offer) -> TypeMismatch:
-    """What a caller learns whose definition is not the server's."""
-    ours, theirs = offer.srv_type._HASH, question.type_hash
-    return TypeMismatch(
-        f"{offer.name} is offered as {offer.srv_type._TYPE} with the hash {ours[:15]}…, the caller"
-        f" has another definition with the hash {theirs[:15]}…; compare the two .srv files"
-    )
-
-
-def _call_class(offer: Offer) -> type[ServedCall]:
-    """Asked when a caller first wants a service, so that a call itself need not ask."""
-    if offer.observer is None and not log.isEnabledFor(logging.DEBUG):
-        return ServedCall
-    from taskrpc.transport.observed import ObservedCall
-
-    return ObservedCall
-
-
-def _answer(
-    handle: int, offer: Offer, store_id: asyncio.Future[bytes] | None, *, with_definition: bool
-) -> Resolved:
-    srv_type = offer.srv_type
-    text = srv_type._DEFINITION if with_definition else ""
-    name = b"" if store_id is None else store_id.result()
-    return Resolved(handle, int(offer.mode), srv_type._TYPE, srv_type._HASH, text, name)

@@ -47,6 +47,23 @@ class ResolveReceived(msgspec.Struct):
     ticket: Any = None
 
 
+class Announced(msgspec.Struct, gc=False):
+    """The peer has begun to send a large request, and will have more in flight than it has without
+    asking: let it have more, or `skip_large`."""
+
+    method: int
+    size: int
+
+
+class Crowded(msgspec.Struct, gc=False):
+    """The peer's calls in flight are more than it has without asking; this is the last of them.
+
+    Let it have more, or fail this one.
+    """
+
+    request: RequestReceived
+
+
 class CancelReceived(msgspec.Struct, gc=False):
     """The peer gave up a call; it still awaits its terminal frame."""
 
@@ -101,6 +118,8 @@ Event: TypeAlias = (
     Ready
     | RequestReceived
     | ResolveReceived
+    | Announced
+    | Crowded
     | CancelReceived
     | Overrun
     | Answered

@@ -190,6 +190,10 @@ class LargeBody:
 
     def __init__(self, header: tuple[int, int, int, int, int], size: int, start: bytes) -> None:
         self.header = header
+        self.size = size
+        """Bytes that are taken for it, and will be."""
+        self.is_announced = False
+        """Whether somebody was told of it."""
         self._missing = size - len(start)
         self._received = len(start)
         self._parts: list[bytes | bytearray] = [start]
@@ -198,6 +202,8 @@ class LargeBody:
 
     def room(self) -> memoryview:
         """Where the next bytes belong."""
+        if not self.size:
+            return memoryview(self._part)[: self._missing]
         if self._used == len(self._part):
             self._part = bytearray(min(self._missing, max(LARGE, self._received)))
             self._parts.append(self._part)
@@ -210,6 +216,13 @@ class LargeBody:
         self._received += count
         self._missing -= count
         return not self._missing
+
+    def skip(self) -> None:
+        """Keep nothing of it, and have it skipped by whoever gets it as a frame."""
+        self.header = (FIRST_OPTIONAL_TYPE, 0, 0, 0, 0)
+        self.size = 0
+        self._parts = []
+        self._part = bytearray(LARGE)
 
     def joined(self) -> bytes:
         """The whole body."""

@@ -16,10 +16,12 @@ from taskrpc.errors import ConnectionLost, OutcomeUnknown, ProtocolError, TaskRp
 from taskrpc.wire import messages, status
 from taskrpc.wire.events import (
     Advertised,
+    Announced,
     Answered,
     Body,
     CancelReceived,
     Closed,
+    Crowded,
     Draining,
     Event,
     Failed,
@@ -36,6 +38,7 @@ from taskrpc.wire.frames import (
     SIZE_OF_EMPTY,
     Frame,
     FrameType,
+    LargeBody,
     Splitter,
     pack_frame,
     pack_header,
@@ -79,17 +82,19 @@ class Session:
     """One connection, seen from one of its ends."""
 
     __slots__ = (
-        "_bytes_in_flight",
         "_handshake",
         "_head",
         "_large_out",
-        "_limits",
         "_magic_seen",
         "_their_limits",
         "answers_pings",
         "body_limit",
+        "bytes_in_flight",
+        "free_bytes",
+        "free_calls",
         "is_client",
         "last_call_id",
+        "limits",
         "open_calls",
         "out",
         "splitter",
@@ -103,7 +108,9 @@ class Session:
         """The newest call id: ours as a client, accepted as a server."""
         self._handshake: ClientHandshake | ServerHandshake | None
         self._handshake = ClientHandshake(me) if is_client else ServerHandshake(me)
-        self._limits = DEFAULT_LIMITS if is_client else me.limits
+        self.limits = DEFAULT_LIMITS if is_client else me.limits
+        self.free_calls, self.free_bytes = self.limits.calls, self.limits.bytes
+        """What may be in flight before a request is reported as `Crowded`."""
         self._their_limits = DEFAULT_LIMITS
         self.body_limit = DEFAULT_LIMITS.body
         """Bytes of the largest body that the peer accepts."""
@@ -113,7 +120,7 @@ class Session:
         self.open_calls: dict[int, Any] = {}
         """Calls without a terminal frame, by their ids: for a client (ticket, size), for a server
         the request."""
-        self._bytes_in_flight = 0
+        self.bytes_in_flight = 0
         self.out: list[Body] = []
         """What `take` is going to give."""
         self._large_out = False
@@ -190,7 +197,7 @@ class Session:
         limits, open_calls = self._their_limits, self.open_calls
         return self.state is _OPEN and (
             not open_calls
-            or (len(open_calls) < limits.calls and self._bytes_in_flight + size <= limits.bytes)
+            or (len(open_calls) < limits.calls and self.bytes_in_flight + size <= limits.bytes)
         )
 
     def request(self, ticket: Any, method: int, body: Body, time_left: int, flags: int = 0) -> int:
@@ -201,7 +208,7 @@ class Session:
         size = len(body)
         self.last_call_id = call_id = self.last_call_id + 1
         self.open_calls[call_id] = (ticket, size)
-        self._bytes_in_flight += size
+        self.bytes_in_flight += size
         if size < LARGE:
             header = _pack(SIZE_OF_EMPTY + size, _REQUEST, flags, method, call_id, time_left)
             self.out.append(header + body)
@@ -214,7 +221,7 @@ class Session:
         body = messages.encode(question)
         self.last_call_id = call_id = self.last_call_id + 1
         self.open_calls[call_id] = (ticket, len(body))
-        self._bytes_in_flight += len(body)
+        self.bytes_in_flight += len(body)
         self._send(FrameType.RESOLVE, 0, 0, call_id, int(definition), body)
         return call_id
 
@@ -248,7 +255,7 @@ class Session:
         if server_time > LONGEST_TIME:  # noqa: PLR1730 (calling min costs more than the rest)
             server_time = LONGEST_TIME
         size = len(body)
-        self._bytes_in_flight -= request.size
+        self.bytes_in_flight -= request.size
         if size < LARGE and self.state is not _CLOSED:
             header = _pack(SIZE_OF_EMPTY + size, _RESPONSE, 0, 0, call_id, server_time)
             self.out.append(header + body)
@@ -261,11 +268,27 @@ class Session:
         request = self.open_calls.pop(call_id, None)
         if request is None:
             return False
-        self._bytes_in_flight -= request.size
+        self.bytes_in_flight -= request.size
         wire = status.to_wire(error)
         arg = wire.code << 16 | wire.retry_after
         self._send(FrameType.ERROR, wire.flags, 0, call_id, arg, wire.body)
         return True
+
+    @property
+    def bytes_coming(self) -> int:
+        """Bytes of the requests in flight, and of a large one that is arriving."""
+        large = self.splitter.large
+        return self.bytes_in_flight + (0 if large is None else large.size)
+
+    def skip_large(self, error: TaskRpcError) -> None:
+        """Refuse the large request that is arriving; what comes of it is thrown away."""
+        large = self.splitter.large
+        if large is not None:
+            _, _, method, call_id, _ = large.header
+            large.skip()
+            self.last_call_id = call_id
+            self.open_calls[call_id] = RequestReceived(call_id, method, 0, 0, b"", 0)
+            self.fail(call_id, error)
 
     def advertise(self) -> None:
         """Tell the peer that our services changed."""
@@ -337,7 +360,7 @@ class Session:
         self._handshake = None
         self._their_limits = peer.limits
         self.body_limit = peer.limits.body
-        self.splitter.limit = self._limits.body
+        self.splitter.limit = self.limits.body
         return Ready(peer)
 
     def _handled(self, frames: list[Frame]) -> list[Event]:
@@ -350,9 +373,24 @@ class Session:
         except TaskRpcError as error:
             events.append(self._closed(error))
         else:
+            large = self.splitter.large
             if self.splitter.error is not None:
                 events.append(self._closed(self.splitter.error))
+            elif large is not None and not large.is_announced:
+                large.is_announced = True
+                if self.bytes_coming > self.free_bytes and self._is_next(large):
+                    events.append(Announced(large.header[2], large.size))
         return events
+
+    def _is_next(self, large: LargeBody) -> bool:
+        """Whether what arrives is a request that may begin."""
+        type_, _, _, call_id, _ = large.header
+        return (
+            type_ == _REQUEST
+            and self.state is _OPEN
+            and call_id > self.last_call_id
+            and not self.is_client
+        )
 
     def _event(self, frame: Frame) -> Event | None:
         # The two frames of a call stand here, where every function would cost a hundredth of it.
@@ -362,20 +400,21 @@ class Session:
             return None if ticket is None else Answered(ticket, body, arg)
         if type_ != _REQUEST:
             return self._on_control(type_, flags, call_id, arg, body)
-        size, open_calls, limits = len(body), self.open_calls, self._limits
+        size, open_calls = len(body), self.open_calls
         # Only requests: questions are answered at once, and clients ask without counting.
-        if open_calls and (
-            len(open_calls) >= limits.calls or self._bytes_in_flight + size > limits.bytes
-        ):
-            return self._overrun()
+        is_crowded = len(open_calls) >= self.free_calls
+        if open_calls and (is_crowded or self.bytes_in_flight + size > self.free_bytes):
+            if self._is_full(size):
+                return self._overrun()
+            is_crowded = True
         if self.is_client or call_id <= self.last_call_id or self.state is _DRAINING:
             self._refuse(call_id)
             return None
         self.last_call_id = call_id
-        self._bytes_in_flight += size
+        self.bytes_in_flight += size
         request = RequestReceived(call_id, method, flags, arg, body, size)
         open_calls[call_id] = request
-        return request
+        return Crowded(request) if is_crowded else request
 
     def _on_resolve(self, call_id: int, arg: int, body: Body) -> ResolveReceived | None:
         question = messages.decode_resolve(body)
@@ -383,7 +422,7 @@ class Session:
             self._refuse(call_id)
             return None
         self.last_call_id = call_id
-        self._bytes_in_flight += len(body)
+        self.bytes_in_flight += len(body)
         resolve = ResolveReceived(call_id, question, bool(arg), len(body))
         self.open_calls[call_id] = resolve
         return resolve
@@ -413,13 +452,19 @@ class Session:
                 raise ProtocolError(f"frame type {type_} is not part of this protocol")
         return None
 
+    def _is_full(self, size: int) -> bool:
+        """Whether a request of `size` bytes beside others is beyond the limits."""
+        limits = self.limits
+        many = len(self.open_calls) >= limits.calls
+        return many or self.bytes_in_flight + size > limits.bytes
+
     def _overrun(self) -> Overrun | None:
         if self.is_client:
             raise ProtocolError("a server may not call")
         if self.state is _DRAINING:
             return None
         self.drain()
-        limits = self._limits
+        limits = self.limits
         too_many = len(self.open_calls) >= limits.calls
         limit = f"{limits.calls} calls" if too_many else f"{limits.bytes} bytes"
         return Overrun(ProtocolError(f"more than {limit} in flight on one connection"))
@@ -435,7 +480,7 @@ class Session:
         held = self.open_calls.pop(call_id, None) if self.is_client else None
         if held is None:
             raise ProtocolError(f"an answer to call {call_id}, which is not in flight")
-        self._bytes_in_flight -= held[1]
+        self.bytes_in_flight -= held[1]
         return held[0]
 
     def _on_error(self, flags: int, call_id: int, arg: int, body: Body) -> Event | None:

@@ -1,4 +1,4 @@
-"""Promise 14: who does not read, or hardly writes, costs the server a bounded amount of memory."""
+"""Promise 14: who does not read, hardly writes or never stops asking costs a bounded memory."""
 
 import asyncio
 import contextlib
@@ -10,7 +10,7 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.transport import connection
+from taskrpc.transport import connection, load
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.serving import ServingConnection
 from taskrpc.wire.events import Answered
@@ -193,3 +193,100 @@ async def test_a_thousand_that_never_read_and_some_that_dribble_cost_little(
     counts["memory"] = max(0, counts["MiB grown"] - ALLOWED // MEBI)
     counts.check("memory", "not cut off in time", "neighbour troubles", happened=("cut off",))
     counts.require(never_read=80, neighbour_calls=100, MiB_grown=10)
+
+
+# Who asks and asks
+
+TAKING = """\
+import asyncio, sys
+import srvgen, taskrpc
+from taskrpc.transport import load
+Text = srvgen.load("my_robot_interfaces/srv/RobotTask")
+Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+load.MAX_BYTES = int(sys.argv[1])
+
+async def take(request, response):
+    await asyncio.sleep(3)
+    return response
+
+def work(request, response):
+    response.sum = request.a
+    return response
+
+async def main():
+    async with taskrpc.Node("server") as node:
+        node.create_service(Text, "take", take, concurrency=10_000)
+        node.create_service(Add, "work", work)
+        print("ready", flush=True)
+        await node.spin()
+
+asyncio.run(main())
+"""
+ALL = 64 * MEBI
+LOOPS, EACH, SIZE = 40, 2, 4 * MEBI
+
+
+def takes_whatever_comes(patch):
+    patch(load.Load, "refusal", lambda self, connection: None)
+
+
+class Loop:
+    """A program that makes node after node, and asks on each for more than it can get."""
+
+    def __init__(self, counts, stack):
+        self.counts, self.stack = counts, stack
+        self.calls = []
+
+    async def run(self):
+        request = Text.Request(target="x" * SIZE)
+        for number in range(LOOPS):
+            node = taskrpc.Node("loop", token=f"loop {number}")
+            await self.stack.enter_async_context(node)
+            client = node.create_client(Text, "take", timeout=60)
+            assert await client.wait_for_service(10)
+            self.calls += [asyncio.ensure_future(self.call(client, request)) for _ in range(EACH)]
+            await asyncio.sleep(0.02)
+        await asyncio.gather(*self.calls)
+
+    async def call(self, client, request):
+        self.counts["large requests"] += 1
+        try:
+            await client.call(request)
+            self.counts["taken"] += 1
+        except taskrpc.ServerBusy as error:
+            self.counts["refused"] += 1
+            self.counts["refused, and perhaps run"] += error.not_executed is not True
+
+
+@pytest.mark.planted(Bug(takes_whatever_comes, "memory"))
+async def test_a_loop_that_sends_megabytes_on_ever_more_connections_gets_its_share(
+    counts, programs
+):
+    program = await programs.start(TAKING, str(ALL), name="taking.py")
+    before, over = memory(program.pid), False
+
+    async def watch():
+        while not over:
+            counts["MiB grown"] = max(counts["MiB grown"], (memory(program.pid) - before) // MEBI)
+            await asyncio.sleep(0.02)
+
+    async def neighbour(client):
+        while not over:
+            counts["neighbour calls"] += 1
+            counts["neighbour troubles"] += (
+                await client.call(Add.Request(a=1), timeout=5)
+            ).sum != 1
+            await asyncio.sleep(0.01)
+
+    async with contextlib.AsyncExitStack() as stack:
+        node = await stack.enter_async_context(taskrpc.Node("neighbour", token="n"))
+        client = node.create_client(Add, "work")
+        assert await client.wait_for_service(10)
+        others = [asyncio.ensure_future(each) for each in (watch(), neighbour(client))]
+        await Loop(counts, stack).run()
+        over = True
+        await asyncio.gather(*others)
+    # Half of all is one caller's; each request is read into pieces, joined, and decoded.
+    counts["memory"] = max(0, counts["MiB grown"] - (ALL // 2 + 12 * SIZE) // MEBI)
+    counts.check("memory", "refused, and perhaps run", happened=("refused", "taken"))
+    counts.require(neighbour_calls=50)

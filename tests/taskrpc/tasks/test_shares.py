@@ -61,3 +61,14 @@ async def test_the_tasks_of_the_server_before_count(manager):
         await server.pause()
         assert (await submit(server, "ada")).success is expected
         await server.close()
+
+
+async def test_machines_of_one_account_have_a_share_each(manager):
+    for machine in ("192.0.2.1", "192.0.2.2"):
+        for expected in (True, True, True, False):
+            answer = await manager.submit(
+                "move", "3", 5, client="class", account="class", machine=machine
+            )
+            assert answer.success is expected
+    whose = "3 tasks of class at 192.0.2.2 wait"
+    assert answer.message == f"Share full: {whose}, and no more of one account may"

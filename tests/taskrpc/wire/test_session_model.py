@@ -14,8 +14,10 @@ from hypothesis.stateful import (
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.wire.events import (
+    Announced,
     Answered,
     CancelReceived,
+    Crowded,
     Draining,
     Failed,
     RequestReceived,
@@ -41,6 +43,7 @@ class Talk(RuleBasedStateMachine):
     @initialize()
     def connect(self):
         self.pair = open_pair(limits=LIMITS)
+        self.pair.server.free_calls, self.pair.server.free_bytes = 2, 70
         self.sizes = {}
         """Every request ever made, with its bytes."""
         self.asked = set()
@@ -124,11 +127,20 @@ class Talk(RuleBasedStateMachine):
 
     @rule(count=counts, piece=pieces)
     def carry_to_server(self, count, piece):
-        for event in self.pair.deliver(self.pair.server, count, piece=piece):
+        server = self.pair.server
+        events = self.pair.deliver(server, count, piece=piece)
+        for event in events:
             match event:
                 case RequestReceived():
                     assert len(event.body) == self.sizes[event.call_id]
                     self.begin(event.call_id)
+                case Crowded():
+                    assert len(self.begun) > 1
+                    self.begin(event.request.call_id)
+                    if event.request.size % 2:
+                        self.refuse(event.request.call_id)
+                case Announced():
+                    assert event.size > 70
                 case ResolveReceived():
                     assert event.call_id in self.asked
                     self.begin(event.call_id)
@@ -137,6 +149,16 @@ class Talk(RuleBasedStateMachine):
                     assert self.begun[event.call_id] is False
                 case _:
                     raise AssertionError(event)
+
+        arriving = server.splitter.large
+        if events and isinstance(events[-1], Announced) and arriving and arriving.size % 2:
+            call = arriving.header[3]
+            self.begun[call] = True
+            server.skip_large(TaskRpcError(f"no {call}"))
+
+    def refuse(self, call):
+        self.begun[call] = True
+        self.pair.server.fail(call, TaskRpcError(f"no {call}"))
 
     def begin(self, call):
         assert call not in self.begun, f"call {call} began twice"
