@@ -12,7 +12,7 @@ from typing import Any, Final
 from taskrpc.attempts import Attempts
 from taskrpc.errors import InvalidRequest, TaskRpcError
 from taskrpc.retry import RetryBudget, RetryPolicy
-from taskrpc.transport.base import Transport, WaitingThread
+from taskrpc.transport.base import Tell, ToldThread, Transport, WaitingThread
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.timers import clock_of
 
@@ -159,6 +159,16 @@ class Client:
             return None
         deadline = None if span is None else self._now() + span
         return self._channel.send_in_thread(request, deadline)
+
+    def _tell_in_thread(
+        self, request: Any, timeout: float | Unset | None, tell: Tell
+    ) -> ToldThread | None:
+        """The same for a caller who does not wait, but has `tell(response, error)` called."""
+        span = self._timeout if timeout is UNSET else _checked(timeout)
+        if self._retry is not None or self._now is not time.monotonic:
+            return None
+        deadline = None if span is None else self._now() + span
+        return self._channel.tell_in_thread(request, deadline, tell)
 
     @property
     def retries(self) -> int:

@@ -23,6 +23,7 @@ from taskrpc.transport.tls import Tls
 from taskrpc.wire.once import CompletionStore
 
 if TYPE_CHECKING:
+    from taskrpc.deferred import DeferredService, Take
     from taskrpc.observer import NodeStatus, Observer
     from taskrpc.service import Callback, Service
 
@@ -85,7 +86,7 @@ class Node:
         self._observer = observer
         self._transport: Transport | None = None
         # Ordered sets: thousands may come and go.
-        self._services: dict[Service, None] = {}
+        self._services: dict[Service | DeferredService, None] = {}
         self._clients: dict[Client, None] = {}
         self._retries: dict[str, int] = {}
         """Those of clients that are gone."""
@@ -228,8 +229,39 @@ class Node:
             observer=self._observer,
             role=role,
         )
-        self._services[service] = None
-        service.finished.add_done_callback(lambda _: self._services.pop(service, None))
+        self._keep(service)
+        return service
+
+    def create_deferred_service(
+        self,
+        srv_type: Any,
+        srv_name: str,
+        take: Take,
+        *,
+        join: bool = False,
+        role: Role = Role.SUBMIT,
+    ) -> DeferredService:
+        """Offer a service whose calls are answered later, from any thread.
+
+        `take(call)` is called on the event loop for each `DeferredCall` and returns at once; then
+        `call.reply(response)` or `call.fail(error)` ends the call, whenever and in whatever order
+        the program likes. Nothing limits how many are open.
+
+        Raises InvalidName; NameInUse, unless it joins a server of the same name.
+        """
+        from taskrpc.deferred import DeferredService  # few programs have a way of their own
+
+        service = DeferredService(
+            self._started(),
+            _service_type(srv_type),
+            self.resolve_service_name(srv_name),
+            self.get_fully_qualified_name(),
+            take,
+            join=join,
+            observer=self._observer,
+            role=role,
+        )
+        self._keep(service)
         return service
 
     def create_client(
@@ -281,6 +313,10 @@ class Node:
         from taskrpc.observer import NodeStatus  # few programs ask
 
         return NodeStatus(services, retries, *self._started().traffic())
+
+    def _keep(self, service: Service | DeferredService) -> None:
+        self._services[service] = None
+        service.finished.add_done_callback(lambda _: self._services.pop(service, None))
 
     def _name_in_lab(self, srv_name: str) -> str:
         """What else a relative name of a client may mean: the lab's own service, "" for nothing.

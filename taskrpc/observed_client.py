@@ -12,7 +12,7 @@ from taskrpc.client import UNSET, Client, Unset
 from taskrpc.errors import Code, TaskRpcError
 from taskrpc.observer import Observer, told
 from taskrpc.retry import RetryPolicy
-from taskrpc.transport.base import WaitingThread
+from taskrpc.transport.base import Tell, WaitingThread
 from taskrpc.wire.status import code_of
 
 _span: ContextVar[bytes] = ContextVar("taskrpc_span", default=b"")
@@ -72,6 +72,9 @@ class ObservedClient(Client):
         retry: RetryPolicy | Unset | None,
     ) -> WaitingThread | None:
         return None  # the loop calls, on which the observer must be told
+
+    def _tell_in_thread(self, request: Any, timeout: float | Unset | None, tell: Tell) -> None:
+        return None
 
     def _begin(self) -> _Begun:
         return _Begun(self._observer, self.service_name, self._now)

@@ -11,6 +11,7 @@ import atexit
 import inspect
 import os
 import threading
+from collections import deque
 from collections.abc import Callable, Coroutine, Sequence
 from concurrent.futures import Future
 from concurrent.futures import TimeoutError as WaitTimeout
@@ -23,9 +24,11 @@ from taskrpc import node as _node
 from taskrpc import platform
 from taskrpc.access import Accounts, Role
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
+from taskrpc.deferred import DeferredService, Take
 from taskrpc.errors import WouldDeadlock
 from taskrpc.retry import RetryPolicy
 from taskrpc.service import Callback, Service
+from taskrpc.transport.base import Tell
 from taskrpc.transport.entries import Entry
 from taskrpc.transport.tls import Tls
 
@@ -134,6 +137,26 @@ class Node:
             "create_service()",
         )
 
+    def create_deferred_service(
+        self,
+        srv_type: Any,
+        srv_name: str,
+        take: Take,
+        *,
+        join: bool = False,
+        role: Role = Role.SUBMIT,
+    ) -> DeferredService:
+        """Offer a service; as `taskrpc.Node.create_deferred_service`.
+
+        `take(call)` is called on the event loop's thread and must not block.
+        """
+        return self._loop.do(
+            lambda: self._node.create_deferred_service(
+                srv_type, srv_name, take, join=join, role=role
+            ),
+            "create_deferred_service()",
+        )
+
     def create_client(
         self,
         srv_type: Any,
@@ -184,6 +207,8 @@ class Client:
     def __init__(self, loop: _LoopThread, inner: _client.Client) -> None:
         self._loop = loop
         self._inner = inner
+        self._behind: deque[Future[Any]] = deque()
+        """Calls that the loop is yet to send."""
         self.srv_type = inner.srv_type
         self.service_name = inner.service_name
 
@@ -228,6 +253,31 @@ class Client:
         outer: Future[Any] = Future()
         self._loop.soon(lambda: self._begin(outer, request, timeout, retry, request_id))
         return outer
+
+    def call_then(
+        self, request: Any, tell: Tell, timeout: float | Unset | None = UNSET
+    ) -> Callable[[], object]:
+        """Send the request now and have `tell(response, error)` called at its end.
+
+        One of the two is None. It is called on the event loop's thread and must not block.
+        Returns a function that gives the call up; `tell` is not called then.
+
+        Raises InvalidRequest for a request that cannot be sent.
+        """
+        self._loop.refuse_without_loop("call_then()")
+        if not self._behind:
+            sent = self._inner._tell_in_thread(request, timeout, tell)
+            if sent is not None:
+                return sent.give_up
+        # What was handed over before must be sent before.
+        future: Future[Any] = Future()
+        future.add_done_callback(lambda done: _told(done, tell))
+        self._behind.append(future)
+        self._loop.soon(lambda: self._catch_up(request, timeout))
+        return future.cancel
+
+    def _catch_up(self, request: Any, timeout: float | Unset | None) -> None:
+        self._begin(self._behind.popleft(), request, timeout, UNSET, "")
 
     def destroy(self) -> None:
         """Forget the service."""
@@ -349,6 +399,12 @@ def _wait(future: Future[_Result]) -> _Result:
     except (KeyboardInterrupt, SystemExit):
         future.cancel()
         raise
+
+
+def _told(done: Future[Any], tell: Tell) -> None:
+    if not done.cancelled():
+        error = done.exception()
+        tell(None if error else done.result(), error)
 
 
 def _copy(inner: asyncio.Future[Any], outer: Future[Any]) -> None:

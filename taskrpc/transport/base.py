@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Hashable
 from enum import IntEnum
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import msgspec
 
@@ -116,11 +116,22 @@ class SentCall(Protocol):
         """Tell the server that nobody waits, if the future was cancelled."""
 
 
+Tell: TypeAlias = Callable[[Any, BaseException | None], object]
+"""Learns of a call's end: its response and None, or None and its error."""
+
+
 class WaitingThread(Protocol):
     """A call that a thread has sent and waits for."""
 
     def wait(self) -> Any:
         """Sleep until there is a response, and return it; raises the call's error."""
+
+
+class ToldThread(Protocol):
+    """A call that a thread has sent, and of whose end a function is told."""
+
+    def give_up(self) -> None:
+        """Tell nobody; the server learns that nobody waits."""
 
 
 class Channel(Protocol):
@@ -184,6 +195,9 @@ class Channel(Protocol):
 
         Raises InvalidRequest for a request that cannot be sent.
         """
+
+    def tell_in_thread(self, request: Any, deadline: float | None, tell: Tell) -> ToldThread | None:
+        """The same where nobody waits: `tell(response, error)` is called on the loop's thread."""
 
     def close(self) -> None:
         """Forget the service; calls in flight still get their answers."""

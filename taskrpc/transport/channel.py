@@ -16,14 +16,14 @@ from taskrpc.errors import (
     TypeMismatch,
 )
 from taskrpc.retry import reconnect_delay
-from taskrpc.transport.base import Mode
+from taskrpc.transport.base import Mode, Tell
 from taskrpc.transport.calling import CallingConnection, OpenCall
 from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.transport.counting import Counting
 from taskrpc.transport.dialling import Dialler
 from taskrpc.transport.network import Address, Network
 from taskrpc.transport.news import News
-from taskrpc.transport.threads import ThreadedConnection, Waiter
+from taskrpc.transport.threads import ThreadedConnection, Told, Waiter
 from taskrpc.wire.frames import Flag
 from taskrpc.wire.messages import Endpoint as Named
 from taskrpc.wire.messages import Resolve
@@ -155,17 +155,25 @@ class RemoteChannel:
 
     def send_in_thread(self, request: Any, deadline: float | None) -> Waiter | None:
         """Send a request from another thread than the loop's; None where only the loop can."""
+        waiter = Waiter()
+        return waiter if self._begin_in_thread(waiter, request, deadline) else None
+
+    def tell_in_thread(self, request: Any, deadline: float | None, tell: Tell) -> Told | None:
+        """The same where nobody waits, but a function is to be told."""
+        told = Told(tell)
+        return told if self._begin_in_thread(told, request, deadline) else None
+
+    def _begin_in_thread(self, waiter: Waiter | Told, request: Any, deadline: float | None) -> bool:
         # The loop may find another server at any moment: one's number means another service there.
         connection, method = self._connection, self._method
         if not isinstance(connection, ThreadedConnection) or connection.epoch != self._epoch:
-            return None
+            return False
         if connection is not self._connection or self.store_id:
-            return None
-        waiter = Waiter()
+            return False
         body, decode, move = self._encode(request), self._decode, self._move
         call = OpenCall(waiter, connection, decode, deadline, method, body, move)
         waiter.call = call
-        return waiter if connection.begin_in_thread(call) else None
+        return connection.begin_in_thread(call)
 
     async def connect(self, deadline: float | None) -> None:
         """Find the service and reach it."""

@@ -15,6 +15,7 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from taskrpc import platform
+from taskrpc.transport.base import Tell
 from taskrpc.transport.calling import CallingConnection, OpenCall, time_left
 from taskrpc.transport.connection import Owner
 from taskrpc.wire.frames import LARGE, NO_DEADLINE
@@ -81,6 +82,48 @@ class Waiter:
         if self._error is not None:
             raise self._error
         return self._result
+
+
+class Told:
+    """What an `OpenCall` has instead of a future, where a function is to be told of the answer.
+
+    `tell(answer, error)` is called once, on the event loop's thread; one of the two is None.
+    """
+
+    __slots__ = ("_cancelled", "_done", "_tell", "call")
+
+    call: OpenCall
+
+    def __init__(self, tell: Tell) -> None:
+        self._tell = tell
+        self._done = False
+        self._cancelled = False
+
+    def done(self) -> bool:
+        """Whether nobody waits any more."""
+        return self._done
+
+    def cancelled(self) -> bool:
+        """Whether the caller gave up."""
+        return self._cancelled
+
+    def give_up(self) -> None:
+        """Drop the answer; the server is told that nobody waits."""
+        if not self._done:
+            self._done = self._cancelled = True
+            self.call.connection.owner.loop.call_soon_threadsafe(self.call.give_up)
+
+    def set_result(self, result: Any) -> None:
+        """Tell of an answer."""
+        if not self._done:
+            self._done = True
+            self._tell(result, None)
+
+    def set_exception(self, error: BaseException) -> None:
+        """Tell of an error."""
+        if not self._done:
+            self._done = True
+            self._tell(None, error)
 
 
 class ThreadedConnection(CallingConnection):

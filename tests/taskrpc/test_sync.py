@@ -380,3 +380,66 @@ def test_whoever_waits_for_several_futures_learns_of_one_that_never_began(node):
     future = client.call_async(AddTwoInts.Request())
     assert future.cancel()
     assert wait([future], timeout=10).done == {future}
+
+
+def test_a_function_is_told_of_each_answer_in_the_order_of_the_calls(node):
+    node.create_service(AddTwoInts, "add", add)
+    client = node.create_client(AddTwoInts, "add")
+    told, all_told = [], threading.Event()
+
+    def tell(response, error):
+        told.append((response.sum, error))
+        if len(told) == 20:
+            all_told.set()
+
+    for n in range(20):  # the first go by the loop, which finds the service, the others directly
+        client.call_then(AddTwoInts.Request(a=n), tell)
+        if n == 10:
+            assert client.wait_for_service(5)
+    assert all_told.wait(5)
+    assert told == [(n, None) for n in range(20)]
+
+
+def test_a_function_is_told_of_an_error(node):
+    told = []
+    heard = threading.Event()
+
+    def tell(response, error):
+        told.append((response, type(error)))
+        heard.set()
+
+    node.create_client(AddTwoInts, "nobody").call_then(AddTwoInts.Request(), tell)
+    assert heard.wait(5)
+    assert told == [(None, taskrpc.ServiceUnavailable)]
+
+
+def test_a_call_that_was_given_up_is_told_to_nobody_and_cancelled_at_the_server(node):
+    begun, cancelled = threading.Event(), threading.Event()
+
+    def wait(request, response):
+        begun.set()
+        while not taskrpc.current_call().cancelled:
+            time.sleep(0.01)
+        cancelled.set()
+        return response
+
+    node.create_service(AddTwoInts, "wait", wait)
+    client = node.create_client(AddTwoInts, "wait")
+    told = []
+    for _ in range(2):  # once by the loop, once directly
+        give_up = client.call_then(AddTwoInts.Request(), lambda *end: told.append(end))
+        assert begun.wait(5)
+        give_up()
+        assert cancelled.wait(5)
+        begun.clear()
+        cancelled.clear()
+    assert told == []
+
+
+def test_threads_answer_a_deferred_service(node):
+    threads = ThreadPoolExecutor(4)
+    answer = lambda call: call.reply(AddTwoInts.Response(sum=call.request.a))  # noqa: E731
+    node.create_deferred_service(AddTwoInts, "add", lambda call: threads.submit(answer, call))
+    client = node.create_client(AddTwoInts, "add")
+    assert [client.call(AddTwoInts.Request(a=n)).sum for n in range(50)] == list(range(50))
+    threads.shutdown()

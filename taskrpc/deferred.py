@@ -1,0 +1,141 @@
+"""A service whose calls are handed over as they come, and answered later, from any thread.
+
+For programs that have their own way to run callbacks. Whoever takes the calls decides how many run
+at a time, and in which order.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+from taskrpc.access import Role
+from taskrpc.errors import OutcomeUnknown, ServiceUnavailable, TaskRpcError
+from taskrpc.transport.base import IncomingCall, Offer, Transport
+from taskrpc.transport.codec import ServiceType, codec_of
+
+if TYPE_CHECKING:
+    from taskrpc.observer import Observer, ServiceStatus
+
+
+class DeferredCall:
+    """One call: `request`, and exactly one of `reply` and `fail` to end it, from any thread."""
+
+    __slots__ = ("_call", "_service", "request")
+
+    def __init__(self, service: DeferredService, call: IncomingCall) -> None:
+        self.request: Any = call.request
+        self._service = service
+        self._call = call
+
+    @property
+    def info(self) -> IncomingCall:
+        """Who calls, and how long he waits; as `taskrpc.current_call()` tells callbacks."""
+        return self._call
+
+    def started(self) -> bool:
+        """Say that its work begins; False where nobody waits for it any more."""
+        self._call.started = True
+        return not self._call.cancelled
+
+    def reply(self, response: Any) -> None:
+        """Answer with a response message.
+
+        Raises InvalidRequest for a response that cannot be sent; the call is still open then.
+        """
+        body = self._service.encode(response)
+        self._service.loop.call_soon_threadsafe(self._replied, response, body)
+
+    def fail(self, error: TaskRpcError) -> None:
+        """Answer with an error."""
+        self._service.loop.call_soon_threadsafe(self._failed, error)
+
+    def _replied(self, response: Any, body: bytes) -> None:
+        if self._service.done(self._call):
+            try:
+                self._call.reply(response, body)
+            except TaskRpcError as error:  # larger than this caller accepts
+                self._call.fail(error)
+
+    def _failed(self, error: TaskRpcError) -> None:
+        if self._service.done(self._call):
+            self._call.fail(error)
+
+
+Take: TypeAlias = Callable[[DeferredCall], object]
+"""Takes a call; called on the event loop's thread, it must return at once."""
+
+
+class DeferredService:
+    """A service that a node offers; made by `Node.create_deferred_service`."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        srv_type: ServiceType,
+        name: str,
+        node: str,
+        take: Take,
+        *,
+        join: bool = False,
+        observer: Observer | None = None,
+        role: Role = Role.SUBMIT,
+    ) -> None:
+        self.srv_type = srv_type
+        self.service_name = name
+        self.loop = asyncio.get_running_loop()
+        self.encode = codec_of(srv_type.Response).encode
+        self.finished: asyncio.Future[None] = self.loop.create_future()
+        """Done once the service is destroyed and has answered its last call."""
+        self._take = take
+        self._open: dict[IncomingCall, None] = {}
+        self._destroyed = False
+        self._transport = transport
+        self._offer = Offer(
+            name, srv_type, node, self._arrived, join=join, observer=observer, role=role
+        )
+        transport.offer(self._offer)
+
+    def destroy(self) -> None:
+        """Stop offering the service; calls that have arrived are still answered."""
+        if not self._destroyed:
+            self._destroyed = True
+            self._transport.withdraw(self._offer)
+            self._finish_if_idle()
+
+    def abandon(self) -> None:
+        """Stop at once: what became of calls that are not answered is unknown."""
+        self.destroy()
+        for call in list(self._open):
+            if call.started:
+                call.fail(OutcomeUnknown("the server was shut down while it ran this call"))
+            else:
+                call.fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))
+            self.done(call)
+
+    def status(self) -> ServiceStatus:
+        """How many calls run and wait."""
+        from taskrpc.observer import ServiceStatus  # few programs ask
+
+        running = sum(call.started for call in self._open)
+        return ServiceStatus(self.service_name, running, len(self._open) - running, None)
+
+    def done(self, call: IncomingCall) -> bool:
+        """Forget a call that is being answered; False where it was already."""
+        if call not in self._open:
+            return False
+        del self._open[call]
+        self._finish_if_idle()
+        return True
+
+    def _arrived(self, call: IncomingCall) -> None:
+        if self._destroyed:
+            call.fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))
+            return
+        self._open[call] = None
+        self._take(DeferredCall(self, call))
+
+    def _finish_if_idle(self) -> None:
+        if self._destroyed and not self._open and not self.finished.done():
+            self.finished.set_result(None)
