@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from taskrpc.callinfo import CallInfo, current_call
     from taskrpc.client import Client
     from taskrpc.deduplication import Effect
+    from taskrpc.deferred import DeferredCall
     from taskrpc.errors import (
         AuthenticationFailed,
         CannotListen,
@@ -63,6 +64,7 @@ _HOMES = {
     "callinfo": "CallInfo current_call",
     "client": "Client",
     "deduplication": "Effect",
+    "deferred": "DeferredCall",
     "errors": (
         "AuthenticationFailed CannotListen Code ConnectionLost DeadlineExceeded HandlerError"
         " HandlerFailed InvalidName InvalidRequest NameInUse OutcomeUnknown PermissionDenied"
@@ -93,6 +95,7 @@ __all__ = [
     "Code",
     "ConnectionLost",
     "DeadlineExceeded",
+    "DeferredCall",
     "Effect",
     "HandlerError",
     "HandlerFailed",

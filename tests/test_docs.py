@@ -190,7 +190,16 @@ MODULES = {
     "taskrpc.robot": importlib.import_module("taskrpc.robot").__all__,
     "srvgen": srvgen.__all__,
 }
-NOT_CONSTRUCTED = {"CallInfo", "Client", "Kind", "NodeStatus", "Robot", "Role", "Service"}
+NOT_CONSTRUCTED = {
+    "CallInfo",
+    "Client",
+    "DeferredCall",
+    "Kind",
+    "NodeStatus",
+    "Robot",
+    "Role",
+    "Service",
+}
 """Classes whose objects a user gets, or protocols; how they are made is nobody's business."""
 
 ERRORS = {name for name, value in vars(errors).items() if inspect.isclass(value) and name[0] != "_"}
