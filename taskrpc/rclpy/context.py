@@ -11,11 +11,11 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from ._sleep import Sleep
 from .exceptions import RCLError
 from .handle import Handle
 
 if TYPE_CHECKING:
-    from .executors import Executor
     from .node import Node
 
 _living: weakref.WeakSet[Context] = weakref.WeakSet()
@@ -55,7 +55,7 @@ class Context:
         self._by_signal = False
         self._domain_id = 0
         self._nodes: list[weakref.ReferenceType[Node]] = []
-        self._executors: weakref.WeakSet[Executor] = weakref.WeakSet()
+        self._sleeps: weakref.WeakSet[Sleep] = weakref.WeakSet()
         self._arguments: list[str] = []
 
     @property
@@ -157,8 +157,8 @@ class Context:
         for reference in callbacks:
             if (callback := reference()) is not None:
                 callback()
-        for executor in list(self._executors):  # after the callbacks, which may shut them down
-            executor._notify()
+        for sleep in list(self._sleeps):  # after the callbacks, which may shut them down
+            sleep.end()
         for known in nodes:
             if (node := known()) is not None:
                 node.destroy_node()
@@ -168,8 +168,8 @@ class Context:
         if self._handle is not None and self._handle._ok:
             self._by_signal = True
             self._handle._ok = False
-            for executor in list(self._executors):
-                executor._notify()
+            for sleep in list(self._sleeps):
+                sleep.end()
 
 
 def end_all_by_signal() -> None:

@@ -77,7 +77,7 @@ class Executor:
         self._ready_tasks: deque[Task[Any]] = deque()
         self._made = 0
         self._is_shutdown = False
-        self._context._executors.add(self)
+        self._context._sleeps.add(self._sleep)
 
     @property
     def context(self) -> Context:

@@ -1,0 +1,200 @@
+"""Clocks: the system's, one that never jumps, and ROS's, which a simulation may set."""
+
+from __future__ import annotations
+
+import time as _time
+import weakref
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+from ._jumps import ClockChange, JumpHandle, JumpThreshold, TimeJump
+from ._sleep import Sleep
+from .clock_type import ClockType
+from .context import Context
+from .duration import Duration
+from .exceptions import NotInitializedException
+from .handle import Handle
+from .time import Time
+from .utilities import get_default_context
+
+if TYPE_CHECKING:
+    from .timer import Timer
+
+
+class Clock:
+    """A clock of the given kind; `Clock(clock_type=ClockType.ROS_TIME)` is a ROSClock."""
+
+    _clock_type: ClockType
+    _handle: Handle
+    _jump_handles: list[JumpHandle]
+    _timers: weakref.WeakSet[Timer]
+
+    def __new__(cls, *, clock_type: ClockType = ClockType.SYSTEM_TIME) -> Clock:
+        """A clock of the class for its kind; raises TypeError for what is no ClockType."""
+        if not isinstance(clock_type, ClockType):
+            raise TypeError("Clock type must be a ClockType enum")
+        self = super().__new__(ROSClock if clock_type is ClockType.ROS_TIME else cls)
+        self._clock_type = clock_type
+        self._handle = Handle(self)
+        self._jump_handles = []
+        self._timers = weakref.WeakSet()
+        if isinstance(self, ROSClock):
+            self._override_ns, self._active = 0, False
+        return self
+
+    @property
+    def clock_type(self) -> ClockType:
+        """The kind of clock."""
+        return self._clock_type
+
+    @property
+    def handle(self) -> Handle:
+        """What ROS keeps of it."""
+        return self._handle
+
+    def __repr__(self) -> str:
+        return f"Clock(clock_type={self._clock_type.name})"
+
+    def now(self) -> Time:
+        """The time now."""
+        return Time(nanoseconds=self._now_ns(), clock_type=self._clock_type)
+
+    def create_jump_callback(
+        self,
+        threshold: JumpThreshold,
+        *,
+        pre_callback: Callable[[], Any] | None = None,
+        post_callback: Callable[[TimeJump], Any] | None = None,
+    ) -> JumpHandle:
+        """Be told of jumps, before and after; the callbacks must not wait for anything."""
+        return JumpHandle(
+            clock=self,
+            threshold=threshold,
+            pre_callback=pre_callback,
+            post_callback=post_callback,
+        )
+
+    def sleep_until(self, until: Time, context: Context | None = None) -> bool:
+        """Sleep until this clock shows the time; False when something else ended it earlier.
+
+        That is the context's shutdown, or ROS time being switched on or off. Raises ValueError for
+        another clock's time, NotInitializedException when the context is not up.
+        """
+        context = get_default_context() if context is None else context
+        if not context.ok():
+            raise NotInitializedException
+        if until.clock_type != self._clock_type:
+            raise ValueError("until's clock type does not match this clock's type")
+        sleep = Sleep()
+        context._sleeps.add(sleep)
+        changed: list[TimeJump] = []
+
+        def jumped(jump: TimeJump) -> None:
+            if jump.clock_change is not ClockChange.ROS_TIME_NO_CHANGE:
+                changed.append(jump)
+            sleep.end()
+
+        with self.create_jump_callback(_ANY_JUMP, post_callback=jumped):
+            while True:
+                seen = sleep.state
+                if changed or not context.ok():
+                    return False
+                left = until.nanoseconds - self._now_ns()
+                if left <= 0:
+                    return True
+                sleep.until_ended(seen, self._real_seconds(left))
+
+    def sleep_for(self, rel_time: Duration, context: Context | None = None) -> bool:
+        """Sleep for so long by this clock; otherwise as `sleep_until`."""
+        return self.sleep_until(self.now() + rel_time, context)
+
+    def _now_ns(self) -> int:
+        if self._clock_type is ClockType.STEADY_TIME:
+            return _time.perf_counter_ns()
+        return _time.time_ns()
+
+    def _real_seconds(self, nanoseconds: int) -> float | None:
+        """How long this clock needs for that many nanoseconds; None when nobody knows."""
+        return nanoseconds * 1e-9
+
+
+class ROSClock(Clock):
+    """The system's time, until a time source switches it to what arrives on `/clock`."""
+
+    _override_ns: int
+    _active: bool
+
+    def __new__(cls) -> ROSClock:
+        """A clock that shows the system's time so far."""
+        return super().__new__(cls, clock_type=ClockType.ROS_TIME)  # type: ignore[return-value]
+
+    @property
+    def ros_time_is_active(self) -> bool:
+        """Whether the time is set by a simulation."""
+        return self._active
+
+    def set_ros_time_override(self, time: Time) -> None:
+        """Set the time that it shows while ROS time is active."""
+        if not isinstance(time, Time):
+            raise TypeError(
+                f"Time must be specified as rclpy.time.Time. Received type: {type(time)}"
+            )
+        if not self._active:
+            self._override_ns = time.nanoseconds
+            return
+        delta = Duration(nanoseconds=time.nanoseconds - self._override_ns)
+        jump = TimeJump(ClockChange.ROS_TIME_NO_CHANGE, delta)
+
+        def change() -> None:
+            self._override_ns = time.nanoseconds
+
+        self._jump(jump, change)
+
+    def _set_ros_time_is_active(self, enabled: bool) -> None:
+        if enabled == self._active:
+            return
+        changed = ClockChange.ROS_TIME_ACTIVATED if enabled else ClockChange.ROS_TIME_DEACTIVATED
+
+        def change() -> None:
+            self._active = enabled
+
+        self._jump(TimeJump(changed, Duration()), change)
+
+    def _jump(self, jump: TimeJump, change: Callable[[], None]) -> None:
+        """Change the time, with everybody told who asked for it."""
+        told = [handle for handle in self._jump_handles if handle.threshold.exceeded_by(jump)]
+        timers = list(self._timers)
+        for handle in told:
+            if handle.pre_callback is not None:
+                handle.pre_callback()
+        for timer in timers:
+            timer._before_jump(jump)
+        change()
+        for timer in timers:
+            timer._after_jump(jump)
+        for handle in told:
+            if handle.post_callback is not None:
+                handle.post_callback(jump)
+
+    def _now_ns(self) -> int:
+        return self._override_ns if self._active else _time.time_ns()
+
+    def _real_seconds(self, nanoseconds: int) -> float | None:
+        return None if self._active else nanoseconds * 1e-9
+
+
+_ANY_JUMP = JumpThreshold(
+    min_forward=Duration(nanoseconds=1), min_backward=Duration(nanoseconds=-1)
+)
+
+__all__ = [
+    "Clock",
+    "ClockChange",
+    "ClockType",
+    "Duration",
+    "JumpHandle",
+    "JumpThreshold",
+    "ROSClock",
+    "Time",
+    "TimeJump",
+]

@@ -1,0 +1,271 @@
+"""Callbacks that come again and again, and sleeping at a fixed rate."""
+
+from __future__ import annotations
+
+import inspect
+import threading
+from collections.abc import Callable
+from types import TracebackType
+from typing import Any, ClassVar, Self
+
+from ._entity import Entity
+from ._jumps import ClockChange, TimeJump
+from .callback_groups import CallbackGroup
+from .clock import Clock
+from .clock_type import ClockType
+from .context import Context
+from .exceptions import InvalidHandle, RCLError, ROSInterruptException
+from .handle import Handle
+from .time import Time
+from .utilities import get_default_context
+
+
+class TimerInfo:
+    """When a timer's callback was to run, and when it did; for a callback that asks for it."""
+
+    def __init__(
+        self,
+        *,
+        expected_call_time: int = 0,
+        actual_call_time: int = 0,
+        clock_type: ClockType = ClockType.SYSTEM_TIME,
+    ) -> None:
+        if not isinstance(clock_type, ClockType):
+            raise TypeError("Clock type must be a ClockType enum")
+        if expected_call_time < 0 or actual_call_time < 0:
+            raise ValueError("call time values must not be negative")
+        self._expected = Time(nanoseconds=expected_call_time, clock_type=clock_type)
+        self._actual = Time(nanoseconds=actual_call_time, clock_type=clock_type)
+
+    @property
+    def expected_call_time(self) -> Time:
+        """When it was due."""
+        return self._expected
+
+    @property
+    def actual_call_time(self) -> Time:
+        """When it was called."""
+        return self._actual
+
+
+class Timer(Entity):
+    """Has its callback called once a period; `Node.create_timer` makes one.
+
+    Periods that were missed are left out, and the rhythm is kept.
+    """
+
+    _is_timer: ClassVar[bool] = True
+
+    def __init__(
+        self,
+        callback: Callable[..., Any] | None,
+        callback_group: CallbackGroup | None,
+        timer_period_ns: int,
+        clock: Clock,
+        *,
+        context: Context | None = None,
+        autostart: bool = True,
+    ) -> None:
+        self._context = get_default_context() if context is None else context
+        if timer_period_ns < 0:
+            raise RCLError("Failed to create timer: timer period must be non-negative")
+        self.handle = Handle(self)
+        self.callback = callback
+        self.callback_group = callback_group
+        self._clock = clock
+        self._period_ns = int(timer_period_ns)
+        self._canceled = not autostart
+        self._last_ns = clock._now_ns()
+        self._next_ns = self._last_ns + self._period_ns
+        self._credit_ns = 0
+        self._asked: Callable[..., Any] | None = None
+        self._info_name: str | None = None
+        if clock.clock_type is ClockType.ROS_TIME:
+            clock._timers.add(self)
+
+    def destroy(self) -> None:
+        """Never call back again."""
+        self.handle.destroy_when_not_in_use()
+
+    @property
+    def clock(self) -> Clock:
+        """The clock that it goes by."""
+        return self._clock
+
+    @property
+    def timer_period_ns(self) -> int:
+        """Nanoseconds from one call to the next; a new value counts from the next call on."""
+        self.handle.check()
+        return self._period_ns
+
+    @timer_period_ns.setter
+    def timer_period_ns(self, value: int) -> None:
+        self.handle.check()
+        self._period_ns = int(value)
+
+    def is_ready(self) -> bool:
+        """Whether it is due."""
+        self.handle.check()
+        return self._ready()
+
+    def is_canceled(self) -> bool:
+        """Whether it was cancelled, and not reset since."""
+        self.handle.check()
+        return self._canceled
+
+    def cancel(self) -> None:
+        """Call back no more, until `reset`."""
+        self.handle.check()
+        self._canceled = True
+
+    def reset(self) -> None:
+        """Begin a new period now; also after `cancel`."""
+        self.handle.check()
+        self._next_ns = self._clock._now_ns() + self._period_ns
+        self._canceled = False
+        self._arrived()
+
+    def time_since_last_call(self) -> int:
+        """Nanoseconds since the last call, or since it was created."""
+        self.handle.check()
+        return self._clock._now_ns() - self._last_ns
+
+    def time_until_next_call(self) -> int | None:
+        """Nanoseconds until it is due, negative when it is late; None while cancelled."""
+        self.handle.check()
+        return None if self._canceled else self._next_ns - self._clock._now_ns()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.destroy()
+
+    def _ready(self) -> bool:
+        return not self._canceled and self._next_ns <= self._clock._now_ns()
+
+    def _wait_ns(self) -> int | None:
+        if self._canceled or self.handle._destroyed:
+            return None
+        wait = self._next_ns - self._clock._now_ns()
+        if wait > 0 and self._clock._real_seconds(wait) is None:
+            return None  # a jump of the clock will wake the executor
+        return wait
+
+    def _take(self) -> Callable[[], Any] | None:
+        self.handle.check()
+        now = self._clock._now_ns()
+        if self._canceled or self._next_ns > now:
+            return None
+        expected = self._next_ns
+        self._last_ns = now
+        self._next_ns = _following(expected, self._period_ns, now)
+        callback = self.callback
+        if callback is None or (name := self._wants_info(callback)) is None:
+            return callback
+        info = TimerInfo(
+            expected_call_time=expected,
+            actual_call_time=now,
+            clock_type=self._clock.clock_type,
+        )
+        return lambda: callback(**{name: info})
+
+    def _wants_info(self, callback: Callable[..., Any]) -> str | None:
+        """The callback's parameter that is annotated TimerInfo, if it has one."""
+        if callback is not self._asked:
+            self._asked, self._info_name = callback, _info_parameter(callback)
+        return self._info_name
+
+    def _before_jump(self, jump: TimeJump) -> None:
+        if jump.clock_change is not ClockChange.ROS_TIME_NO_CHANGE:
+            self._credit_ns = self._next_ns - self._clock._now_ns()
+
+    def _after_jump(self, jump: TimeJump) -> None:
+        now = self._clock._now_ns()
+        if jump.clock_change is not ClockChange.ROS_TIME_NO_CHANGE:
+            self._next_ns = now + self._credit_ns
+            self._last_ns = self._next_ns - self._period_ns
+        elif now < self._last_ns:
+            self._next_ns = now + self._period_ns
+            self._last_ns = now
+        self._arrived()
+
+
+def _following(due: int, period: int, now: int) -> int:
+    """When it is due next: whole periods after `due`, and not before `now`."""
+    due += period
+    if due >= now:
+        return due
+    return now if period == 0 else due + -(-(now - due) // period) * period
+
+
+def _info_parameter(callback: Callable[..., Any]) -> str | None:
+    try:
+        parameters = inspect.signature(callback).parameters.values()
+    except (TypeError, ValueError):  # some built-in functions tell nothing of themselves
+        return None
+    return next((one.name for one in parameters if one.annotation is TimerInfo), None)
+
+
+class Rate:
+    """Sleeps until a timer's next period; `Node.create_rate` makes one.
+
+    Somebody else must be spinning the node.
+    """
+
+    def __init__(self, timer: Timer, *, context: Context) -> None:
+        self._timer = timer
+        self._is_shutdown = False
+        self._is_destroyed = False
+        self._event = threading.Event()
+        self._lock = threading.Lock()
+        self._num_sleepers = 0
+        self._timer.callback = self._event.set
+        context.on_shutdown(self._on_shutdown)
+
+    def sleep(self) -> None:
+        """Wait for the timer's next call.
+
+        Raises ROSInterruptException when the context is shut down, RuntimeError once it is
+        destroyed.
+        """
+        self._check()
+        with self._lock:
+            self._num_sleepers += 1
+        try:
+            while not self._event.wait(_SLICE):
+                pass
+        finally:
+            with self._lock:
+                self._num_sleepers -= 1
+                if self._num_sleepers == 0 and not self._is_destroyed:
+                    self._event.clear()
+        if self._is_shutdown:
+            raise ROSInterruptException
+
+    def destroy(self) -> None:
+        """Wake who sleeps, and let nobody sleep any more."""
+        self._is_destroyed = True
+        self._event.set()
+
+    def _check(self) -> None:
+        if self._is_shutdown:
+            raise ROSInterruptException
+        if self._is_destroyed:
+            raise RuntimeError("Rate cannot sleep because it has been destroyed")
+        if not self._timer.handle.valid:
+            self.destroy()
+            raise InvalidHandle("Rate cannot sleep because the timer has been destroyed")
+
+    def _on_shutdown(self) -> None:
+        self._is_shutdown = True
+        self.destroy()
+
+
+_SLICE = 0.1
+"""Seconds of one wait: on Windows Ctrl-C does not reach a longer one before its end."""
