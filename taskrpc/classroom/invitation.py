@@ -77,7 +77,7 @@ def from_join_string(text: str) -> Invitation:
         raise TaskRpcError(_damage(letters))
     try:
         return msgspec.msgpack.decode(body, type=Invitation)
-    except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+    except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
         raise TaskRpcError(f"this is no join string of this version: {error}") from None
 
 

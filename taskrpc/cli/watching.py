@@ -63,4 +63,6 @@ class Watch:
             return False
         self._book.look()
         account = self._book.now.find(account_of(said), time.time())
-        return account is not None and hmac.compare_digest(said, account.token.encode())
+        # Compared all the same, so that the time tells nobody which accounts there are.
+        expected = said[::-1] + b"-" if account is None else account.token.encode()
+        return hmac.compare_digest(said, expected)

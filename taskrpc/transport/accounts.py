@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+from codecs import BOM_UTF8
 from datetime import datetime
 from pathlib import Path
 from typing import Literal
@@ -74,10 +75,11 @@ def read_accounts(path: Path) -> Accounts:
     try:
         with open(path, "rb") as file:
             platform.check_private(file.fileno(), path)
-            found = decode(file.read(), type=_File)
+            # Some editors put a mark before what they write.
+            found = decode(file.read().removeprefix(BOM_UTF8), type=_File)
     except OSError as error:
         raise TaskRpcError(f"{path}: {error.strerror}") from None
-    except (msgspec.DecodeError, UnicodeDecodeError) as error:
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         # What the parser says may have a piece of the file in it, though only where it is no file
         # of accounts.
         problem = str(error) if isinstance(error, msgspec.ValidationError) else "it cannot be read"
@@ -92,6 +94,8 @@ def read_accounts(path: Path) -> Accounts:
         return Accounts(_account(name, row) for name, row in found.accounts.items())
     except TaskRpcError as error:
         raise TaskRpcError(f"{path}: {error}") from None
+    except (ValueError, OverflowError) as error:  # an instant that no clock can show
+        raise TaskRpcError(f"{path}: expires: {error}") from None
 
 
 def _account(name: str, row: _Row) -> Account:

@@ -1,8 +1,11 @@
 """A join string survives what mails and people do to it, or says what was done to it."""
 
+import base64
+import binascii
 import re
 import string
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -122,3 +125,12 @@ def test_a_string_that_no_lab_would_make_is_refused_whoever_made_it(changes):
     with pytest.raises(TaskRpcError, match="this is no join string of this version") as caught:
         from_join_string(wrong)
     assert str(caught.value).isprintable()
+
+
+def test_a_string_that_nests_without_end_is_refused():
+    body = bytearray(msgspec.msgpack.encode(EXAMPLE))
+    body[0] += 1  # one value more, which this version does not know
+    body += b"\x91" * 100_000 + b"\x01"
+    text = base64.urlsafe_b64encode(binascii.crc32(body).to_bytes(4, "big") + body).decode()
+    with pytest.raises(TaskRpcError, match="this is no join string of this version"):
+        from_join_string(PREFIX + text.rstrip("="))

@@ -1,5 +1,6 @@
 """Who may see the pages of `taskrpc-server --web` elsewhere: who knows a token that holds now."""
 
+import hmac
 import time
 
 import pytest
@@ -59,6 +60,18 @@ def tls(tmp_path):
 def test_the_servers_own_token_and_those_of_its_accounts_open(accounts, token, expected):
     watch = Watch("127.0.0.1:0", Remote(token="the server's own"), str(accounts))
     assert watch._may_look(token) is expected
+
+
+@pytest.mark.parametrize("token", [f"{name}.{'x' * 20}" for name in ("ana", "bo", "nobody")])
+def test_a_wrong_secret_costs_the_same_comparisons_whoever_it_is_said_of(
+    accounts, token, monkeypatch
+):
+    compared = []
+    compare = hmac.compare_digest
+    monkeypatch.setattr(hmac, "compare_digest", lambda *two: compared.append(two) or compare(*two))
+    watch = Watch("127.0.0.1:0", Remote(token="the server's own"), str(accounts))
+    assert not watch._may_look(token)
+    assert len(compared) == 2
 
 
 def test_without_accounts_only_the_servers_own_token_opens(monkeypatch):

@@ -228,6 +228,7 @@ def test_a_file_may_be_toml(tmp_path):
 
 
 SECRET = "canary-canary-canary"
+TOML = '[accounts.ana]\nsecret = "%s"\n'
 
 
 @pytest.mark.parametrize(
@@ -238,6 +239,7 @@ SECRET = "canary-canary-canary"
         ('{"accounts": []}', "Expected `object`, got `array` - at `$.accounts`"),
         ('{"accounts": {"a": {}}}', "missing required field `secret`"),
         ('{"acounts": {}}', "unknown field `acounts`"),
+        ('{"accounts": {"a": {"secret": "%s", "expires": "0001-01-01T00:00:00"}}}', "expires: "),
         (
             '{"accounts": {"a": {"secret": "%s", "expires": -1}}}',
             "the account a: expires: expected",
@@ -270,6 +272,14 @@ def test_a_file_that_others_can_read_or_write_is_refused(file, mode):
     file.chmod(mode)
     with pytest.raises(taskrpc.TaskRpcError, match=r"only its owner can read.*chmod 600"):
         read_accounts(file)
+
+
+def test_a_mark_that_an_editor_leaves_does_no_harm(tmp_path):
+    for name, text in (("a.json", '{"accounts": {"ana": {"secret": "%s"}}}'), ("a.toml", TOML)):
+        path = tmp_path / name
+        path.write_text(text.replace("%s", SECRET), encoding="utf-8-sig")
+        path.chmod(0o600)
+        assert [each.name for each in read_accounts(path)] == ["ana"]
 
 
 def test_a_missing_file_is_named(tmp_path):
