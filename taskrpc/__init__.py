@@ -43,6 +43,7 @@ if TYPE_CHECKING:
     from taskrpc.metrics import Metrics
     from taskrpc.node import Node, run
     from taskrpc.observer import NodeStatus, Observer, Observers
+    from taskrpc.qos import QoS
     from taskrpc.retry import RetryPolicy
     from taskrpc.robot import (
         KinematicRobot,
@@ -57,6 +58,8 @@ if TYPE_CHECKING:
     from taskrpc.service import Service
     from taskrpc.storage.stores import MemoryCompletions, SqliteCompletions
     from taskrpc.tasks import MemoryStore, SqliteStore, TaskServer
+    from taskrpc.timer import Timer
+    from taskrpc.topic import Publisher, Subscription
     from taskrpc.transport.tls import Tls
 
 _HOMES = {
@@ -74,11 +77,14 @@ _HOMES = {
     "metrics": "Metrics",
     "node": "Node run",
     "observer": "NodeStatus Observer Observers",
+    "qos": "QoS",
     "retry": "RetryPolicy",
     "robot": "KinematicRobot Plan Pose Robot TargetError World default_world read_map",
     "service": "Service",
     "storage.stores": "MemoryCompletions SqliteCompletions",
     "tasks": "MemoryStore SqliteStore TaskServer",
+    "timer": "Timer",
+    "topic": "Publisher Subscription",
     "transport.tls": "Tls",
 }
 _HOME_OF = {name: home for home, exported in _HOMES.items() for name in exported.split()}
@@ -115,6 +121,8 @@ __all__ = [
     "Plan",
     "Pose",
     "ProtocolError",
+    "Publisher",
+    "QoS",
     "RequestIdReused",
     "RetryPolicy",
     "Robot",
@@ -126,9 +134,11 @@ __all__ = [
     "SqliteCompletions",
     "SqliteStore",
     "StoreError",
+    "Subscription",
     "TargetError",
     "TaskRpcError",
     "TaskServer",
+    "Timer",
     "Tls",
     "TypeMismatch",
     "World",

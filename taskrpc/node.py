@@ -1,4 +1,4 @@
-"""A node: a name on a network, with services and clients of its own."""
+"""A node: a name on a network, with services, clients and topics of its own."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ from taskrpc import names, platform
 from taskrpc.access import Accounts, Role
 from taskrpc.client import DEFAULT_TIMEOUT, Client
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
+from taskrpc.node_topics import NodeTopics
 from taskrpc.retry import RetryPolicy
 from taskrpc.transport.base import Mode, Transport
 from taskrpc.transport.entries import Entry
@@ -33,7 +34,7 @@ DRAIN_GRACE = 30.0
 """Seconds that calls in flight get when a node shuts down."""
 
 
-class Node:
+class Node(NodeTopics):
     """A participant: offers services, calls others'.
 
     Use it as `async with taskrpc.Node("name") as node:`. All nodes of one program and event loop
@@ -74,6 +75,7 @@ class Node:
         keepalive: str | None = None,
         observer: Observer | None = None,
     ) -> None:
+        super().__init__()
         self._name = names.check_node_name(name)
         in_lab = "" if namespace else lab_namespace(transport, peers)
         self._namespace = names.check_namespace(namespace or in_lab)
@@ -145,7 +147,7 @@ class Node:
             self._tell(lambda observer: observer.node_started(self))
 
     async def destroy(self) -> None:
-        """Withdraw services and clients and leave the network; `async with` does it.
+        """Withdraw all that it has and leave the network; `async with` does it.
 
         It does not wait: callers of what still runs learn that the outcome is unknown. Use `drain`
         before to let them have their answers.
@@ -157,6 +159,7 @@ class Node:
             service.abandon()
         for client in list(self._clients):
             client.destroy()
+        self._destroy_parts()
         self._services.clear()
         transport, self._transport = self._transport, None
         transport.remove_node(self.get_fully_qualified_name())
@@ -287,7 +290,7 @@ class Node:
         return client
 
     async def graph(self) -> list[Entry]:
-        """Every process that this node can see: its nodes, services and clients."""
+        """Every process that this node can see: its nodes, and what they have."""
         return await self._started().graph()
 
     async def definition(self, srv_name: str) -> tuple[str, str]:

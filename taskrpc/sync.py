@@ -28,6 +28,7 @@ from taskrpc.deferred import DeferredService, Take
 from taskrpc.errors import WouldDeadlock
 from taskrpc.retry import RetryPolicy
 from taskrpc.service import Callback, Service
+from taskrpc.sync_topics import Publisher, Subscription, SyncTopics, Timer
 from taskrpc.transport.base import Tell
 from taskrpc.transport.entries import Entry
 from taskrpc.transport.tls import Tls
@@ -45,7 +46,7 @@ _ENDED = 0
 """Instead of a process id, once the loop is told to stop."""
 
 
-class Node:
+class Node(SyncTopics):
     """A node for blocking programs; arguments and methods are those of `taskrpc.Node`.
 
     Use it as `with taskrpc.sync.Node("name") as node:`.
@@ -65,7 +66,7 @@ class Node:
         keepalive: str | None = None,
         observer: Observer | None = None,
     ) -> None:
-        self._loop = _LoopThread.shared()
+        self._loop: _LoopThread = _LoopThread.shared()
         self._node = _Node(
             name,
             namespace=namespace,
@@ -177,7 +178,7 @@ class Node:
         return self._loop.do(self._node.status, "status()")
 
     def graph(self) -> list[Entry]:
-        """Every process that this node can see: its nodes, services and clients."""
+        """Every process that this node can see: its nodes, and what they have."""
         return self._loop.run(self._node.graph(), "graph()")
 
     def spin(self) -> None:
@@ -197,7 +198,7 @@ class Node:
             self._loop.run(self._node.drain(), "spin()")
 
     def destroy(self) -> None:
-        """Withdraw services and clients and leave the network; `with` does it."""
+        """Withdraw all that it has and leave the network; `with` does it."""
         self._loop.run(self._node.destroy(), "destroy()")
 
 
@@ -418,4 +419,4 @@ def _copy(inner: asyncio.Future[Any], outer: Future[Any]) -> None:
         outer.set_result(inner.result())
 
 
-__all__ = ["Client", "Node"]
+__all__ = ["Client", "Node", "Publisher", "Subscription", "Timer"]

@@ -196,9 +196,12 @@ NOT_CONSTRUCTED = {
     "DeferredCall",
     "Kind",
     "NodeStatus",
+    "Publisher",
     "Robot",
     "Role",
     "Service",
+    "Subscription",
+    "Timer",
 }
 """Classes whose objects a user gets, or protocols; how they are made is nobody's business."""
 
@@ -227,7 +230,8 @@ def _interface_of(value: Any, name: str) -> Iterator[str]:
         yield _signature(value, name)
         return
     yield name if name in NOT_CONSTRUCTED else _signature(value, name)
-    for member, found in vars(value).items():
+    mixins = [each for each in value.__mro__ if each.__name__ in ("NodeTopics", "SyncTopics")]
+    for member, found in [item for each in (value, *mixins) for item in vars(each).items()]:
         if member.startswith("_"):
             continue
         if isinstance(found, property):

@@ -18,6 +18,7 @@ from taskrpc.callinfo import CallInfo
 from taskrpc.errors import TaskRpcError
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.entries import Entry
+from taskrpc.wire.messages import TopicEndpoint
 from taskrpc.wire.once import Claim, Number, Numbers
 
 if TYPE_CHECKING:
@@ -203,6 +204,51 @@ class Channel(Protocol):
         """Forget the service; calls in flight still get their answers."""
 
 
+class Publication(Protocol):
+    """A publisher's way to the subscriptions of its topic."""
+
+    @property
+    def encode(self) -> Callable[[Any], bytes]:
+        """Makes a message what `publish` takes. Raises InvalidRequest."""
+
+    @property
+    def matched(self) -> int:
+        """How many subscriptions get its messages."""
+
+    @property
+    def sent(self) -> int:
+        """Messages so far."""
+
+    @property
+    def lost(self) -> int:
+        """Messages that subscriptions did not get, since they did not read; counted for each."""
+
+    def publish(self, body: bytes) -> None:
+        """Send a message to all of them. Raises InvalidRequest for one that is too large."""
+
+    def close(self) -> None:
+        """Publish no more."""
+
+
+class Reception(Protocol):
+    """A subscription's way to the publishers of its topic."""
+
+    @property
+    def decode(self) -> Callable[[bytes], Any]:
+        """Makes what was delivered a message. Raises InvalidRequest."""
+
+    @property
+    def matched(self) -> int:
+        """How many publishers send messages to it."""
+
+    @property
+    def lost(self) -> int:
+        """Messages that they sent and that did not come."""
+
+    def close(self) -> None:
+        """Want no more messages."""
+
+
 class Transport(Protocol):
     """What a node stands on. Nodes of one process and event loop may share one."""
 
@@ -223,8 +269,22 @@ class Transport(Protocol):
     ) -> Channel:
         """A way to call a service for a node; the service `otherwise` where nobody offers it."""
 
+    def publication(
+        self, named: TopicEndpoint, msg_type: Any, role: Role = Role.OBSERVE
+    ) -> Publication:
+        """A way to publish for a node; `role` is the least that a subscriber must be."""
+
+    def reception(
+        self, named: TopicEndpoint, msg_type: Any, deliver: Callable[[bytes, bool], object]
+    ) -> Reception:
+        """A way to subscribe for a node.
+
+        `deliver(body, later)` gets each message; `later` says that it comes from this very process,
+        in the midst of publishing it.
+        """
+
     async def graph(self) -> list[Entry]:
-        """Every process that can be seen: its nodes, services and clients."""
+        """Every process that can be seen: its nodes, and what they have."""
 
     async def definition(self, name: str) -> tuple[str, str]:
         """A service's type and the full text of its definition, from the server that has it."""

@@ -6,7 +6,7 @@ import asyncio
 import math
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
 
@@ -20,11 +20,24 @@ from taskrpc.errors import (
 )
 from taskrpc.transport.connection import Connection, Owner
 from taskrpc.wire import messages
-from taskrpc.wire.events import Advertised, Answered, Body, Closed, Draining, Failed, Ready
+from taskrpc.wire.events import (
+    Advertised,
+    Answered,
+    Body,
+    Closed,
+    Draining,
+    Failed,
+    Published,
+    PublishersTold,
+    Ready,
+)
 from taskrpc.wire.frames import LARGE, NO_DEADLINE
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.once import Numbers
-from taskrpc.wire.session import LAST_CALL_ID, refused_error, unknown_error
+from taskrpc.wire.session import LAST_CALL_ID, Session, refused_error, unknown_error
+
+if TYPE_CHECKING:
+    from taskrpc.transport.subscribing import Link
 
 MAX_MOVES = 8
 """How often one call may be refused and sent elsewhere before its caller learns of it."""
@@ -88,6 +101,7 @@ class CallingConnection(Connection):
         "_waiting",
         "_writing_paused",
         "epoch",
+        "link",
         "ready",
     )
 
@@ -100,6 +114,8 @@ class CallingConnection(Connection):
         self.epoch = 0
         """Counts what makes method ids stale: changes of the server's services, and the end of
         this connection for new calls. So a channel compares one number before each call."""
+        self.link: Link | None = None
+        """Who has subscribed over this connection."""
         self._on_advertised = on_advertised
         self._waiting: deque[OpenCall] = deque()
         self._writing_paused = False
@@ -145,6 +161,12 @@ class CallingConnection(Connection):
         else:
             call.failed(_lost_unsent())
         return call
+
+    def say(self, action: Callable[[Session], object]) -> None:
+        """Let something else than a call go out."""
+        if self.transport is not None:
+            action(self.session)
+            self.flush_soon()
 
     def forget(self, call: OpenCall) -> None:
         """A caller gave up."""
@@ -207,10 +229,20 @@ class CallingConnection(Connection):
         self.epoch += 1
         self._on_advertised()
 
+    def _publishers_told(self, event: PublishersTold) -> None:
+        if self.link is not None:
+            self.link.publishers_told(event)
+
+    def _published(self, event: Published) -> None:
+        if self.link is not None:
+            self.link.published(event)
+
     serves = False
     handlers: ClassVar = {
         Answered: _answered,
         Failed: _failed,
+        Published: _published,
+        PublishersTold: _publishers_told,
         Ready: _opened,
         Draining: _drained,
         Advertised: _advertised,

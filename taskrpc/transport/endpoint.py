@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import itertools
 import logging
 import os
-import sys
 import time
 from collections.abc import Callable
-from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from taskrpc import platform
+from taskrpc.access import Role
 from taskrpc.errors import (
     ConnectionLost,
     NameInUse,
@@ -23,6 +21,7 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
+from taskrpc.transport.about import this_process
 from taskrpc.transport.admission import Admission
 from taskrpc.transport.base import Offer
 from taskrpc.transport.calling import CallingConnection
@@ -44,11 +43,14 @@ from taskrpc.transport.timers import clock_of
 from taskrpc.transport.traffic import Traffic
 from taskrpc.transport.unread import Unread
 from taskrpc.wire.handshake import Identity
-from taskrpc.wire.messages import DEFAULT_LIMITS, Listing, Resolve
+from taskrpc.wire.messages import DEFAULT_LIMITS, Listing, Resolve, TopicEndpoint
 from taskrpc.wire.messages import Endpoint as Named
 
 if TYPE_CHECKING:
     from taskrpc.observer import Connections
+    from taskrpc.transport.publishing import Publication
+    from taskrpc.transport.subscribing import Reception
+    from taskrpc.transport.topics import Topics
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -94,8 +96,7 @@ class Endpoint:
         self.offers: dict[int, Offer] = {}
         self._methods: dict[str, int] = {}
         self._next_method = 1
-        about = Entry(pid=os.getpid(), script=_script(), folder=_folder(), since=time.time())
-        self._roster = Roster(about)
+        self._roster = Roster(this_process())
         self._served: dict[ServingConnection, None] = {}  # in order of arrival
         self._admission: Admission | None = None
         self._advertising = False
@@ -103,31 +104,28 @@ class Endpoint:
         self._forget = forget
         self._closed = False
         self._called, self._calls = Traffic(), Traffic()
+        self._topics: Topics | None = None
 
     # Transport: nodes, services, clients
 
     def add_node(self, name: str) -> None:
         """Announce a node."""
-        self._publish(Change(node=name))
+        self.publish(Change(node=name))
 
     def remove_node(self, name: str) -> None:
         """Withdraw a node's announcement."""
-        self._publish(Change(node=name, gone=True))
+        self.publish(Change(node=name, gone=True))
 
     def offer(self, offer: Offer) -> None:
         """Take calls for a service."""
         if offer.name in self._methods:
             node = self.offers[self._methods[offer.name]].node
             raise NameInUse(f"{offer.name} is already offered by the node {node} of this process")
-        if not self.address:
-            self._admission = Admission()
-            self.address = self.network.listen(self._accepted)
-            if self.network.certificate:  # it may change before anybody comes
-                self._look_again()
+        self._take_connections()
         method = self._methods[offer.name] = self._next_method
         self.offers[method] = offer
         try:
-            self._publish(Change(service=_named(offer)), claim="" if offer.join else offer.name)
+            self.publish(Change(service=_named(offer)), claim="" if offer.join else offer.name)
         except BaseException:
             del self._methods[offer.name], self.offers[method]
             raise
@@ -139,7 +137,7 @@ class Endpoint:
         method = self._methods.get(offer.name, 0)
         if self.offers.get(method) is offer:
             del self._methods[offer.name], self.offers[method]
-            self._publish(Change(service=_named(offer), gone=True))
+            self.publish(Change(service=_named(offer), gone=True))
             self._advertise()
 
     def channel(
@@ -147,12 +145,39 @@ class Endpoint:
     ) -> RemoteChannel:
         """A way to call a service for a node; the service `otherwise` where nobody offers it."""
         named = Named(name, srv_type._TYPE, srv_type._HASH, node)
-        self._publish(Change(client=named))
+        self.publish(Change(client=named))
         return RemoteChannel(self, named, srv_type, otherwise=otherwise)
 
     def channel_closed(self, named: Named) -> None:
         """A client is gone."""
-        self._publish(Change(client=named, gone=True))
+        self.publish(Change(client=named, gone=True))
+
+    # Transport: topics
+
+    def publication(
+        self, named: TopicEndpoint, msg_type: Any, role: Role = Role.OBSERVE
+    ) -> Publication:
+        """A publisher's way to its subscriptions."""
+        self._take_connections()
+        publication = self.topics.publication(named, msg_type, role)
+        self.publish(Change(publisher=named))
+        return publication
+
+    def reception(
+        self, named: TopicEndpoint, msg_type: Any, deliver: Callable[[bytes, bool], object]
+    ) -> Reception:
+        """A subscription's way to the publishers of its topic."""
+        self.publish(Change(subscription=named))
+        return self.topics.reception(named, msg_type, deliver)
+
+    @property
+    def topics(self) -> Topics:
+        """What is published and subscribed here."""
+        if self._topics is None:
+            from taskrpc.transport.topics import Topics  # most programs have none
+
+            self._topics = Topics(self)
+        return self._topics
 
     # Transport: the graph
 
@@ -196,6 +221,8 @@ class Endpoint:
         self._closed = True
         self._forget()
         try:
+            if self._topics is not None:
+                await self._topics.close()
             await self.network.stop_listening()
             for served in list(self._served):
                 served.drain()
@@ -218,7 +245,13 @@ class Endpoint:
     def listing(self) -> Listing:
         """Everything that this process offers."""
         entry = self._roster.entry()
-        return Listing(list(entry.nodes), list(entry.services), list(entry.clients))
+        return Listing(
+            list(entry.nodes),
+            list(entry.services),
+            list(entry.clients),
+            list(entry.publishers),
+            list(entry.subscriptions),
+        )
 
     def caller_proved(self, connection: ServingConnection) -> None:
         """A caller has proved that he may be here."""
@@ -249,11 +282,19 @@ class Endpoint:
 
     # Inside
 
+    def _take_connections(self) -> None:
+        """Listen, from the first service or publisher on."""
+        if not self.address:
+            self._admission = Admission()
+            self.address = self.network.listen(self._accepted)
+            if self.network.certificate:  # it may change before anybody comes
+                self._look_again()
+
     def _traffic_of(self, connection: Connection) -> Traffic:
         return self._called if isinstance(connection, ServingConnection) else self._calls
 
     def _caller(self, address: Address) -> CallingConnection:
-        name = self._roster.first_node or _script()
+        name = self._roster.first_node or self._roster.about.script
         me = self._identity(address.token, name)
         if address.domain is not None:
             me = msgspec.structs.replace(me, domain=address.domain)
@@ -284,7 +325,8 @@ class Endpoint:
             channel = self.network.channel(connection.transport, serving=served)
             connection.session.vouch(voucher, channel)
 
-    def _publish(self, change: Change, *, claim: str = "") -> None:
+    def publish(self, change: Change, *, claim: str = "") -> None:
+        """Tell everybody of a change to what this process has."""
         if self._closed:
             return
         about = self._roster.about
@@ -326,6 +368,8 @@ class Endpoint:
             nodes=tuple(listing.nodes),
             services=tuple(listing.services),
             clients=tuple(listing.clients),
+            publishers=tuple(listing.publishers),
+            subscriptions=tuple(listing.subscriptions),
         )
 
     def _connections(self) -> list[Connection]:
@@ -355,7 +399,7 @@ class Endpoint:
             book.look()
             look_after_accounts(self._served, book.now, time.time())
         if self.address and self.network.certificate != self._roster.about.certificate:
-            self._publish(Change())
+            self.publish(Change())
 
     def _look_again(self) -> None:
         if self._ticker is None and not self._closed:
@@ -369,22 +413,3 @@ class Endpoint:
 
 def _named(offer: Offer) -> Named:
     return Named(offer.name, offer.srv_type._TYPE, offer.srv_type._HASH, offer.node)
-
-
-def _script() -> str:
-    """The program as its user knows it: an installed command's name, a script's path."""
-    program = Path(sys.argv[0]) if sys.argv and sys.argv[0] else Path("python")
-    name = program.name
-    if program.suffix == ".py":
-        name = str(program)
-        with contextlib.suppress(ValueError, OSError):
-            name = str(program.resolve().relative_to(Path.cwd()))
-    # File names need not be text; what travels must be.
-    return name.encode(errors="replace").decode()
-
-
-def _folder() -> str:
-    try:
-        return str(Path.cwd()).encode(errors="replace").decode()
-    except OSError:  # deleted under our feet
-        return "?"

@@ -8,9 +8,9 @@ from typing import TypeVar
 
 import msgspec
 
-from taskrpc.wire.messages import Endpoint
+from taskrpc.wire.messages import Endpoint, TopicEndpoint
 
-_Item = TypeVar("_Item", str, Endpoint)
+_Item = TypeVar("_Item", str, Endpoint, TopicEndpoint)
 
 
 class Entry(msgspec.Struct, frozen=True, tag=True, dict=True):
@@ -30,6 +30,8 @@ class Entry(msgspec.Struct, frozen=True, tag=True, dict=True):
     nodes: tuple[str, ...] = ()
     services: tuple[Endpoint, ...] = ()
     clients: tuple[Endpoint, ...] = ()
+    publishers: tuple[TopicEndpoint, ...] = ()
+    subscriptions: tuple[TopicEndpoint, ...] = ()
 
     def __repr__(self) -> str:
         # Without the token: what is printed ends in logs.
@@ -50,6 +52,8 @@ class Change(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
     node: str = ""
     service: Endpoint | None = None
     client: Endpoint | None = None
+    publisher: TopicEndpoint | None = None
+    subscription: TopicEndpoint | None = None
     gone: bool = False
     """Whether these went."""
     address: str = ""
@@ -72,11 +76,18 @@ class Roster:
         """By absolute name."""
         self._nodes: dict[str, int] = {}
         self._clients: dict[Endpoint, int] = {}
+        self._publishers: dict[TopicEndpoint, int] = {}
+        self._subscriptions: dict[TopicEndpoint, int] = {}
+        self._topics: dict[str, int] = {}
         self._entry: Entry | None = entry
         for node in entry.nodes:
             _add(self._nodes, node)
         for client in entry.clients:
             _add(self._clients, client)
+        for publisher in entry.publishers:
+            self._count_publisher(publisher, gone=False)
+        for subscription in entry.subscriptions:
+            _add(self._subscriptions, subscription)
 
     def apply(self, change: Change) -> None:
         """Take note of a change."""
@@ -93,6 +104,10 @@ class Roster:
             count(self._nodes, change.node)
         if change.client is not None:
             count(self._clients, change.client)
+        if change.publisher is not None:
+            self._count_publisher(change.publisher, gone=change.gone)
+        if change.subscription is not None:
+            count(self._subscriptions, change.subscription)
         if change.service is not None:
             self.services.pop(change.service.name, None)
             if not change.gone:
@@ -107,6 +122,10 @@ class Roster:
         """Whether the process offers a service of this absolute name."""
         return service in self.services
 
+    def publishes(self, topic: str) -> bool:
+        """Whether the process publishes a topic of this absolute name."""
+        return topic in self._topics
+
     def entry(self) -> Entry:
         """All of it, as it is now."""
         if self._entry is None:
@@ -115,8 +134,15 @@ class Roster:
                 nodes=tuple(_each(self._nodes)),
                 services=tuple(self.services.values()),
                 clients=tuple(_each(self._clients)),
+                publishers=tuple(_each(self._publishers)),
+                subscriptions=tuple(_each(self._subscriptions)),
             )
         return self._entry
+
+    def _count_publisher(self, publisher: TopicEndpoint, *, gone: bool) -> None:
+        count = _drop if gone else _add
+        count(self._publishers, publisher)
+        count(self._topics, publisher.name)
 
 
 def _add(counts: dict[_Item, int], item: _Item) -> None:

@@ -21,7 +21,7 @@ _SLACK = 4096
 """Bytes of changes that are never worth a new entry."""
 _HEAD = 32
 """Bytes at the beginning of a file that tell one entry from the next: they hold its number."""
-_TIME_STEP = 1000
+TIME_STEP = 1000
 """Nanoseconds that every file system can tell apart."""
 
 _encode = msgspec.json.Encoder().encode
@@ -53,7 +53,7 @@ class Journal:
         self._append(line_of(self._number + 1, change))
         roster.apply(change)
         # Two writes within one tick of the system's clock must still look different.
-        self._written = max(time.time_ns(), self._written + _TIME_STEP)
+        self._written = max(time.time_ns(), self._written + TIME_STEP)
         os.utime(self._path, ns=(self._written, self._written))
 
     def close(self) -> None:

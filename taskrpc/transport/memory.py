@@ -11,6 +11,7 @@ import contextvars
 import os
 import weakref
 from collections import deque
+from collections.abc import Collection
 from typing import Any, Protocol
 
 import msgspec
@@ -157,6 +158,15 @@ class MemoryNetwork:
             for network, roster in self._hub.rosters.items()
             if roster.about.address and roster.offers(service)
         ]
+
+    def publishing(self, topics: Collection[str]) -> list[tuple[Address, Collection[str]]]:
+        """Which other endpoints of this loop publish any of these topics."""
+        found: list[tuple[Address, Collection[str]]] = []
+        for network, roster in self._hub.rosters.items():
+            there = [topic for topic in topics if roster.publishes(topic)]
+            if there and network is not self and roster.about.address:
+                found.append((Address(roster.about.address, self._token_for(network)), there))
+        return found
 
     def _token_for(self, network: MemoryNetwork) -> bytes:
         given = self._account_token

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Protocol
 
 import msgspec
@@ -69,6 +69,9 @@ class Network(Protocol):
 
     def locate(self, service: str) -> list[Address]:
         """Whom to ask for a service, the surest first."""
+
+    def publishing(self, topics: Collection[str]) -> list[tuple[Address, Collection[str]]]:
+        """Which other processes publish any of these topics, or must be asked, and which."""
 
     def entries(self) -> list[Entry]:
         """What the directory knows of every process, this one included."""

@@ -17,7 +17,7 @@ from pathlib import Path
 from taskrpc import platform
 from taskrpc.errors import NameInUse
 from taskrpc.transport.entries import Change, Entry, Roster
-from taskrpc.transport.journal import Journal, JournalReader
+from taskrpc.transport.journal import TIME_STEP, Journal, JournalReader
 
 
 class Registry:
@@ -44,10 +44,17 @@ class Registry:
                 self._journal = Journal(self._path)
             self._journal.write(roster, change)
             self._mine = roster
+            self._ring()
 
     def rosters(self) -> list[Roster]:
         """What all living processes have, this one included, oldest first."""
-        found, unclear = [] if self._mine is None else [self._mine], []
+        mine = [] if self._mine is None else [self._mine]
+        return sorted(mine + self.others(), key=lambda roster: roster.about.since)
+
+    def others(self) -> list[Roster]:
+        """What all other living processes have."""
+        found: list[Roster] = []
+        unclear = []
         for path in self._others():
             with contextlib.suppress(OSError), self._opened(path) as descriptor:
                 roster = self._read(path, descriptor) if platform.is_locked(descriptor) else None
@@ -57,19 +64,25 @@ class Registry:
                     found.append(roster)
         if unclear:
             found += self._second_look(unclear)
-        return sorted(found, key=lambda roster: roster.about.since)
+        return found
 
     def entries(self) -> list[Entry]:
         """The entries of all living processes, this one included, oldest first."""
         return [roster.entry() for roster in self.rosters()]
 
-    def signature(self) -> tuple[tuple[str, int], ...]:
-        """A value that changes when any entry may have changed; cheap enough to poll."""
-        signs = []
-        for path in self._files():
-            with contextlib.suppress(OSError):
-                signs.append((path.name, path.stat().st_mtime_ns))
-        return tuple(sorted(signs))
+    def signature(self) -> int:
+        """A value that changes when any entry has changed; cheap enough to poll."""
+        # One look, however many processes there are: who changes anything sets the lock's time.
+        try:
+            return os.stat(self._lock).st_mtime_ns
+        except OSError:
+            return 0
+
+    def _ring(self) -> None:
+        """Let everybody see that something has changed; called under the lock."""
+        now = max(time.time_ns(), self.signature() + TIME_STEP)
+        with contextlib.suppress(OSError):
+            os.utime(self._lock, ns=(now, now))
 
     def close(self) -> None:
         """Remove this process's entry."""
@@ -77,7 +90,9 @@ class Registry:
             with contextlib.suppress(OSError):
                 if platform.WINDOWS:
                     self.abandon()
-                self._path.unlink(missing_ok=True)
+                with platform.locked(self._lock):
+                    self._path.unlink(missing_ok=True)
+                    self._ring()
             self.abandon()
 
     def abandon(self) -> None:
@@ -137,6 +152,7 @@ class Registry:
                         roster = self._read(path, descriptor)
                     if not alive:
                         path.unlink()
+                        self._ring()
                     elif roster is not None:
                         found.append(roster)
         return found

@@ -6,7 +6,7 @@ import asyncio
 import logging
 from collections.abc import Hashable, Iterable
 from itertools import count
-from typing import ClassVar, Protocol, TypeAlias, cast
+from typing import TYPE_CHECKING, ClassVar, Protocol, TypeAlias, cast
 
 from taskrpc.access import Account, Role
 from taskrpc.errors import (
@@ -39,12 +39,18 @@ from taskrpc.wire.events import (
     Ready,
     RequestReceived,
     ResolveReceived,
+    SubscribeReceived,
+    UnsubscribeReceived,
 )
 from taskrpc.wire.frames import NO_DEADLINE, Flag
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Listing
 from taskrpc.wire.session import State
 from taskrpc.wire.spans import cut_span
+
+if TYPE_CHECKING:
+    from taskrpc.transport.publishing import Subscriber
+    from taskrpc.transport.topics import Topics
 
 log = logging.getLogger("taskrpc.server")
 
@@ -75,6 +81,10 @@ class Host(Owner, Protocol):
     load: Load
     """What is in flight of theirs."""
 
+    @property
+    def topics(self) -> Topics:
+        """What is published here."""
+
     def method_of(self, name: str) -> int:
         """The method id of a service, 0 if there is none."""
 
@@ -93,7 +103,6 @@ class ServingConnection(Connection):
         "_held",
         "_linger",
         "_routes",
-        "_writing_paused",
         "account",
         "caller",
         "host",
@@ -101,7 +110,9 @@ class ServingConnection(Connection):
         "principal",
         "role",
         "shares",
+        "subscriber",
         "unread",
+        "writing_paused",
     )
 
     def __init__(self, host: Host, me: Identity) -> None:
@@ -118,7 +129,10 @@ class ServingConnection(Connection):
         """The account that the caller has proved, "" for the server's own token."""
         self.role = Role.ADMIN
         self._linger: asyncio.TimerHandle | None = None
-        self._writing_paused = False
+        self.writing_paused = False
+        """Whether the caller does not read as fast as we write."""
+        self.subscriber: Subscriber | None = None
+        """What the caller has subscribed to, once it has."""
         self._splitter.most = FRAMES_A_TURN
         host.load.came(self)
         # Not a list at once: most of thousands of idle connections need none.
@@ -129,20 +143,22 @@ class ServingConnection(Connection):
 
     def pause_writing(self) -> None:
         """The caller reads slower than we answer: begin no more calls of it for now."""
-        self._writing_paused = True
+        self.writing_paused = True
         if self.transport is not None and not self.transport.is_closing():
             self.transport.pause_reading()
 
     def resume_writing(self) -> None:
         """The caller has caught up."""
-        self._writing_paused = False
+        self.writing_paused = False
         self._resume_reading()
         self.unread.measure(self)
         self.release()
+        if self.subscriber is not None:
+            self.subscriber.caught_up()
 
     def must_wait(self, call: ServedCall) -> bool:
         """Whether a call may not begin yet, since too many answers are unread."""
-        return self._writing_paused or self.unread.forbids(call.service)
+        return self.writing_paused or self.unread.forbids(call.service)
 
     def hold(self, event: _Held) -> None:
         """Begin this once the caller reads, or other callers do."""
@@ -178,7 +194,7 @@ class ServingConnection(Connection):
             self._resume_reading()
 
     def _resume_reading(self) -> None:
-        waits = self._writing_paused or self._splitter.behind
+        waits = self.writing_paused or self._splitter.behind
         if self.transport is not None and not waits and not self.transport.is_closing():
             self.transport.resume_reading()
 
@@ -193,6 +209,8 @@ class ServingConnection(Connection):
         self._held = None
         self.unread.left(self)
         self.host.load.left(self)
+        if self.subscriber is not None:
+            self.subscriber.left()
         for call in self.session.lost():
             call.lost()
 
@@ -265,7 +283,7 @@ class ServingConnection(Connection):
             event.call_id,
             now,
         )
-        if self._writing_paused or self.unread.pressed:
+        if self.writing_paused or self.unread.pressed:
             self._serve(call)
         else:
             route.offer.serve(call)
@@ -314,7 +332,7 @@ class ServingConnection(Connection):
 
     def _resolved(self, event: ResolveReceived) -> None:
         question = event.question
-        if self._writing_paused:
+        if self.writing_paused:
             self.hold(event)
             return
         if not question.name:
@@ -343,6 +361,14 @@ class ServingConnection(Connection):
                 self.session.fail(event.call_id, error)
             else:
                 self.session.respond(event.call_id, messages.encode(body))
+
+    def _subscribed(self, event: SubscribeReceived) -> None:
+        if self.session.state is State.OPEN:
+            self.host.topics.subscriber_of(self).subscribe(event)
+
+    def _unsubscribed(self, event: UnsubscribeReceived) -> None:
+        if self.subscriber is not None:
+            self.subscriber.unsubscribe(event.subscription_id)
 
     def _resolve_late(
         self, event: ResolveReceived, method: int, store_id: asyncio.Future[bytes]
@@ -380,6 +406,8 @@ class ServingConnection(Connection):
         Crowded: _crowded,
         ResolveReceived: _resolved,
         CancelReceived: _cancelled,
+        SubscribeReceived: _subscribed,
+        UnsubscribeReceived: _unsubscribed,
         Overrun: _overran,
         Ready: _opened,
         Closed: Connection._closed,

@@ -8,7 +8,7 @@ import logging
 import os
 import socket
 import ssl
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from functools import partial
 
 from msgspec.structs import replace
@@ -161,6 +161,16 @@ class TcpNetwork:
             if roster.about.address and roster.offers(service)
         ]
         return here + self.peers()
+
+    def publishing(self, topics: Collection[str]) -> list[tuple[Address, Collection[str]]]:
+        """Which other processes publish any of these topics, or must be asked."""
+        found: list[tuple[Address, Collection[str]]] = [(peer, topics) for peer in self.peers()]
+        if not self._peers:
+            for roster in self._registry.others():
+                if roster.about.address:
+                    there = [topic for topic in topics if roster.publishes(topic)]
+                    found += [(_address(roster.about), there)] if there else []
+        return found
 
     def entries(self) -> list[Entry]:
         """What the registry knows; with peers given, only what is this process's."""

@@ -21,7 +21,7 @@ from taskrpc.transport.connection import Owner
 from taskrpc.wire.frames import LARGE, NO_DEADLINE
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Resolve
-from taskrpc.wire.session import LAST_CALL_ID
+from taskrpc.wire.session import LAST_CALL_ID, Session
 
 _SLICE = 0.1
 """Seconds of one wait on a lock: on Windows Ctrl-C does not reach a longer one before its end."""
@@ -186,6 +186,11 @@ class ThreadedConnection(CallingConnection):
         """Ask for a service, or for a listing."""
         with self._mine:
             return super().resolve(question, deadline, definition=definition)
+
+    def say(self, action: Callable[[Session], object]) -> None:
+        """Let something else than a call go out."""
+        with self._mine:
+            super().say(action)
 
     def forget(self, call: OpenCall) -> None:
         """A caller gave up."""

@@ -72,6 +72,19 @@ class CancelReceived(msgspec.Struct, gc=False):
     """Its `ticket` is the call, once the request has been handled."""
 
 
+class SubscribeReceived(msgspec.Struct, gc=False):
+    """The peer wants a topic's messages, under this id; it wants to know who publishes it."""
+
+    subscription_id: int
+    wanted: messages.TopicEndpoint
+
+
+class UnsubscribeReceived(msgspec.Struct, gc=False):
+    """The peer wants no more messages under this id."""
+
+    subscription_id: int
+
+
 class Overrun(msgspec.Struct, gc=False):
     """The peer called beyond our limits: its last call was not begun, and it may call no more.
 
@@ -102,6 +115,23 @@ class Advertised(msgspec.Struct, gc=False):
     """The peer's services changed: what was not there may be there now."""
 
 
+class PublishersTold(msgspec.Struct, gc=False):
+    """Who publishes, at the peer, the topic of a subscription of ours."""
+
+    subscription_id: int
+    publishers: list[messages.Publishing]
+
+
+class Published(msgspec.Struct, gc=False):
+    """A message for a subscription of ours, from the publisher that was announced so."""
+
+    subscription_id: int
+    publisher: int
+    sequence: int
+    """Counts the publisher's messages: a gap is a loss."""
+    body: Body
+
+
 class Draining(msgspec.Struct, gc=False):
     """The peer takes no new calls on this connection; `refused` are ours that it never began."""
 
@@ -121,10 +151,14 @@ Event: TypeAlias = (
     | Announced
     | Crowded
     | CancelReceived
+    | SubscribeReceived
+    | UnsubscribeReceived
     | Overrun
     | Answered
     | Failed
     | Advertised
+    | PublishersTold
+    | Published
     | Draining
     | Closed
 )

@@ -99,12 +99,43 @@ class Endpoint(msgspec.Struct, array_like=True, frozen=True):
     node: Name
 
 
+class TopicEndpoint(msgspec.Struct, array_like=True, frozen=True):
+    """One publisher or subscription that a node has."""
+
+    name: Name
+    type_name: Name
+    type_hash: Name
+    node: Name
+    depth: _Count
+    reliable: bool
+    latched: bool
+    """Durability transient_local, else volatile."""
+
+
+class Publishing(msgspec.Struct, array_like=True):
+    """One publisher of a topic, as its process tells a subscription of it."""
+
+    number: Annotated[int, Meta(ge=0, le=0xFFFF)]
+    """What its messages carry."""
+    publisher: TopicEndpoint
+    refusal: Name = ""
+    """Why the subscription gets nothing of it, where that is the caller's role."""
+
+
+class Announcement(msgspec.Struct, array_like=True):
+    """The answer to SUBSCRIBE, and again whenever it changes: who publishes the topic here."""
+
+    publishers: list[Publishing]
+
+
 class Listing(msgspec.Struct, array_like=True):
     """What a process has to offer, and who is in it."""
 
     nodes: list[Name]
     services: list[Endpoint]
     clients: list[Endpoint]
+    publishers: list[TopicEndpoint] = []
+    subscriptions: list[TopicEndpoint] = []
 
 
 class ErrorBody(msgspec.Struct, array_like=True):
@@ -136,4 +167,6 @@ decode_auth = _decoder(Auth)
 decode_resolve = _decoder(Resolve)
 decode_resolved = _decoder(Resolved)
 decode_listing = _decoder(Listing)
+decode_subscription = _decoder(TopicEndpoint)
+decode_announcement = _decoder(Announcement)
 decode_error = _decoder(ErrorBody)

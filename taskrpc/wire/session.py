@@ -13,7 +13,7 @@ from enum import Enum
 from typing import Any
 
 from taskrpc.errors import ConnectionLost, OutcomeUnknown, ProtocolError, TaskRpcError
-from taskrpc.wire import messages, status
+from taskrpc.wire import messages, status, topics
 from taskrpc.wire.events import (
     Advertised,
     Announced,
@@ -75,6 +75,7 @@ class State(Enum):
 # Looking a member up in its class costs as much as packing a header.
 _HANDSHAKE, _OPEN, _DRAINING, _CLOSED = State
 _REQUEST, _RESPONSE = int(FrameType.REQUEST), int(FrameType.RESPONSE)
+_SUBSCRIBE, _PUBLISH = int(FrameType.SUBSCRIBE), int(FrameType.PUBLISH)
 _pack = HEADER.pack
 
 
@@ -213,7 +214,7 @@ class Session:
             header = _pack(SIZE_OF_EMPTY + size, _REQUEST, flags, method, call_id, time_left)
             self.out.append(header + body)
         else:
-            self._send(_REQUEST, flags, method, call_id, time_left, body)
+            self.send(_REQUEST, flags, method, call_id, time_left, body)
         return call_id
 
     def resolve(self, ticket: Any, question: messages.Resolve, *, definition: bool = False) -> int:
@@ -222,7 +223,7 @@ class Session:
         self.last_call_id = call_id = self.last_call_id + 1
         self.open_calls[call_id] = (ticket, len(body))
         self.bytes_in_flight += len(body)
-        self._send(FrameType.RESOLVE, 0, 0, call_id, int(definition), body)
+        self.send(FrameType.RESOLVE, 0, 0, call_id, int(definition), body)
         return call_id
 
     def cancel(self, call_id: int) -> None:
@@ -230,7 +231,7 @@ class Session:
         held = self.open_calls.get(call_id)
         if held is not None and held[0] is not None:
             self.open_calls[call_id] = (None, held[1])
-            self._send(FrameType.CANCEL, 0, 0, call_id, 0, b"")
+            self.send(FrameType.CANCEL, 0, 0, call_id, 0, b"")
 
     def open_tickets(self) -> list[Any]:
         """The tickets of all calls that are in flight and not given up."""
@@ -260,7 +261,7 @@ class Session:
             header = _pack(SIZE_OF_EMPTY + size, _RESPONSE, 0, 0, call_id, server_time)
             self.out.append(header + body)
         else:
-            self._send(_RESPONSE, 0, 0, call_id, server_time, body)
+            self.send(_RESPONSE, 0, 0, call_id, server_time, body)
         return True
 
     def fail(self, call_id: int, error: TaskRpcError) -> bool:
@@ -271,7 +272,7 @@ class Session:
         self.bytes_in_flight -= request.size
         wire = status.to_wire(error)
         arg = wire.code << 16 | wire.retry_after
-        self._send(FrameType.ERROR, wire.flags, 0, call_id, arg, wire.body)
+        self.send(FrameType.ERROR, wire.flags, 0, call_id, arg, wire.body)
         return True
 
     @property
@@ -293,13 +294,13 @@ class Session:
     def advertise(self) -> None:
         """Tell the peer that our services changed."""
         if self.state is _OPEN:
-            self._send(FrameType.ADVERTISE, 0, 0, 0, 0, b"")
+            self.send(FrameType.ADVERTISE, 0, 0, 0, 0, b"")
 
     def drain(self) -> None:
         """Take no new calls; those in flight are still answered."""
         if self.state is _OPEN:
             self.state = State.DRAINING
-            self._send(FrameType.GOAWAY, 0, 0, 0, self.last_call_id, b"")
+            self.send(FrameType.GOAWAY, 0, 0, 0, self.last_call_id, b"")
 
     def reject(self, error: TaskRpcError) -> None:
         """Tell the peer why its connection ends; nothing is heard or said after it."""
@@ -311,7 +312,7 @@ class Session:
 
     def ping(self, nonce: int) -> None:
         """Ask the peer for a sign of life."""
-        self._send(FrameType.PING, 0, 0, 0, nonce, b"")
+        self.send(FrameType.PING, 0, 0, 0, nonce, b"")
 
     # Inside
 
@@ -399,6 +400,8 @@ class Session:
             ticket = self._settled(call_id)
             return None if ticket is None else Answered(ticket, body, arg)
         if type_ != _REQUEST:
+            if _SUBSCRIBE <= type_ <= _PUBLISH:
+                return topics.received(frame, is_client=self.is_client)
             return self._on_control(type_, flags, call_id, arg, body)
         size, open_calls = len(body), self.open_calls
         # Only requests: questions are answered at once, and clients ask without counting.
@@ -439,7 +442,7 @@ class Session:
                 request = self.open_calls.get(call_id)
                 return None if request is None else CancelReceived(call_id, request)
             case FrameType.PING if self.answers_pings:
-                self._send(FrameType.PONG, 0, 0, 0, arg, b"")
+                self.send(FrameType.PONG, 0, 0, 0, arg, b"")
             case FrameType.ADVERTISE | FrameType.GOAWAY if not self.is_client:
                 raise ProtocolError(f"frame type {type_} is not a client's to send")
             case FrameType.ADVERTISE:
@@ -504,9 +507,8 @@ class Session:
         # Its traceback has the frames through which it came, and these have what it came with.
         return Closed(error.with_traceback(None))
 
-    def _send(
-        self, type_: int, flags: int, method: int, call_id: int, arg: int, body: Body
-    ) -> None:
+    def send(self, type_: int, flags: int, method: int, call_id: int, arg: int, body: Body) -> None:
+        """Let any frame go out."""
         if self.state is _CLOSED:
             return
         size = len(body)

@@ -1,0 +1,125 @@
+"""What a node has beside services and clients: publishers, subscriptions, timers."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import TYPE_CHECKING, Any, Protocol
+
+from taskrpc import names
+from taskrpc.access import Role
+from taskrpc.qos import QoS, qos_of
+from taskrpc.transport.base import Transport
+
+if TYPE_CHECKING:
+    from taskrpc.running import Callback
+    from taskrpc.timer import Timer
+    from taskrpc.topic import Publisher, Subscription
+
+
+class _Destroyable(Protocol):
+    def destroy(self) -> None: ...
+
+
+class NodeTopics:
+    """The part of a node that publishes, subscribes and keeps time."""
+
+    _name: str
+    _namespace: str
+
+    def __init__(self) -> None:
+        self._parts: dict[_Destroyable, None] = {}
+
+    @abstractmethod
+    def get_fully_qualified_name(self) -> str:
+        """`/namespace/name`."""
+
+    @abstractmethod
+    def _started(self) -> Transport: ...
+
+    def resolve_topic_name(self, topic: str) -> str:
+        """The absolute name that a topic name means for this node."""
+        return names.expand(topic, namespace=self._namespace, node=self._name, kind="topic name")
+
+    def create_publisher(
+        self, msg_type: Any, topic: str, qos: QoS | int = 10, *, role: Role = Role.OBSERVE
+    ) -> Publisher:
+        """Publish messages of a type on a topic; a number as `qos` is the depth.
+
+        `role` is the least that a subscriber's account must have, where the node has accounts.
+
+        Raises InvalidName, CannotListen.
+        """
+        from taskrpc.topic import Publisher  # few programs publish
+
+        publisher = Publisher(
+            self._started(),
+            _message_type(msg_type),
+            self.resolve_topic_name(topic),
+            self.get_fully_qualified_name(),
+            qos_of(qos),
+            role,
+            self._forget_part,
+        )
+        self._parts[publisher] = None
+        return publisher
+
+    def create_subscription(
+        self,
+        msg_type: Any,
+        topic: str,
+        callback: Callback,
+        qos: QoS | int = 10,
+        *,
+        threaded: bool = False,
+    ) -> Subscription:
+        """Call `callback(message)` for each message of a topic; a number as `qos` is the depth.
+
+        The callback may be async. A plain one runs on the event loop and must be quick;
+        `threaded=True` runs it in a thread instead. One call at a time; while it runs, the last
+        `depth` messages wait. Publishers of the topic are found whenever they come.
+
+        Raises InvalidName.
+        """
+        from taskrpc.topic import Subscription  # few programs subscribe
+
+        subscription = Subscription(
+            self._started(),
+            _message_type(msg_type),
+            self.resolve_topic_name(topic),
+            self.get_fully_qualified_name(),
+            callback,
+            qos_of(qos),
+            threaded=threaded,
+            forget=self._forget_part,
+        )
+        self._parts[subscription] = None
+        return subscription
+
+    def create_timer(self, period: float, callback: Callback, *, threaded: bool = False) -> Timer:
+        """Call `callback()` every `period` seconds, first after one period.
+
+        The callback may be async; a plain one runs on the event loop unless `threaded=True`. What
+        would be due while a call runs is left out.
+        """
+        from taskrpc.timer import Timer  # few programs have one
+
+        self._started()
+        timer = Timer(period, callback, threaded=threaded, forget=self._forget_part)
+        self._parts[timer] = None
+        return timer
+
+    def _destroy_parts(self) -> None:
+        for part in list(self._parts):
+            part.destroy()
+
+    def _forget_part(self, part: _Destroyable) -> None:
+        self._parts.pop(part, None)
+
+
+def _message_type(msg_type: Any) -> Any:
+    if hasattr(msg_type, "Request") or not hasattr(msg_type, "_HASH"):
+        kind = f"the class {msg_type.__name__}" if isinstance(msg_type, type) else repr(msg_type)
+        raise TypeError(
+            f"expected a message type such as srvgen.load('std_msgs/msg/String'), got {kind}"
+        )
+    return msg_type

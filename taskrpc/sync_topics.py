@@ -1,0 +1,174 @@
+"""Publishers, subscriptions and timers of nodes that block."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from taskrpc import node as _node
+from taskrpc import timer as _timer
+from taskrpc import topic as _topic
+from taskrpc.access import Role
+from taskrpc.qos import QoS
+
+if TYPE_CHECKING:
+    from taskrpc.running import Callback
+
+_Result = TypeVar("_Result")
+
+
+class Loop(Protocol):
+    """The event loop in its thread, as far as these need it."""
+
+    def do(self, action: Callable[[], _Result], what: str) -> _Result:
+        """Run a plain function on the loop and wait for its result."""
+
+    def refuse_without_loop(self, what: str) -> None:
+        """Raise WouldDeadlock where there is no loop any more."""
+
+
+class Publisher:
+    """Publishes messages of one type on a topic; from several threads at once if need be."""
+
+    def __init__(self, loop: Loop, inner: _topic.Publisher) -> None:
+        self._loop = loop
+        self._inner = inner
+        self.msg_type = inner.msg_type
+        self.topic_name = inner.topic_name
+        self.qos = inner.qos
+
+    def publish(self, message: Any) -> None:
+        """Send a message to all subscriptions; errors as in `taskrpc.Publisher.publish`."""
+        self._loop.refuse_without_loop("publish()")
+        self._inner.publish(message)
+
+    def get_subscription_count(self) -> int:
+        """How many subscriptions get the messages."""
+        return self._inner.get_subscription_count()
+
+    @property
+    def sent(self) -> int:
+        """Messages published so far."""
+        return self._inner.sent
+
+    @property
+    def lost(self) -> int:
+        """Messages that subscriptions did not get, since they do not read; counted for each."""
+        return self._inner.lost
+
+    def destroy(self) -> None:
+        """Publish no more."""
+        self._loop.do(self._inner.destroy, "destroy()")
+
+
+class Subscription:
+    """Calls its callback, in a thread of its own, with each message of a topic."""
+
+    def __init__(self, loop: Loop, inner: _topic.Subscription) -> None:
+        self._loop = loop
+        self._inner = inner
+        self.msg_type = inner.msg_type
+        self.topic_name = inner.topic_name
+        self.qos = inner.qos
+
+    def get_publisher_count(self) -> int:
+        """How many publishers send messages to it."""
+        return self._inner.get_publisher_count()
+
+    @property
+    def received(self) -> int:
+        """Messages that came."""
+        return self._inner.received
+
+    @property
+    def dropped(self) -> int:
+        """Messages that came and were dropped, since the callback was behind."""
+        return self._inner.dropped
+
+    @property
+    def lost(self) -> int:
+        """Messages that were published and did not come."""
+        return self._inner.lost
+
+    def destroy(self) -> None:
+        """Want no more messages; a callback that runs is not stopped."""
+        self._loop.do(self._inner.destroy, "destroy()")
+
+
+class Timer:
+    """Calls its callback, in a thread of its own, every `period` seconds."""
+
+    def __init__(self, loop: Loop, inner: _timer.Timer) -> None:
+        self._loop = loop
+        self._inner = inner
+        self.period = inner.period
+
+    @property
+    def is_canceled(self) -> bool:
+        """Whether it stands still; `reset` starts it again."""
+        return self._inner.is_canceled
+
+    def cancel(self) -> None:
+        """Stand still; a call that runs is not stopped."""
+        self._loop.do(self._inner.cancel, "cancel()")
+
+    def reset(self) -> None:
+        """Start again: the next call is `period` seconds from now."""
+        self._loop.do(self._inner.reset, "reset()")
+
+    def destroy(self) -> None:
+        """Stop for ever; a call that runs is not stopped."""
+        self._loop.do(self._inner.destroy, "destroy()")
+
+
+class SyncTopics:
+    """The part of a blocking node that publishes, subscribes and keeps time."""
+
+    _loop: Loop
+    _node: _node.Node
+
+    def create_publisher(
+        self, msg_type: Any, topic: str, qos: QoS | int = 10, *, role: Role = Role.OBSERVE
+    ) -> Publisher:
+        """Publish messages of a type on a topic; as `taskrpc.Node.create_publisher`."""
+        inner = self._loop.do(
+            lambda: self._node.create_publisher(msg_type, topic, qos, role=role),
+            "create_publisher()",
+        )
+        return Publisher(self._loop, inner)
+
+    def create_subscription(
+        self,
+        msg_type: Any,
+        topic: str,
+        callback: Callback,
+        qos: QoS | int = 10,
+        *,
+        threaded: bool = True,
+    ) -> Subscription:
+        """Call `callback(message)` for each message of a topic.
+
+        As `taskrpc.Node.create_subscription`, but plain callbacks run in a thread.
+        """
+        inner = self._loop.do(
+            lambda: self._node.create_subscription(
+                msg_type, topic, callback, qos, threaded=_in_thread(callback, threaded)
+            ),
+            "create_subscription()",
+        )
+        return Subscription(self._loop, inner)
+
+    def create_timer(self, period: float, callback: Callback, *, threaded: bool = True) -> Timer:
+        """Call `callback()` every `period` seconds, in a thread if it is plain."""
+        inner = self._loop.do(
+            lambda: self._node.create_timer(
+                period, callback, threaded=_in_thread(callback, threaded)
+            ),
+            "create_timer()",
+        )
+        return Timer(self._loop, inner)
+
+
+def _in_thread(callback: Callback, threaded: bool) -> bool:
+    return threaded and not inspect.iscoroutinefunction(callback)

@@ -1,0 +1,199 @@
+"""Topics: a publisher's messages go to all subscriptions of the same name and type."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from taskrpc.access import Role
+from taskrpc.errors import InvalidRequest, TaskRpcError
+from taskrpc.qos import QoS
+from taskrpc.running import Callback, Runner
+from taskrpc.transport.base import Transport
+from taskrpc.wire.messages import TopicEndpoint
+
+log = logging.getLogger("taskrpc.topics")
+
+MOST_HANDED = 256
+"""Messages that other threads have published and the event loop has not sent yet; whoever
+publishes more waits for it."""
+_SLICE = 0.1
+"""Seconds of one wait: on Windows Ctrl-C does not reach a longer one before its end."""
+
+
+class Publisher:
+    """Publishes messages of one type on a topic; made by `Node.create_publisher`."""
+
+    def __init__(
+        self,
+        transport: Transport,
+        msg_type: Any,
+        name: str,
+        node: str,
+        qos: QoS,
+        role: Role,
+        forget: Callable[[Publisher], object] = lambda _: None,
+    ) -> None:
+        self.msg_type = msg_type
+        self.topic_name = name
+        self.qos = qos
+        self._publication = transport.publication(named(msg_type, name, node, qos), msg_type, role)
+        self._forget = forget
+        self._loop = asyncio.get_running_loop()
+        self._thread = threading.get_ident()
+        self._handed: list[bytes] = []
+        self._room = threading.Condition()
+        self._destroyed = False
+
+    def publish(self, message: Any) -> None:
+        """Send a message to all subscriptions, without waiting for them; from any thread.
+
+        Raises InvalidRequest for a message of another type, a value that does not fit its field, or
+        more than 16 MiB; TaskRpcError once the publisher is destroyed.
+        """
+        if self._destroyed:
+            raise TaskRpcError(f"the publisher of {self.topic_name} is destroyed")
+        body = self._publication.encode(message)
+        if threading.get_ident() == self._thread:
+            self._publication.publish(body)
+        else:
+            self._hand_over(body)
+
+    def get_subscription_count(self) -> int:
+        """How many subscriptions get the messages."""
+        return self._publication.matched
+
+    @property
+    def sent(self) -> int:
+        """Messages published so far."""
+        return self._publication.sent
+
+    @property
+    def lost(self) -> int:
+        """Messages that subscriptions did not get, since they do not read; counted for each."""
+        return self._publication.lost
+
+    def destroy(self) -> None:
+        """Publish no more."""
+        if not self._destroyed:
+            self._send_handed()
+            self._destroyed = True
+            self._publication.close()
+            self._forget(self)
+
+    def _hand_over(self, body: bytes) -> None:
+        """Let the loop send it: in order, and no faster than it can."""
+        with self._room:
+            while len(self._handed) >= MOST_HANDED and not self._destroyed:
+                self._room.wait(_SLICE)
+            self._handed.append(body)
+            if len(self._handed) == 1:
+                self._loop.call_soon_threadsafe(self._send_handed)
+
+    def _send_handed(self) -> None:
+        with self._room:
+            handed, self._handed = self._handed, []
+            self._room.notify_all()
+        if not self._destroyed:
+            for body in handed:
+                self._publication.publish(body)
+
+
+class Subscription:
+    """Calls its callback with each message of a topic; made by `Node.create_subscription`.
+
+    One call at a time, in order. While one runs, the last `depth` messages wait.
+    """
+
+    def __init__(
+        self,
+        transport: Transport,
+        msg_type: Any,
+        name: str,
+        node: str,
+        callback: Callback,
+        qos: QoS,
+        *,
+        threaded: bool = False,
+        forget: Callable[[Subscription], object] = lambda _: None,
+    ) -> None:
+        self.msg_type = msg_type
+        self.topic_name = name
+        self.qos = qos
+        self.received = 0
+        """Messages that came."""
+        self.dropped = 0
+        """Messages that came and were dropped, since the callback was behind."""
+        self._forget = forget
+        self._loop = asyncio.get_running_loop()
+        self._runner = Runner(
+            callback, f"the callback of {name}", threaded=threaded, idle=self._run
+        )
+        self._waiting: deque[bytes] = deque()
+        self._planned = False
+        self._destroyed = False
+        self._running = False
+        self._reception = transport.reception(
+            named(msg_type, name, node, qos), msg_type, self._arrived
+        )
+
+    def get_publisher_count(self) -> int:
+        """How many publishers send messages to it."""
+        return self._reception.matched
+
+    @property
+    def lost(self) -> int:
+        """Messages that were published and did not come."""
+        return self._reception.lost
+
+    def destroy(self) -> None:
+        """Want no more messages; a callback that runs in the event loop is cancelled."""
+        if not self._destroyed:
+            self._destroyed = True
+            self._waiting.clear()
+            self._reception.close()
+            self._runner.close()
+            self._forget(self)
+
+    def _arrived(self, body: bytes, later: bool) -> None:
+        self.received += 1
+        if len(self._waiting) >= self.qos.depth:
+            self._waiting.popleft()
+            self.dropped += 1
+        self._waiting.append(body)
+        if not later:
+            self._run()
+        elif not self._planned:
+            self._planned = True
+            self._loop.call_soon(self._run)
+
+    def _run(self) -> None:
+        self._planned = False
+        if self._running:  # the callback itself let a message come
+            return
+        self._running = True
+        try:
+            while self._waiting and not self._runner.busy and not self._destroyed:
+                self._take(self._waiting.popleft())
+        finally:
+            self._running = False
+
+    def _take(self, body: bytes) -> None:
+        try:
+            message = self._reception.decode(body)
+        except InvalidRequest as error:
+            log.error("a message of %s is not valid: %s", self.topic_name, error)
+        else:
+            self._runner.run(message)
+
+
+def named(msg_type: Any, name: str, node: str, qos: QoS) -> TopicEndpoint:
+    """A publisher or subscription as others see it."""
+    type_name, type_hash = msg_type._TYPE, msg_type._HASH
+    return TopicEndpoint(
+        name, type_name, type_hash, node, qos.depth, qos.is_reliable, qos.is_latched
+    )

@@ -1,0 +1,212 @@
+"""The subscriptions of a process: finds the publishers of their topics, and takes what comes.
+
+One link to each process that publishes any of the topics, for as long as it does; dialled again
+when it was lost.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import random
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any
+
+from taskrpc.errors import TaskRpcError
+from taskrpc.retry import reconnect_delay
+from taskrpc.transport.codec import codec_of
+from taskrpc.transport.network import Address
+from taskrpc.wire import topics as wire
+from taskrpc.wire.events import Published, PublishersTold
+from taskrpc.wire.messages import Publishing, TopicEndpoint
+
+if TYPE_CHECKING:
+    from taskrpc.transport.calling import CallingConnection
+    from taskrpc.transport.publishing import Publication
+    from taskrpc.transport.topics import Home, Topics
+
+log = logging.getLogger("taskrpc.topics")
+
+
+class Reception:
+    """One subscription, seen from the wire.
+
+    `deliver(body, later)` gets each message; `later` says that it comes from this very process, in
+    the midst of publishing it.
+    """
+
+    def __init__(
+        self,
+        topics: Topics,
+        named: TopicEndpoint,
+        msg_type: Any,
+        number: int,
+        deliver: Callable[[bytes, bool], object],
+    ) -> None:
+        self.named = named
+        self.number = number
+        self.decode: Callable[[bytes], Any] = codec_of(msg_type).decode
+        self.publishers: dict[tuple[object, int], TopicEndpoint] = {}
+        """Those that it gets messages from, by link and number."""
+        self.lost = 0
+        """Messages that publishers sent and that did not come."""
+        self._topics = topics
+        self._deliver = deliver
+        self._sequences: dict[tuple[object, int], int] = {}
+        self._told: set[object] = set()
+
+    @property
+    def matched(self) -> int:
+        """How many publishers there are."""
+        return len(self.publishers)
+
+    def arrived_here(self, publication: Publication, sequence: int, body: bytes) -> None:
+        """A publisher of this process sent a message."""
+        self._deliver(body, True)
+
+    def arrived(self, link: Link, event: Published) -> None:
+        """A message came."""
+        source = (link, event.publisher)
+        last = self._sequences.get(source)
+        sequence = self._sequences[source] = event.sequence
+        if last is not None and sequence != (last + 1) & wire.SEQUENCE_MASK:
+            self.lost += (sequence - last - 1) & wire.SEQUENCE_MASK
+        self._deliver(event.body, False)
+
+    def announced(self, link: Link, publishers: list[Publishing]) -> None:
+        """A process has said who publishes the topic there."""
+        self.forget(link)
+        for each in publishers:
+            if self._matches(each):
+                self.publishers[link, each.number] = each.publisher
+
+    def forget(self, link: Link) -> None:
+        """A process publishes nothing any more, or says anew what it does."""
+        for source in [each for each in self.publishers if each[0] is link]:
+            del self.publishers[source]
+
+    def lost_link(self, link: Link) -> None:
+        """The connection is gone; the next one counts anew."""
+        self.forget(link)
+        for source in [each for each in self._sequences if each[0] is link]:
+            del self._sequences[source]
+
+    def refuses(self, publisher: TopicEndpoint) -> bool:
+        """Whether a publisher does not match; says so, once for each."""
+        mismatch = wire.mismatch_of(publisher, self.named)
+        if mismatch is not None:
+            self._tell(publisher, _unmatched(publisher, self.named, mismatch))
+        return mismatch is not None
+
+    def close(self) -> None:
+        """Want no more messages."""
+        self._topics.reception_closed(self)
+
+    def _matches(self, each: Publishing) -> bool:
+        if each.refusal:
+            self._tell(each.publisher, each.refusal)
+            return False
+        return not self.refuses(each.publisher)
+
+    def _tell(self, about: object, warning: str) -> None:
+        if about not in self._told:
+            self._told.add(about)
+            log.warning("%s", warning)
+
+
+class Link:
+    """This process's subscriptions at one other process."""
+
+    def __init__(self, home: Home, address: Address) -> None:
+        self.address = address
+        self.receptions: dict[int, Reception] = {}
+        """Those that want something of that process."""
+        self._home = home
+        self._connection: CallingConnection | None = None
+        self._task = home.loop.create_task(self._keep())
+
+    def want(self, receptions: Iterable[Reception]) -> None:
+        """Subscribe, now or as soon as there is a connection."""
+        for each in receptions:
+            if each.number not in self.receptions:
+                self.receptions[each.number] = each
+                self._subscribe(each)
+
+    def forget(self, reception: Reception) -> None:
+        """Unsubscribe."""
+        if self.receptions.pop(reception.number, None) is not None and self._connection:
+            self._connection.say(lambda session: wire.unsubscribe(session, reception.number))
+
+    def publishers_told(self, event: PublishersTold) -> None:
+        """The process has said who publishes a topic there."""
+        reception = self.receptions.get(event.subscription_id)
+        if reception is not None:
+            reception.announced(self, event.publishers)
+
+    def published(self, event: Published) -> None:
+        """A message came."""
+        reception = self.receptions.get(event.subscription_id)
+        if reception is not None:
+            reception.arrived(self, event)
+
+    @property
+    def is_connected(self) -> bool:
+        """Whether it has a connection."""
+        return self._connection is not None
+
+    def close(self) -> asyncio.Task[None]:
+        """Look for the process no more."""
+        for reception in list(self.receptions.values()):
+            self.forget(reception)
+        if self._connection is not None:
+            self._connection.link = None
+        self._task.cancel()
+        return self._task
+
+    async def _keep(self) -> None:
+        failures, said = 0, ""
+        while True:
+            try:
+                connection = await self._home.dialler.connection(self.address, None)
+            except TaskRpcError as error:
+                if said != str(error):
+                    said = str(error)
+                    log.debug("%s", error)
+                await asyncio.sleep(reconnect_delay(failures, random.random()))
+                failures += 1
+            else:
+                failures, said = 0, ""
+                await self._use(connection)
+                self._home.news.pulse()  # perhaps it is dialled in vain from now on
+
+    async def _use(self, connection: CallingConnection) -> None:
+        """Have a connection until it ends."""
+        self._connection = connection
+        connection.link = self
+        try:
+            for reception in self.receptions.values():
+                self._subscribe(reception)
+            await asyncio.shield(connection.gone)
+        finally:
+            self._connection = None
+            for reception in self.receptions.values():
+                reception.lost_link(self)
+
+    def _subscribe(self, reception: Reception) -> None:
+        if self._connection is not None:
+            number, wanted = reception.number, reception.named
+            self._connection.say(lambda session: wire.subscribe(session, number, wanted))
+
+
+def _unmatched(publisher: TopicEndpoint, wanted: TopicEndpoint, mismatch: str) -> str:
+    topic = publisher.name
+    if mismatch == "TYPE":
+        return (
+            f"{publisher.node} publishes {topic} as {publisher.type_name} with the hash"
+            f" {publisher.type_hash[:15]}…; {wanted.node} subscribes to it as {wanted.type_name}"
+            f" with {wanted.type_hash[:15]}…: nothing is received from it"
+        )
+    return (
+        f"New publisher discovered on topic '{topic}', offering incompatible QoS. No messages will"
+        f" be received from it. Last incompatible policy: {mismatch}"
+    )

@@ -1,0 +1,194 @@
+"""The topics of an endpoint: who publishes what here, who wants it, and who must be asked."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+
+from taskrpc.access import Role
+from taskrpc.transport.dialling import Dialler
+from taskrpc.transport.entries import Change
+from taskrpc.transport.network import Network
+from taskrpc.transport.news import News
+from taskrpc.transport.publishing import Publication, RemoteSubscription, Subscriber
+from taskrpc.transport.subscribing import Link, Reception
+from taskrpc.wire.messages import TopicEndpoint
+
+if TYPE_CHECKING:
+    from taskrpc.transport.serving import ServingConnection
+
+_Item = TypeVar("_Item")
+
+
+class Home(Protocol):
+    """What the topics of an endpoint need of it."""
+
+    loop: asyncio.AbstractEventLoop
+    network: Network
+    dialler: Dialler
+    news: News
+    address: str
+
+    def publish(self, change: Change, *, claim: str = "") -> None:
+        """Tell everybody of a change to what this process has."""
+
+
+class Topics:
+    """Matches publishers and subscriptions, those of this process and those of others."""
+
+    def __init__(self, home: Home) -> None:
+        self._home = home
+        self._publications: dict[str, dict[Publication, None]] = {}
+        self._wanted: dict[str, dict[RemoteSubscription, None]] = {}
+        self._receptions: dict[str, dict[Reception, None]] = {}
+        self._links: dict[str, Link] = {}
+        self._numbers = 0
+        self._search: asyncio.Task[None] | None = None
+
+    # Publishers
+
+    def publication(self, named: TopicEndpoint, msg_type: Any, role: Role) -> Publication:
+        """A new publisher's way to its subscriptions."""
+        self._numbers += 1
+        each = Publication(self, named, msg_type, self._numbers & 0xFFFF, role)
+        _put(self._publications, named.name, each)
+        for reception in self._receptions.get(named.name, ()):
+            self._match_here(each, reception)
+        self._announce(named.name)
+        return each
+
+    def publication_closed(self, publication: Publication) -> None:
+        """A publisher is gone."""
+        named = publication.named
+        if _drop(self._publications, named.name, publication):
+            for reception in publication.local:
+                del reception.publishers[publication, 0]
+            for feed in publication.feeds.values():
+                feed.drop_waiting()
+            self._home.publish(Change(publisher=named, gone=True))
+            self._announce(named.name)
+
+    def subscriber_of(self, connection: ServingConnection) -> Subscriber:
+        """What the caller of a connection has subscribed to."""
+        if connection.subscriber is None:
+            connection.subscriber = Subscriber(self, connection)
+        return connection.subscriber
+
+    def subscribed(self, subscription: RemoteSubscription) -> None:
+        """Another process wants a topic."""
+        topic = subscription.wanted.name
+        _put(self._wanted, topic, subscription)
+        subscription.announce(list(self._publications.get(topic, ())))
+
+    def unsubscribed(self, subscription: RemoteSubscription) -> None:
+        """Another process wants a topic no more."""
+        topic = subscription.wanted.name
+        _drop(self._wanted, topic, subscription)
+        for publication in self._publications.get(topic, ()):
+            feed = publication.feeds.pop(subscription, None)
+            if feed is not None:
+                feed.drop_waiting()
+
+    def _announce(self, topic: str) -> None:
+        publications = list(self._publications.get(topic, ()))
+        for subscription in self._wanted.get(topic, ()):
+            subscription.announce(publications)
+
+    # Subscriptions
+
+    def reception(
+        self,
+        named: TopicEndpoint,
+        msg_type: Any,
+        deliver: Callable[[bytes, bool], object],
+    ) -> Reception:
+        """A new subscription's way to the publishers of its topic."""
+        self._numbers += 1
+        each = Reception(self, named, msg_type, self._numbers, deliver)
+        _put(self._receptions, named.name, each)
+        for publication in self._publications.get(named.name, ()):
+            self._match_here(publication, each)
+        if self._search is None:
+            self._search = self._home.loop.create_task(self._searched())
+        else:
+            self._look()
+        return each
+
+    def reception_closed(self, reception: Reception) -> None:
+        """A subscription is gone."""
+        named = reception.named
+        if _drop(self._receptions, named.name, reception):
+            for publication in self._publications.get(named.name, ()):
+                publication.local.pop(reception, None)
+            for link in self._links.values():
+                link.forget(reception)
+            self._home.publish(Change(subscription=named, gone=True))
+            if not self._receptions and self._search is not None:
+                self._search.cancel()
+                self._search = None
+                self._drop_links(set())
+
+    async def close(self) -> None:
+        """End the search and all links."""
+        tasks = [link.close() for link in self._links.values()]
+        self._links.clear()
+        if self._search is not None:
+            self._search.cancel()
+            tasks.append(self._search)
+        if tasks:
+            await asyncio.wait(tasks)
+
+    def _match_here(self, publication: Publication, reception: Reception) -> None:
+        if reception.refuses(publication.named):
+            publication.refuses(reception.named, "of this process")
+            return
+        publication.local[reception] = None
+        reception.publishers[publication, 0] = publication.named
+        if reception.named.latched and publication.latched is not None:
+            for sequence, body in list(publication.latched)[-reception.named.depth :]:
+                reception.arrived_here(publication, sequence, body)
+
+    async def _searched(self) -> None:
+        """Look who publishes, whenever that may have changed."""
+        while True:
+            mark = self._home.news.mark()
+            self._look()
+            await self._home.news.wait(mark, None)
+
+    def _look(self) -> None:
+        home = self._home
+        there = set()
+        for address, topics in home.network.publishing(self._receptions):
+            if address.place == home.address:
+                continue
+            there.add(address.place)
+            link = self._links.get(address.place)
+            if link is None:
+                link = self._links[address.place] = Link(home, address)
+            link.address = address
+            for topic in topics:
+                link.want(self._receptions[topic])
+        self._drop_links(there)
+
+    def _drop_links(self, there: set[str]) -> None:
+        """A process that is known no more may still be connected, and have something to say."""
+        for place, link in list(self._links.items()):
+            if place not in there and not (link.receptions and link.is_connected):
+                del self._links[place]
+                link.close()
+
+
+def _put(items: dict[str, dict[_Item, None]], topic: str, item: _Item) -> None:
+    items.setdefault(topic, {})[item] = None
+
+
+def _drop(items: dict[str, dict[_Item, None]], topic: str, item: _Item) -> bool:
+    """Returns whether it was there."""
+    of_topic = items.get(topic, {})
+    if item not in of_topic:
+        return False
+    del of_topic[item]
+    if not of_topic:
+        del items[topic]
+    return True

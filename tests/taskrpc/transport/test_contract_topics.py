@@ -1,0 +1,292 @@
+"""Topics behave the same over every transport: who gets what, in which order, and what is lost."""
+
+import asyncio
+
+import pytest
+
+import srvgen
+import taskrpc
+from taskrpc import QoS
+from tests.taskrpc.transport.helpers import until
+
+String = srvgen.load("std_msgs/msg/String")
+Int32 = srvgen.load("std_msgs/msg/Int32")
+LATCHED = QoS(3, durability="transient_local")
+
+
+def numbers(messages):
+    return [message.data for message in messages]
+
+
+async def joined(net, qos=10, callback=None):
+    """A publisher and a subscription in endpoints of their own, and what the latter gets."""
+    talker, listener = await net.node("talker"), await net.node("listener")
+    got = []
+    publisher = talker.create_publisher(Int32, "counts", qos)
+    subscription = listener.create_subscription(Int32, "counts", callback or got.append, qos)
+    await until(publisher.get_subscription_count)
+    await until(subscription.get_publisher_count)
+    return publisher, subscription, got
+
+
+async def test_messages_come_in_the_order_in_which_they_were_published(net):
+    publisher, subscription, got = await joined(net)
+    for number in range(500):
+        publisher.publish(Int32(data=number))
+    await until(lambda: len(got) == 500)
+    assert numbers(got) == list(range(500))
+    assert (publisher.sent, subscription.received) == (500, 500)
+    assert publisher.lost == subscription.lost == subscription.dropped == 0
+
+
+async def test_it_makes_no_difference_who_comes_first(net):
+    listener = await net.node("listener")
+    got = []
+    subscription = listener.create_subscription(Int32, "counts", got.append)
+    assert subscription.get_publisher_count() == 0
+    publisher = (await net.node("talker")).create_publisher(Int32, "counts")
+    await until(publisher.get_subscription_count)
+    publisher.publish(Int32(data=7))
+    await until(lambda: got)
+    assert numbers(got) == [7]
+
+
+async def test_many_publishers_feed_many_subscriptions(net):
+    got = [[] for _ in range(6)]
+    listeners = [await net.node(f"listener{number}") for number in range(3)]
+    for number, box in enumerate(got):
+        listeners[number % 3].create_subscription(Int32, "counts", box.append, 100)
+    talkers = [await net.node(f"talker{number}") for number in range(3)]
+    publishers = [node.create_publisher(Int32, "counts", 100) for node in talkers]
+    for publisher in publishers:
+        await until(lambda publisher=publisher: publisher.get_subscription_count() == 6)
+    for number in range(20):
+        for sender, publisher in enumerate(publishers):
+            publisher.publish(Int32(data=100 * sender + number))
+    await until(lambda: all(len(box) == 60 for box in got))
+    for box in got:
+        for sender in range(3):
+            assert [each for each in numbers(box) if each // 100 == sender] == [
+                100 * sender + number for number in range(20)
+            ]
+
+
+async def test_a_program_gets_what_it_publishes_itself(net):
+    node = await net.node("both")
+    got, more = [], []
+    publisher = node.create_publisher(Int32, "counts")
+    node.create_subscription(Int32, "counts", got.append)
+    node.create_subscription(Int32, "/counts", more.append)
+    assert publisher.get_subscription_count() == 2
+    publisher.publish(Int32(data=1))
+    assert not got  # never in the midst of publish()
+    await until(lambda: got and more)
+    assert got[0] == more[0] == Int32(data=1)
+    assert got[0] is not more[0]
+
+
+async def test_a_callback_may_publish_what_it_gets(net):
+    node = await net.node("both")
+    publisher = node.create_publisher(Int32, "counts")
+    got = []
+
+    def once_more(message):
+        got.append(message.data)
+        if message.data < 50:
+            publisher.publish(Int32(data=message.data + 1))
+
+    node.create_subscription(Int32, "counts", once_more)
+    publisher.publish(Int32())
+    await until(lambda: len(got) == 51)
+    assert got == list(range(51))
+
+
+async def test_a_large_message_arrives_whole(net):
+    talker, listener = await net.node("talker"), await net.node("listener")
+    got = []
+    publisher = talker.create_publisher(String, "text")
+    listener.create_subscription(String, "text", got.append)
+    await until(publisher.get_subscription_count)
+    text = "0123456789" * 300_000
+    publisher.publish(String(data="before"))
+    publisher.publish(String(data=text))
+    publisher.publish(String(data="after"))
+    await until(lambda: len(got) == 3)
+    assert numbers(got) == ["before", text, "after"]
+
+
+async def test_latecomers_get_the_last_messages_of_a_transient_local_publisher(net):
+    talker, listener = await net.node("talker"), await net.node("listener")
+    got, volatile, own = [], [], []
+    publisher = talker.create_publisher(Int32, "counts", LATCHED)
+    for number in range(10):
+        publisher.publish(Int32(data=number))
+    listener.create_subscription(Int32, "counts", got.append, LATCHED)
+    listener.create_subscription(Int32, "counts", volatile.append)
+    talker.create_subscription(Int32, "counts", own.append, LATCHED)
+    await until(lambda: publisher.get_subscription_count() == 3)
+    publisher.publish(Int32(data=10))
+    await until(lambda: got and volatile and own and volatile[0].data == got[-1].data)
+    assert numbers(got) == [7, 8, 9, 10]
+    assert numbers(own)[-1] == 10
+    assert numbers(volatile) == [10]
+
+
+async def test_a_latecomer_that_keeps_one_gets_the_last_one(net):
+    talker, listener = await net.node("talker"), await net.node("listener")
+    publisher = talker.create_publisher(Int32, "counts", LATCHED)
+    for number in range(3):
+        publisher.publish(Int32(data=number))
+    got = []
+    latest = QoS(1, durability="transient_local")
+    listener.create_subscription(Int32, "counts", got.append, latest)
+    await until(lambda: got)
+    assert numbers(got) == [2]
+
+
+@pytest.mark.parametrize(
+    ("offered", "wanted", "policy"),
+    [
+        (QoS(reliability="best_effort"), QoS(), "RELIABILITY"),
+        (QoS(), LATCHED, "DURABILITY"),
+    ],
+)
+async def test_qos_that_does_not_match_is_told_at_both_ends(net, caplog, offered, wanted, policy):
+    talker, listener = await net.node("talker"), await net.node("listener")
+    publisher = talker.create_publisher(Int32, "counts", offered)
+    subscription = listener.create_subscription(Int32, "counts", print, wanted)
+    await until(lambda: len(caplog.records) >= 2)
+    publisher.publish(Int32())
+    assert publisher.get_subscription_count() == subscription.get_publisher_count() == 0
+    assert sorted(caplog.messages) == [
+        "New publisher discovered on topic '/counts', offering incompatible QoS. No messages"
+        f" will be received from it. Last incompatible policy: {policy}",
+        "New subscription discovered on topic '/counts', requesting incompatible QoS. No messages"
+        f" will be sent to it. Last incompatible policy: {policy}",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("offered", "wanted"),
+    [(QoS(), QoS(reliability="best_effort")), (LATCHED, QoS()), (LATCHED, LATCHED)],
+)
+async def test_more_than_was_asked_for_matches(net, caplog, offered, wanted):
+    talker, listener = await net.node("talker"), await net.node("listener")
+    publisher = talker.create_publisher(Int32, "counts", offered)
+    listener.create_subscription(Int32, "counts", print, wanted)
+    await until(publisher.get_subscription_count)
+    assert not caplog.records
+
+
+async def test_another_type_of_the_same_name_is_told_at_both_ends(net, caplog):
+    talker, listener = await net.node("talker"), await net.node("listener")
+    publisher = talker.create_publisher(Int32, "counts")
+    subscription = listener.create_subscription(String, "counts", print)
+    await until(lambda: len(caplog.records) >= 2)
+    assert publisher.get_subscription_count() == subscription.get_publisher_count() == 0
+    for message in caplog.messages:
+        assert "std_msgs/msg/Int32" in message
+        assert "std_msgs/msg/String" in message
+
+
+async def test_what_is_destroyed_gets_and_gives_nothing_more(net):
+    publisher, subscription, got = await joined(net)
+    subscription.destroy()
+    await until(lambda: not publisher.get_subscription_count())
+    publisher.publish(Int32(data=1))
+    publisher.destroy()
+    with pytest.raises(taskrpc.TaskRpcError, match="destroyed"):
+        publisher.publish(Int32())
+    subscription.destroy()
+    publisher.destroy()
+    assert not got
+
+
+async def test_a_subscription_survives_its_publishers(net):
+    listener = await net.node("listener")
+    got = []
+    subscription = listener.create_subscription(Int32, "counts", got.append)
+    for number in range(3):
+        talker = await net.node("talker")
+        publisher = talker.create_publisher(Int32, "counts")
+        await until(publisher.get_subscription_count)
+        publisher.publish(Int32(data=number))
+        await until(lambda number=number: len(got) == number + 1)
+        await talker.destroy()
+        await until(lambda: not subscription.get_publisher_count())
+    assert numbers(got) == [0, 1, 2]
+    assert subscription.lost == 0
+
+
+async def test_the_last_words_of_a_node_arrive(net):
+    publisher, _, got = await joined(net)
+    for number in range(100):
+        publisher.publish(Int32(data=number))
+    await publisher._forget.__self__.destroy()
+    await until(lambda: len(got) == 100)
+
+
+async def test_everybody_sees_publishers_and_subscriptions_in_the_graph(net):
+    publisher, subscription, _ = await joined(net, LATCHED)
+    looking = await net.node("looking")
+    entries = await looking.graph()
+    publishers = [each for entry in entries for each in entry.publishers]
+    subscriptions = [each for entry in entries for each in entry.subscriptions]
+    (there,), (wanted,) = publishers, subscriptions
+    assert (there.name, there.type_name, there.node) == ("/counts", "std_msgs/msg/Int32", "/talker")
+    assert (there.depth, there.reliable, there.latched) == (3, True, True)
+    assert wanted.node == "/listener"
+    publisher.destroy()
+    subscription.destroy()
+    await until(lambda: True)
+    entries = await looking.graph()
+    assert not [each for entry in entries for each in (*entry.publishers, *entry.subscriptions)]
+
+
+async def test_a_slow_callback_keeps_the_last_messages_and_counts_the_others(net):
+    gate, got = asyncio.Event(), []
+
+    async def slow(message):
+        got.append(message.data)
+        await gate.wait()
+
+    publisher, subscription, _ = await joined(net, 4, slow)
+    for number in range(50):
+        publisher.publish(Int32(data=number))
+    await until(lambda: subscription.received == 50)
+    assert got == [0]
+    gate.set()
+    await until(lambda: len(got) == 5)
+    assert got == [0, 46, 47, 48, 49]
+    assert subscription.dropped == 45
+    assert publisher.lost == subscription.lost == 0
+
+
+async def test_an_exception_in_a_callback_is_logged_and_ends_nothing(net, caplog):
+    got = []
+
+    def shaky(message):
+        got.append(message.data)
+        raise RuntimeError("this one")
+
+    publisher, _, _ = await joined(net, 10, shaky)
+    publisher.publish(Int32(data=1))
+    publisher.publish(Int32(data=2))
+    await until(lambda: len(got) == 2)
+    assert "this one" in caplog.text
+
+
+async def test_a_message_of_another_type_is_refused(net):
+    publisher, _, _ = await joined(net)
+    with pytest.raises(taskrpc.InvalidRequest, match="expected a std_msgs/msg/Int32"):
+        publisher.publish(String())
+    with pytest.raises(taskrpc.InvalidRequest, match="data"):
+        publisher.publish(Int32(data=2**40))
+
+
+async def test_a_service_is_no_message(net):
+    node = await net.node("node")
+    with pytest.raises(TypeError, match="expected a message type"):
+        node.create_publisher(srvgen.load("std_srvs/srv/Trigger"), "x")
+    with pytest.raises(taskrpc.InvalidName, match="Invalid topic name"):
+        node.create_subscription(Int32, "no spaces", print)
