@@ -44,6 +44,7 @@ class Task(Future[T]):
         self._entity: Entity | None = None
         self._node: Any = None
         self._number = 0
+        self._reported = False
 
     def __call__(self) -> None:
         """Run the function, or the coroutine's next step; what it raises is the exception."""
@@ -71,6 +72,13 @@ class Task(Future[T]):
         if self._cancelled and type(self._handler) is CoroutineType:
             self._handler.close()
         return not self._done and not self._cancelled
+
+    def _report(self) -> bool:
+        """Whether nobody has been told yet how it ended; True once."""
+        with self._lock:
+            first = not self._reported
+            self._reported = True
+            return first
 
     def _step(self, coroutine: CoroutineType[Any, Any, T]) -> Any:
         """What the coroutine awaits now; this task itself when it awaits nothing more."""

@@ -1,0 +1,5 @@
+"""What rclpy calls experimental: the events executor."""
+
+from .events_executor import EventsExecutor
+
+__all__ = ["EventsExecutor"]
