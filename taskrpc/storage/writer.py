@@ -49,14 +49,14 @@ class Writer(Generic[_Change]):
         self.transactions: Counter[int] = Counter()
         """How many there were, by how many changes were written together."""
 
-    async def change(self, change: _Change) -> None:
-        """Write a change; it is on the disk when this returns.
+    def change(self, change: _Change) -> asyncio.Future[None]:
+        """Write a change; what this returns is done once it is on the disk.
 
         Raises:
             StoreError: nothing was changed.
             OutcomeUnknown: nobody knows whether it was, and the file is broken until `close`.
         """
-        await self._ask(change, None)
+        return self._ask(change, None)
 
     async def change_alone(self, work: Callable[[sqlite3.Connection], None]) -> None:
         """Do something in a transaction of its own; it is on the disk when this returns."""
@@ -96,7 +96,7 @@ class Writer(Generic[_Change]):
 
     # On the loop
 
-    async def _ask(self, change: _Change | None, alone: Callable[[], Any] | None) -> Any:
+    def _ask(self, change: _Change | None, alone: Callable[[], Any] | None) -> asyncio.Future[Any]:
         loop = asyncio.get_running_loop()
         if self._loop is not loop:  # another run of asyncio: nobody of the one before waits
             self._loop, self._is_busy = loop, False
@@ -107,7 +107,7 @@ class Writer(Generic[_Change]):
             self._is_busy = True
             # In a moment: what else is asked for in this turn of the loop comes with it.
             loop.call_soon(self._next, loop)
-        return await answer
+        return answer
 
     def _next(self, loop: asyncio.AbstractEventLoop) -> None:
         waiting = self._waiting

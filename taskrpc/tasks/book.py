@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
 from itertools import islice
 
 import msgspec
@@ -31,7 +32,7 @@ class TaskBook:
         self._keep_ended = keep_ended
         self._tasks: dict[int, Task] = {}
         self._ended: dict[int, None] = {}  # an ordered set, the oldest end first
-        self._commits: dict[int, asyncio.Task[None]] = {}  # task_id -> its newest commit
+        self._commits: dict[int, asyncio.Future[None]] = {}  # task_id -> its newest commit
         self._next_id = 1
         self._next_arrival = 1
         self._problem = ""
@@ -77,14 +78,16 @@ class TaskBook:
         """Iterate over the ended tasks, the newest end first."""
         return (self._tasks[task_id] for task_id in reversed(self._ended))
 
-    async def save(
+    def save(
         self,
         *tasks: Task,
         completion: Completion | None = None,
         clients: Sequence[Client] = (),
         undo: Callable[[], object] = lambda: None,
-    ) -> None:
-        """Store tasks and announce them; once begun it runs to its end, whoever stops waiting.
+    ) -> asyncio.Future[None]:
+        """Store tasks and announce them; await what it returns.
+
+        It runs to its end, whoever stops waiting.
 
         The completion of the request that brought the tasks, and what else the store shall forget
         of clients, are stored with them. `undo` is called where nothing was announced, before
@@ -94,11 +97,15 @@ class TaskBook:
             StoreError: nothing was stored and nothing announced.
             OutcomeUnknown: nothing was announced; the next server will know what was stored.
         """
-        commit = asyncio.ensure_future(self._commit(tasks, completion, clients, undo))
+        forgotten = self._surplus(tasks)
+        # Callbacks, and a future of the caller's own, which he may cancel: a task and a shield
+        # before it would take five turns of the loop for each change.
+        commit = asyncio.ensure_future(self._store.apply(tasks, forgotten, completion, clients))
         for task in tasks:
             self._commits[task.task_id] = commit
-        commit.add_done_callback(lambda _: self._forget_commit(commit, tasks))
-        await asyncio.shield(commit)
+        saved = asyncio.get_running_loop().create_future()
+        commit.add_done_callback(partial(self._committed, saved, tasks, forgotten, undo))
+        return saved
 
     async def remember_pause(self, paused: bool) -> None:
         """Store whether the queue stands still; raises StoreError."""
@@ -146,34 +153,40 @@ class TaskBook:
         self._note(task)
         self.board.announce(task.task_id)
 
-    async def _commit(
+    def _committed(
         self,
+        saved: asyncio.Future[None],
         tasks: tuple[Task, ...],
-        completion: Completion | None,
-        clients: Sequence[Client],
+        forgotten: list[int],
         undo: Callable[[], object],
+        commit: asyncio.Future[None],
     ) -> None:
-        forgotten = self._surplus(tasks)
-        try:
-            await self._store.apply(tasks, forgotten, completion, clients)
-        except TaskRpcError as error:
+        for task in tasks:
+            if self._commits.get(task.task_id) is commit:
+                del self._commits[task.task_id]
+        error = asyncio.CancelledError() if commit.cancelled() else commit.exception()
+        if error is None:
+            self._problem = ""
+            self._know(tasks, forgotten)
+        elif isinstance(error, TaskRpcError):
             self._problem = told(error)
             undo()
-            raise
-        self._problem = ""
+        if saved.done():
+            return  # nobody waits any more
+        if error is None:
+            saved.set_result(None)
+        elif commit.cancelled():
+            saved.cancel()
+        else:
+            saved.set_exception(error)
+
+    def _know(self, tasks: tuple[Task, ...], forgotten: list[int]) -> None:
         for task_id in forgotten:
             self._tasks.pop(task_id, None)
             self._ended.pop(task_id, None)
         for task in tasks:
             self._note(task)
             self.board.announce(task.task_id)
-
-    def _forget_commit(self, commit: asyncio.Task[None], tasks: tuple[Task, ...]) -> None:
-        if not commit.cancelled():
-            commit.exception()  # seen, also where nobody waits for it any more
-        for task in tasks:
-            if self._commits.get(task.task_id) is commit:
-                del self._commits[task.task_id]
 
     def _note(self, task: Task) -> None:
         self._tasks[task.task_id] = task
@@ -186,7 +199,9 @@ class TaskBook:
 
         What is on its way to the store stays: it may be about to be queued once more.
         """
-        ending = sum(task.state.is_ended for task in tasks)
-        surplus = max(0, len(self._ended) + ending - self._keep_ended) if ending else 0
-        idle = (task_id for task_id in self._ended if task_id not in self._commits)
-        return list(islice(idle, surplus))
+        ending = [task.task_id for task in tasks if task.state.is_ended]
+        if not ending:
+            return []
+        busy = {*self._commits, *(task.task_id for task in tasks)}
+        idle = (task_id for task_id in self._ended if task_id not in busy)
+        return list(islice(idle, max(0, len(self._ended) + len(ending) - self._keep_ended)))

@@ -7,7 +7,8 @@ the middle changes the plan of the one behind it, not of all.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain
 from typing import NamedTuple, TypeAlias
 
 from taskrpc.robot.protocol import Plan, Pose
@@ -53,6 +54,7 @@ class Chain:
         self._levels: dict[int, SumTree[_Link]] = {
             p: SumTree() for p in range(PRIORITY_MAX, PRIORITY_MIN - 1, -1)
         }
+        self._links: dict[int, _Link] = {}  # by arrival
 
     def insert(self, task: Task) -> list[Shift]:
         """Add a task at its place and return by how much those behind it shift."""
@@ -60,15 +62,17 @@ class Chain:
         start = before.plan.end if before else self._base
         link = _Link(task, start, self._plan(task, start))
         self._levels[task.priority].insert(task.arrival, link, link.plan.seconds)
+        self._links[task.arrival] = link
         return self._shifts(task, link.plan.seconds, link)
 
     def amend(self, task: Task) -> None:
         """Write a task anew that stands here, at the same place and with the same plan."""
-        self._levels[task.priority].find(task.arrival).task = task
+        self._links[task.arrival].task = task
 
     def remove(self, task: Task) -> list[Shift]:
         """Take a task out and return by how much those behind it shift."""
         link = self._levels[task.priority].remove(task.arrival)
+        del self._links[task.arrival]
         return self._shifts(task, -link.plan.seconds, self._before(task.priority, task.arrival))
 
     def take_first(self) -> Plan:
@@ -78,6 +82,7 @@ class Chain:
         """
         first = next(self._links_behind(RUNNING_KEY))
         self._levels[first.task.priority].remove(first.task.arrival)
+        del self._links[first.task.arrival]
         self._base = first.plan.end
         return first.plan
 
@@ -86,11 +91,15 @@ class Chain:
         if base == self._base:
             return []
         self._base = base
-        return list(self._relink(RUNNING_KEY, None))
+        return list(self._relink(self._links_behind(RUNNING_KEY), None))
 
     def seconds_through(self, task: Task) -> float:
         """Seconds from the start of the first queued task to the end of this one."""
-        higher = sum(self._levels[p].weight for p in self._levels if p > task.priority)
+        higher = 0.0
+        for priority, level in self._levels.items():
+            if priority <= task.priority:
+                break
+            higher += level.weight
         return higher + self._levels[task.priority].weight_through(task.arrival)
 
     def walk(self, after: Key = RUNNING_KEY) -> Iterator[tuple[Task, float]]:
@@ -114,18 +123,19 @@ class Chain:
 
     def _links_behind(self, key: Key) -> Iterator[_Link]:
         for priority, level in self._levels.items():
-            if level and -priority >= key[0]:
+            if -priority >= key[0] and level:
                 yield from level.behind(key[1] if -priority == key[0] else -1)
 
     def _shifts(self, task: Task, seconds: float, before: _Link | None) -> list[Shift]:
         """What a task that came or went means for those behind it, whom now a link precedes."""
-        if next(self._links_behind(task.key), None) is None:
+        behind = self._links_behind(task.key)
+        if (first := next(behind, None)) is None:
             return []
-        return [Shift(task.key, seconds), *self._relink(task.key, before)]
+        return [Shift(task.key, seconds), *self._relink(chain((first,), behind), before)]
 
-    def _relink(self, key: Key, before: _Link | None) -> Iterator[Shift]:
-        """Plan anew behind a place, until a task ends where it ended before."""
-        for link in self._links_behind(key):
+    def _relink(self, links: Iterable[_Link], before: _Link | None) -> Iterator[Shift]:
+        """Plan anew from a place on, until a task ends where it ended before."""
+        for link in links:
             start = before.plan.end if before else self._base
             if link.start == start:
                 return

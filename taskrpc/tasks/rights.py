@@ -24,27 +24,19 @@ ROLES = {
 
 def client_name() -> str:
     """Whose task the running call submits: the account's, else the calling node's."""
+    return submitter()[0]
+
+
+def submitter() -> tuple[str, str, str]:
+    """The same; the call's account, "" for whoever has the server's own token; and its machine.
+
+    The last is an address, "" for this one.
+    """
     try:
         call = current_call()
     except LookupError:  # called without a network
-        return ""
-    return call.principal or call.caller
-
-
-def account_name() -> str:
-    """The account of the running call, "" for whoever has the server's own token."""
-    try:
-        return current_call().principal
-    except LookupError:
-        return ""
-
-
-def machine_name() -> str:
-    """The address of the machine that makes the running call, "" for this one."""
-    try:
-        return current_call().machine
-    except LookupError:
-        return ""
+        return "", "", ""
+    return call.principal or call.caller, call.principal, call.machine
 
 
 def refuse_others_task(task: Task | None) -> None:

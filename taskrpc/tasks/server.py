@@ -23,13 +23,7 @@ from taskrpc.tasks.listing import page
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.messages import Messages
 from taskrpc.tasks.model import Task
-from taskrpc.tasks.rights import (
-    ROLES,
-    account_name,
-    client_name,
-    machine_name,
-    refuse_others_task,
-)
+from taskrpc.tasks.rights import ROLES, client_name, refuse_others_task, submitter
 from taskrpc.tasks.store import TaskStore
 from taskrpc.wire.once import Completion
 
@@ -222,7 +216,8 @@ class TaskServer:
 
         @functools.wraps(handler)
         async def guarded(request: Any, response: Any) -> Any:
-            await self._started.wait()
+            if not self._started.is_set():
+                await self._started.wait()
             if self.manager.is_closed:  # the store is, too; and nothing was done
                 raise HandlerError(Code.UNAVAILABLE, "the task server is ending")
             try:
@@ -238,17 +233,19 @@ class TaskServer:
 
     async def submit(self, request: Any, response: Any) -> Any:
         """Queue a task; see RobotTask.srv."""
+        client, account, machine = submitter()
         answer = await self.manager.submit(
             request.task_type,
             request.target,
             request.priority,
-            client=client_name(),
-            account=account_name(),
-            machine=machine_name(),
+            client=client,
+            account=account,
+            machine=machine,
             completing=lambda answer: _completed(_answered(response, answer)),
         )
-        if not answer.success:
-            _nothing_done()
+        if answer.success:
+            return response  # it was filled in to be stored
+        _nothing_done()
         return _answered(response, answer)
 
     async def list_tasks(self, request: Any, response: Any) -> Any:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -44,16 +45,16 @@ class SqliteStore:
         """Return everything that is remembered; see `TaskStore.load`."""
         return await self._writer.read(task_tables.load)
 
-    async def apply(
+    def apply(
         self,
         saved: Sequence[Task],
         forgotten: Sequence[int] = (),
         completion: Completion | None = None,
         clients: Sequence[Client] = (),
-    ) -> None:
-        """Remember and forget in one transaction, on disk when it returns."""
+    ) -> asyncio.Future[None]:
+        """Remember and forget in one transaction; what it returns is done once it is on disk."""
         rows = [task_tables.row_of(task) for task in saved]
-        await self._writer.change(Change(rows, forgotten, completion, clients))
+        return self._writer.change(Change(rows, forgotten, completion, clients))
 
     async def remember_pause(self, paused: bool) -> None:
         """Remember whether the queue stands still, on disk when it returns."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Awaitable, Sequence
 from typing import Protocol
 
 import msgspec
@@ -41,14 +41,16 @@ class TaskStore(Protocol):
             StoreError: there is something that cannot be read, or another server uses it.
         """
 
-    async def apply(
+    def apply(
         self,
         saved: Sequence[Task],
         forgotten: Sequence[int] = (),
         completion: Completion | None = None,
         clients: Sequence[Client] = (),
-    ) -> None:
+    ) -> Awaitable[None]:
         """Remember these tasks as they are now and forget those numbers; all of it or nothing.
+
+        May be `async`. Whoever stops waiting does not stop it.
 
         With them it forgets all completions of `clients` and remembers `completion`; what the same
         client has completed below `completion.first_incomplete` is forgotten too.

@@ -28,10 +28,6 @@ class _Node:
         self.parts = parts
         self.weights = weights
 
-    def part_of(self, number: int) -> int:
-        """Which part a number belongs to."""
-        return max(0, bisect_right(self.numbers, number) - 1)
-
     def put(self, at: int, number: int, part: Any, weight: float) -> None:
         self.numbers.insert(at, number)
         self.parts.insert(at, part)
@@ -65,14 +61,11 @@ class SumTree(Generic[_Value]):
 
     def __init__(self) -> None:
         self._root = _Node(True, [], [], [])
+        self.weight = 0.0
+        """The weight of all."""
 
     def __bool__(self) -> bool:
         return bool(self._root.parts)
-
-    @property
-    def weight(self) -> float:
-        """The weight of all."""
-        return sum(self._root.weights)
 
     def insert(self, number: int, value: _Value, weight: float) -> None:
         """Add a value whose number is not there."""
@@ -93,12 +86,6 @@ class SumTree(Generic[_Value]):
         leaf, at, way = self._found(number)
         leaf.weights[at] = weight
         self._renew(way)
-
-    def find(self, number: int) -> _Value:
-        """The value of a number. Raises KeyError."""
-        leaf, at, _ = self._found(number)
-        value: _Value = leaf.parts[at]
-        return value
 
     def before(self, number: int) -> _Value | None:
         """The last value whose number is smaller, None if there is none."""
@@ -133,7 +120,9 @@ class SumTree(Generic[_Value]):
         """The leaf that a number belongs to, and the way to it from the root."""
         node, way = self._root, []
         while not node.is_leaf:
-            at = node.part_of(number)
+            at = bisect_right(node.numbers, number) - 1
+            if at < 0:  # noqa: PLR1730 (calling max costs as much as the rest)
+                at = 0
             way.append((node, at))
             node = node.parts[at]
         return node, way
@@ -155,6 +144,7 @@ class SumTree(Generic[_Value]):
             self._root = above
         while not root.is_leaf and len(root.parts) <= 1:
             root = self._root = root.parts[0] if root.parts else _Node(True, [], [], [])
+        self.weight = sum(self._root.weights)
 
 
 def _values(node: _Node) -> Iterator[Any]:

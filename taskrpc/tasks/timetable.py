@@ -10,7 +10,7 @@ Instants and spans are robot seconds, on the robot's clock; the caller says what
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 import msgspec
 
@@ -57,14 +57,14 @@ class Timetable:
         """By how much later than presumed the robot will be free for the first queued task."""
         return free_at - self._presumed
 
-    def reckon(self, free_at: float, cause: str) -> None:
-        """Say when the robot will be free, and why that may differ from what was presumed."""
+    def reckon(self, free_at: float, cause: Callable[[], str]) -> None:
+        """Say when the robot will be free, and why, if that differs from what was presumed."""
         self._free_at = free_at
         drift = self.drift(free_at)
         if not self._promises:
             self._presumed = free_at
         elif abs(drift) > self._tolerance:
-            self.log.add(_EVERYBODY, drift, cause)
+            self.log.add(_EVERYBODY, drift, cause())
             self._presumed = free_at
 
     def rebase(self, pose: Pose, cause: str) -> None:
@@ -73,9 +73,8 @@ class Timetable:
 
     def accept(self, task: Task, now: float) -> Task:
         """Queue a task and return it with its estimate: seconds from `now` until it is done."""
-        self._enter(
-            self.queue.put(task), f"task {task.task_id}, priority {task.priority}, went ahead"
-        )
+        if shifts := self.queue.put(task):
+            self._enter(shifts, f"task {task.task_id}, priority {task.priority}, went ahead")
         seconds = self.seconds_ahead(now) + self.queue.seconds_through(task)
         promise = Promise(task.task_id, seconds, now, self.log.mark(), task.key)
         self._promises[task.task_id] = promise

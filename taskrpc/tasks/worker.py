@@ -85,7 +85,7 @@ class Worker:
         """Bring the timetable up to date, before somebody asks it."""
         if self.run is None:
             self._timetable.rebase(self._guard.pose(), "the robot was moved")
-        self._reckon(self._cause())
+        self._reckon(self._cause)
 
     async def pause(self) -> str:
         """Halt the robot and take no more tasks; returns what went wrong, else an empty text."""
@@ -177,14 +177,14 @@ class Worker:
         try:
             cause = _ENDINGS.get(await run.wait())
             cause = f"task {task.task_id} {cause}" if cause else self._cause()
-            self._reckon(cause)
+            self._reckon(lambda: cause)
             changes = self._timetable.end(self.now())
             self._timetable.rebase(self._guard.pose(), cause)
             await run.end(changes)
         finally:
             self.run = None
 
-    def _reckon(self, cause: str) -> None:
+    def _reckon(self, cause: Callable[[], str]) -> None:
         self._timetable.reckon(self.now() + self._busy(), cause)
 
     def _busy(self) -> float:
