@@ -36,6 +36,7 @@ _PURPOSES = {
     "classroom": "Let the laptops of a class call the robot here",
     "join": "Let programs of this user call a lab's server",
     "leave": "Forget the lab that was joined",
+    "run": "Run a ROS 2 program without ROS",
     "demo": "Watch a task server, three clients and a robot at work",
 }
 
