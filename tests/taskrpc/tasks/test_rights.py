@@ -4,9 +4,11 @@ import asyncio
 
 import pytest
 
+import srvgen
 import taskrpc
 from taskrpc import Account, Accounts, Role
 from taskrpc.tasks import MemoryStore, TaskServer
+from taskrpc.tasks.rights import ROLES
 from tests.taskrpc.tasks.fakes import LineRobot
 from tests.taskrpc.tasks.test_server import Client
 
@@ -95,3 +97,36 @@ async def test_a_task_is_its_accounts_whatever_the_node_is_called(people):
     await people["submit"].submit("move", "3", 5)
     shown = await people["observe"]("ShowTask", task_id=1)
     assert shown.task.client == "submit"
+
+
+async def test_no_service_of_the_task_server_has_its_role_by_accident():
+    async with (
+        taskrpc.Node("task_server", transport="memory") as node,
+        TaskServer(node, LineRobot(), MemoryStore()),
+    ):
+        roles = {each.name: each.role for each in node._transport.offers.values()}
+    below = {f"/robot_task/{verb}": role for verb, role in ROLES.items()}
+    assert roles == {"/robot_task": Role.SUBMIT, **below}
+
+
+async def test_who_may_only_look_is_told_of_services_definitions_and_health(people):
+    looking = people["observe"]._node
+    services = {name for entry in await looking.graph() for name in map(_name, entry.services)}
+    assert {"/robot_task", "/robot_task/health", "/robot_task/stop"} <= services
+    assert (await looking.definition("/robot_task/stop"))[0] == "taskrpc_interfaces/srv/StopRobot"
+    trigger = srvgen.load("std_srvs/srv/Trigger")
+    client = looking.create_client(trigger, "/robot_task/health")
+    assert (await client.call(trigger.Request())).success
+
+
+async def test_a_stranger_is_told_of_nothing(people):
+    place = people["observe"]._node._transport.network.peers()[0].place
+    async with taskrpc.Node("stranger", peers=[place], token="eve.eves-secret-eves-sec") as eve:
+        asked = [entry for entry in await eve.graph() if not entry.pid]  # others are the registry's
+        assert asked == []
+        with pytest.raises(taskrpc.AuthenticationFailed):
+            await eve.definition("/robot_task")
+
+
+def _name(endpoint):
+    return endpoint.name
