@@ -1,0 +1,584 @@
+"""Executors: what they run, in what order, on which threads, and how they end."""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+import time
+
+import pytest
+
+from taskrpc.rclpy.callback_groups import (
+    MutuallyExclusiveCallbackGroup,
+    ReentrantCallbackGroup,
+)
+from taskrpc.rclpy.context import Context
+from taskrpc.rclpy.exceptions import InvalidHandle
+from taskrpc.rclpy.executors import (
+    ConditionReachedException,
+    Executor,
+    ExternalShutdownException,
+    MultiThreadedExecutor,
+    ShutdownException,
+    SingleThreadedExecutor,
+    TimeoutException,
+    TimeoutObject,
+    current_callback,
+)
+from taskrpc.rclpy.experimental import EventsExecutor
+from taskrpc.rclpy.future import Future
+from taskrpc.rclpy.waitable import Waitable
+from tests.rclpy.fakes import FakeNode
+
+
+@pytest.fixture
+def pool(context, fake):
+    with MultiThreadedExecutor(4, context=context) as pool:
+        pool.add_node(fake)
+        yield pool
+
+
+def spin_until(executor, condition, seconds=5.0):
+    end = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < end, "it never happened"
+        executor.spin_once(0.05)
+
+
+# One callback at a time
+
+
+def test_spin_once_without_work_returns_at_the_timeout(executor):
+    executor.spin_once(0)
+    executor.spin_once(timeout_sec=0.001)
+    executor.spin_once(TimeoutObject(0.001))
+
+
+def test_spin_once_runs_one_callback(executor, fake):
+    seen = []
+    one, two = fake.guard(lambda: seen.append(1)), fake.guard(lambda: seen.append(2))
+    one.trigger()
+    two.trigger()
+    executor.spin_once(0)
+    assert seen == [1]
+    executor.spin_once(0)
+    assert seen == [1, 2]
+    executor.spin_once(0)
+    assert seen == [1, 2]
+
+
+def test_all_that_is_ready_has_its_turn_before_anything_has_a_second_one(executor, fake):
+    seen = []
+
+    def busy():
+        seen.append("busy")
+        always.trigger()
+
+    always, other = fake.guard(busy), fake.guard(lambda: seen.append("other"))
+    always.trigger()
+    other.trigger()
+    for _ in range(3):
+        executor.spin_once(0)
+    assert seen == ["busy", "other", "busy"]
+
+
+def test_timers_come_before_guard_conditions_and_waitables_before_both(executor, fake):
+    seen = []
+
+    class Own(Waitable):
+        there = True
+
+        def is_ready(self, wait_set):
+            return self.there
+
+        def take_data(self):
+            self.there = False
+            return "data"
+
+        async def execute(self, taken_data):
+            seen.append(taken_data)
+
+    fake.guard(lambda: seen.append("guard")).trigger()
+    fake.timer(0, lambda: (seen.append("timer"), fake.timers[0].cancel()))
+    fake.add_waitable(Own(ReentrantCallbackGroup()))
+    for _ in range(4):
+        executor.spin_once(0)
+    assert seen == ["data", "timer", "guard"]
+
+
+def test_what_a_callback_raises_leaves_spin_and_what_is_left_runs_later(executor, fake):
+    seen = []
+    fake.guard(lambda: 1 / 0).trigger()
+    fake.guard(lambda: seen.append(1)).trigger()
+    with pytest.raises(ZeroDivisionError):
+        executor.spin()
+    executor.spin_once(0)
+    assert seen == [1]
+
+
+def test_an_exit_in_a_callback_leaves_spin_and_frees_its_group(executor, fake):
+    guard = fake.guard(lambda: exit(2))
+    guard.trigger()
+    with pytest.raises(SystemExit):
+        executor.spin()
+    assert fake.group.can_execute(guard)
+
+
+def test_a_destroyed_guard_condition_is_silent(executor, fake):
+    guard = fake.guard(lambda: pytest.fail("it was destroyed"))
+    guard.trigger()
+    guard.destroy()
+    executor.spin_once(0)
+    with pytest.raises(InvalidHandle, match="destruction was requested"):
+        guard.trigger()
+
+
+# Coroutines
+
+
+def test_a_coroutine_callback_goes_on_in_a_later_round(executor, fake):
+    seen = []
+
+    async def callback():
+        seen.append("began")
+        await asyncio.sleep(0)
+        seen.append("went on")
+
+    fake.guard(callback).trigger()
+    executor.spin_once(0)
+    assert seen == ["began"]
+    executor.spin_once(0)
+    assert seen == ["began", "went on"]
+
+
+def test_a_coroutine_that_waits_holds_its_exclusive_group(executor, fake):
+    future, seen = Future(), []
+
+    async def callback():
+        await future
+
+    fake.guard(callback).trigger()
+    executor.spin_once(0)
+    fake.guard(lambda: seen.append(1)).trigger()
+    executor.spin_once(0)
+    assert seen == []
+    future.set_result(None)
+    executor.spin_once(0)
+    executor.spin_once(0)
+    assert seen == [1]
+
+
+def test_in_a_reentrant_group_others_run_while_a_coroutine_waits(executor, fake):
+    group, future, seen = ReentrantCallbackGroup(), Future(), []
+
+    async def callback():
+        seen.append(await future)
+
+    fake.guard(callback, group).trigger()
+    fake.guard(lambda: future.set_result("answer"), group).trigger()
+    for _ in range(3):
+        executor.spin_once(0)
+    assert seen == ["answer"]
+
+
+def test_what_a_coroutine_raises_after_it_waited_leaves_spin(executor, fake):
+    async def callback():
+        await asyncio.sleep(0)
+        raise ValueError("late")
+
+    guard = fake.guard(callback)
+    guard.trigger()
+    with pytest.raises(ValueError, match="late"):
+        executor.spin()
+    assert fake.group.can_execute(guard)
+
+
+def test_a_coroutine_that_always_yields_starves_nobody(executor, fake):
+    seen = []
+
+    async def callback():
+        while not seen:
+            await asyncio.sleep(0)
+
+    fake.guard(callback, ReentrantCallbackGroup()).trigger()
+    executor.spin_once(0)
+    fake.guard(lambda: seen.append(1)).trigger()
+    spin_until(executor, lambda: seen)
+
+
+# Tasks
+
+
+def test_a_task_runs_when_somebody_spins(executor):
+    task = executor.create_task(lambda a, b: a + b, 1, b=2)
+    assert not task.done()
+    executor.spin_once(0)
+    assert task.result() == 3
+
+
+@pytest.mark.parametrize(
+    ("kind", "order"), [(SingleThreadedExecutor, "cba"), (EventsExecutor, "abc")]
+)
+def test_tasks_that_wait_run_youngest_first_and_in_the_events_executor_oldest_first(
+    context, kind, order
+):
+    executor, seen = kind(context=context), []
+    for letter in "abc":
+        executor.create_task(seen.append, letter)
+    for _ in range(3):
+        executor.spin_once(0)
+    assert "".join(seen) == order
+
+
+@pytest.mark.parametrize("kind", [SingleThreadedExecutor, EventsExecutor])
+def test_a_task_that_awaits_another_goes_on_in_the_round_after_it(context, kind):
+    executor = kind(context=context)
+
+    async def first():
+        return await made[second]
+
+    async def second():
+        return "second"
+
+    order = [second, first] if kind is SingleThreadedExecutor else [first, second]
+    made = {each: executor.create_task(each) for each in order}
+    executor.spin_once(0)
+    executor.spin_once(0)
+    assert (made[first].done(), made[second].done()) == (False, True)
+    executor.spin_once(1)
+    assert made[first].result() == "second"
+
+
+def test_a_cancelled_task_does_not_run(executor):
+    async def coroutine():
+        pytest.fail("it was cancelled")
+
+    task = executor.create_task(coroutine)
+    task.cancel()
+    executor.spin_until_future_complete(task)
+    executor.spin_once(0)
+    assert (task.done(), task.cancelled(), task.result()) == (False, True, None)
+
+
+def test_what_a_task_raises_leaves_spin(executor):
+    executor.create_task(lambda: 1 / 0)
+    with pytest.raises(ZeroDivisionError):
+        executor.spin_once(0)
+
+
+# Spinning for a future
+
+
+def test_spinning_for_a_future_that_is_done_returns_at_once(executor):
+    future = Future()
+    future.set_result(1)
+    executor.spin_until_future_complete(future)
+
+
+def test_spinning_for_a_future_without_waiting_leaves_it_pending(executor):
+    future = Future()
+    executor.spin_until_future_complete(future, timeout_sec=0)
+    assert not future.done()
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("timeout", [None, -1, 5])
+def test_a_future_completed_by_another_thread_ends_the_spinning(executor, timeout):
+    future = executor.create_future()
+    threading.Timer(0.01, future.set_result, ["there"]).start()
+    executor.spin_until_future_complete(future, timeout)
+    assert future.result() == "there"
+
+
+@pytest.mark.real_time
+def test_the_timeout_ends_the_spinning_not_before_its_time(executor, fake):
+    fake.timer(0.003, lambda: None)
+    begin = time.perf_counter()
+    executor.spin_until_future_complete(Future(), timeout_sec=0.05)
+    assert time.perf_counter() - begin >= 0.05
+
+
+def test_spinning_many_times_for_one_future_leaves_one_waiter(executor):
+    future = Future()
+    for _ in range(10):
+        executor.spin_until_future_complete(future, timeout_sec=0)
+        executor.spin_once_until_future_complete(future, 0)
+    assert len(future._waiters) == 1
+
+
+# Nodes
+
+
+def test_a_node_is_added_once_and_belongs_to_the_executor(executor, fake):
+    assert fake.executor is executor
+    assert not executor.add_node(fake)
+    assert executor.get_nodes() == [fake]
+
+
+def test_a_removed_node_is_not_served(executor, fake):
+    guard = fake.guard(lambda: pytest.fail("its node was removed"))
+    guard.trigger()
+    executor.remove_node(fake)
+    executor.spin_once(0)
+    assert executor.get_nodes() == []
+
+
+def test_a_node_removed_in_the_middle_of_a_round_is_not_served(executor, fake):
+    fake.guard(lambda: executor.remove_node(fake)).trigger()
+    fake.guard(lambda: pytest.fail("its node was removed")).trigger()
+    executor.spin_once(0)
+    executor.spin_once(0)
+
+
+def test_what_is_created_later_is_served(executor, fake):
+    executor.spin_once(0)
+    seen = []
+    fake.guard(lambda: seen.append(1)).trigger()
+    executor.spin_once(0)
+    assert seen == [1]
+
+
+@pytest.mark.real_time
+def test_a_sleeping_executor_is_woken_by_what_arrives_and_by_a_node(context, fake):
+    executor = SingleThreadedExecutor(context=context)
+    seen = threading.Event()
+    guard = fake.guard(seen.set)
+    thread = threading.Thread(target=executor.spin_once)
+    thread.start()
+    time.sleep(0.02)
+    guard.trigger()
+    executor.add_node(fake)
+    thread.join(5)
+    assert seen.is_set()
+    thread = threading.Thread(target=executor.spin_once)
+    thread.start()
+    time.sleep(0.02)
+    seen.clear()
+    guard.trigger()
+    thread.join(5)
+    assert seen.is_set()
+
+
+# Ends
+
+
+@pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
+def test_an_executor_that_was_shut_down_has_no_work(context, kind):
+    executor = kind(context=context)
+    work = executor._wait_for_ready_callbacks()
+    executor.shutdown()
+    with pytest.raises(ShutdownException):
+        executor.wait_for_ready_callbacks()
+    with pytest.raises(ShutdownException):
+        next(work)
+    executor.spin()
+    assert executor.shutdown()
+
+
+def test_waiting_for_work_says_why_there_is_none(executor):
+    with pytest.raises(TimeoutException):
+        executor.wait_for_ready_callbacks(timeout_sec=0)
+    with pytest.raises(ConditionReachedException):
+        executor.wait_for_ready_callbacks(condition=lambda: True)
+
+
+def test_a_custom_executor_gets_work_from_what_waits_for_it(context, fake):
+    class Own(Executor):
+        def spin_once(self, timeout_sec=None):
+            task, self.entity, self.node = self.wait_for_ready_callbacks(timeout_sec)
+            task()
+
+    executor, seen = Own(context=context), []
+    executor.add_node(fake)
+    guard = fake.guard(lambda: seen.append(1))
+    guard.trigger()
+    executor.spin_once(0)
+    assert (seen, executor.entity, executor.node) == ([1], guard, fake)
+    executor.create_task(seen.append, 2)
+    executor.spin_once(0)
+    assert seen == [1, 2]
+
+
+def test_work_can_be_asked_for_of_some_nodes_only(context, executor, fake):
+    other, seen = FakeNode(context), []
+    executor.add_node(other)
+    fake.guard(lambda: seen.append("first")).trigger()
+    other.guard(lambda: seen.append("second")).trigger()
+    task, _, node = executor.wait_for_ready_callbacks(0, [other])
+    task()
+    assert (seen, node) == (["second"], other)
+
+
+def test_the_contexts_end_ends_spin_with_an_exception_unless_a_callback_ended_it(context, fake):
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(fake)
+    fake.guard(context.shutdown).trigger()
+    executor.spin()
+    with pytest.raises(ExternalShutdownException):
+        executor.spin_once()
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
+def test_the_contexts_end_wakes_who_spins(kind):
+    context = Context()
+    context.init([])
+    executor, ends = kind(context=context), []
+
+    def spin():
+        try:
+            executor.spin()
+            ends.append("returned")
+        except ExternalShutdownException:
+            ends.append("raised")
+
+    thread = threading.Thread(target=spin)
+    thread.start()
+    time.sleep(0.02)
+    context.shutdown()
+    thread.join(5)
+    executor.shutdown()
+    assert ends == ["raised" if kind is SingleThreadedExecutor else "returned"]
+
+
+@pytest.mark.real_time
+def test_a_shutdown_wakes_who_spins(executor, fake):
+    fake.timer(10, lambda: None)
+    thread = threading.Thread(target=executor.spin)
+    thread.start()
+    executor.shutdown()
+    thread.join(5)
+    assert not thread.is_alive()
+
+
+def test_a_callback_may_shut_its_executor_down(executor, fake):
+    fake.guard(executor.shutdown).trigger()
+    executor.spin()
+
+
+def test_leaving_the_with_block_shuts_down(context):
+    with SingleThreadedExecutor(context=context) as executor:
+        assert not executor._is_shutdown
+    assert executor._is_shutdown
+
+
+# Threads
+
+
+@pytest.mark.real_time
+def test_a_pool_runs_callbacks_of_several_groups_at_once(pool, fake):
+    both = threading.Barrier(2, timeout=5)
+    done = []
+
+    def meet():
+        both.wait()
+        done.append(threading.get_ident())
+
+    fake.guard(meet, MutuallyExclusiveCallbackGroup()).trigger()
+    fake.guard(meet, MutuallyExclusiveCallbackGroup()).trigger()
+    spin_until(pool, lambda: len(done) == 2)
+    assert len(set(done)) == 2
+
+
+@pytest.mark.real_time
+def test_a_pool_runs_one_callback_of_an_exclusive_group_at_a_time(pool, fake):
+    inside, seen = threading.Lock(), []
+
+    def alone():
+        assert inside.acquire(blocking=False), "two at once"
+        time.sleep(0.01)
+        inside.release()
+        seen.append(1)
+
+    guards = [fake.guard(alone) for _ in range(4)]
+    for guard in guards:
+        guard.trigger()
+    spin_until(pool, lambda: len(seen) == 4)
+
+
+@pytest.mark.real_time
+def test_what_a_callback_in_a_pool_raises_leaves_spin(pool, fake):
+    guard = fake.guard(lambda: 1 / 0)
+    for _ in range(2):
+        guard.trigger()
+        with pytest.raises(ZeroDivisionError):
+            pool.spin()
+
+
+@pytest.mark.real_time
+def test_an_exit_in_a_pool_leaves_spin(pool, fake):
+    fake.guard(lambda: exit(3)).trigger()
+    with pytest.raises(SystemExit):
+        pool.spin()
+
+
+@pytest.mark.real_time
+def test_a_coroutine_in_a_pool_is_resumed_by_a_future_of_another_thread(pool, fake):
+    future, seen = Future(), []
+
+    async def wait():
+        seen.append(await future)
+
+    fake.guard(wait).trigger()
+    threading.Timer(0.02, future.set_result, ["here"]).start()
+    spin_until(pool, lambda: seen)
+    assert seen == ["here"]
+
+
+@pytest.mark.real_time
+def test_a_callback_may_shut_its_pool_down(context, fake):
+    pool = MultiThreadedExecutor(2, context=context)
+    pool.add_node(fake)
+    fake.guard(pool.shutdown).trigger()
+    pool.spin()
+    assert not pool.spin_once(0)
+
+
+def test_a_pool_of_one_thread_is_a_warning(context):
+    with pytest.warns(UserWarning, match="Use the SingleThreadedExecutor instead"):
+        MultiThreadedExecutor(1, context=context).shutdown()
+
+
+def test_two_threads_may_spin_one_executor(executor, fake):
+    seen = []
+    for _ in range(50):
+        fake.guard(lambda: seen.append(threading.get_ident()), ReentrantCallbackGroup()).trigger()
+    threads = [
+        threading.Thread(target=lambda: [executor.spin_once(0) for _ in range(50)])
+        for _ in range(2)
+    ]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert len(seen) == 50
+
+
+# What explains deadlocks
+
+
+def test_the_callback_that_runs_on_a_thread_is_known(executor, fake):
+    seen = []
+    guard = fake.guard(lambda: seen.append(current_callback()))
+    assert current_callback() is None
+    guard.trigger()
+    executor.spin_once(0)
+    executor.create_task(lambda: seen.append(current_callback()))
+    executor.spin_once(0)
+    assert [(each.entity, each.executor) for each in seen] == [(guard, executor), (None, executor)]
+    assert current_callback() is None
+
+
+def test_a_callback_that_spins_is_the_outer_one_again_afterwards(executor, fake):
+    seen = []
+    inner = fake.guard(lambda: seen.append(current_callback().entity), ReentrantCallbackGroup())
+
+    def nested():
+        inner.trigger()
+        executor.spin_once(0)
+        seen.append(current_callback().entity)
+
+    outer = fake.guard(nested)
+    outer.trigger()
+    executor.spin_once(0)
+    assert seen == [inner, outer]
