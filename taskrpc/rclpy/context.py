@@ -11,6 +11,7 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from ._arguments import Arguments, parse
 from ._sleep import Sleep
 from .exceptions import RCLError
 from .handle import Handle
@@ -56,7 +57,7 @@ class Context:
         self._domain_id = 0
         self._nodes: list[weakref.ReferenceType[Node]] = []
         self._sleeps: weakref.WeakSet[Sleep] = weakref.WeakSet()
-        self._arguments: list[str] = []
+        self._arguments = Arguments()
 
     @property
     def handle(self) -> ContextHandle | None:
@@ -72,14 +73,15 @@ class Context:
     ) -> None:
         """Begin, with the ROS arguments of a command line (by default, this program's).
 
-        Raises RuntimeError the second time, and for a negative domain id.
+        Raises RuntimeError the second time, for a negative domain id and for ROS arguments that
+        do not exist or cannot be read.
         """
         if domain_id is not None and domain_id < 0:
             raise RuntimeError(f"Domain id ({domain_id}) should not be lower than zero.")
         with self._lock:
             if self._handle is not None:
                 raise RuntimeError("Context.init() must only be called once")
-            self._arguments = list(sys.argv if args is None else args)
+            self._arguments = _read(sys.argv if args is None else args)
             self._domain_id = _domain_of_the_environment() if domain_id is None else domain_id
             self._handle = ContextHandle(self)
             _living.add(self)
@@ -183,6 +185,12 @@ def _reference(callback: Callable[[], Any]) -> Callable[[], Callable[[], Any] | 
     if inspect.ismethod(callback):
         return weakref.WeakMethod(callback)
     return lambda: callback
+
+
+def _read(args: Sequence[str]) -> Arguments:
+    for argument in args:
+        argument.encode()  # ROS passes them on as UTF-8, and so raises UnicodeEncodeError
+    return parse(list(args))
 
 
 def _domain_of_the_environment() -> int:

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import sys
 import threading
+from collections.abc import Sequence
 
+from ._arguments import parse
 from .constants import S_TO_NS
 from .context import Context
 
@@ -18,6 +21,11 @@ def get_default_context(*, shutting_down: bool = False) -> Context:
         context = Context() if _default_context is None else _default_context
         _default_context = None if shutting_down else context
         return context
+
+
+def remove_ros_args(args: Sequence[str] | None = None) -> list[str]:
+    """The arguments without everything from `--ros-args` to `--`."""
+    return parse(list(sys.argv if args is None else args), strict=False).rest
 
 
 def ok(*, context: Context | None = None) -> bool:

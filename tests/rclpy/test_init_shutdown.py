@@ -1,0 +1,207 @@
+"""init, ok and shutdown, and what Ctrl-C and SIGTERM do to a program between them."""
+
+from __future__ import annotations
+
+import signal
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+
+import pytest
+
+from taskrpc import rclpy
+from taskrpc.rclpy import signals, utilities
+from taskrpc.rclpy.exceptions import RCLError
+from taskrpc.rclpy.signals import SignalHandlerOptions
+
+
+@pytest.fixture(autouse=True)
+def down():
+    yield
+    rclpy.try_shutdown()
+
+
+def test_a_program_may_begin_and_end_again_and_again():
+    for _ in range(2):
+        rclpy.init(args=[])
+        assert rclpy.ok()
+        rclpy.shutdown()
+        assert not rclpy.ok()
+
+
+def test_beginning_twice_and_ending_before_the_beginning_are_refused():
+    rclpy.init(args=[])
+    with pytest.raises(RuntimeError, match="must only be called once"):
+        rclpy.init(args=[])
+    rclpy.shutdown()
+    with pytest.raises(RuntimeError, match="must be initialized"):
+        rclpy.shutdown()
+    rclpy.try_shutdown()
+
+
+def test_with_init_gives_the_context_and_ends_it():
+    with rclpy.init(args=[], domain_id=12) as init:
+        assert init.context is rclpy.get_default_context()
+        assert init.context.get_domain_id() == 12
+    assert not init.context.ok()
+    assert signals.get_current_signal_handlers_options() == SignalHandlerOptions.NO
+    rclpy.init(args=[])
+
+
+def test_a_context_of_ones_own_leaves_the_default_one_alone():
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    assert context.ok()
+    assert not rclpy.ok()
+    assert rclpy.ok(context=context)
+    assert signals.get_current_signal_handlers_options() == SignalHandlerOptions.NO
+    rclpy.shutdown(context=context)
+    with pytest.raises(RCLError):
+        rclpy.shutdown(context=context)
+
+
+def test_signals_are_handled_while_rclpy_is_up():
+    before = [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)]
+    rclpy.init(args=[])
+    assert signals.get_current_signal_handlers_options() == SignalHandlerOptions.ALL
+    assert signal.getsignal(signal.SIGINT) is not before[0]
+    rclpy.shutdown()
+    assert signals.get_current_signal_handlers_options() == SignalHandlerOptions.NO
+    assert [signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)] == before
+
+
+def test_a_program_may_keep_its_own_handlers():
+    before = signal.getsignal(signal.SIGINT)
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.NO)
+    assert signal.getsignal(signal.SIGINT) is before
+    rclpy.shutdown()
+    rclpy.init(args=[], signal_handler_options=SignalHandlerOptions.SIGTERM)
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_the_global_executor_ends_with_its_context():
+    rclpy.init(args=[])
+    executor = rclpy.get_global_executor()
+    assert rclpy.get_global_executor() is executor
+    rclpy.shutdown()
+    rclpy.init(args=[])
+    assert rclpy.get_global_executor() is not executor
+
+
+def test_ros_arguments_can_be_removed():
+    args = ["program", "--ros-args", "-p", "a:=1", "--", "mine"]
+    assert utilities.remove_ros_args(args) == ["program", "mine"]
+    assert utilities.remove_ros_args(["--ros-args", "unknown", "--", "mine"]) == ["mine"]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "nanoseconds"), [(None, -1), (-2, -1), (0, 0), (1.5, 15 * 10**8)]
+)
+def test_a_timeout_in_nanoseconds(seconds, nanoseconds):
+    assert utilities.timeout_sec_to_nsec(seconds) == nanoseconds
+
+
+# Signals, in programs of their own
+
+PROGRAM = """
+from taskrpc import rclpy
+from taskrpc.rclpy.executors import ExternalShutdownException
+from tests.rclpy.fakes import FakeNode
+
+rclpy.init(args=[])
+node = FakeNode(rclpy.get_default_context())
+print("up", flush=True)
+"""
+
+windows = sys.platform == "win32"
+not_on_windows = pytest.mark.skipif(windows, reason="Windows sends no such signal")
+
+
+def ended_by(number, body):
+    """How a program ends that gets the signal: status, standard output, standard error."""
+    program = PROGRAM + textwrap.dedent(body)
+    with subprocess.Popen(
+        [sys.executable, "-c", program],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        cwd=Path(__file__).parents[2],
+    ) as process:
+        assert process.stdout.readline() == "up\n"
+        time.sleep(0.1)
+        process.send_signal(number)
+        out, err = process.communicate(timeout=20)
+    return process.returncode, out, err
+
+
+@pytest.mark.real_time
+@not_on_windows
+def test_ctrl_c_ends_a_program_that_does_not_catch_it_in_one_line():
+    status, out, err = ended_by(signal.SIGINT, "rclpy.spin(node)")
+    assert (status, out, err) == (-signal.SIGINT, "", "Interrupted by Ctrl-C\n")
+
+
+@pytest.mark.real_time
+@not_on_windows
+def test_a_program_that_catches_ctrl_c_ends_with_0_and_its_shutdown_is_silent():
+    body = """
+        try:
+            rclpy.spin(node)
+        except KeyboardInterrupt:
+            print("caught", rclpy.ok())
+        finally:
+            rclpy.shutdown()
+    """
+    assert ended_by(signal.SIGINT, body) == (0, "caught False\n", "")
+
+
+@pytest.mark.real_time
+@not_on_windows
+def test_a_program_that_sleeps_between_spins_hears_ctrl_c():
+    body = """
+        import time
+        try:
+            while rclpy.ok():
+                rclpy.spin_once(node, timeout_sec=0.01)
+                time.sleep(5)
+        except KeyboardInterrupt:
+            print("caught")
+    """
+    assert ended_by(signal.SIGINT, body) == (0, "caught\n", "")
+
+
+@pytest.mark.real_time
+@not_on_windows
+def test_sigterm_ends_the_spinning_with_an_exception():
+    body = """
+        try:
+            rclpy.spin(node)
+        except ExternalShutdownException:
+            print("ended")
+        rclpy.try_shutdown()
+    """
+    assert ended_by(signal.SIGTERM, body) == (0, "ended\n", "")
+
+
+@pytest.mark.real_time
+@not_on_windows
+def test_ctrl_c_ends_the_spinning_of_another_thread():
+    body = """
+        import threading, time
+        def spin():
+            try:
+                rclpy.spin(node)
+            except ExternalShutdownException:
+                print("thread ended")
+                ended.set()
+        ended = threading.Event()
+        threading.Thread(target=spin).start()
+        try:
+            while True:
+                time.sleep(1)
+        except KeyboardInterrupt:
+            print(ended.wait(5))
+    """
+    assert ended_by(signal.SIGINT, body) == (0, "thread ended\nTrue\n", "")
