@@ -3,6 +3,11 @@
 Begin with `init()`, make nodes, let callbacks run with `spin`, end with `shutdown()`.
 """
 
+from __future__ import annotations
+
+import importlib
+from typing import Any
+
 from ._spinning import (
     InitContextManager,
     create_node,
@@ -42,3 +47,17 @@ __all__ = [
     "spin_until_future_complete",
     "try_shutdown",
 ]
+
+_LATER = frozenset(
+    "action callback_groups client clock clock_type constants duration exceptions executors logging"
+    " node parameter publisher qos service subscription task time timer validate_topic_name".split()
+)
+"""Modules that are imported when a program names them, as in `rclpy.executors.Executor`."""
+
+
+def __getattr__(name: str) -> Any:
+    if name == "Parameter":
+        return importlib.import_module(".parameter", __name__).Parameter
+    if name in _LATER:
+        return importlib.import_module(f".{name}", __name__)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -89,5 +89,7 @@ class Waitable(Entity, Generic[T]):
         return self.is_ready(None)
 
     def _take(self) -> Callable[[], Any] | None:
+        for future in self._futures:
+            future._set_executor(self._node.executor)
         data = self.take_data()
         return lambda: self.execute(data)
