@@ -91,6 +91,7 @@ class Programs:
         script.write_text(source)
         program = subprocess.Popen(
             self.command(script, *arguments),
+            stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,
             text=True,
@@ -123,5 +124,5 @@ async def terminate(program: subprocess.Popen[str], patience: float = 30) -> int
 
 def _close(program: subprocess.Popen[str]) -> None:
     """Let go of its pipes: in a soak ten thousand programs come and go."""
-    for pipe in (program.stdout, program.stderr):
+    for pipe in (program.stdin, program.stdout, program.stderr):
         pipe.close()

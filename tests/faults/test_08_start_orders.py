@@ -11,7 +11,7 @@ import taskrpc
 from taskrpc.transport import channel
 from taskrpc.transport.memory import MemoryNetwork, Pipe
 from taskrpc.transport.news import News
-from tests.faults.harness import Bug
+from tests.faults.harness import Bug, Lateness, milliseconds
 from tests.taskrpc.transport.helpers import Add, add, ask, outcome
 
 pytestmark = pytest.mark.faults
@@ -64,6 +64,30 @@ async def test_a_service_that_nobody_offers_answers_at_once(counts, seed):
     counts.check("not at once", "wrong verdict", happened=("refused",))
 
 
+@pytest.mark.real_time
+@pytest.mark.planted(Bug(waits_for_what_nobody_offers, "not at once"))
+async def test_a_service_that_no_peer_offers_answers_at_once_on_sockets(counts, bug):
+    async with (
+        taskrpc.Node("server", token="s") as server,
+        taskrpc.Node("here", token="h") as here,
+    ):
+        server.create_service(Add, "other", add)
+        async with taskrpc.Node("client", peers=[server.address]) as asking:
+            lateness, clock = Lateness(), asyncio.get_running_loop().time
+            for number in range(100 if bug is None else 3):
+                for node in (here, asking):  # asks the registry; asks the peer itself
+                    client = node.create_client(Add, f"unknown{number}")
+                    began = clock()
+                    error = await outcome(client.call(ask(number)))
+                    took = clock() - began
+                    counts["wrong verdict"] += type(error) is not taskrpc.ServiceUnavailable
+                    counts["refused"] += 1
+                    counts["most ms"] = max(counts["most ms"], milliseconds(took))
+                    counts["not at once"] += took > 0.2 + 2 * lateness.longest
+            lateness.stop()
+    counts.check("not at once", "wrong verdict", happened=("refused",))
+
+
 @pytest.mark.planted(Bug(asks_again_and_again, "looked again"))
 async def test_whoever_waits_an_hour_does_not_ask_again(counts, monkeypatch):
     def counted(owner, name, what):
@@ -85,7 +109,7 @@ async def test_whoever_waits_an_hour_does_not_ask_again(counts, monkeypatch):
     counts.check("looked again", "dials", "writes", happened=("looks",))
 
 
-async def one_order(chance, counts, span, **options):
+async def one_order(chance, counts, span, patience=10.0, **options):
     """Two servers and three clients start in any order; each client calls both services."""
 
     async def serve(stack, name):
@@ -100,7 +124,7 @@ async def one_order(chance, counts, span, **options):
         for service in chance.sample(["one", "two"], 2):
             client = node.create_client(Add, service)
             counts["waited for a server that was not there"] += not client.service_is_ready()
-            if not await client.wait_for_service(10):
+            if not await client.wait_for_service(patience):
                 continue
             answer = await outcome(client.call(ask(1, 2)))
             counts["replies"] += getattr(answer, "sum", None) == 3
@@ -123,9 +147,13 @@ async def test_in_whatever_order_programs_start_in_memory_no_reply_is_lost(count
 
 
 @pytest.mark.real_time
-async def test_in_whatever_order_programs_start_on_sockets_no_reply_is_lost(counts, seed, large):
-    for number in range(1000 if large else 100):
+@pytest.mark.planted(Bug(hears_no_news, "lost replies"))
+async def test_in_whatever_order_programs_start_on_sockets_no_reply_is_lost(
+    counts, seed, large, bug
+):
+    for number in range(1000 if large else 100 if bug is None else 3):
         chance = random.Random(f"{seed} {number}")
-        await one_order(chance, counts, chance.choice([0, 0.001, 0.02]))
+        span = chance.choice([0, 0.001, 0.02]) if bug is None else 0.02
+        await one_order(chance, counts, span, 10.0 if bug is None else 1.0)
     counts["lost replies"] = 6 * counts["orders"] - counts["replies"]
     counts.check("lost replies", happened=("replies", "waited for a server that was not there"))

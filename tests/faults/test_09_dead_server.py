@@ -8,7 +8,9 @@ import time
 import pytest
 
 import taskrpc
+from taskrpc.transport import calling
 from taskrpc.transport.calling import CallingConnection
+from taskrpc.wire.session import refused_error
 from tests.faults.harness import Bug, Lateness, milliseconds, percentile
 from tests.taskrpc.transport.helpers import Add, ask
 
@@ -28,7 +30,21 @@ def tells_nobody(patch):
     patch(CallingConnection, "ended", ended)
 
 
-@pytest.mark.planted(Bug(tells_nobody, "not told"))
+def tells_late(patch):
+    ended = CallingConnection.ended
+    late = lambda connection: connection.owner.loop.call_later(1, ended, connection)  # noqa: E731
+    patch(CallingConnection, "ended", late)
+
+
+def says_that_nothing_ran(patch):
+    patch(calling, "unknown_error", refused_error)
+
+
+@pytest.mark.planted(
+    Bug(tells_nobody, "not told"),
+    Bug(tells_late, "told late"),
+    Bug(says_that_nothing_ran, "wrong verdict"),
+)
 async def test_each_of_1000_calls_in_flight_learns_fast_that_its_server_died(
     counts, large, programs
 ):
@@ -36,10 +52,11 @@ async def test_each_of_1000_calls_in_flight_learns_fast_that_its_server_died(
         late, loop_late = await _one_death(counts, programs)
         counts["kills"] += 1
         counts["p99 ms"] = max(counts["p99 ms"], milliseconds(percentile(late, 0.99)))
+        counts["told late"] += percentile(late, 0.99) > 0.5 + 10 * loop_late
         counts["over 50 ms"] += percentile(late, 0.99) > 0.050 + 4 * loop_late
-        if counts["not told"]:
+        if counts["not told"] or counts["told late"]:
             break
-    counts.check("not told", "wrong verdict", happened=("kills", "told"))
+    counts.check("not told", "told late", "wrong verdict", happened=("kills", "told"))
     if large:
         counts.check("over 50 ms")
 

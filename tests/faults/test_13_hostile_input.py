@@ -32,6 +32,7 @@ pytestmark = [
 ]
 
 DRIFT = 64 * 1024 * 1024
+CORES = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
 HANG = 5.0  # seconds for a few kilobytes
 DOCUMENTED = get_args(Event)
 TOKEN = b"known to both"
@@ -225,6 +226,32 @@ taskrpc.run(main())
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
 
+NEIGHBOUR = """\
+import asyncio, sys, time
+import srvgen, taskrpc
+Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+
+async def p99(client, seconds):
+    took, ends = [], time.perf_counter() + seconds
+    while (began := time.perf_counter()) < ends:
+        await client.call(Add.Request(a=1), timeout=5)
+        took.append(time.perf_counter() - began)
+        await asyncio.sleep(0.002)
+    return sorted(took)[int(0.99 * len(took))]
+
+async def main():
+    async with taskrpc.Node("measuring", peers=[sys.argv[1]], token="known to both") as node:
+        client = node.create_client(Add, "work")
+        await client.wait_for_service(5)
+        await p99(client, 0.5)
+        print("ready", flush=True)
+        while line := await asyncio.to_thread(sys.stdin.readline):
+            print(await p99(client, float(line)), flush=True)
+
+asyncio.run(main())
+"""
+"""Reads how many seconds it shall call, and says how long the slowest hundredth of calls took."""
+
 
 async def shake_hands(reader, writer):
     """Become a caller that has proved itself."""
@@ -347,6 +374,57 @@ async def test_a_server_ends_one_connection_with_one_line_and_no_neighbour_notic
     broken = ("crashes", "hangs", "drifted", "lines too many", "neighbour troubles")
     counts.check(*broken, happened=("ended with a line",) if bug is None else ())
     counts.require(neighbour_calls=20, frames=20_000)
+
+
+def thinks_long_about_each_offence(patch):
+    refuse = ServingConnection._refuse
+
+    def slow(self, error):
+        time.sleep(0.02)
+        refuse(self, error)
+
+    patch(ServingConnection, "_refuse", slow)
+
+
+@contextlib.contextmanager
+def cores_apart(*pids):
+    """These processes have one core, we have another."""
+    before = os.sched_getaffinity(0)
+    ours, theirs, *_ = before
+    for pid in pids:
+        os.sched_setaffinity(pid, {theirs})
+    os.sched_setaffinity(0, {ours})
+    try:
+        yield
+    finally:
+        os.sched_setaffinity(0, before)
+
+
+@pytest.mark.skipif(CORES < 2, reason="needs two processor cores")
+@pytest.mark.planted(Bug(thinks_long_about_each_offence, "neighbour slowed"))
+async def test_a_neighbour_has_its_answers_hardly_later(counts, seed, large, programs, tmp_path):
+    server = await programs.start(SERVING, str(tmp_path / "log"), ready="")
+    place = next(entry.address for entry in await entries() if entry.nodes == ("/server",))
+    neighbour = await programs.start(NEIGHBOUR, place, name="neighbour.py")
+
+    async def slowest(seconds):
+        neighbour.stdin.write(f"{seconds}\n")
+        neighbour.stdin.flush()
+        return float(await asyncio.to_thread(neighbour.stdout.readline))
+
+    attack = Attack(server, place, counts, seed)
+    with cores_apart(server.pid, neighbour.pid):
+        alone = await slowest(10 if large else 2)
+        measured = asyncio.ensure_future(slowest(60 if large else 4))
+        while not measured.done():
+            await asyncio.gather(*[attack.one(number) for number in range(20)])
+    counts["alone: p99 in us"], counts["under attack: p99 in us"] = (
+        round(each * 1_000_000) for each in (alone, await measured)
+    )
+    # Twice as long at most; where the machine has other work, only what nobody could mistake.
+    allowed = 2 * alone + 0.001 if large else 5 * alone + 0.01
+    counts["neighbour slowed"] = await measured > allowed
+    counts.check("neighbour slowed", "hangs", happened=("frames",))
 
 
 async def entries():

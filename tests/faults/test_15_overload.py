@@ -15,7 +15,7 @@ pytestmark = pytest.mark.faults
 WORK = 0.05  # seconds that a call takes
 CONCURRENCY = 4
 PEAK = CONCURRENCY / WORK  # calls a second
-CALLERS = 4
+CALLERS = 8  # together they may have more in flight than a queue has places
 
 
 class Load:
@@ -25,6 +25,7 @@ class Load:
         self.counts = counts
         self.deadline = deadline
         self.started, self.refused = set(), set()
+        self.ends = 0.0
 
     async def work(self, request, response):
         self.started.add(request.a)
@@ -36,7 +37,8 @@ class Load:
         self.counts["calls"] += 1
         try:
             await client.call(ask(number), timeout=self.deadline)
-            self.counts["answered"] += 1
+            # What still waits when the load ends is answered too, and is no work under load.
+            self.counts["answered"] += asyncio.get_running_loop().time() < self.ends
         except taskrpc.TaskRpcError as error:
             kind = "refused" if error.not_executed else "in vain"
             self.counts[kind] += 1
@@ -55,6 +57,7 @@ class Load:
                 await each.wait_for_service()
             loop, calls = asyncio.get_running_loop(), []
             began = loop.time()
+            self.ends = began + seconds
             for number in range(int(times * PEAK * seconds)):
                 await asyncio.sleep(max(0.0, began + number / (times * PEAK) - loop.time()))
                 client = clients[number % CALLERS]
@@ -90,11 +93,11 @@ async def test_goodput_at_four_times_the_load_is_that_of_the_peak(counts, large,
     seconds = 600 if large else 30
     load = Load(counts, deadline)
     await load.run(4, seconds)
-    # What still waits when the load ends is answered too, and is no loss.
     share = counts["answered"] / (PEAK * seconds)
     counts["percent lost"] = max(0, round(90 - 100 * share))
     counts.check("percent lost", "refused and run", happened=("refused", "answered"))
     counts.require(calls=9000)
+    assert share < 1.01, "more than the peak: what is counted is not what was done under load"
 
 
 async def test_as_many_as_a_service_can_bear_are_all_answered(counts):
