@@ -151,9 +151,9 @@ async def test_in_whatever_order_programs_start_in_memory_no_reply_is_lost(count
 async def test_in_whatever_order_programs_start_on_sockets_no_reply_is_lost(
     counts, seed, large, bug
 ):
-    for number in range(1000 if large else 100 if bug is None else 3):
+    for number in range(1000 if large else 100 if bug is None else 10):
         chance = random.Random(f"{seed} {number}")
         span = chance.choice([0, 0.001, 0.02]) if bug is None else 0.02
-        await one_order(chance, counts, span, 10.0 if bug is None else 1.0)
+        await one_order(chance, counts, span, 10.0 if bug is None else 0.3)
     counts["lost replies"] = 6 * counts["orders"] - counts["replies"]
     counts.check("lost replies", happened=("replies", "waited for a server that was not there"))
