@@ -58,7 +58,7 @@ def expand(name: str, *, namespace: str = "/", node: str = "", kind: str = "serv
     `/x` is absolute, `x` lies in the node's namespace, `~/x` under the node itself; `{node}` and
     `{ns}` are replaced. Raises `InvalidName`.
     """
-    _check_raw(name, kind)
+    check_unexpanded(name, kind)
     nowhere = not node and name.startswith("~")
     _refuse_if(nowhere, name, 0, kind, "'~' stands for a node, and there is none here")
     expanded = _substituted(name, namespace, node, kind)
@@ -72,18 +72,8 @@ def expand(name: str, *, namespace: str = "/", node: str = "", kind: str = "serv
     return expanded
 
 
-def is_hidden(name: str) -> bool:
-    """Whether a token of the name starts with `_`, so that listings leave it out."""
-    return "/_" in name or name.startswith("_")
-
-
-def fully_qualified(namespace: str, node: str) -> str:
-    """`/robot1/server` from a namespace and a node's name."""
-    return f"{namespace.rstrip('/')}/{node}"
-
-
-def _check_raw(name: str, kind: str) -> None:
-    """What can be wrong before anything is replaced, in rcl's order."""
+def check_unexpanded(name: str, kind: str = "service name") -> None:
+    """Raise `InvalidName` for what no node can have, whatever `~` and `{}` mean to it."""
     _refuse_if(not name, name, 0, kind, "topic name must not be empty string")
     _check_end(name, kind)
     _refuse_if(name[0] in "0123456789", name, 0, kind, _DIGIT_PROBLEM)
@@ -95,6 +85,24 @@ def _check_raw(name: str, kind: str) -> None:
     problem = "topic name must not have a tilde '~' that is not followed by a forward slash '/'"
     _refuse_if(alone, name, 1, kind, problem)
     _check_tokens(name, kind, _DIGIT_PROBLEM)
+
+
+def check_absolute(name: str, kind: str = "service name") -> None:
+    """Raise `InvalidName` for what is no absolute name, with everything expanded."""
+    _refuse_if(not name, name, 0, kind, "topic name must not be empty string")
+    problem = "topic name must be absolute, it must lead with a '/'"
+    _refuse_if(not name.startswith("/"), name, 0, kind, problem)
+    _check_whole(name, kind)
+
+
+def is_hidden(name: str) -> bool:
+    """Whether a token of the name starts with `_`, so that listings leave it out."""
+    return "/_" in name or name.startswith("_")
+
+
+def fully_qualified(namespace: str, node: str) -> str:
+    """`/robot1/server` from a namespace and a node's name."""
+    return f"{namespace.rstrip('/')}/{node}"
 
 
 def _broken_at(name: str, index: int) -> tuple[int, str]:

@@ -59,7 +59,7 @@ for _shown in (
     _shown.__module__ = "rclpy._rclpy_pybind11"  # so tracebacks show them as ROS does
 
 
-class NameValidationException(Exception):
+class NameValidationException(ValueError):
     """A name breaks ROS's rules; the message shows where, by a caret under the name."""
 
     def __init__(

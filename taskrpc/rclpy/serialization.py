@@ -1,0 +1,21 @@
+"""Messages as the bytes that robots exchange."""
+
+from __future__ import annotations
+
+from typing import Any, TypeVar
+
+from srvgen import from_cdr, to_cdr
+
+T = TypeVar("T")
+
+
+def serialize_message(message: Any) -> bytes:
+    """A message as CDR, with its header of four bytes."""
+    return to_cdr(message)
+
+
+def deserialize_message(serialized_message: bytes, message_type: type[T]) -> T:
+    """The message of this type that the bytes are."""
+    read: Any = from_cdr
+    message: T = read(message_type, serialized_message)
+    return message

@@ -1,0 +1,34 @@
+"""Whether a class is an interface of ROS."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from .exceptions import NoTypeSupportImportedException
+
+
+def check_for_type_support(msg_or_srv_type: Any) -> None:
+    """Raise AttributeError for what is no interface at all."""
+    if hasattr(msg_or_srv_type, "_HASH"):
+        return
+    if isinstance(msg_or_srv_type, type) and hasattr(msg_or_srv_type, "_TYPE_SUPPORT"):
+        raise NoTypeSupportImportedException
+    kind = getattr(msg_or_srv_type, "__name__", repr(msg_or_srv_type))
+    raise AttributeError(
+        f"type object '{kind}' has no attribute '_TYPE_SUPPORT'."
+        " Expected a class such as std_msgs.msg.String or std_srvs.srv.Trigger"
+    )
+
+
+def check_is_valid_msg_type(msg_type: Any) -> None:
+    """Raise for what is no message type."""
+    check_for_type_support(msg_type)
+    if hasattr(msg_type, "Request"):
+        raise RuntimeError(f"expected a message type, got the service {msg_type.__name__}")
+
+
+def check_is_valid_srv_type(srv_type: Any) -> None:
+    """Raise for what is no service type."""
+    check_for_type_support(srv_type)
+    if not (hasattr(srv_type, "Request") and hasattr(srv_type, "Response")):
+        raise RuntimeError(f"expected a service type, got the message {srv_type.__name__}")
