@@ -61,6 +61,9 @@ class Node(NodeTopics):
     _threads = False
     """Whether other threads than the event loop's call."""
 
+    _domain: int | None = None
+    """The domain that it is in, instead of `ROS_DOMAIN_ID`."""
+
     def __init__(
         self,
         name: str,
@@ -142,6 +145,7 @@ class Node(NodeTopics):
                 keepalive=self._keepalive,
                 tls=self._tls,
                 threads=self._threads,
+                domain=self._domain,
             )
             self._transport.add_node(self.get_fully_qualified_name())
             self._tell(lambda observer: observer.node_started(self))

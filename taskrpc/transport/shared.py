@@ -34,6 +34,7 @@ def shared_transport(
     accounts: Accounts | str | Path | None = None,
     keepalive: str | None = None,
     threads: bool = False,
+    domain: int | None = None,
 ) -> Transport:
     """The running loop's endpoint for these settings, made for the first who asks.
 
@@ -41,7 +42,7 @@ def shared_transport(
 
     Raises TaskRpcError for an unknown name or wrong setting.
     """
-    domain = domain_id()
+    domain = domain_id() if domain is None else domain
     where = tuple(environment_peers() if peers is None else _listed(peers))
     lab = remembered_lab() if name == "tcp" else None
     endpoints = _endpoints.setdefault(asyncio.get_running_loop(), {})

@@ -1,0 +1,160 @@
+"""The one place that knows the background event loop, and the native nodes that live on it."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Coroutine
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from taskrpc import sync
+from taskrpc.errors import ServiceUnavailable, WouldDeadlock
+
+if TYPE_CHECKING:
+    from taskrpc.deferred import DeferredCall, DeferredService
+    from taskrpc.transport.entries import Entry
+
+T = TypeVar("T")
+
+Take = Callable[["DeferredCall"], object]
+"""Takes a call, on the loop's thread."""
+
+
+class Bridge:
+    """A native node and the loop that it lives on; every rclpy node has one."""
+
+    def __init__(self, name: str, namespace: str, domain_id: int) -> None:
+        self.native = sync.Node(name, namespace=namespace)
+        self.domain_id = domain_id
+        self._inner = self.native._node
+        self._inner._domain = domain_id
+        self._loop = self.native._loop
+        self.run(self._inner.start())
+
+    @property
+    def namespace(self) -> str:
+        """The native node's, which a joined lab may have given."""
+        return self.native.get_namespace()
+
+    def soon(self, action: Callable[[], object]) -> None:
+        """Run a function on the loop, without waiting for it."""
+        self._loop.soon(action)
+
+    def do(self, action: Callable[[], T]) -> T:
+        """Run a function on the loop, and wait for what it returns."""
+        return self._loop.do(action, "a node's method")
+
+    def run(self, coroutine: Coroutine[Any, Any, T]) -> T:
+        """Run a coroutine on the loop, and wait for what it returns."""
+        return self._loop.run(coroutine, "a node's method")
+
+    def graph(self) -> list[Entry]:
+        """Every process that can be seen."""
+        return self.native.graph()
+
+    def client(self, srv_type: Any, name: str) -> NativeClient:
+        """A client without a deadline."""
+        return NativeClient(self, self.native.create_client(srv_type, name, timeout=None))
+
+    def offer(self, srv_type: Any, name: str, take: Take, *, join: bool) -> Offered:
+        """Offer a service; `take` is called on the loop's thread for every call."""
+        return _Shared.of(self, srv_type, name).add(self, take, join=join)
+
+    def close(self) -> None:
+        """Leave the network; nothing to do where the program's end was first."""
+        try:
+            self.native.destroy()
+        except WouldDeadlock:
+            return
+
+
+class NativeClient:
+    """A client on the loop, as far as the layer needs it from other threads."""
+
+    def __init__(self, bridge: Bridge, client: sync.Client) -> None:
+        self.bridge = bridge
+        self.inner = client._inner
+        self.call_then = client.call_then
+        self.is_known = client.service_is_ready
+        self.wait = client.wait_for_service
+        self._client = client
+
+    @property
+    def connected(self) -> bool:
+        """Whether a request goes out at once."""
+        return self.inner._channel.ready
+
+    def close(self) -> None:
+        """Forget the service."""
+        try:
+            self._client.destroy()
+        except WouldDeadlock:
+            return
+
+
+class Offered:
+    """One of this program's servers of a name."""
+
+    def __init__(self, shared: _Shared, bridge: Bridge, take: Take) -> None:
+        self.bridge = bridge
+        self.take = take
+        self._shared = shared
+
+    def close(self) -> None:
+        """Offer it no more; calls that came are still answered."""
+        self._shared.remove(self)
+
+
+class _Shared:
+    """The servers that this program has of one name, of which the oldest is the native one."""
+
+    _all: dict[tuple[int, str], _Shared]
+    _all = {}
+    _guard = threading.RLock()
+
+    def __init__(self, srv_type: Any, name: str) -> None:
+        self._srv_type = srv_type
+        self._name = name
+        self._servers: list[Offered] = []
+        self._native: DeferredService | None = None
+
+    @classmethod
+    def of(cls, bridge: Bridge, srv_type: Any, name: str) -> _Shared:
+        """The one for this name."""
+        with cls._guard:
+            known = cls._all.get((bridge.domain_id, name))
+            if known is None or known._srv_type is not srv_type:
+                known = cls._all[bridge.domain_id, name] = cls(srv_type, name)
+            return known
+
+    def add(self, bridge: Bridge, take: Take, *, join: bool) -> Offered:
+        """One more server; raises NameInUse where another program has the name."""
+        offered = Offered(self, bridge, take)
+        with self._guard:
+            if not self._servers:
+                self._offer(offered, join=join)
+            self._servers.append(offered)
+        return offered
+
+    def remove(self, offered: Offered) -> None:
+        """One less; the next takes its place."""
+        with self._guard:
+            if offered not in self._servers:
+                return
+            is_native = self._servers[0] is offered
+            self._servers.remove(offered)
+            if is_native and self._native is not None:
+                offered.bridge.do(self._native.destroy)
+                self._native = None
+                if self._servers:
+                    self._offer(self._servers[0], join=True)
+
+    def _offer(self, offered: Offered, *, join: bool) -> None:
+        create = offered.bridge.native.create_deferred_service
+        self._native = create(self._srv_type, self._name, self._take, join=join)
+
+    def _take(self, call: DeferredCall) -> None:
+        servers = list(self._servers[:1])
+        if not servers:  # another thread is just about to withdraw it
+            call.fail(ServiceUnavailable(f"{self._name} is withdrawn"))
+        for server in servers:
+            server.take(call)

@@ -1,0 +1,104 @@
+"""Requests on their way to a server: at once where it is known, else when it is found."""
+
+from __future__ import annotations
+
+import asyncio
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from taskrpc.errors import ServiceUnavailable
+from taskrpc.transport.codec import codec_of
+
+from ._bridge import NativeClient
+
+Tell = Callable[[Any, BaseException | None], object]
+"""Is told of a call's end, on the loop's thread: the response or the error, one of them None."""
+
+_PATIENCE = 2.0
+"""Seconds that a program's end waits for requests whose server is known, and not reached yet."""
+
+
+class Request:
+    """One request that waits for its server."""
+
+    def __init__(self, message: Any, tell: Tell) -> None:
+        self.message = message
+        self.tell = tell
+        self.given_up = False
+        self.future: asyncio.Future[Any] | None = None
+
+
+class Outbox:
+    """What a client has to send, in order."""
+
+    def __init__(self, native: NativeClient, srv_type: Any) -> None:
+        self._native = native
+        self._codec = codec_of(srv_type.Request)
+        self._waiting: deque[Request] = deque()
+        self._closed = False
+
+    def send(self, message: Any, tell: Tell) -> Callable[[], object]:
+        """Send a request, now or once its server is found; returns what gives it up.
+
+        Raises InvalidRequest for one that cannot be sent.
+        """
+
+        def ended(response: Any, error: BaseException | None) -> None:
+            if isinstance(error, ServiceUnavailable) and not self._closed:
+                self._wait(Request(message, tell))  # it certainly did not run
+            else:
+                tell(response, error)
+
+        if not self._waiting and self._native.connected:
+            return self._native.call_then(message, ended, None)
+        # What the program does to the message afterwards must not change the request.
+        message = self._codec.decode(self._codec.encode(message))
+        request = Request(message, ended)
+        self._native.bridge.soon(lambda: self._wait(request))
+        return lambda: self._native.bridge.soon(lambda: self._give_up(request))
+
+    def close(self) -> None:
+        """Let what waits go, where its server is there; then send nothing more."""
+        end = time.monotonic() + _PATIENCE
+        self._native.bridge.do(lambda: None)  # what was handed over is in the queue now
+        while self._waiting and self._native.is_known() and time.monotonic() < end:
+            time.sleep(0.001)
+        self._closed = True
+        self._waiting.clear()
+
+    # On the loop
+
+    def _wait(self, request: Request) -> None:
+        self._waiting.append(request)
+        if len(self._waiting) == 1:
+            task = asyncio.get_running_loop().create_task(self._send_all())
+            _tasks.add(task)  # the loop itself would let it vanish
+            task.add_done_callback(_tasks.discard)
+
+    async def _send_all(self) -> None:
+        inner = self._native.inner
+        while self._waiting:
+            if not await inner.wait_for_service(None):
+                return  # the client is destroyed
+            while self._waiting and self._native.connected:
+                request = self._waiting.popleft()
+                if not request.given_up:
+                    request.future = future = inner.call_async(request.message, None)
+                    future.add_done_callback(lambda done, tell=request.tell: _told(done, tell))
+
+    def _give_up(self, request: Request) -> None:
+        request.given_up = True
+        if request.future is not None:
+            request.future.cancel()
+
+
+_tasks: set[asyncio.Task[None]] = set()
+
+
+def _told(done: asyncio.Future[Any], tell: Tell) -> None:
+    if done.cancelled():
+        return
+    error = done.exception()
+    tell(None if error is not None else done.result(), error)

@@ -1,0 +1,199 @@
+"""Clients: call a service, wait for it, or have the answer come while somebody spins."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+
+from ._entity import Entity
+from ._outbox import Outbox
+from .callback_groups import CallbackGroup
+from .future import Future
+from .handle import Handle
+
+if TYPE_CHECKING:
+    from .node import Node
+
+SrvRequestT = TypeVar("SrvRequestT")
+SrvResponseT = TypeVar("SrvResponseT")
+
+_SLICE = 0.1
+"""Seconds of one wait: on Windows Ctrl-C does not reach a longer one before its end."""
+
+
+class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
+    """Calls one service; `Node.create_client` makes one.
+
+    Answers complete the futures only while somebody spins the node.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        srv_type: Any,
+        srv_name: str,
+        qos_profile: Any,
+        callback_group: CallbackGroup,
+    ) -> None:
+        self._node = node
+        self.context = node.context
+        self.srv_type = srv_type
+        self.srv_name = srv_name
+        self.qos_profile = qos_profile
+        self.callback_group = callback_group
+        self.handle = Handle(self)
+        self._native = node._bridge.client(srv_type, srv_name)
+        self._outbox = Outbox(self._native, srv_type)
+        self._answers: deque[tuple[int, Any, BaseException | None]] = deque()
+        self._pending: dict[int, Future[Any]] = {}
+        self._numbers = 0
+        self._lock = threading.Lock()
+
+    @property
+    def service_name(self) -> str:
+        """The absolute name of the service."""
+        return self.srv_name
+
+    @property
+    def logger_name(self) -> str:
+        """The name of the logger of its node."""
+        self.handle.check()
+        return str(self._node.get_logger().name)
+
+    def call(self, request: SrvRequestT, timeout_sec: float | None = None) -> SrvResponseT | None:
+        """Call the service and wait for the answer, while another thread spins.
+
+        Raises TimeoutError after `timeout_sec` seconds, TypeError for another type's request.
+        """
+        future = self.call_async(request)
+        done = threading.Event()
+        future._when_done(done.set)
+        end = None if timeout_sec is None or timeout_sec < 0 else time.monotonic() + timeout_sec
+        while not done.is_set():
+            left = _SLICE if end is None else min(_SLICE, end - time.monotonic())
+            if left <= 0:
+                self.remove_pending_request(future)
+                raise TimeoutError
+            done.wait(left)
+        return future.result()
+
+    def call_async(self, request: SrvRequestT) -> Future[SrvResponseT]:
+        """Send a request; the future of its response, which comes while somebody spins.
+
+        A request to a service that nobody offers yet is sent once somebody does. Raises TypeError
+        for another type's request, InvalidRequest for a value that does not fit its field.
+        """
+        if not isinstance(request, self.srv_type.Request):
+            raise TypeError(self._expected(request))
+        self.handle.check()
+        future: Future[SrvResponseT] = Future()
+        with self._lock:
+            self._numbers += 1
+            number = self._numbers
+            self._pending[number] = future
+
+        def tell(response: Any, error: BaseException | None) -> None:
+            self._answers.append((number, response, error))
+            self._arrived()
+
+        try:
+            give_up = self._outbox.send(request, tell)
+        except BaseException:
+            self._pending.pop(number, None)
+            raise
+        future._when_done(lambda: self._ended(number, future, give_up))
+        return future
+
+    def get_pending_request(self, sequence_number: int) -> Future[SrvResponseT]:
+        """The future of a request that has no answer yet; raises KeyError for any other."""
+        return self._pending[sequence_number]
+
+    def remove_pending_request(self, future: Future[SrvResponseT]) -> None:
+        """Wait no more for an answer; the future stays as it is."""
+        with self._lock:
+            for number, known in list(self._pending.items()):
+                if known is future:
+                    del self._pending[number]
+
+    def service_is_ready(self) -> bool:
+        """Whether somebody offers the service."""
+        self.handle.check()
+        return self._native.is_known()
+
+    def wait_for_service(self, timeout_sec: float | None = None) -> bool:
+        """Wait until somebody offers the service, at most `timeout_sec` seconds; whether it is so.
+
+        Also False when the context is shut down meanwhile.
+        """
+        self.handle.check()
+        endless = timeout_sec is None or timeout_sec < 0
+        end = time.monotonic() + (0.0 if timeout_sec is None else timeout_sec)
+        while self.context.ok():
+            left = _SLICE if endless else min(_SLICE, end - time.monotonic())
+            if left <= 0:
+                break
+            if self._native.wait(left):
+                return True
+        return self._native.connected or self._native.is_known()
+
+    def destroy(self) -> None:
+        """Call no more; requests that were not sent yet are sent first, if their server is there.
+
+        Use it through `Node.destroy_client`, or `with`.
+        """
+        if self.handle.valid:
+            self.handle.destroy_when_not_in_use()
+            self._outbox.close()
+            self._native.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._node.destroy_client(self)
+
+    def _expected(self, request: Any) -> str:
+        kind = request.__name__ if isinstance(request, type) else type(request).__name__
+        return f"expected a {self.srv_type.Request.__name__} for {self.srv_name}, got {kind}"
+
+    def _ended(
+        self, number: int, future: Future[SrvResponseT], give_up: Callable[[], object]
+    ) -> None:
+        self._pending.pop(number, None)
+        if future._cancelled and not future._done:
+            give_up()
+
+    def _ready(self) -> bool:
+        return bool(self._answers)
+
+    def _take(self) -> Callable[[], Any] | None:
+        self.handle.check()
+        try:
+            number, response, error = self._answers.popleft()
+        except IndexError:  # another thread was quicker
+            return None
+        future = self._pending.get(number)
+        if future is None:
+            return None
+        return lambda: self._complete(future, response, error)
+
+    def _complete(
+        self, future: Future[SrvResponseT], response: Any, error: BaseException | None
+    ) -> None:
+        if (executor := self._node.executor) is not None:
+            future._set_executor(executor)
+        if error is None:
+            future.set_result(response)
+        else:
+            future.set_exception(error)
+
+

@@ -1,0 +1,175 @@
+"""Services: a callback that answers requests, on the thread that spins."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from types import CoroutineType, TracebackType
+from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
+
+from taskrpc.errors import Code, HandlerFailed, InvalidRequest
+
+from ._entity import Entity
+from .callback_groups import CallbackGroup
+from .handle import Handle
+
+if TYPE_CHECKING:
+    from taskrpc.deferred import DeferredCall
+
+    from .node import Node
+
+SrvRequestT = TypeVar("SrvRequestT")
+SrvResponseT = TypeVar("SrvResponseT")
+
+
+class RequestHeader(NamedTuple):
+    """What came with a request that the program takes itself."""
+
+    call: DeferredCall
+    source_timestamp: int
+    """Nanoseconds since the epoch."""
+
+
+class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
+    """Answers the requests for one service; `Node.create_service` makes one."""
+
+    def __init__(
+        self,
+        node: Node,
+        srv_type: Any,
+        srv_name: str,
+        callback: Callable[..., Any],
+        callback_group: CallbackGroup,
+        qos_profile: Any,
+    ) -> None:
+        self._node = node
+        self.srv_type = srv_type
+        self.srv_name = srv_name
+        self.callback = callback
+        self.callback_group = callback_group
+        self.qos_profile = qos_profile
+        self.handle = ServiceHandle(self)
+        self._calls: deque[DeferredCall] = deque()
+        self._lock = threading.Lock()
+        join = srv_type._TYPE.startswith(_OF_EVERY_NODE)
+        self._offered = node._bridge.offer(srv_type, srv_name, self._came, join=join)
+
+    @property
+    def service_name(self) -> str:
+        """Its absolute name."""
+        return self.srv_name
+
+    @property
+    def logger_name(self) -> str:
+        """The name of the logger of its node."""
+        self.handle.check()
+        return str(self._node.get_logger().name)
+
+    def send_response(self, response: SrvResponseT, header: RequestHeader) -> None:
+        """Answer a request that was taken by its header; raises TypeError for another type."""
+        self.handle.check()
+        self._reply(header.call, response)
+
+    def destroy(self) -> None:
+        """Offer it no more; use it through `Node.destroy_service`, or `with`."""
+        if self.handle.valid:
+            self.handle.destroy_when_not_in_use()
+            self._offered.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._node.destroy_service(self)
+
+    # On the loop's thread
+
+    def _came(self, call: DeferredCall) -> None:
+        self._calls.append(call)
+        self._arrived()
+
+    # On the spinning thread
+
+    def _ready(self) -> bool:
+        return bool(self._calls)
+
+    def _take(self) -> Callable[[], Any] | None:
+        self.handle.check()
+        call = self._next()
+        return None if call is None else lambda: self._serve(call)
+
+    def _next(self) -> DeferredCall | None:
+        try:
+            return self._calls.popleft()
+        except IndexError:  # another thread was quicker
+            return None
+
+    def _serve(self, call: DeferredCall) -> Any:
+        call.started()
+        try:
+            response = self.callback(call.request, self.srv_type.Response())
+        except BaseException as error:
+            self._raised(call, error)
+            raise
+        if type(response) is CoroutineType:
+            return self._serve_async(call, response)
+        self._reply(call, response)
+        return None
+
+    async def _serve_async(self, call: DeferredCall, answer: CoroutineType[Any, Any, Any]) -> None:
+        try:
+            response = await answer
+        except BaseException as error:
+            self._raised(call, error)
+            raise
+        self._reply(call, response)
+
+    def _reply(self, call: DeferredCall, response: Any) -> None:
+        expected = self.srv_type.Response
+        if not isinstance(response, expected):
+            problem = f"the callback of {self.srv_name} returned {_what(response)}"
+            if response is None:
+                problem += f"; does `return response` (a {expected.__name__}) lack at its end?"
+            else:
+                problem += f", expected a {expected.__name__}"
+            call.fail(HandlerFailed(Code.INTERNAL, problem))
+            raise TypeError(problem)
+        try:
+            call.reply(response)
+        except InvalidRequest as error:
+            call.fail(HandlerFailed(Code.INTERNAL, f"the response of {self.srv_name}: {error}"))
+            raise
+
+    def _raised(self, call: DeferredCall, error: BaseException) -> None:
+        what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        problem = f"the callback of {self.srv_name} raised {what}"
+        call.fail(HandlerFailed(Code.INTERNAL, problem))
+
+
+class ServiceHandle(Handle):
+    """What `Service.handle` is; requests can be taken from it instead of by a callback."""
+
+    def service_take_request(self, pymsg_type: Any) -> tuple[Any, Any]:
+        """A request that came, and its header; (None, None) when there is none."""
+        self.check()
+        call = self.owner._next()
+        if call is None:
+            return (None, None)
+        return call.request, RequestHeader(call, time.time_ns())
+
+
+_OF_EVERY_NODE = ("rcl_interfaces/", "type_description_interfaces/")
+"""Services that every node has; nodes of one name in several programs are allowed in ROS."""
+
+
+def _what(response: Any) -> str:
+    if isinstance(response, type):
+        return f"the class {response.__name__}"
+    return "nothing" if response is None else f"a {type(response).__name__}"
