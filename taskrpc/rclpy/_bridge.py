@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable, Coroutine
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from taskrpc import sync
 from taskrpc.errors import ServiceUnavailable, WouldDeadlock
 
 if TYPE_CHECKING:
     from taskrpc.deferred import DeferredCall, DeferredService
+    from taskrpc.qos import QoS
+    from taskrpc.sync_topics import Publisher, Subscription
     from taskrpc.transport.entries import Entry
 
 T = TypeVar("T")
@@ -59,12 +62,21 @@ class Bridge:
         """Offer a service; `take` is called on the loop's thread for every call."""
         return _Shared.of(self, srv_type, name).add(self, take, join=join)
 
+    def publisher(self, msg_type: Any, topic: str, qos: QoS) -> NativePublisher:
+        """A way to publish."""
+        return NativePublisher(self.native.create_publisher(msg_type, topic, qos))
+
+    def subscription(
+        self, msg_type: Any, topic: str, take: Callable[[Any], object], qos: QoS
+    ) -> NativeSubscription:
+        """A way to subscribe; `take` is called with each message on the loop's thread."""
+        create = self.native.create_subscription
+        return NativeSubscription(create(msg_type, topic, take, qos, threaded=False))
+
     def close(self) -> None:
         """Leave the network; nothing to do where the program's end was first."""
-        try:
+        with contextlib.suppress(WouldDeadlock):
             self.native.destroy()
-        except WouldDeadlock:
-            return
 
 
 class NativeClient:
@@ -85,10 +97,35 @@ class NativeClient:
 
     def close(self) -> None:
         """Forget the service."""
-        try:
+        with contextlib.suppress(WouldDeadlock):
             self._client.destroy()
-        except WouldDeadlock:
-            return
+
+
+class NativePublisher:
+    """A publisher on the loop, as far as the layer needs it from other threads."""
+
+    def __init__(self, publisher: Publisher) -> None:
+        self.publish = publisher.publish
+        self.get_subscription_count = publisher.get_subscription_count
+        self._publisher = publisher
+
+    def close(self) -> None:
+        """Publish no more."""
+        with contextlib.suppress(WouldDeadlock):
+            self._publisher.destroy()
+
+
+class NativeSubscription:
+    """A subscription on the loop, as far as the layer needs it from other threads."""
+
+    def __init__(self, subscription: Subscription) -> None:
+        self.get_publisher_count = subscription.get_publisher_count
+        self._subscription = subscription
+
+    def close(self) -> None:
+        """Want no more messages."""
+        with contextlib.suppress(WouldDeadlock):
+            self._subscription.destroy()
 
 
 class Offered:
@@ -107,8 +144,7 @@ class Offered:
 class _Shared:
     """The servers that this program has of one name, of which the oldest is the native one."""
 
-    _all: dict[tuple[int, str], _Shared]
-    _all = {}
+    _all: ClassVar[dict[tuple[int, str], _Shared]] = {}
     _guard = threading.RLock()
 
     def __init__(self, srv_type: Any, name: str) -> None:

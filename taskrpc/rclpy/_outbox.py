@@ -6,6 +6,7 @@ import asyncio
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from taskrpc.errors import ServiceUnavailable
@@ -86,7 +87,7 @@ class Outbox:
                 request = self._waiting.popleft()
                 if not request.given_up:
                     request.future = future = inner.call_async(request.message, None)
-                    future.add_done_callback(lambda done, tell=request.tell: _told(done, tell))
+                    future.add_done_callback(partial(_told, request.tell))
 
     def _give_up(self, request: Request) -> None:
         request.given_up = True
@@ -97,7 +98,7 @@ class Outbox:
 _tasks: set[asyncio.Task[None]] = set()
 
 
-def _told(done: asyncio.Future[Any], tell: Tell) -> None:
+def _told(tell: Tell, done: asyncio.Future[Any]) -> None:
     if done.cancelled():
         return
     error = done.exception()

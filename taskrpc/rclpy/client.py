@@ -195,5 +195,3 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             future.set_result(response)
         else:
             future.set_exception(error)
-
-

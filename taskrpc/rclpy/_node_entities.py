@@ -1,0 +1,314 @@
+"""The part of a node that makes, keeps and destroys what callbacks come from."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, TypeVar, cast
+
+from .callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
+from .client import Client
+from .clock import Clock
+from .constants import S_TO_NS
+from .context import Context
+from .guard_condition import GuardCondition
+from .publisher import Publisher
+from .qos import QoSProfile, qos_profile_services_default
+from .service import Service
+from .subscription import Subscription
+from .timer import Rate, Timer
+from .type_support import check_is_valid_msg_type, check_is_valid_srv_type
+from .waitable import Waitable
+
+if TYPE_CHECKING:
+    from .executors import Executor
+    from .node import Node
+
+_Thing = TypeVar("_Thing")
+
+
+class NodeEntities:
+    """What a node has: publishers, subscriptions, clients, services, timers and more."""
+
+    _context: Context
+    executor: Executor | None
+    resolve_topic_name: Callable[[str], str]
+    resolve_service_name: Callable[[str], str]
+    get_clock: Callable[[], Clock]
+
+    def __init__(self) -> None:
+        self._publishers: list[Publisher[Any]] = []
+        self._subscriptions: list[Subscription[Any]] = []
+        self._clients: list[Client[Any, Any]] = []
+        self._services: list[Service[Any, Any]] = []
+        self._timers: list[Timer] = []
+        self._guards: list[GuardCondition] = []
+        self._waitables: list[Waitable[Any]] = []
+        self._rates: dict[Timer, Rate] = {}
+        self._default_callback_group: CallbackGroup = MutuallyExclusiveCallbackGroup()
+
+    @property
+    def default_callback_group(self) -> CallbackGroup:
+        """The group of all that was made without one: its callbacks exclude each other."""
+        return self._default_callback_group
+
+    @property
+    def publishers(self) -> Iterator[Publisher[Any]]:
+        """Its publishers."""
+        yield from self._publishers
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription[Any]]:
+        """Its subscriptions."""
+        yield from self._subscriptions
+
+    @property
+    def clients(self) -> Iterator[Client[Any, Any]]:
+        """Its clients."""
+        yield from self._clients
+
+    @property
+    def services(self) -> Iterator[Service[Any, Any]]:
+        """Its services."""
+        yield from self._services
+
+    @property
+    def timers(self) -> Iterator[Timer]:
+        """Its timers."""
+        yield from self._timers
+
+    @property
+    def guards(self) -> Iterator[GuardCondition]:
+        """Its guard conditions."""
+        yield from self._guards
+
+    @property
+    def waitables(self) -> Iterator[Waitable[Any]]:
+        """What else it waits for."""
+        yield from self._waitables
+
+    # What it makes
+
+    def create_publisher(
+        self,
+        msg_type: Any,
+        topic: str,
+        qos_profile: QoSProfile | int,
+        *,
+        callback_group: CallbackGroup | None = None,
+        event_callbacks: Any = None,
+        qos_overriding_options: Any = None,
+        publisher_class: type[Publisher[Any]] = Publisher,
+    ) -> Publisher[Any]:
+        """Publish messages of a type on a topic; a number as `qos_profile` is its depth."""
+        qos = self._topic_qos(qos_profile)
+        check_is_valid_msg_type(msg_type)
+        name = self.resolve_topic_name(topic)
+        publisher = publisher_class(
+            self._as_node(), msg_type, name, qos, self._group(callback_group)
+        )
+        return self._added(self._publishers, publisher)
+
+    def create_subscription(
+        self,
+        msg_type: Any,
+        topic: str,
+        callback: Callable[..., Any],
+        qos_profile: QoSProfile | int,
+        *,
+        callback_group: CallbackGroup | None = None,
+        event_callbacks: Any = None,
+        qos_overriding_options: Any = None,
+        raw: bool = False,
+        content_filter_options: Any = None,
+    ) -> Subscription[Any]:
+        """Have `callback(message)` called for each message of a topic.
+
+        A callback with two parameters gets a `MessageInfo`, too; with `raw`, the message is CDR.
+        """
+        qos = self._topic_qos(qos_profile)
+        check_is_valid_msg_type(msg_type)
+        name = self.resolve_topic_name(topic)
+        group = self._group(callback_group)
+        subscription: Subscription[Any] = Subscription(
+            self._as_node(), msg_type, name, callback, group, qos, raw
+        )
+        return self._added(self._subscriptions, subscription, group)
+
+    def create_client(
+        self,
+        srv_type: Any,
+        srv_name: str,
+        *,
+        qos_profile: QoSProfile = qos_profile_services_default,
+        callback_group: CallbackGroup | None = None,
+    ) -> Client[Any, Any]:
+        """A client of a service."""
+        check_is_valid_srv_type(srv_type)
+        name = self.resolve_service_name(srv_name)
+        group = self._group(callback_group)
+        client: Client[Any, Any] = Client(self._as_node(), srv_type, name, qos_profile, group)
+        return self._added(self._clients, client, group)
+
+    def create_service(
+        self,
+        srv_type: Any,
+        srv_name: str,
+        callback: Callable[..., Any],
+        *,
+        qos_profile: QoSProfile = qos_profile_services_default,
+        callback_group: CallbackGroup | None = None,
+    ) -> Service[Any, Any]:
+        """Offer a service: `callback(request, response)` is called for each and returns the answer.
+
+        Raises NameInUse where another program offers it.
+        """
+        check_is_valid_srv_type(srv_type)
+        name = self.resolve_service_name(srv_name)
+        group = self._group(callback_group)
+        service: Service[Any, Any] = Service(
+            self._as_node(), srv_type, name, callback, group, qos_profile
+        )
+        return self._added(self._services, service, group)
+
+    def create_timer(
+        self,
+        timer_period_sec: float,
+        callback: Callable[..., Any] | None,
+        callback_group: CallbackGroup | None = None,
+        clock: Clock | None = None,
+        autostart: bool = True,
+    ) -> Timer:
+        """Have `callback()` called every `timer_period_sec` seconds, first after one period."""
+        group = self._group(callback_group)
+        timer = Timer(
+            callback,
+            group,
+            int(float(timer_period_sec) * S_TO_NS),
+            self.get_clock() if clock is None else clock,
+            context=self._context,
+            autostart=autostart,
+        )
+        timer._node = self
+        return self._added(self._timers, timer, group)
+
+    def create_guard_condition(
+        self, callback: Callable[[], Any], callback_group: CallbackGroup | None = None
+    ) -> GuardCondition:
+        """Have `callback()` called whenever the guard condition is triggered."""
+        group = self._group(callback_group)
+        guard = GuardCondition(callback, group, context=self._context)
+        guard._node = self
+        return self._added(self._guards, guard, group)
+
+    def create_rate(self, frequency: float, clock: Clock | None = None) -> Rate:
+        """Sleep `frequency` times a second, in a thread beside the one that spins.
+
+        Raises ValueError for a frequency that is not above 0.
+        """
+        if frequency <= 0:
+            raise ValueError("frequency must be > 0")
+        # A group of its own: the callback that sleeps must not keep its timer from running.
+        group = MutuallyExclusiveCallbackGroup()
+        timer = self.create_timer(1.0 / frequency, None, group, clock)
+        rate = self._rates[timer] = Rate(timer, context=self._context)
+        return rate
+
+    def add_waitable(self, waitable: Waitable[Any]) -> None:
+        """Wait for something of the program's own, too."""
+        waitable._node = self
+        self._added(self._waitables, waitable)
+
+    def remove_waitable(self, waitable: Waitable[Any]) -> None:
+        """Wait for it no longer."""
+        if waitable in self._waitables:
+            self._waitables.remove(waitable)
+            self._wake_executor()
+
+    # Its ends
+
+    def destroy_publisher(self, publisher: Publisher[Any]) -> bool:
+        """Publish no more; whether it was this node's."""
+        return self._destroyed(self._publishers, publisher)
+
+    def destroy_subscription(self, subscription: Subscription[Any]) -> bool:
+        """Read no more; whether it was this node's."""
+        return self._destroyed(self._subscriptions, subscription)
+
+    def destroy_client(self, client: Client[Any, Any]) -> bool:
+        """Call no more; whether it was this node's."""
+        return self._destroyed(self._clients, client)
+
+    def destroy_service(self, service: Service[Any, Any]) -> bool:
+        """Offer it no more; whether it was this node's."""
+        return self._destroyed(self._services, service)
+
+    def destroy_timer(self, timer: Timer) -> bool:
+        """Call back no more; whether it was this node's."""
+        return self._destroyed(self._timers, timer)
+
+    def destroy_guard_condition(self, guard: GuardCondition) -> bool:
+        """Call back no more; whether it was this node's."""
+        return self._destroyed(self._guards, guard)
+
+    def destroy_rate(self, rate: Rate) -> bool:
+        """Wake who sleeps; whether it was this node's."""
+        for timer, known in list(self._rates.items()):
+            if known is rate:
+                del self._rates[timer]
+                rate.destroy()
+                return self.destroy_timer(timer)
+        return False
+
+    # Inside
+
+    def _destroy_entities(self) -> None:
+        for rate in list(self._rates.values()):
+            self.destroy_rate(rate)
+        everything: list[list[Any]] = [
+            self._publishers,
+            self._subscriptions,
+            self._clients,
+            self._services,
+            self._timers,
+            self._guards,
+        ]
+        for things in everything:
+            while things:
+                things.pop().destroy()
+
+    def _as_node(self) -> Node:
+        return cast("Node", self)
+
+    def _topic_qos(self, qos: QoSProfile | int) -> QoSProfile:
+        if isinstance(qos, QoSProfile):
+            return qos
+        if not isinstance(qos, int):
+            raise TypeError(f"Expected QoSProfile or int, but received {type(qos)!r}")
+        if qos < 0:
+            raise ValueError("History depth must be greater than or equal to zero")
+        return QoSProfile(depth=qos)
+
+    def _group(self, callback_group: CallbackGroup | None) -> CallbackGroup:
+        return self._default_callback_group if callback_group is None else callback_group
+
+    def _added(
+        self, things: list[_Thing], thing: _Thing, group: CallbackGroup | None = None
+    ) -> _Thing:
+        things.append(thing)
+        if group is not None:
+            entity: Any = thing
+            group.add_entity(entity)
+        self._wake_executor()
+        return thing
+
+    def _destroyed(self, things: list[_Thing], thing: Any) -> bool:
+        if thing not in things:
+            return False
+        things.remove(thing)
+        thing.destroy()
+        self._wake_executor()
+        return True
+
+    def _wake_executor(self) -> None:
+        if (executor := self.executor) is not None:
+            executor.wake()

@@ -1,0 +1,171 @@
+"""Nodes: what programs derive their classes from, and what makes everything else."""
+
+from __future__ import annotations
+
+import weakref
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from taskrpc import names
+from taskrpc.errors import InvalidName
+
+from ._arguments import Arguments, parse
+from ._bridge import Bridge
+from ._names import kind_of, translated
+from ._node_entities import NodeEntities
+from ._node_graph import NodeGraph
+from ._remapping import Remapping
+from .clock import Clock, ROSClock
+from .context import Context
+from .exceptions import NotInitializedException
+from .handle import Handle
+from .utilities import get_default_context
+from .validate_namespace import validate_namespace
+from .validate_node_name import validate_node_name
+
+if TYPE_CHECKING:
+    from .executors import Executor
+
+
+class Node(NodeEntities, NodeGraph):
+    """A participant: has services, clients, publishers, subscriptions, timers and parameters.
+
+    Its callbacks run while somebody spins it. It lives until `destroy_node`, or until its context
+    is shut down.
+    """
+
+    def __init__(
+        self,
+        node_name: str,
+        *,
+        context: Context | None = None,
+        cli_args: list[str] | None = None,
+        namespace: str | None = None,
+        use_global_arguments: bool = True,
+    ) -> None:
+        NodeEntities.__init__(self)
+        self._context = get_default_context() if context is None else context
+        self._bridge: Bridge
+        self._executor: weakref.ReferenceType[Executor] | None = None
+        if not self._context.ok():
+            raise NotInitializedException("cannot create node")
+        given = [parse(cli_args)] if cli_args is not None else []
+        if use_global_arguments:
+            given.append(self._context._arguments)
+        self._join(node_name, namespace or "", given)
+        self._handle = Handle(self)
+        self._clock = ROSClock()
+        self._context.track_node(self)
+
+    def _join(self, node_name: str, namespace: str, given: list[Arguments]) -> None:
+        """Take part in the network by the name and namespace that the arguments leave."""
+        self._remapping = Remapping(rule for one in given for rule in one.remaps)
+        validate_node_name(node_name)
+        if namespace:
+            validate_namespace(namespace if namespace.startswith("/") else f"/{namespace}")
+        self._name = self._remapping.node_name(node_name)
+        namespace = self._remapping.namespace(namespace, self._name)
+        self._bridge = Bridge(self._name, namespace, self._context.get_domain_id())
+        self._namespace = self._bridge.namespace
+
+    # What it is
+
+    @property
+    def context(self) -> Context:
+        """The context that it belongs to."""
+        return self._context
+
+    @property
+    def handle(self) -> Handle:
+        """What ROS keeps of it."""
+        return self._handle
+
+    @property
+    def executor(self) -> Executor | None:
+        """Who runs its callbacks; None before somebody spins it."""
+        return None if self._executor is None else self._executor()
+
+    @executor.setter
+    def executor(self, new_executor: Executor | None) -> None:
+        """Let another executor run its callbacks, or none."""
+        current = self.executor
+        if current is new_executor:
+            return
+        if current is not None:
+            current.remove_node(self)
+        if new_executor is None:
+            self._executor = None
+        else:
+            new_executor.add_node(self)
+            self._executor = weakref.ref(new_executor)
+
+    def get_name(self) -> str:
+        """Its name, without the namespace."""
+        self._handle.check()
+        return self._name
+
+    def get_namespace(self) -> str:
+        """Its namespace, which begins with `/`."""
+        self._handle.check()
+        return self._namespace
+
+    def get_fully_qualified_name(self) -> str:
+        """`/namespace/name`."""
+        self._handle.check()
+        return names.fully_qualified(self._namespace, self._name)
+
+    def get_clock(self) -> Clock:
+        """Its clock: the system's time, or a simulation's with `use_sim_time`."""
+        return self._clock
+
+    def get_logger(self) -> Any:
+        """Its logger, of the name `namespace.name`."""
+        from .logging import get_logger
+
+        qualified = names.fully_qualified(self._namespace, self._name)
+        return get_logger(qualified.strip("/").replace("/", "."))
+
+    def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
+        """The absolute name that a topic name means here, remapped unless `only_expand`."""
+        return self._resolve(topic, is_service=False, only_expand=only_expand)
+
+    def resolve_service_name(self, service: str, *, only_expand: bool = False) -> str:
+        """The absolute name that a service name means here, remapped unless `only_expand`."""
+        return self._resolve(service, is_service=True, only_expand=only_expand)
+
+    def destroy_node(self) -> None:
+        """Destroy all that it has, and leave the network; nothing happens the second time."""
+        if not self._handle.valid:
+            return
+        self._context.untrack_node(self)
+        self._destroy_entities()
+        self._handle.destroy_when_not_in_use()
+        self._bridge.close()
+        self._wake_executor()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.destroy_node()
+
+    # Inside
+
+    def _resolve(self, name: str, *, is_service: bool, only_expand: bool = False) -> str:
+        kind = kind_of(is_service)
+        self._handle.check()
+        if not isinstance(name, str):
+            raise TypeError(f"expected a {kind} (str), got {name!r}")
+        try:
+            full = names.expand(name, namespace=self._namespace, node=self._name, kind=kind)
+        except InvalidName as error:
+            raise translated(error) from None
+        if only_expand:
+            return full
+        remap = self._remapping.service if is_service else self._remapping.topic
+        return remap(full, self._namespace, self._name)

@@ -1,0 +1,96 @@
+"""Publishers: send messages to whoever subscribes."""
+
+from __future__ import annotations
+
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+
+from srvgen import from_cdr
+
+from .callback_groups import CallbackGroup
+from .duration import Duration
+from .handle import Handle
+
+if TYPE_CHECKING:
+    from .node import Node
+
+MsgT = TypeVar("MsgT")
+
+
+class Publisher(Generic[MsgT]):
+    """Publishes messages of one type on a topic; `Node.create_publisher` makes one."""
+
+    def __init__(
+        self,
+        node: Node,
+        msg_type: Any,
+        topic: str,
+        qos_profile: Any,
+        callback_group: CallbackGroup | None = None,
+    ) -> None:
+        self._node = node
+        self.msg_type = msg_type
+        self.topic = topic
+        self.qos_profile = qos_profile
+        self.callback_group = callback_group
+        self.handle = Handle(self)
+        self.event_handlers: list[Any] = []
+        self._native = node._bridge.publisher(msg_type, topic, qos_profile._native())
+
+    @property
+    def topic_name(self) -> str:
+        """The absolute name of the topic."""
+        self.handle.check()
+        return self.topic
+
+    @property
+    def logger_name(self) -> str:
+        """The name of the logger of its node."""
+        self.handle.check()
+        return str(self._node.get_logger().name)
+
+    def publish(self, msg: MsgT | bytes) -> None:
+        """Send a message, or one that `serialize_message` made bytes of, without waiting.
+
+        Raises TypeError for another type, InvalidRequest for a value that does not fit its field.
+        """
+        self.handle.check()
+        message: Any = from_cdr(self.msg_type, msg) if isinstance(msg, bytes) else msg
+        if not isinstance(message, self.msg_type):
+            expected = self.msg_type.__name__
+            raise TypeError(f"Expected {expected}, got {type(message).__name__}")
+        self._native.publish(message)
+
+    def get_subscription_count(self) -> int:
+        """How many subscriptions read it."""
+        self.handle.check()
+        return self._native.get_subscription_count()
+
+    def assert_liveliness(self) -> None:
+        """Say that it is alive; here nobody asks."""
+        self.handle.check()
+
+    def wait_for_all_acked(self, timeout: Duration | None = None) -> bool:
+        """Wait until what was published is on its way to all subscriptions; True."""
+        self.handle.check()
+        self._node._bridge.do(lambda: None)  # the loop sends in order
+        return True
+
+    def destroy(self) -> None:
+        """Publish no more; use it through `Node.destroy_publisher`, or `with`."""
+        if self.handle.valid:
+            for handler in self.event_handlers:
+                handler.destroy()
+            self.handle.destroy_when_not_in_use()
+            self._native.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._node.destroy_publisher(self)

@@ -1,0 +1,186 @@
+"""Subscriptions: a callback for each message, on the thread that spins."""
+
+from __future__ import annotations
+
+import inspect
+import time
+from collections import deque
+from collections.abc import Callable
+from enum import Enum
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Generic, Self, TypedDict, TypeVar
+
+from srvgen import to_cdr
+
+from ._entity import Entity
+from .callback_groups import CallbackGroup
+from .handle import Handle
+
+if TYPE_CHECKING:
+    from .node import Node
+
+MsgT = TypeVar("MsgT")
+
+
+class MessageInfo(TypedDict):
+    """What callbacks with two parameters learn of a message; times in ns since the epoch."""
+
+    source_timestamp: int
+    received_timestamp: int
+    publication_sequence_number: int | None
+    reception_sequence_number: int | None
+
+
+class Subscription(Entity, Generic[MsgT]):
+    """Reads a topic; `Node.create_subscription` makes one.
+
+    While callbacks are behind, the last messages wait, as many as the profile's depth.
+    """
+
+    class CallbackType(Enum):
+        """What a callback wants."""
+
+        MessageOnly = 0
+        WithMessageInfo = 1
+
+    def __init__(
+        self,
+        node: Node,
+        msg_type: Any,
+        topic: str,
+        callback: Callable[..., Any],
+        callback_group: CallbackGroup,
+        qos_profile: Any,
+        raw: bool = False,
+    ) -> None:
+        self._node = node
+        self.msg_type = msg_type
+        self.topic = topic
+        self.callback = callback
+        self.callback_group = callback_group
+        self.qos_profile = qos_profile
+        self.raw = raw
+        self.handle = SubscriptionHandle(self)
+        self.event_handlers: list[Any] = []
+        native = qos_profile._native(subscribes=True)
+        self._received = 0
+        self._messages: deque[tuple[Any, MessageInfo]] = deque(maxlen=native.depth)
+        self._native = node._bridge.subscription(msg_type, topic, self._came, native)
+
+    @property
+    def topic_name(self) -> str:
+        """The absolute name of the topic."""
+        self.handle.check()
+        return self.topic
+
+    @property
+    def logger_name(self) -> str:
+        """The name of the logger of its node."""
+        self.handle.check()
+        return str(self._node.get_logger().name)
+
+    @property
+    def callback(self) -> Callable[..., Any]:
+        """What is called with each message, and with its `MessageInfo` if it has two parameters.
+
+        Raises RuntimeError where it takes neither one nor two.
+        """
+        return self._callback
+
+    @callback.setter
+    def callback(self, value: Callable[..., Any]) -> None:
+        self._callback = value
+        self._callback_type = _callback_type(value)
+
+    @property
+    def is_cft_enabled(self) -> bool:
+        """Whether messages are filtered by their content; never."""
+        return False
+
+    def get_publisher_count(self) -> int:
+        """How many publishers send to it."""
+        self.handle.check()
+        return self._native.get_publisher_count()
+
+    def destroy(self) -> None:
+        """Read no more; use it through `Node.destroy_subscription`, or `with`."""
+        if self.handle.valid:
+            for handler in self.event_handlers:
+                handler.destroy()
+            self.handle.destroy_when_not_in_use()
+            self._native.close()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._node.destroy_subscription(self)
+
+    def _came(self, message: Any) -> None:
+        """A message, on the loop's thread."""
+        now = time.time_ns()
+        self._received += 1
+        info = MessageInfo(
+            source_timestamp=now,
+            received_timestamp=now,
+            publication_sequence_number=None,
+            reception_sequence_number=self._received,
+        )
+        self._messages.append((message, info))
+        self._arrived()
+
+    def _ready(self) -> bool:
+        return bool(self._messages)
+
+    def _take(self) -> Callable[[], Any] | None:
+        self.handle.check()
+        taken = self._next()
+        if taken is None:
+            return None
+        message, info = taken
+        callback = self._callback
+        if self._callback_type is Subscription.CallbackType.MessageOnly:
+            return lambda: callback(message)
+        return lambda: callback(message, info)
+
+    def _next(self) -> tuple[Any, MessageInfo] | None:
+        try:
+            message, info = self._messages.popleft()
+        except IndexError:  # another thread was quicker
+            return None
+        return to_cdr(message) if self.raw else message, info
+
+
+class SubscriptionHandle(Handle):
+    """What `Subscription.handle` is; messages can be taken from it instead of by a callback."""
+
+    def take_message(self, pymsg_type: Any, raw: bool) -> tuple[Any, MessageInfo] | None:
+        """A message that came, and what is known of it; None when there is none."""
+        self.check()
+        taken: tuple[Any, MessageInfo] | None = self.owner._next()
+        if taken is None or not raw or isinstance(taken[0], bytes):
+            return taken
+        return to_cdr(taken[0]), taken[1]
+
+
+def _callback_type(callback: Callable[..., Any]) -> Subscription.CallbackType:
+    """By how many arguments it takes."""
+    try:
+        signature = inspect.signature(callback)
+    except (TypeError, ValueError):  # some built-in functions tell nothing of themselves
+        return Subscription.CallbackType.MessageOnly
+    for count, kind in ((1, "MessageOnly"), (2, "WithMessageInfo")):
+        try:
+            signature.bind(*range(count))
+        except TypeError:
+            continue
+        return Subscription.CallbackType[kind]
+    raise RuntimeError(
+        "Subscription.__init__(): callback should be either be callable with one argument"
+        " (to get only the message) or two (to get message and message info)"
+    )
