@@ -10,6 +10,7 @@ from typing import Any, Generic, Self, TypeVar
 from ._entity import Entity
 from .callback_groups import CallbackGroup
 from .future import Future
+from .handle import Handle
 
 T = TypeVar("T")
 
@@ -36,10 +37,41 @@ class NumberOfEntities:
         return self
 
 
+class WaitSet:
+    """What a waitable is asked with: it adds handles, and asks by their numbers what is ready."""
+
+    def __init__(self, node: Any) -> None:
+        self._node = node
+        self._entities: list[Entity] = []
+
+    def add_guard_condition(self, handle: Handle) -> int:
+        """Wait for a guard condition's trigger; the number by which to ask."""
+        return self._add(handle)
+
+    def add_timer(self, handle: Handle) -> int:
+        """Wait for a timer; the number by which to ask."""
+        return self._add(handle)
+
+    def is_ready(self, kind: str, index: int) -> bool:
+        """Whether something is there to be taken; of a guard condition, it is taken so."""
+        entity = self._entities[index]
+        ready = entity._ready()
+        if ready and kind == "guard_condition":
+            entity._take()
+        return ready
+
+    def _add(self, handle: Handle) -> int:
+        entity: Entity = handle.owner
+        entity._node = self._node  # so that what arrives there wakes who waits here
+        self._entities.append(entity)
+        return len(self._entities) - 1
+
+
 class Waitable(Entity, Generic[T]):
     """Something of a program's own that an executor asks each round whether it has work.
 
-    A subclass defines `is_ready`, `take_data` and `execute`.
+    A subclass defines `is_ready`, `take_data` and `execute`, and adds what it waits for in
+    `add_to_wait_set`.
     """
 
     def __init__(self, callback_group: CallbackGroup) -> None:
@@ -83,10 +115,12 @@ class Waitable(Entity, Generic[T]):
         return NumberOfEntities()
 
     def add_to_wait_set(self, wait_set: Any) -> None:
-        """Tell what it waits for; there is no wait set here, so this is not called."""
+        """Tell by its handles what it waits for, and keep their numbers for `is_ready`."""
 
     def _ready(self) -> bool:
-        return self.is_ready(None)
+        wait_set = WaitSet(self._node)
+        self.add_to_wait_set(wait_set)
+        return self.is_ready(wait_set)
 
     def _take(self) -> Callable[[], Any] | None:
         for future in self._futures:

@@ -70,6 +70,38 @@ def test_its_futures_have_their_done_callbacks_run_by_the_executor(executor, fak
     assert mailbox._futures == []
 
 
+def test_it_may_wait_for_a_guard_condition(context, executor, fake):
+    class Bell(Waitable):
+        rung = 0
+
+        def __init__(self):
+            super().__init__(ReentrantCallbackGroup())
+            self.guard = GuardCondition(None, None, context)
+
+        def add_to_wait_set(self, wait_set):
+            self.index = wait_set.add_guard_condition(self.guard.handle)
+
+        def is_ready(self, wait_set):
+            return wait_set.is_ready("guard_condition", self.index)
+
+        def take_data(self):
+            return None
+
+        async def execute(self, taken_data):
+            self.rung += 1
+
+    bell = Bell()
+    fake.add_waitable(bell)
+    executor.spin_once(0)
+    assert bell.rung == 0
+    state = executor._sleep.state
+    bell.guard.trigger()
+    assert executor._sleep.state is not state
+    executor.spin_once(0)
+    executor.spin_once(0)
+    assert bell.rung == 1
+
+
 def test_a_waitable_must_say_what_it_waits_for():
     waitable = Waitable(ReentrantCallbackGroup())
     assert waitable.callback_group.has_entity(waitable)
