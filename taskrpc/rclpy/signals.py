@@ -65,16 +65,21 @@ def _handle(number: int, frame: FrameType | None) -> None:
     before = _before.get(number)
     _context.end_all_by_signal()
     if number == signal.SIGINT:
-        sys.excepthook = _one_line
+        _end_in_one_line()
     if callable(before):
         before(number, frame)  # Python's own raises KeyboardInterrupt
 
 
-def _one_line(
-    kind: type[BaseException], error: BaseException, traceback: TracebackType | None
-) -> None:
-    """Say in one line that Ctrl-C ended a program that does not catch it; its status is 130."""
-    if issubclass(kind, KeyboardInterrupt):
-        print("Interrupted by Ctrl-C", file=sys.stderr)
-    else:
-        sys.__excepthook__(kind, error, traceback)
+def _end_in_one_line() -> None:
+    """Have one line told instead of a traceback when the program does not catch the interrupt."""
+    others = sys.excepthook
+
+    def tell(
+        kind: type[BaseException], error: BaseException, traceback: TracebackType | None
+    ) -> None:
+        if issubclass(kind, KeyboardInterrupt):
+            print("Interrupted by Ctrl-C", file=sys.stderr)
+        else:
+            others(kind, error, traceback)
+
+    sys.excepthook = tell

@@ -10,6 +10,7 @@ from typing import Any, Generic, Self, TypeVar
 from ._entity import Entity
 from .callback_groups import CallbackGroup
 from .future import Future
+from .guard_condition import GuardCondition
 from .handle import Handle
 
 T = TypeVar("T")
@@ -38,33 +39,25 @@ class NumberOfEntities:
 
 
 class WaitSet:
-    """What a waitable is asked with: it adds handles, and asks by their numbers what is ready."""
+    """What a waitable is asked with: it adds guard conditions, and asks which were triggered."""
 
     def __init__(self, node: Any) -> None:
         self._node = node
-        self._entities: list[Entity] = []
+        self._guards: list[GuardCondition] = []
 
     def add_guard_condition(self, handle: Handle) -> int:
         """Wait for a guard condition's trigger; the number by which to ask."""
-        return self._add(handle)
-
-    def add_timer(self, handle: Handle) -> int:
-        """Wait for a timer; the number by which to ask."""
-        return self._add(handle)
+        guard: GuardCondition = handle.owner
+        guard._node = self._node  # so that the trigger wakes who waits here
+        self._guards.append(guard)
+        return len(self._guards) - 1
 
     def is_ready(self, kind: str, index: int) -> bool:
-        """Whether something is there to be taken; of a guard condition, it is taken so."""
-        entity = self._entities[index]
-        ready = entity._ready()
-        if ready and kind == "guard_condition":
-            entity._take()
+        """Whether it was triggered since it was asked last; `kind` is "guard_condition"."""
+        guard = self._guards[index]
+        ready = guard._ready()
+        guard._take()
         return ready
-
-    def _add(self, handle: Handle) -> int:
-        entity: Entity = handle.owner
-        entity._node = self._node  # so that what arrives there wakes who waits here
-        self._entities.append(entity)
-        return len(self._entities) - 1
 
 
 class Waitable(Entity, Generic[T]):
