@@ -1,0 +1,96 @@
+"""Topic frames arrive as they were sent, and what makes no sense ends the connection."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taskrpc.wire import topics
+from taskrpc.wire.events import Closed, Published, PublishersTold, SubscribeReceived
+from taskrpc.wire.frames import LARGE, FrameType, pack_frame
+from taskrpc.wire.messages import Publishing, TopicEndpoint
+from tests.taskrpc.wire.helpers import open_pair, receive
+
+names = st.text(st.characters(min_codepoint=32, max_codepoint=126), max_size=20)
+endpoints = st.builds(
+    TopicEndpoint, names, names, names, names, st.integers(1, 2**31), st.booleans(), st.booleans()
+)
+u32 = st.integers(0, 2**32 - 1)
+
+
+def endpoint(type_hash="h", *, reliable=True, latched=False):
+    return TopicEndpoint("/t", "a/msg/T", type_hash, "/n", 10, reliable, latched)
+
+
+@given(u32, endpoints, st.integers(1, 100))
+def test_a_subscription_arrives(number, wanted, piece):
+    pair = open_pair()
+    topics.subscribe(pair.client, number, wanted)
+    topics.unsubscribe(pair.client, number)
+    subscribed, unsubscribed = pair.deliver(pair.server, piece=piece)
+    assert subscribed == SubscribeReceived(number, wanted)
+    assert unsubscribed.subscription_id == number
+
+
+publishings = st.builds(Publishing, st.integers(0, 0xFFFF), endpoints, names)
+
+
+@given(u32, st.lists(publishings, max_size=5))
+def test_an_announcement_arrives(number, publishers):
+    pair = open_pair()
+    topics.announce(pair.server, number, publishers)
+    assert pair.deliver(pair.client) == [PublishersTold(number, publishers)]
+
+
+@given(st.lists(st.tuples(u32, st.integers(0, 0xFFFF), u32, st.binary(max_size=50)), max_size=20))
+def test_messages_arrive_in_order(messages):
+    pair = open_pair()
+    for message in messages:
+        topics.publish(pair.server, *message)
+    assert pair.deliver(pair.client) == [Published(*message) for message in messages]
+
+
+@pytest.mark.parametrize("size", [LARGE - 1, LARGE, 3 * LARGE])
+def test_a_large_message_arrives_between_calls(size):
+    pair = open_pair()
+    call_id = pair.client.request("ticket", 1, b"question", 100)
+    pair.deliver(pair.server)
+    body = bytes(range(256)) * (size // 256 + 1)
+    topics.publish(pair.server, 1, 2, 3, body[:size])
+    pair.server.respond(call_id, b"answer")
+    message, answered = pair.deliver(pair.client, piece=10_000)
+    assert message == Published(1, 2, 3, body[:size])
+    assert answered.body == b"answer"
+
+
+@pytest.mark.parametrize(
+    ("publisher", "subscription", "mismatch"),
+    [
+        (endpoint(), endpoint(), None),
+        (endpoint(), endpoint("other"), "TYPE"),
+        (endpoint(reliable=False), endpoint(), "RELIABILITY"),
+        (endpoint(), endpoint(reliable=False), None),
+        (endpoint(), endpoint(latched=True), "DURABILITY"),
+        (endpoint(latched=True), endpoint(), None),
+        (endpoint(reliable=False), endpoint(reliable=False), None),
+    ],
+)
+def test_who_matches_whom(publisher, subscription, mismatch):
+    assert topics.mismatch_of(publisher, subscription) == mismatch
+
+
+@pytest.mark.parametrize(
+    ("to_server", "type_", "body", "why"),
+    [
+        (True, FrameType.PUBLISH, b"", "a client may not publish"),
+        (True, FrameType.SUBSCRIBE, b"\x90", "TopicEndpoint is not valid"),
+        (True, FrameType.SUBSCRIBE, b"", "TopicEndpoint is not valid"),
+        (False, FrameType.UNSUBSCRIBE, b"", "a server may not unsubscribe"),
+        (False, FrameType.SUBSCRIBE, b"\xc1", "Announcement is not valid"),
+    ],
+)
+def test_what_makes_no_sense_ends_the_connection(to_server, type_, body, why):
+    pair = open_pair()
+    end = pair.server if to_server else pair.client
+    (closed,) = receive(end, pack_frame(type_, 0, 0, 1, 0, body))
+    assert isinstance(closed, Closed)
+    assert why in str(closed.error)
