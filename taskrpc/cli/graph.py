@@ -38,6 +38,8 @@ def _entry(place: str, listing: Listing) -> Entry:
         nodes=tuple(listing.nodes),
         services=tuple(listing.services),
         clients=tuple(listing.clients),
+        publishers=tuple(listing.publishers),
+        subscriptions=tuple(listing.subscriptions),
     )
 
 

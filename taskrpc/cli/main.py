@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 
 _PURPOSES = {
     "service": "Various service related sub-commands",
+    "topic": "Various topic related sub-commands",
     "interface": "Show information about interfaces",
     "node": "Various node related sub-commands",
     "task": "Submit tasks to the task server and watch them",

@@ -45,13 +45,13 @@ class Remote:
         lab = remembered_lab()
         return environment_peers() or ([] if lab is None else [lab.place])
 
-    def node(self, *, transport: str = "tcp") -> Node:
-        """A node for a command, whose name listings hide."""
+    def node(self, *, transport: str = "tcp", name: str = "") -> Node:
+        """A node for a command, whose name listings hide unless it has one."""
         from taskrpc.node import Node
 
         peers = [self.place] if self.place else None
         return Node(
-            f"_taskrpc_cli_{os.getpid()}",
+            name or f"_taskrpc_cli_{os.getpid()}",
             namespace="/",  # names on a command line are those of listings
             transport=transport,
             peers=peers,

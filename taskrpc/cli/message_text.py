@@ -1,0 +1,82 @@
+"""A message as ros2 prints it: YAML, or values between commas; long parts cut off."""
+
+from __future__ import annotations
+
+import re
+import sys
+from typing import Any
+
+import msgspec
+
+_FIXED = re.compile(r".+\[\d+\]")
+
+
+class Cut(msgspec.Struct, frozen=True):
+    """What of a message is shown."""
+
+    length: int | None = 128
+    """The most characters of a text and elements of an array; None for all."""
+    arrays: bool = True
+    """Else only what they hold, and how many."""
+    texts: bool = True
+    """Else only how long they are."""
+
+
+def yaml_of(value: Any, cut: Cut, *, flow: bool = False) -> str:
+    """A message, or one of its fields, as a YAML document that ends in a line break."""
+    plain = _plain(value, cut)
+    if isinstance(plain, dict):
+        import yaml
+
+        return yaml.dump(
+            plain,
+            allow_unicode=True,
+            default_flow_style=flow,
+            sort_keys=False,
+            width=sys.maxsize,
+        )
+    return f"{plain}\n"
+
+
+def csv_of(value: Any, cut: Cut) -> str:
+    """All values of a message, or of one of its fields, in order."""
+    plain = _plain(value, cut)
+    if isinstance(plain, dict):
+        return ",".join(csv_of(each, cut) for each in plain.values())
+    if isinstance(plain, list):
+        return ",".join(csv_of(each, cut) for each in plain)
+    return str(plain)
+
+
+def _plain(value: Any, cut: Cut, type_: str = "") -> Any:
+    """Dicts, lists and what YAML knows instead of messages and arrays."""
+    if hasattr(value, "_FIELDS"):
+        types = value.get_fields_and_field_types()
+        attributes = value.__struct_fields__  # a keyword's has an underscore more
+        return {
+            name: _plain(getattr(value, attribute), cut, types[name])
+            for (name, _), attribute in zip(value._FIELDS, attributes, strict=True)
+        }
+    if isinstance(value, str):
+        return _text(value, cut)
+    if isinstance(value, bool | int | float | dict):
+        return value
+    return _array(list(value), cut, type_)
+
+
+def _text(value: str, cut: Cut) -> str:
+    if not cut.texts:
+        return f"<string length: <{len(value)}>>"
+    if cut.length is not None and len(value) > cut.length:
+        return value[: cut.length] + "..."
+    return value
+
+
+def _array(values: list[Any], cut: Cut, type_: str) -> Any:
+    if not cut.arrays and type_:
+        if _FIXED.fullmatch(type_):
+            return f"<array type: {type_}>"
+        element = type_.removeprefix("sequence<").removesuffix(">").partition(",")[0]
+        return f"<sequence type: {element}, length: {len(values)}>"
+    shown = [_plain(each, cut) for each in values[: cut.length]]
+    return shown if len(shown) == len(values) else [*shown, "..."]

@@ -1,0 +1,89 @@
+"""`taskrpc topic pub`: publishes one message, again and again or so many times."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+from typing import TYPE_CHECKING, Any
+
+import srvgen
+from taskrpc.cli import shells
+from taskrpc.cli.command import Exit, NotFound, goes_on
+from taskrpc.cli.remote import remote_of
+from taskrpc.cli.topic_graph import message_type_name
+from taskrpc.cli.topic_qos import qos_to_publish
+from taskrpc.cli.values import build_request
+
+if TYPE_CHECKING:
+    import argparse
+
+    from taskrpc.topic import Publisher
+
+_LOOK = 0.1
+_TELL = 10
+"""So many looks for subscriptions are told of once."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Publish what the options say."""
+    message = build_request(message_class(options.message_type), options.values)
+    asyncio.run(_publish(options, message))
+    return Exit.DONE
+
+
+def message_class(type_name: str) -> Any:
+    """The class of a message type that this machine has a definition of. Raises DefinitionError."""
+    try:
+        found = srvgen.load(message_type_name(type_name))
+    except srvgen.DefinitionError as error:
+        problem = "The passed message type is invalid"
+        raise srvgen.DefinitionError(problem, hint=str(error)) from None
+    if hasattr(found, "Request"):
+        problem = "The passed type is not a message"
+        raise srvgen.DefinitionError(problem, hint=f"{type_name} is a service")
+    return found
+
+
+async def _publish(options: argparse.Namespace, message: Any) -> None:
+    topic = shells.expanded(options.topic_name, kind="topic name")
+    remote = remote_of(options)
+    async with remote.node(name=options.node_name or "") as node:
+        publisher = node.create_publisher(type(message), topic, qos_to_publish(options))
+        times = 1 if options.once else options.times
+        await _wait_for_readers(options, publisher, 1 if times else 0)
+        print("publisher: beginning loop", flush=True)
+        goes_on()
+        await _loop(options, publisher, message, times)
+        await asyncio.sleep(options.keep_alive)
+
+
+async def _wait_for_readers(options: argparse.Namespace, publisher: Publisher, least: int) -> None:
+    if options.wait_matching_subscriptions is not None:
+        least = options.wait_matching_subscriptions
+    loop = asyncio.get_running_loop()
+    longest = options.max_wait_time_secs
+    ends = None if longest is None else loop.time() + longest
+    for look in itertools.count():
+        if publisher.get_subscription_count() >= least:
+            return
+        if ends is not None and loop.time() >= ends:
+            count = publisher.get_subscription_count()
+            problem = f"Expected {least} subscribers but only got {count} subscribers"
+            raise NotFound(f"Timed out waiting for subscribers: {problem}")
+        if look % _TELL == 0:
+            print(f"Waiting for at least {least} matching subscription(s)...", flush=True)
+        await asyncio.sleep(_LOOK)
+
+
+async def _loop(
+    options: argparse.Namespace, publisher: Publisher, message: Any, times: int
+) -> None:
+    loop = asyncio.get_running_loop()
+    began, every = loop.time(), options.print
+    for number in itertools.count(1):
+        if every and number % every == 0:
+            print(f"publishing #{number}: {message!r}\n", flush=True)
+        publisher.publish(message)
+        if number == times:
+            return
+        await asyncio.sleep(max(0.0, began + number / options.rate - loop.time()))

@@ -1,0 +1,259 @@
+"""`taskrpc topic` prints what ros2 prints, about publishers of other programs."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+
+import pytest
+
+import srvgen
+from taskrpc.cli.main import main
+from taskrpc.cli.message_text import Cut, csv_of, yaml_of
+
+String = srvgen.load("std_msgs/msg/String")
+Pose = srvgen.load("geometry_msgs/msg/PoseStamped")
+Covariance = srvgen.load("geometry_msgs/msg/PoseWithCovariance")
+Image = srvgen.load("sensor_msgs/msg/Image")
+
+TALKER = """
+import sys
+import srvgen, taskrpc
+from taskrpc import QoS
+String = srvgen.load("std_msgs/msg/String")
+Pose = srvgen.load("geometry_msgs/msg/PoseStamped")
+import asyncio
+async def main():
+    async with taskrpc.Node("talker", namespace="/lab") as node:
+        chatter = node.create_publisher(String, "/chatter")
+        pose = node.create_publisher(Pose, "/pose", QoS(5, "best_effort"))
+        node.create_publisher(String, "/_hidden")
+        node.create_subscription(String, "/heard", lambda message: print(message.data, flush=True))
+        state = node.create_publisher(String, "/state", QoS(1, durability="transient_local"))
+        state.publish(String(data="ready"))
+        where = Pose()
+        where.pose.position.x = 1.5
+        count = 0
+        def tick():
+            nonlocal count
+            count += 1
+            chatter.publish(String(data=f"Hello: {count}"))
+            pose.publish(where)
+        node.create_timer(0.02, tick)
+        print("up", flush=True)
+        await node.spin()
+taskrpc.run(main())
+"""
+
+
+@pytest.fixture(scope="module")
+def _runtime(tmp_path_factory):
+    return tmp_path_factory.mktemp("runtime")
+
+
+@pytest.fixture(scope="module")
+def _talker(_runtime):
+    """One program for all tests of this module, in a runtime folder of their own."""
+    import os
+
+    _runtime.chmod(0o700)
+    environment = {**os.environ, "XDG_RUNTIME_DIR": str(_runtime)}
+    environment.pop("ROS_DOMAIN_ID", None)
+    with subprocess.Popen(
+        [sys.executable, "-c", TALKER], env=environment, stdout=subprocess.PIPE, text=True
+    ) as process:
+        assert process.stdout.readline() == "up\n"
+        yield process
+        process.terminate()
+
+
+@pytest.fixture
+def talker(_talker, _runtime, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(_runtime))
+    return _talker
+
+
+@pytest.fixture
+def run(capsys):
+    """Runs `taskrpc topic …` in this process: exit code, stdout, stderr."""
+
+    def _run(*argv):
+        code = main(("topic", *argv))
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return _run
+
+
+real_time = pytest.mark.real_time
+
+
+@real_time
+def test_listings(talker, run):
+    assert run("list") == (0, "/chatter\n/heard\n/pose\n/state\n", "")
+    assert run("list", "-c") == (0, "4\n", "")
+    assert run("list", "-a")[1].startswith("/_hidden\n/chatter\n")
+    assert run("--include-hidden-topics", "list", "-c")[1] == "5\n"
+    assert "/pose [geometry_msgs/msg/PoseStamped]\n" in run("list", "-t")[1]
+    assert json.loads(run("list", "--json")[1])[0] == {
+        "name": "/chatter",
+        "types": ["std_msgs/msg/String"],
+    }
+    assert run("list", "-v")[1] == (
+        "Published topics:\n"
+        " * /chatter [std_msgs/msg/String] 1 publisher\n"
+        " * /pose [geometry_msgs/msg/PoseStamped] 1 publisher\n"
+        " * /state [std_msgs/msg/String] 1 publisher\n"
+        "\n"
+        "Subscribed topics:\n"
+        " * /heard [std_msgs/msg/String] 1 subscriber\n"
+        "\n"
+    )
+
+
+@real_time
+def test_type_and_find(talker, run):
+    assert run("type", "chatter") == (0, "std_msgs/msg/String\n", "")
+    assert run("find", "std_msgs/String") == (0, "/chatter\n/heard\n/state\n", "")
+    assert run("find", "std_msgs/msg/String", "-c") == (0, "3\n", "")
+    code, out, err = run("type", "/chater")
+    assert (code, out) == (1, "")
+    assert err == "Unknown topic '/chater'\n  hint: did you mean /chatter?\n"
+
+
+@real_time
+def test_info(talker, run):
+    assert run("info", "/chatter") == (
+        0,
+        "Type: std_msgs/msg/String\nPublisher count: 1\nSubscription count: 0\n",
+        "",
+    )
+    told = run("info", "/pose", "-v")[1]
+    assert told.startswith(
+        "Type: geometry_msgs/msg/PoseStamped\n\nPublisher count: 1\n\nNode name: talker\n"
+        "Node namespace: /lab\nTopic type: geometry_msgs/msg/PoseStamped\n"
+    )
+    assert "QoS profile:\n  Reliability: BEST_EFFORT\n  History (Depth): KEEP_LAST (5)\n" in told
+    assert "  Durability: VOLATILE\n" in told
+    assert told.endswith("\nSubscription count: 0\n\n")
+    found = json.loads(run("info", "/state", "--json")[1])
+    assert found["publishers"][0]["durability"] == "transient_local"
+
+
+@real_time
+def test_echo_prints_yaml_documents(talker, run):
+    code, out, _ = run("echo", "/chatter", "--once")
+    assert code == 0
+    assert out.startswith("data: 'Hello: ")
+    assert out.endswith("'\n---\n")
+    assert run("echo", "/state", "--once")[1] == "data: ready\n---\n"
+    assert run("echo", "/state", "std_msgs/String", "--once", "--csv")[1] == "ready\n"
+    assert run("echo", "/pose", "--once", "--field", "pose.position.x")[1] == "1.5\n---\n"
+    assert run("echo", "/pose", "--once", "--field", "pose.position", "--flow-style")[1] == (
+        "{x: 1.5, y: 0.0, z: 0.0}\n---\n"
+    )
+
+
+@real_time
+def test_echo_of_what_is_not_there(talker, run):
+    code, out, err = run("echo", "/nothing")
+    assert (code, out) == (1, "WARNING: topic [/nothing] does not appear to be published yet\n")
+    assert err.startswith("Could not determine the type for the passed topic\n")
+    code, _, err = run("echo", "/heard", "--once", "--timeout", "0.05")
+    assert (code, err) == (1, "no message on /heard within 0.05 s\n")
+    code, _, err = run("echo", "/chatter", "--once", "--field", "nope.x")
+    assert (code, err) == (1, "Invalid field 'nope.x': std_msgs/msg/String has no such field\n")
+
+
+@real_time
+def test_pub_prints_each_message_and_reaches_who_listens(talker, run):
+    code, out, _ = run("pub", "--once", "/heard", "std_msgs/msg/String", "{data: over here}")
+    assert code == 0
+    assert out.endswith(
+        "publisher: beginning loop\npublishing #1: std_msgs.msg.String(data='over here')\n\n"
+    )
+    assert talker.stdout.readline() == "over here\n"
+    rate = ("-r", "1000", "-p", "2")
+    code, out, _ = run("pub", "-t", "3", *rate, "/heard", "std_msgs/String", "data=so")
+    assert "publishing #2: " in out
+    assert "publishing #1: " not in out
+    assert [talker.stdout.readline() for _ in range(3)] == ["so\n"] * 3
+
+
+@real_time
+@pytest.mark.parametrize(
+    ("argv", "code", "said"),
+    [
+        (("/t", "std_msgs/msg/Nope"), 1, "The passed message type is invalid\n"),
+        (("/t", "std_srvs/srv/Trigger"), 1, "The passed type is not a message\n"),
+        (("/t", "std_msgs/msg/String", "text=1"), 1, "Failed to populate field: "),
+        (("/a b", "std_msgs/msg/String"), 1, "Invalid topic name: "),
+        (("/t", "std_msgs/msg/String", "-1", "-t", "2"), 2, "usage: "),
+        (
+            ("/t", "std_msgs/msg/String", "-1", "--max-wait-time-secs", "0.01"),
+            1,
+            "Timed out waiting for subscribers: Expected 1 subscribers but only got 0 subscribers",
+        ),
+    ],
+)
+def test_what_pub_cannot_do_is_told_in_a_sentence(run, argv, code, said):
+    told, _, err = run("pub", *argv)
+    assert told == code
+    assert err.startswith(said)
+
+
+@real_time
+@pytest.mark.parametrize(
+    ("verb", "topic", "expected"),
+    [
+        ("hz", "/chatter", r"average rate: \d+\.\d{3}\n\tmin: 0\.\d{3}s max: "),
+        (
+            "bw",
+            "/chatter",
+            r"Subscribed to \[/chatter\]\n[\d.]+ K?B/s from \d+ messages\n",
+        ),
+        ("delay", "/pose", r"average delay: \d+\.\d{3}\n\tmin: \d+\.\d{3}s max: "),
+    ],
+)
+def test_figures_once_a_second(talker, tmp_path, verb, topic, expected):
+    command = [sys.executable, "-u", "-m", "taskrpc", "topic", verb, topic]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        lines = [process.stdout.readline() for _ in range(3 if verb == "bw" else 2)]
+        process.kill()
+    assert re.match(expected, "".join(lines))
+
+
+@real_time
+def test_a_message_without_a_header_has_no_delay(talker, run):
+    assert run("delay", "/chatter") == (1, "", "msg does not have header\n")
+
+
+# How messages are printed
+
+
+def test_arrays_and_texts_are_cut_off_or_left_out():
+    image = Image(encoding="rgb8", data=bytes(range(5)))
+    told = yaml_of(image, Cut(3))
+    assert "encoding: rgb...\n" in told
+    assert "data:\n- 0\n- 1\n- 2\n- '...'\n" in told
+    told = yaml_of(image, Cut(arrays=False, texts=False))
+    assert "encoding: '<string length: <4>>'\n" in told
+    assert "data: '<sequence type: uint8, length: 5>'\n" in told
+    assert "covariance: '<array type: double[36]>'\n" in yaml_of(Covariance(), Cut(arrays=False))
+    assert yaml_of(image, Cut(None)).endswith("- 3\n- 4\n")
+
+
+def test_values_between_commas_are_in_order():
+    pose = Pose()
+    pose.pose.position.y = 2.0
+    assert csv_of(pose, Cut()) == "0,0,,0.0,2.0,0.0,0.0,0.0,0.0,1.0"
+    assert csv_of(Image(data=b"\1\2"), Cut()).endswith(",1,2")
+
+
+def test_a_text_that_yaml_would_misread_is_quoted():
+    for text in ("yes", "007", "a: b", "", "- x", "ü"):
+        import yaml
+
+        assert yaml.safe_load(yaml_of(String(data=text), Cut())) == {"data": text}
