@@ -15,7 +15,8 @@ from taskrpc.transport.seldom import FewLines
 from taskrpc.transport.timers import Deadlines, Expiring
 from taskrpc.wire.events import Closed, Event
 from taskrpc.wire.handshake import Identity
-from taskrpc.wire.session import Session, State
+from taskrpc.wire.link import State
+from taskrpc.wire.session import Session
 
 log = logging.getLogger("taskrpc.transport")
 

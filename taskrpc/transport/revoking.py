@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from taskrpc.access import Accounts
 from taskrpc.errors import AuthenticationFailed
 from taskrpc.transport.serving import LINGER, ServingConnection
-from taskrpc.wire.session import State
+from taskrpc.wire.link import State
 
 log = logging.getLogger("taskrpc.transport")
 

@@ -44,8 +44,8 @@ from taskrpc.wire.events import (
 )
 from taskrpc.wire.frames import NO_DEADLINE, Flag
 from taskrpc.wire.handshake import Identity
+from taskrpc.wire.link import State
 from taskrpc.wire.messages import Listing
-from taskrpc.wire.session import State
 from taskrpc.wire.spans import cut_span
 
 if TYPE_CHECKING:

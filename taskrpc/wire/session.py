@@ -1,15 +1,14 @@
 """One end of a connection without its socket: bytes in and what happened out, what is wanted in
 and bytes out.
 
-The session knows frames, the handshake, call ids, what is in flight and who may still call. It
-knows no clock: a deadline is the time left. Every call gets exactly one terminal frame (RESPONSE
-or ERROR); only then are its id and its place in the limits free. After GOAWAY the server drops
-newer calls unseen, and the client knows that they never began.
+The session knows call ids, what is in flight and who may still call; its `Link` knows frames and
+the handshake. It knows no clock: a deadline is the time left. Every call gets exactly one terminal
+frame (RESPONSE or ERROR); only then are its id and its place in the limits free. After GOAWAY the
+server drops newer calls unseen, and the client knows that they never began.
 """
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import Any
 
 from taskrpc.errors import ConnectionLost, OutcomeUnknown, ProtocolError, TaskRpcError
@@ -20,13 +19,11 @@ from taskrpc.wire.events import (
     Answered,
     Body,
     CancelReceived,
-    Closed,
     Crowded,
     Draining,
     Event,
     Failed,
     Overrun,
-    Ready,
     RequestReceived,
     ResolveReceived,
 )
@@ -34,27 +31,13 @@ from taskrpc.wire.frames import (
     FIRST_OPTIONAL_TYPE,
     HEADER,
     LARGE,
-    MAGIC,
     SIZE_OF_EMPTY,
     Frame,
     FrameType,
     LargeBody,
-    Splitter,
-    pack_frame,
-    pack_header,
 )
-from taskrpc.wire.handshake import (
-    ClientHandshake,
-    Identity,
-    Peer,
-    ServerHandshake,
-    Voucher,
-    refusal,
-)
-from taskrpc.wire.messages import DEFAULT_LIMITS
-
-HANDSHAKE_LIMIT = 4096
-"""Bytes of a body before the peer has proved itself."""
+from taskrpc.wire.handshake import Identity
+from taskrpc.wire.link import Link, State
 
 LAST_CALL_ID = 3 * 2**30
 """A connection that has made so many calls retires."""
@@ -63,87 +46,43 @@ LONGEST_TIME = 0xFFFFFFFF
 """Microseconds that an answer can tell; calls that took longer say this."""
 
 
-class State(Enum):
-    """Where a connection stands."""
-
-    HANDSHAKE = "handshake"
-    OPEN = "open"
-    DRAINING = "draining"
-    CLOSED = "closed"
-
-
 # Looking a member up in its class costs as much as packing a header.
-_HANDSHAKE, _OPEN, _DRAINING, _CLOSED = State
+_, _OPEN, _DRAINING, _CLOSED = State
 _REQUEST, _RESPONSE = int(FrameType.REQUEST), int(FrameType.RESPONSE)
 _SUBSCRIBE, _PUBLISH = int(FrameType.SUBSCRIBE), int(FrameType.PUBLISH)
 _pack = HEADER.pack
 
 
-class Session:
+class Session(Link):
     """One connection, seen from one of its ends."""
 
     __slots__ = (
-        "_handshake",
-        "_head",
-        "_large_out",
-        "_magic_seen",
-        "_their_limits",
         "answers_pings",
-        "body_limit",
         "bytes_in_flight",
         "free_bytes",
         "free_calls",
-        "is_client",
         "last_call_id",
-        "limits",
         "open_calls",
-        "out",
-        "splitter",
-        "state",
     )
 
     def __init__(self, me: Identity, *, is_client: bool) -> None:
-        self.state = State.HANDSHAKE
-        self.is_client = is_client
+        super().__init__(me, is_client=is_client)
         self.last_call_id = 0
         """The newest call id: ours as a client, accepted as a server."""
-        self._handshake: ClientHandshake | ServerHandshake | None
-        self._handshake = ClientHandshake(me) if is_client else ServerHandshake(me)
-        self.limits = DEFAULT_LIMITS if is_client else me.limits
         self.free_calls, self.free_bytes = self.limits.calls, self.limits.bytes
         """What may be in flight before a request is reported as `Crowded`."""
-        self._their_limits = DEFAULT_LIMITS
-        self.body_limit = DEFAULT_LIMITS.body
-        """Bytes of the largest body that the peer accepts."""
-        self.splitter = Splitter(HANDSHAKE_LIMIT)
-        self._magic_seen = is_client
-        self._head = b""
         self.open_calls: dict[int, Any] = {}
         """Calls without a terminal frame, by their ids: for a client (ticket, size), for a server
         the request."""
         self.bytes_in_flight = 0
-        self.out: list[Body] = []
-        """What `take` is going to give."""
-        self._large_out = False
         self.answers_pings = True
         """False while the peer does not read, where the answers would only pile up."""
-        if isinstance(self._handshake, ClientHandshake):
-            self.out.append(self._handshake.start())
-
-    def vouch(self, voucher: Voucher | None, channel: bytes = b"") -> None:
-        """Say what the connection proves of the peer, before anything is heard of it.
-
-        `channel` is what both ends know of the connection itself; proofs hold for it only.
-        """
-        if self._handshake is not None:
-            self._handshake.voucher = voucher
-            self._handshake.channel = channel
 
     # Bytes in, events out
 
     def filled(self, count: int) -> list[Event]:
         """Say that `count` bytes were written to `splitter.large`; returns what happened."""
-        return [] if self.state is _CLOSED else self._handled(self.splitter.filled(count))
+        return [] if self.state is _CLOSED else self.handled(self.splitter.filled(count))
 
     def feed(self, data: bytes) -> list[Event]:
         """Take the next bytes from the peer; returns what happened.
@@ -153,7 +92,7 @@ class Session:
         if self.state is _OPEN:
             frame = self.splitter.only(data)
             if frame is None:
-                return self._handled(self.splitter.feed(data))
+                return self.handled(self.splitter.feed(data))
             try:
                 event = self._event(frame)
             except TaskRpcError as error:
@@ -161,30 +100,9 @@ class Session:
             return [] if event is None else [event]
         if self.state is _CLOSED:
             return []
-        if self._handshake is None:
-            return self._handled(self.splitter.feed(data))
-        return self._feed_handshake(self._handshake, data)
-
-    @property
-    def mid_frame(self) -> bool:
-        """Whether a frame from the peer has begun and not ended."""
-        return self.splitter.mid_frame
-
-    # Bytes out
-
-    def take(self) -> list[Body]:
-        """What must be written to the peer now, in as few pieces as is good.
-
-        Small frames are joined; joining would copy a large body, so that it is a piece of its own.
-        """
-        out = self.out
-        if not out:
-            return out
-        self.out = []
-        if self._large_out:
-            self._large_out = False
-            return _with_small_joined(out)
-        return out if len(out) == 1 else [b"".join(out)]
+        if self.handshake is not None:
+            return self.feed_handshake(self.handshake, data)
+        return self.handled(self.splitter.feed(data))
 
     # The calling side
 
@@ -195,7 +113,7 @@ class Session:
 
     def can_send(self, size: int) -> bool:
         """Whether a request of `size` bytes fits into the peer's limits now."""
-        limits, open_calls = self._their_limits, self.open_calls
+        limits, open_calls = self.their_limits, self.open_calls
         return self.state is _OPEN and (
             not open_calls
             or (len(open_calls) < limits.calls and self.bytes_in_flight + size <= limits.bytes)
@@ -302,69 +220,10 @@ class Session:
             self.state = State.DRAINING
             self.send(FrameType.GOAWAY, 0, 0, 0, self.last_call_id, b"")
 
-    def reject(self, error: TaskRpcError) -> None:
-        """Tell the peer why its connection ends; nothing is heard or said after it."""
-        if not self.is_client and self.state is not _CLOSED:
-            self.out.append(refusal(error))
-        self.state = State.CLOSED
-
-    # Both sides
-
-    def ping(self, nonce: int) -> None:
-        """Ask the peer for a sign of life."""
-        self.send(FrameType.PING, 0, 0, 0, nonce, b"")
-
     # Inside
 
-    def _after_magic(self, data: bytes) -> bytes:
-        self._head += data
-        if not MAGIC.startswith(self._head[: len(MAGIC)]):
-            raise ProtocolError(
-                f"the peer does not speak taskrpc: it began with {self._head[:16]!r}"
-            )
-        if len(self._head) < len(MAGIC):
-            return b""
-        self._magic_seen = True
-        return self._head[len(MAGIC) :]
-
-    def _feed_handshake(
-        self, handshake: ClientHandshake | ServerHandshake, data: bytes
-    ) -> list[Event]:
-        try:
-            if not self._magic_seen:
-                data = self._after_magic(data)
-            return self._shaken(handshake, data)
-        except TaskRpcError as error:
-            return [self._closed(error)]
-
-    def _shaken(self, handshake: ClientHandshake | ServerHandshake, data: bytes) -> list[Event]:
-        frames = self.splitter.feed(data)
-        for index, frame in enumerate(frames):
-            if frame[0] < FIRST_OPTIONAL_TYPE:
-                self._shake_hands(handshake, frame)
-            if handshake.peer is not None:
-                ready = self._open(handshake.peer)
-                # What came behind the handshake was measured by the handshake's small limit.
-                rest = frames[index + 1 :] + self.splitter.feed(b"")
-                return [ready, *self._handled(rest)]
-        if self.splitter.error is not None:
-            raise self.splitter.error
-        return []
-
-    def _shake_hands(self, handshake: ClientHandshake | ServerHandshake, frame: Frame) -> None:
-        answer = handshake.receive(frame)
-        if answer:
-            self.out.append(answer)
-
-    def _open(self, peer: Peer) -> Ready:
-        self.state = State.OPEN
-        self._handshake = None
-        self._their_limits = peer.limits
-        self.body_limit = peer.limits.body
-        self.splitter.limit = self.limits.body
-        return Ready(peer)
-
-    def _handled(self, frames: list[Frame]) -> list[Event]:
+    def handled(self, frames: list[Frame]) -> list[Event]:
+        """What frames mean that came after the handshake."""
         events: list[Event] = []
         try:
             for frame in frames:
@@ -499,38 +358,6 @@ class Session:
         never_begun = [call_id for call_id in self.open_calls if call_id > last_accepted]
         refused = [self.open_calls.pop(call_id)[0] for call_id in never_begun]
         return Draining([ticket for ticket in refused if ticket is not None])
-
-    def _closed(self, error: TaskRpcError) -> Closed:
-        if self._magic_seen:
-            self.reject(error)
-        self.state = State.CLOSED
-        # Its traceback has the frames through which it came, and these have what it came with.
-        return Closed(error.with_traceback(None))
-
-    def send(self, type_: int, flags: int, method: int, call_id: int, arg: int, body: Body) -> None:
-        """Let any frame go out."""
-        if self.state is _CLOSED:
-            return
-        size = len(body)
-        if size < LARGE:
-            self.out.append(pack_frame(type_, flags, method, call_id, arg, body))
-        else:
-            self.out += pack_header(type_, flags, method, call_id, arg, size), body
-            self._large_out = True
-
-
-def _with_small_joined(out: list[Body]) -> list[Body]:
-    pieces: list[Body] = []
-    small: list[Body] = []
-    for piece in out:
-        if len(piece) < LARGE:
-            small.append(piece)
-        else:
-            pieces += b"".join(small), piece
-            small.clear()
-    if small:
-        pieces.append(b"".join(small))
-    return pieces
 
 
 def unknown_error() -> OutcomeUnknown:

@@ -21,8 +21,9 @@ from taskrpc.wire import messages
 from taskrpc.wire.events import Closed, Event
 from taskrpc.wire.frames import HEADER, NO_DEADLINE, Splitter
 from taskrpc.wire.handshake import Identity, Peer
+from taskrpc.wire.link import State
 from taskrpc.wire.messages import DEFAULT_LIMITS, Auth, Hello, HelloAck, Resolve, encode
-from taskrpc.wire.session import Session, State
+from taskrpc.wire.session import Session
 from tests.faults.harness import Bug
 
 pytestmark = [

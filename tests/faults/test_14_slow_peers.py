@@ -16,8 +16,9 @@ from taskrpc.transport.serving import ServingConnection
 from taskrpc.wire.events import Answered
 from taskrpc.wire.frames import NO_DEADLINE, FrameType, pack_frame, pack_header
 from taskrpc.wire.handshake import Identity
+from taskrpc.wire.link import State
 from taskrpc.wire.messages import Resolve, decode_resolved
-from taskrpc.wire.session import Session, State
+from taskrpc.wire.session import Session
 from tests.faults.harness import Bug, Lateness
 
 pytestmark = [

@@ -6,8 +6,9 @@ from msgspec.structs import replace
 
 from taskrpc.wire.events import Event
 from taskrpc.wire.handshake import Identity
+from taskrpc.wire.link import State
 from taskrpc.wire.messages import Limits
-from taskrpc.wire.session import Session, State
+from taskrpc.wire.session import Session
 
 TOKEN = b"the token of this server" + bytes(8)
 CLIENT = Identity(b"C" * 16, b"c" * 16, TOKEN, name="/caller")

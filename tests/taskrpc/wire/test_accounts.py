@@ -13,8 +13,9 @@ from taskrpc.wire import messages
 from taskrpc.wire.events import Closed, Ready
 from taskrpc.wire.frames import MAGIC, FrameType, pack_frame
 from taskrpc.wire.handshake import Voucher
+from taskrpc.wire.link import State
 from taskrpc.wire.messages import Auth, Hello
-from taskrpc.wire.session import Session, State
+from taskrpc.wire.session import Session
 from tests.taskrpc.wire.helpers import CLIENT, SERVER, TOKEN, ConnectionPair, receive
 
 ANA = Account("ana", "anas-secret-anas", Role.OPERATE)

@@ -11,8 +11,9 @@ from taskrpc.errors import AuthenticationFailed, ProtocolError, TaskRpcError
 from taskrpc.wire import messages
 from taskrpc.wire.events import Advertised, Announced, Closed, Ready, RequestReceived
 from taskrpc.wire.frames import LARGE, MAGIC, FrameType, pack_frame
+from taskrpc.wire.link import HANDSHAKE_LIMIT, State
 from taskrpc.wire.messages import DEFAULT_LIMITS, Auth, Hello, HelloAck, Limits, Resolve
-from taskrpc.wire.session import HANDSHAKE_LIMIT, Session, State
+from taskrpc.wire.session import Session
 from tests.taskrpc.wire.helpers import CLIENT, SERVER, ConnectionPair, open_pair, receive
 
 

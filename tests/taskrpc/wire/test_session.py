@@ -26,8 +26,9 @@ from taskrpc.wire.events import (
     ResolveReceived,
 )
 from taskrpc.wire.frames import HEADER, LARGE, NO_DEADLINE, FrameType, pack_frame, pack_header
+from taskrpc.wire.link import State
 from taskrpc.wire.messages import DEFAULT_LIMITS, Limits, Resolve
-from taskrpc.wire.session import LONGEST_TIME, State, refused_error, unknown_error
+from taskrpc.wire.session import LONGEST_TIME, refused_error, unknown_error
 from tests.taskrpc.wire.helpers import ConnectionPair, open_pair, receive
 
 DOCUMENTED = get_args(Event)

@@ -24,8 +24,8 @@ from taskrpc.wire.events import (
     ResolveReceived,
 )
 from taskrpc.wire.frames import LARGE
+from taskrpc.wire.link import State
 from taskrpc.wire.messages import Limits, Resolve, encode
-from taskrpc.wire.session import State
 from tests.taskrpc.wire.helpers import open_pair
 
 LIMITS = Limits(body=3 * LARGE, calls=3, bytes=100)

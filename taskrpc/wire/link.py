@@ -1,0 +1,199 @@
+"""One end of a connection beneath its calls: frames in and out, the handshake, and the end."""
+
+from __future__ import annotations
+
+from enum import Enum
+
+from taskrpc.errors import ProtocolError, TaskRpcError
+from taskrpc.wire.events import Body, Closed, Event, Ready
+from taskrpc.wire.frames import (
+    FIRST_OPTIONAL_TYPE,
+    LARGE,
+    MAGIC,
+    Frame,
+    FrameType,
+    Splitter,
+    pack_frame,
+    pack_header,
+)
+from taskrpc.wire.handshake import (
+    ClientHandshake,
+    Identity,
+    Peer,
+    ServerHandshake,
+    Voucher,
+    refusal,
+)
+from taskrpc.wire.messages import DEFAULT_LIMITS
+
+HANDSHAKE_LIMIT = 4096
+"""Bytes of a body before the peer has proved itself."""
+
+
+class State(Enum):
+    """Where a connection stands."""
+
+    HANDSHAKE = "handshake"
+    OPEN = "open"
+    DRAINING = "draining"
+    CLOSED = "closed"
+
+
+class Link:
+    """Knows how to speak; what is said besides the handshake is a `Session`'s."""
+
+    __slots__ = (
+        "_head",
+        "_large_out",
+        "_magic_seen",
+        "body_limit",
+        "handshake",
+        "is_client",
+        "limits",
+        "out",
+        "splitter",
+        "state",
+        "their_limits",
+    )
+
+    def __init__(self, me: Identity, *, is_client: bool) -> None:
+        self.state = State.HANDSHAKE
+        self.is_client = is_client
+        self.handshake: ClientHandshake | ServerHandshake | None
+        """None once it is done."""
+        self.handshake = ClientHandshake(me) if is_client else ServerHandshake(me)
+        self.limits = DEFAULT_LIMITS if is_client else me.limits
+        self.their_limits = DEFAULT_LIMITS
+        self.body_limit = DEFAULT_LIMITS.body
+        """Bytes of the largest body that the peer accepts."""
+        self.splitter = Splitter(HANDSHAKE_LIMIT)
+        self._magic_seen = is_client
+        self._head = b""
+        self.out: list[Body] = []
+        """What `take` is going to give."""
+        self._large_out = False
+        if isinstance(self.handshake, ClientHandshake):
+            self.out.append(self.handshake.start())
+
+    def vouch(self, voucher: Voucher | None, channel: bytes = b"") -> None:
+        """Say what the connection proves of the peer, before anything is heard of it.
+
+        `channel` is what both ends know of the connection itself; proofs hold for it only.
+        """
+        if self.handshake is not None:
+            self.handshake.voucher = voucher
+            self.handshake.channel = channel
+
+    @property
+    def mid_frame(self) -> bool:
+        """Whether a frame from the peer has begun and not ended."""
+        return self.splitter.mid_frame
+
+    def handled(self, frames: list[Frame]) -> list[Event]:
+        """What frames mean that came after the handshake."""
+        raise NotImplementedError
+
+    def take(self) -> list[Body]:
+        """What must be written to the peer now, in as few pieces as is good.
+
+        Small frames are joined; joining would copy a large body, so that it is a piece of its own.
+        """
+        out = self.out
+        if not out:
+            return out
+        self.out = []
+        if self._large_out:
+            self._large_out = False
+            return _with_small_joined(out)
+        return out if len(out) == 1 else [b"".join(out)]
+
+    def reject(self, error: TaskRpcError) -> None:
+        """Tell the peer why its connection ends; nothing is heard or said after it."""
+        if not self.is_client and self.state is not State.CLOSED:
+            self.out.append(refusal(error))
+        self.state = State.CLOSED
+
+    def ping(self, nonce: int) -> None:
+        """Ask the peer for a sign of life."""
+        self.send(FrameType.PING, 0, 0, 0, nonce, b"")
+
+    def _after_magic(self, data: bytes) -> bytes:
+        self._head += data
+        if not MAGIC.startswith(self._head[: len(MAGIC)]):
+            raise ProtocolError(
+                f"the peer does not speak taskrpc: it began with {self._head[:16]!r}"
+            )
+        if len(self._head) < len(MAGIC):
+            return b""
+        self._magic_seen = True
+        return self._head[len(MAGIC) :]
+
+    def feed_handshake(
+        self, handshake: ClientHandshake | ServerHandshake, data: bytes
+    ) -> list[Event]:
+        """Take the next bytes while the handshake is not done; returns what happened."""
+        try:
+            if not self._magic_seen:
+                data = self._after_magic(data)
+            return self._shaken(handshake, data)
+        except TaskRpcError as error:
+            return [self._closed(error)]
+
+    def _shaken(self, handshake: ClientHandshake | ServerHandshake, data: bytes) -> list[Event]:
+        frames = self.splitter.feed(data)
+        for index, frame in enumerate(frames):
+            if frame[0] < FIRST_OPTIONAL_TYPE:
+                self._shake_hands(handshake, frame)
+            if handshake.peer is not None:
+                ready = self._open(handshake.peer)
+                # What came behind the handshake was measured by the handshake's small limit.
+                rest = frames[index + 1 :] + self.splitter.feed(b"")
+                return [ready, *self.handled(rest)]
+        if self.splitter.error is not None:
+            raise self.splitter.error
+        return []
+
+    def _shake_hands(self, handshake: ClientHandshake | ServerHandshake, frame: Frame) -> None:
+        answer = handshake.receive(frame)
+        if answer:
+            self.out.append(answer)
+
+    def _open(self, peer: Peer) -> Ready:
+        self.state = State.OPEN
+        self.handshake = None
+        self.their_limits = peer.limits
+        self.body_limit = peer.limits.body
+        self.splitter.limit = self.limits.body
+        return Ready(peer)
+
+    def _closed(self, error: TaskRpcError) -> Closed:
+        if self._magic_seen:
+            self.reject(error)
+        self.state = State.CLOSED
+        # Its traceback has the frames through which it came, and these have what it came with.
+        return Closed(error.with_traceback(None))
+
+    def send(self, type_: int, flags: int, method: int, call_id: int, arg: int, body: Body) -> None:
+        """Let any frame go out."""
+        if self.state is State.CLOSED:
+            return
+        size = len(body)
+        if size < LARGE:
+            self.out.append(pack_frame(type_, flags, method, call_id, arg, body))
+        else:
+            self.out += pack_header(type_, flags, method, call_id, arg, size), body
+            self._large_out = True
+
+
+def _with_small_joined(out: list[Body]) -> list[Body]:
+    pieces: list[Body] = []
+    small: list[Body] = []
+    for piece in out:
+        if len(piece) < LARGE:
+            small.append(piece)
+        else:
+            pieces += b"".join(small), piece
+            small.clear()
+    if small:
+        pieces.append(b"".join(small))
+    return pieces
