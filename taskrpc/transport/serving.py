@@ -5,8 +5,7 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Hashable, Iterable
-from itertools import count
-from typing import TYPE_CHECKING, ClassVar, Protocol, TypeAlias, cast
+from typing import TYPE_CHECKING, ClassVar, TypeAlias, cast
 
 from taskrpc.access import Account, Role
 from taskrpc.errors import (
@@ -18,8 +17,8 @@ from taskrpc.errors import (
     TaskRpcError,
 )
 from taskrpc.transport.base import Offer
-from taskrpc.transport.connection import UNREAD_LIMIT, Connection, Owner
-from taskrpc.transport.load import Load
+from taskrpc.transport.connection import UNREAD_LIMIT, Connection
+from taskrpc.transport.host import Host
 from taskrpc.transport.served import (
     Route,
     ServedCall,
@@ -28,7 +27,6 @@ from taskrpc.transport.served import (
     route_to,
 )
 from taskrpc.transport.shares import Caller, caller_of
-from taskrpc.transport.unread import Unread
 from taskrpc.wire import messages
 from taskrpc.wire.events import (
     Announced,
@@ -45,12 +43,10 @@ from taskrpc.wire.events import (
 from taskrpc.wire.frames import NO_DEADLINE, Flag
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.link import State
-from taskrpc.wire.messages import Listing
 from taskrpc.wire.spans import cut_span
 
 if TYPE_CHECKING:
     from taskrpc.transport.publishing import Subscriber
-    from taskrpc.transport.topics import Topics
 
 log = logging.getLogger("taskrpc.server")
 
@@ -67,32 +63,6 @@ of its still unread, would reset the connection and could destroy our last words
 
 
 _Held: TypeAlias = "ServedCall | ResolveReceived"
-
-
-class Host(Owner, Protocol):
-    """What a process offers, as far as its connections ask."""
-
-    call_numbers: count[int]
-    """Counts calls, for logs."""
-    offers: dict[int, Offer]
-    """The services by their method ids."""
-    unread: Unread
-    """What callers have not read."""
-    load: Load
-    """What is in flight of theirs."""
-
-    @property
-    def topics(self) -> Topics:
-        """What is published here."""
-
-    def method_of(self, name: str) -> int:
-        """The method id of a service, 0 if there is none."""
-
-    def listing(self) -> Listing:
-        """Everything that this process offers."""
-
-    def caller_proved(self, connection: ServingConnection) -> None:
-        """A caller has proved that he may be here."""
 
 
 class ServingConnection(Connection):
