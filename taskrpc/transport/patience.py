@@ -50,6 +50,8 @@ class Patience:
             return False
         self._seen = written
         backlog = _backlog_of(self._sock)
+        if backlog is None:
+            return False
         self._is_busy = backlog.is_there
         if backlog.waits_for_room is not self._spares:
             self._spares = backlog.waits_for_room
@@ -94,22 +96,23 @@ def _bear(sock: socket.socket, seconds: float) -> None:
 class _Backlog(NamedTuple):
     """What a kernel has not delivered, and when it heard of the peer's."""
 
-    is_there: bool = False
-    waits_for_room: bool = False
-    asked_in_vain: int = 0
+    is_there: bool
+    waits_for_room: bool
+    asked_in_vain: int
     """How often the peer was asked for room since it last answered."""
-    heard_before: float = 0.0
+    heard_before: float
     """Seconds since it last answered anything."""
 
 
-def _backlog_of(sock: socket.socket) -> _Backlog:
-    """What is to be delivered, as far as it matters on this system."""
+def _backlog_of(sock: socket.socket) -> _Backlog | None:
+    """What is to be delivered; None where it does not matter, or nobody can tell any more."""
     if not _LINUX:
-        return _Backlog()
+        return None
     try:
         found = sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _INFO_SIZE)
         asked, unacknowledged, heard, unsent, room = struct.unpack(_INFO, found)
-    except (OSError, struct.error):  # it has just ended; before Linux 5.4
-        return _Backlog()
+    # It has just ended, which uvloop tells by ValueError; or this is a Linux before 5.4.
+    except (OSError, ValueError, struct.error):
+        return None
     full = unsent > 0 and not (unacknowledged and room)
     return _Backlog(unacknowledged > 0 or unsent > 0, full, asked, heard / 1000)

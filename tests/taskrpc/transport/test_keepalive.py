@@ -3,6 +3,7 @@
 import asyncio
 import contextlib
 import socket
+import struct
 import sys
 
 import pytest
@@ -10,6 +11,7 @@ import pytest
 import taskrpc
 from taskrpc.testing import FaultyNetwork
 from taskrpc.transport.keepalive import PROFILES
+from taskrpc.transport.patience import _INFO as INFO
 from taskrpc.transport.patience import Patience
 from taskrpc.transport.tcp import bound
 from tests.taskrpc.transport.helpers import Add, Gate, ask, until
@@ -143,3 +145,27 @@ async def test_a_peer_without_room_is_spared_until_it_reads_on():
         while written:
             written -= len(await loop.sock_recv(reader, 100_000))
         await until(lambda: patience.is_over(written) or borne() == usual)
+
+
+class Ending:
+    """A socket that is full, and then closed, as asyncio or uvloop shows it."""
+
+    error = None
+
+    def setsockopt(self, *_):
+        if self.error is not None:
+            raise self.error
+
+    def getsockopt(self, level, option, size):
+        self.setsockopt()
+        return struct.pack(INFO, 0, 0, 10, 5000, 0)
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="the answer is Linux's")
+@pytest.mark.parametrize("error", [OSError(9, "bad file descriptor"), ValueError("negative")])
+def test_a_full_connection_that_has_just_ended_is_no_trouble(error):
+    sock = Ending()
+    patience = Patience(sock, PROFILES["robot"])
+    assert not patience.is_over(100)
+    sock.error = error
+    assert not patience.is_over(200)
