@@ -1,0 +1,269 @@
+"""Parameters: a name, a type and a value, as Python has them and as messages have them."""
+
+from __future__ import annotations
+
+import array
+import enum
+import types
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import Any, TypeAlias
+
+import yaml
+
+import srvgen
+
+ParameterMsg = srvgen.load("rcl_interfaces/msg/Parameter")
+ParameterType = srvgen.load("rcl_interfaces/msg/ParameterType")
+ParameterValue = srvgen.load("rcl_interfaces/msg/ParameterValue")
+
+PARAMETER_SEPARATOR_STRING = "."
+"""Stands between the parts of a parameter's name."""
+
+AllowableParameterValue: TypeAlias = (
+    bool
+    | int
+    | float
+    | str
+    | Sequence[bytes]
+    | Sequence[bool]
+    | Sequence[int]
+    | Sequence[float]
+    | Sequence[str]
+    | None
+)
+"""What the value of a parameter can be."""
+
+_ROS_PARAMETERS = "ros__parameters"
+_ANY_NODE = "/**"
+
+
+class _ParameterKind(enum.Enum):
+    """The types that a parameter can have; programs know it as `Parameter.Type`."""
+
+    NOT_SET = ParameterType.PARAMETER_NOT_SET
+    BOOL = ParameterType.PARAMETER_BOOL
+    INTEGER = ParameterType.PARAMETER_INTEGER
+    DOUBLE = ParameterType.PARAMETER_DOUBLE
+    STRING = ParameterType.PARAMETER_STRING
+    BYTE_ARRAY = ParameterType.PARAMETER_BYTE_ARRAY
+    BOOL_ARRAY = ParameterType.PARAMETER_BOOL_ARRAY
+    INTEGER_ARRAY = ParameterType.PARAMETER_INTEGER_ARRAY
+    DOUBLE_ARRAY = ParameterType.PARAMETER_DOUBLE_ARRAY
+    STRING_ARRAY = ParameterType.PARAMETER_STRING_ARRAY
+
+    @classmethod
+    def from_parameter_value(cls, parameter_value: object) -> _ParameterKind:
+        """The type of a value. Raises TypeError for what no parameter can be."""
+        if parameter_value is None:
+            return cls.NOT_SET
+        for python_type, kind in _SCALARS.items():
+            if isinstance(parameter_value, python_type):
+                return kind
+        if not isinstance(parameter_value, (list, tuple, array.array)):
+            raise TypeError(f"The given value is not one of the allowed types '{parameter_value}'.")
+        for python_type, kind in _ARRAYS.items():
+            if all(isinstance(one, python_type) for one in parameter_value):
+                return kind
+        raise TypeError(
+            f"The given value is not a list of one of the allowed types '{parameter_value}'."
+        )
+
+    def check(self, parameter_value: object) -> bool:
+        """Whether a value is of this type."""
+        if self is _ParameterKind.NOT_SET:
+            return parameter_value is None
+        for python_type, kind in _SCALARS.items():
+            if kind is self:
+                return isinstance(parameter_value, python_type)
+        if isinstance(parameter_value, array.array):
+            if self not in (_ParameterKind.INTEGER_ARRAY, _ParameterKind.DOUBLE_ARRAY):
+                return False
+        elif not isinstance(parameter_value, (list, tuple)):
+            return False
+        return all(self._is_element(one) for one in parameter_value)
+
+    def _is_element(self, one: object) -> bool:
+        if isinstance(one, bytes):
+            return self is _ParameterKind.BYTE_ARRAY and len(one) == 1
+        return any(kind is self and isinstance(one, has) for has, kind in _ARRAYS.items())
+
+    @property
+    def _field(self) -> str:
+        """The field of a ParameterValue that a value of this type stands in."""
+        return f"{self.name.lower()}_value"
+
+
+_ParameterKind.__name__ = "Type"
+_ParameterKind.__qualname__ = "Parameter.Type"
+
+# In this order: a bool is an int, too, and an empty list is one of bytes.
+_SCALARS = {
+    bool: _ParameterKind.BOOL,
+    int: _ParameterKind.INTEGER,
+    float: _ParameterKind.DOUBLE,
+    str: _ParameterKind.STRING,
+}
+_ARRAYS = {
+    bytes: _ParameterKind.BYTE_ARRAY,
+    bool: _ParameterKind.BOOL_ARRAY,
+    int: _ParameterKind.INTEGER_ARRAY,
+    float: _ParameterKind.DOUBLE_ARRAY,
+    str: _ParameterKind.STRING_ARRAY,
+}
+
+
+class Parameter:
+    """One parameter: `Parameter("speed", value=1.5)`, or with its type between the two.
+
+    Raises TypeError for a type that is none and a value that no parameter can have, ValueError
+    where the value is not of the type.
+    """
+
+    Type: TypeAlias = _ParameterKind
+    __class_getitem__: Any = classmethod(
+        types.GenericAlias
+    )  # for annotations such as Parameter[int]
+
+    def __init__(
+        self,
+        name: str,
+        type_: _ParameterKind | None = None,
+        value: AllowableParameterValue = None,
+    ) -> None:
+        if type_ is None:
+            type_ = _ParameterKind.from_parameter_value(value)
+        if not isinstance(type_, _ParameterKind):
+            raise TypeError(f"type must be an instance of '{_ParameterKind!r}'")
+        if not type_.check(value):
+            raise ValueError(f"Type '{type_}' and value '{value}' do not agree")
+        self._type_ = type_
+        self._name = name
+        self._value = value
+
+    @classmethod
+    def from_parameter_msg(cls, param_msg: Any) -> Parameter:
+        """The parameter of a `rcl_interfaces/msg/Parameter`."""
+        kind = _ParameterKind(param_msg.value.type)
+        value = None
+        if kind is not _ParameterKind.NOT_SET:
+            value = getattr(param_msg.value, kind._field)
+        if isinstance(value, array.array):  # of the class that ROS's messages have
+            value = array.array(value.typecode, value)
+        return cls(param_msg.name, kind, value)
+
+    @property
+    def name(self) -> str:
+        """The full name, with dots between its parts."""
+        return self._name
+
+    @property
+    def type_(self) -> _ParameterKind:
+        """The type of the value."""
+        return self._type_
+
+    @property
+    def value(self) -> Any:
+        """The value; None where it is not set."""
+        return self._value
+
+    def get_parameter_value(self) -> Any:
+        """The value as a `rcl_interfaces/msg/ParameterValue`."""
+        message = ParameterValue(type=self.type_.value)
+        if self.type_ is not _ParameterKind.NOT_SET:
+            setattr(message, self.type_._field, self.value)
+        return message
+
+    def to_parameter_msg(self) -> Any:
+        """The parameter as a `rcl_interfaces/msg/Parameter`."""
+        return ParameterMsg(name=self.name, value=self.get_parameter_value())
+
+
+def get_parameter_value(string_value: str) -> Any:
+    """The ParameterValue of what somebody typed: YAML, and text where it is no YAML."""
+    try:
+        value = yaml.safe_load(string_value)
+    except yaml.YAMLError:
+        value = string_value
+    try:
+        kind = _ParameterKind.from_parameter_value(value)
+    except TypeError:
+        kind = _ParameterKind.STRING
+    if value == []:
+        kind = _ParameterKind.BOOL_ARRAY
+    if kind in (_ParameterKind.NOT_SET, _ParameterKind.STRING, _ParameterKind.BYTE_ARRAY):
+        kind, value = _ParameterKind.STRING, value if isinstance(value, str) else string_value
+    message = ParameterValue(type=kind.value)
+    setattr(message, kind._field, value)
+    return message
+
+
+def parameter_value_to_python(parameter_value: Any) -> Any:
+    """The value of a ParameterValue; None where it is not set.
+
+    Raises RuntimeError for a type that there is not.
+    """
+    try:
+        kind = _ParameterKind(parameter_value.type)
+    except ValueError:
+        raise RuntimeError(f"unexpected parameter type {parameter_value.type}") from None
+    if kind is _ParameterKind.NOT_SET:
+        return None
+    value = getattr(parameter_value, kind._field)
+    return list(value) if kind in _ARRAYS.values() else value
+
+
+def parameter_dict_from_yaml_file(
+    parameter_file: str,
+    use_wildcard: bool = False,
+    target_nodes: list[str] | None = None,
+    namespace: str = "",
+) -> dict[str, Any]:
+    """The parameters in a file such as `ros2 param dump` writes, as messages by their names.
+
+    Args:
+        parameter_file: where the file is.
+        use_wildcard: whether those of `/**` are meant too; those of a node's own come before them.
+        target_nodes: the only nodes that are meant.
+        namespace: goes in front of every name.
+
+    Raises:
+        RuntimeError: a node is not in the file, or has no parameters there.
+    """
+    text = Path(parameter_file).read_text(encoding="utf-8")
+    nodes = dict(_nodes(yaml.safe_load(text) or {}))
+    chosen = [_ANY_NODE] if use_wildcard and _ANY_NODE in nodes else []
+    for name in target_nodes or ():
+        if name not in nodes:
+            raise RuntimeError(
+                f"Param file does not contain parameters for {name},only for nodes: {list(nodes)} "
+            )
+    chosen += target_nodes or [name for name in nodes if name != _ANY_NODE]
+    if not chosen:
+        raise RuntimeError("Param file does not contain selected parameters")
+    found: dict[str, Any] = {}
+    for name in chosen:
+        found.update(nodes[name])
+    return dict(_flat(namespace, found))
+
+
+def _nodes(content: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+    """The names of nodes, with namespaces that are written above them, and their parameters."""
+    for key, below in content.items():
+        name = f"{prefix.rstrip('/')}/{key.lstrip('/')}" if prefix else key
+        if not isinstance(below, dict) or not below:
+            raise RuntimeError(f"YAML file is not a valid ROS parameter file for node {name}")
+        if _ROS_PARAMETERS in below:
+            yield name, below[_ROS_PARAMETERS] or {}
+        else:
+            yield from _nodes(below, name)
+
+
+def _flat(prefix: str, parameters: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Parameters of groups by their full names."""
+    for name, value in parameters.items():
+        full = f"{prefix}{name}"
+        if isinstance(value, dict):
+            yield from _flat(full + PARAMETER_SEPARATOR_STRING, value)
+        else:
+            yield full, ParameterMsg(name=full, value=get_parameter_value(str(value)))
