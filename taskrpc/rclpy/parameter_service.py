@@ -1,0 +1,108 @@
+"""The six services by which other programs get and set a node's parameters."""
+
+from __future__ import annotations
+
+import weakref
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
+
+import srvgen
+
+from .exceptions import ParameterNotDeclaredException, ParameterUninitializedException
+from .parameter import Parameter
+from .qos import qos_profile_parameters
+
+if TYPE_CHECKING:
+    from .node import Node
+
+ListParametersResult = srvgen.load("rcl_interfaces/msg/ListParametersResult")
+SetParametersResult = srvgen.load("rcl_interfaces/msg/SetParametersResult")
+DescribeParameters = srvgen.load("rcl_interfaces/srv/DescribeParameters")
+GetParameters = srvgen.load("rcl_interfaces/srv/GetParameters")
+GetParameterTypes = srvgen.load("rcl_interfaces/srv/GetParameterTypes")
+ListParameters = srvgen.load("rcl_interfaces/srv/ListParameters")
+SetParameters = srvgen.load("rcl_interfaces/srv/SetParameters")
+SetParametersAtomically = srvgen.load("rcl_interfaces/srv/SetParametersAtomically")
+
+
+class ParameterService:
+    """Offers the services of one node: `/node/get_parameters` and its five sisters.
+
+    A question about an undeclared parameter is answered with nothing, as ROS does.
+    """
+
+    def __init__(self, node: Node) -> None:
+        self._node_weak_ref = weakref.ref(node)
+        offered: list[tuple[Any, str, Callable[[Any, Any], Any]]] = [
+            (DescribeParameters, "describe_parameters", self._describe_parameters_callback),
+            (GetParameters, "get_parameters", self._get_parameters_callback),
+            (GetParameterTypes, "get_parameter_types", self._get_parameter_types_callback),
+            (ListParameters, "list_parameters", self._list_parameters_callback),
+            (SetParameters, "set_parameters", self._set_parameters_callback),
+            (
+                SetParametersAtomically,
+                "set_parameters_atomically",
+                self._set_parameters_atomically_callback,
+            ),
+        ]
+        for srv_type, name, callback in offered:
+            node.create_service(
+                srv_type,
+                f"{node.get_name()}/{name}",
+                callback,
+                qos_profile=qos_profile_parameters,
+            )
+
+    def _describe_parameters_callback(self, request: Any, response: Any) -> Any:
+        try:
+            response.descriptors = self._get_node().describe_parameters(request.names)
+        except ParameterNotDeclaredException:
+            response.descriptors = []
+        return response
+
+    def _get_parameters_callback(self, request: Any, response: Any) -> Any:
+        try:
+            found = self._get_node().get_parameters(request.names)
+        except (ParameterNotDeclaredException, ParameterUninitializedException):
+            found = []
+        response.values = [parameter.get_parameter_value() for parameter in found]
+        return response
+
+    def _get_parameter_types_callback(self, request: Any, response: Any) -> Any:
+        try:
+            found = self._get_node().get_parameter_types(request.names)
+        except ParameterNotDeclaredException:
+            found = []
+        response.types = [Parameter.Type(kind).value for kind in found]
+        return response
+
+    def _list_parameters_callback(self, request: Any, response: Any) -> Any:
+        try:
+            response.result = self._get_node().list_parameters(
+                list(request.prefixes), request.depth
+            )
+        except (TypeError, ValueError):
+            response.result = ListParametersResult()
+        return response
+
+    def _set_parameters_callback(self, request: Any, response: Any) -> Any:
+        response.results = [self._set([parameter]) for parameter in request.parameters]
+        return response
+
+    def _set_parameters_atomically_callback(self, request: Any, response: Any) -> Any:
+        response.result = self._set(request.parameters)
+        return response
+
+    def _set(self, parameters: Any) -> Any:
+        """Set all or none, and say so: what other programs send never ends this one's spin."""
+        try:
+            wanted = [Parameter.from_parameter_msg(one) for one in parameters]
+            return self._get_node().set_parameters_atomically(wanted)
+        except (ParameterNotDeclaredException, ValueError) as error:
+            return SetParametersResult(successful=False, reason=str(error))
+
+    def _get_node(self) -> Node:
+        node = self._node_weak_ref()
+        if node is None:
+            raise ReferenceError("Expected valid node weak reference")
+        return node
