@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import srvgen
@@ -39,16 +39,9 @@ class NodeParameters(ParameterCallbacks):
     PARAM_REL_TOL = checks.RELATIVE_TOLERANCE
     """By how much a float may miss the ends and the steps of its range."""
 
-    if TYPE_CHECKING:
-
-        def get_fully_qualified_name(self) -> str:
-            """The node's name with its namespace."""
-
-        def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any) -> Any:
-            """Publish on a topic."""
-
-        def get_clock(self) -> Clock:
-            """The node's clock."""
+    get_fully_qualified_name: Callable[[], str]
+    create_publisher: Callable[..., Any]
+    get_clock: Callable[[], Clock]
 
     def _init_parameters(
         self,

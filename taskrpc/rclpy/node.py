@@ -14,11 +14,15 @@ from ._bridge import Bridge
 from ._names import kind_of, translated
 from ._node_entities import NodeEntities
 from ._node_graph import NodeGraph
+from ._node_parameters import NodeParameters
 from ._remapping import Remapping
 from .clock import Clock, ROSClock
 from .context import Context
 from .exceptions import NotInitializedException
 from .handle import Handle
+from .parameter import Parameter
+from .parameter_service import ParameterService
+from .time_source import TimeSource
 from .utilities import get_default_context
 from .validate_namespace import validate_namespace
 from .validate_node_name import validate_node_name
@@ -27,11 +31,14 @@ if TYPE_CHECKING:
     from .executors import Executor
 
 
-class Node(NodeEntities, NodeGraph):
+class Node(NodeEntities, NodeGraph, NodeParameters):
     """A participant: has services, clients, publishers, subscriptions, timers and parameters.
 
     Its callbacks run while somebody spins it. It lives until `destroy_node`, or until its context
     is shut down.
+
+    `parameter_overrides` come before the defaults that the program declares, as those of the
+    command line do; `automatically_declare_parameters_from_overrides` declares them all.
     """
 
     def __init__(
@@ -42,6 +49,10 @@ class Node(NodeEntities, NodeGraph):
         cli_args: list[str] | None = None,
         namespace: str | None = None,
         use_global_arguments: bool = True,
+        start_parameter_services: bool = True,
+        parameter_overrides: list[Parameter] | None = None,
+        allow_undeclared_parameters: bool = False,
+        automatically_declare_parameters_from_overrides: bool = False,
     ) -> None:
         NodeEntities.__init__(self)
         self._context = get_default_context() if context is None else context
@@ -56,6 +67,14 @@ class Node(NodeEntities, NodeGraph):
         self._handle = Handle(self)
         self._clock = ROSClock()
         self._context.track_node(self)
+        # The program's line first: what is given to the node itself replaces it.
+        self._init_parameters(given[::-1], parameter_overrides, allow_undeclared_parameters)
+        if automatically_declare_parameters_from_overrides:
+            self._declare_overrides()
+        self._time_source = TimeSource(node=self)
+        self._time_source.attach_clock(self._clock)
+        if start_parameter_services:
+            self._parameter_service = ParameterService(self)
 
     def _join(self, node_name: str, namespace: str, given: list[Arguments]) -> None:
         """Take part in the network by the name and namespace that the arguments leave."""
