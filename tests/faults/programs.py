@@ -6,6 +6,7 @@ import asyncio
 import os
 import subprocess
 import sys
+import threading
 from pathlib import Path
 
 from tests.faults.harness import Bug
@@ -59,6 +60,7 @@ class Programs:
     def __init__(self, folder: Path, bug: Bug | None) -> None:
         self._folder = folder
         self._bug = bug
+        self._writing = threading.Lock()
         self._started: list[subprocess.Popen[str]] = []
         self.said = ""
         """What the program that was started last has printed until it was ready."""
@@ -88,7 +90,9 @@ class Programs:
         self, source: str, arguments: tuple[str, ...], ready: str, name: str
     ) -> subprocess.Popen[str]:
         script = self._folder / name
-        script.write_text(source)
+        with self._writing:  # no program may find its script while another writes it anew
+            if not script.exists() or script.read_text() != source:
+                script.write_text(source)
         program = subprocess.Popen(
             self.command(script, *arguments),
             stdin=subprocess.PIPE,
