@@ -305,7 +305,7 @@ def test_every_caller_learns_the_truth_in_three_hundred_worlds(counts, seed, lar
     for number in range(100_000 if large else 300):
         play(seed * 1_000_000 + number, hundred)
         # A planted bug is looked for until it shows as what it is.
-        if number % STRIDE == STRIDE - 1 and (bug is None or hundred[bug.breaks]):
+        if number % STRIDE == STRIDE - 1 if bug is None else hundred[bug.breaks]:
             hundred.check(*PROMISES, "failed")
         if number % 100 == 99:
             hundred.check(*PROMISES, "failed", happened=FAULTS)
