@@ -6,8 +6,11 @@ import os
 
 import pytest
 
-from tests.faults.harness import TOLD, Bug, Counts, PromiseBroken
+from tests.faults.harness import Bug, Counts, PromiseBroken
 from tests.faults.programs import Programs
+
+HAPPENED = "what happened"
+"""Under which name a report has the counts: it may come from another process."""
 
 
 def pytest_generate_tests(metafunc):
@@ -26,7 +29,14 @@ def planted(item) -> Bug | None:
 @pytest.hookimpl(wrapper=True)
 def pytest_pyfunc_call(pyfuncitem):
     """With a bug planted, a harness must fail, and by the count that the bug names."""
-    bug = planted(pyfuncitem)
+    try:
+        return (yield from _judged(planted(pyfuncitem)))
+    finally:
+        if counts := pyfuncitem.funcargs.get("counts"):
+            pyfuncitem.user_properties.append((HAPPENED, str(counts)))
+
+
+def _judged(bug):
     if bug is None:
         return (yield)
     try:
@@ -62,16 +72,18 @@ def seed(request):
 
 
 @pytest.fixture
-def counts(request):
+def counts():
     """Counts what happens in this test."""
-    held = Counts()
-    TOLD.append((request.node.name, held))
-    return held
+    return Counts()
 
 
 def pytest_terminal_summary(terminalreporter):
     """Tell what really happened."""
-    if TOLD:
+    reports = [
+        report for kind in ("passed", "failed") for report in terminalreporter.getreports(kind)
+    ]
+    told = [(each, dict(each.user_properties)) for each in reports if each.when == "call"]
+    if told := [(each.location[2], said[HAPPENED]) for each, said in told if HAPPENED in said]:
         terminalreporter.section("what happened in the fault harnesses")
-        for name, held in TOLD:
-            terminalreporter.line(f"{name}: {held}")
+        for name, counts in told:
+            terminalreporter.line(f"{name}: {counts}")

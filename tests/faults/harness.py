@@ -18,9 +18,6 @@ from typing import Any, Protocol
 
 import pytest
 
-TOLD: list[tuple[str, Counts]] = []
-"""The counts of every harness of this run, for the summary."""
-
 
 class Counts(collections.Counter[str]):
     """How often each thing happened; told at the end of the run."""

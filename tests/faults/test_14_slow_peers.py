@@ -1,6 +1,7 @@
 """Promise 14: who does not read, hardly writes or never stops asking costs a bounded memory."""
 
 import asyncio
+import contextlib
 import os
 import socket
 import time

@@ -103,7 +103,7 @@ class Rehearsal:
         await self.start()
         async with taskrpc.Node("user") as self.node:
             for each in range(kills):
-                await self.submit(2)
+                await self.submit(2 - self.to_come())
                 target = await self.kill_in_mid_task()
                 said = await self.start()
                 if target is None:  # it ended in the last moment
@@ -128,6 +128,10 @@ class Rehearsal:
                 RobotTask, "/robot_task", task_type="move", target=target, priority=5
             )
             assert answer.success, answer.message
+
+    def to_come(self):
+        """How many tasks may still be begun."""
+        return self.allowed.total() - self.notebook.runs().total()
 
     async def tasks(self):
         """All tasks by their targets."""
