@@ -85,11 +85,9 @@ def accept_tasks_before_the_commit(patch):
     save = TaskBook.save
 
     async def early(self, *tasks, completion=None, **options):
-        saving = save(self, *tasks, completion=completion, **options)
+        saved = save(self, *tasks, completion=completion, **options)
         if completion is None:
-            await saving
-        else:
-            asyncio.get_running_loop().create_task(saving)
+            await saved
 
     patch(TaskBook, "save", early)
 
