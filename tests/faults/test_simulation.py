@@ -1,6 +1,5 @@
 """The whole system on virtual time, from seeds: kills, restarts, and a network that fails."""
 
-import asyncio
 import contextlib
 import os
 import subprocess
