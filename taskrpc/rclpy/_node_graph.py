@@ -11,6 +11,8 @@ from taskrpc.errors import InvalidName
 from taskrpc.transport.entries import Entry
 
 from ._bridge import Bridge
+from ._endpoints import clients_of, publishers_of, servers_of, split, subscriptions_of
+from .endpoint_info import ServiceEndpointInfo, TopicEndpointInfo
 from .exceptions import NodeNameNonExistentError
 
 NamesAndTypes = list[tuple[str, list[str]]]
@@ -33,7 +35,7 @@ class NodeGraph:
 
     def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
         """The name and namespace of every node."""
-        return [_split(node) for entry in self._bridge.graph() for node in entry.nodes]
+        return [split(node) for entry in self._bridge.graph() for node in entry.nodes]
 
     def get_node_names_and_namespaces_with_enclaves(self) -> list[tuple[str, str, str]]:
         """The name, namespace and enclave (always `/`) of every node."""
@@ -93,6 +95,26 @@ class NodeGraph:
         """How many servers a service has."""
         return self._count(service_name, True, lambda entry: entry.services)
 
+    def get_publishers_info_by_topic(
+        self, topic_name: str, no_mangle: bool = False
+    ) -> list[TopicEndpointInfo]:
+        """Every publisher of a topic; `no_mangle` takes names as DDS has them (`rt/…`)."""
+        return publishers_of(self._bridge.graph(), self._topic_of_info(topic_name, no_mangle))
+
+    def get_subscriptions_info_by_topic(
+        self, topic_name: str, no_mangle: bool = False
+    ) -> list[TopicEndpointInfo]:
+        """Every subscription of a topic; `no_mangle` takes names as DDS has them (`rt/…`)."""
+        return subscriptions_of(self._bridge.graph(), self._topic_of_info(topic_name, no_mangle))
+
+    def get_servers_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
+        """Every server of a service."""
+        return servers_of(self._bridge.graph(), self._looked_for(service_name, True))
+
+    def get_clients_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
+        """Every client of a service."""
+        return clients_of(self._bridge.graph(), self._looked_for(service_name, True))
+
     def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
         """Wait until a node is there, at most `timeout` seconds; whether it is."""
         name = f"/{fully_qualified_node_name.lstrip('/')}"
@@ -118,6 +140,9 @@ class NodeGraph:
         full = self._looked_for(name, is_service)
         return sum(one.name == full for entry in self._bridge.graph() for one in things(entry))
 
+    def _topic_of_info(self, name: str, no_mangle: bool) -> str:
+        return name.removeprefix("rt") if no_mangle else self._looked_for(name, False)
+
     def _looked_for(self, name: str, is_service: bool) -> str:
         """The absolute name of what is asked for; the texts are ROS's."""
         if not isinstance(name, str):
@@ -128,11 +153,6 @@ class NodeGraph:
         except InvalidName as error:
             raise ValueError(f"{kind} '{name}' is invalid: {error.problem}") from None
         return self._resolve(name, is_service=is_service)
-
-
-def _split(node: str) -> tuple[str, str]:
-    namespace, _, name = node.rpartition("/")
-    return name, namespace or "/"
 
 
 def _topics(entry: Entry) -> list[Any]:

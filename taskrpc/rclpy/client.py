@@ -9,14 +9,18 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
+from ._endpoints import gid_of
 from ._entity import Entity
 from ._outbox import Outbox
 from .callback_groups import CallbackGroup
 from .future import Future
 from .handle import Handle
+from .service_introspection import Introspection, ServiceIntrospectionState
 
 if TYPE_CHECKING:
+    from .clock import Clock
     from .node import Node
+    from .qos import QoSProfile
 
 SrvRequestT = TypeVar("SrvRequestT")
 SrvResponseT = TypeVar("SrvResponseT")
@@ -51,6 +55,8 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         self._answers: deque[tuple[int, Any, BaseException | None]] = deque()
         self._pending: dict[int, Future[Any]] = {}
         self._numbers = 0
+        self._introspection = Introspection(node, srv_type, srv_name)
+        self._gid = gid_of(node.get_fully_qualified_name())
         self._lock = threading.Lock()
 
     @property
@@ -106,6 +112,8 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             self._pending.pop(number, None)
             raise
         future._when_done(lambda: self._ended(number, future, give_up))
+        if self._introspection.is_on:
+            self._introspection.tell("REQUEST_SENT", self._gid, number, request=request)
         return future
 
     def get_pending_request(self, sequence_number: int) -> Future[SrvResponseT]:
@@ -140,6 +148,16 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
                 return True
         return self._native.connected or self._native.is_known()
 
+    def configure_introspection(
+        self,
+        clock: Clock,
+        service_event_qos_profile: QoSProfile,
+        introspection_state: ServiceIntrospectionState,
+    ) -> None:
+        """Tell every step of the calls on the topic `SERVICE/_service_event`, or no longer."""
+        self.handle.check()
+        self._introspection.configure(clock, service_event_qos_profile, introspection_state)
+
     def destroy(self) -> None:
         """Call no more; requests that were not sent yet are sent first, if their server is there.
 
@@ -148,6 +166,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         if self.handle.valid:
             self.handle.destroy_when_not_in_use()
             self._outbox.close()
+            self._introspection.close()
             self._native.close()
 
     def __enter__(self) -> Self:
@@ -181,6 +200,8 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             number, response, error = self._answers.popleft()
         except IndexError:  # another thread was quicker
             return None
+        if self._introspection.is_on and error is None:
+            self._introspection.tell("RESPONSE_RECEIVED", self._gid, number, response=response)
         future = self._pending.get(number)
         if future is None:
             return None

@@ -7,8 +7,10 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 from srvgen import from_cdr
 
+from ._endpoints import remember
 from .callback_groups import CallbackGroup
 from .duration import Duration
+from .endpoint_info import EndpointTypeEnum
 from .handle import Handle
 
 if TYPE_CHECKING:
@@ -36,6 +38,7 @@ class Publisher(Generic[MsgT]):
         self.handle = Handle(self)
         self.event_handlers: list[Any] = []
         self._native = node._bridge.publisher(msg_type, topic, qos_profile._native())
+        remember(self, EndpointTypeEnum.PUBLISHER, node.get_fully_qualified_name())
 
     @property
     def topic_name(self) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 import time
 from collections import deque
 from collections.abc import Callable
@@ -11,14 +10,18 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 
 from taskrpc.errors import Code, HandlerFailed, InvalidRequest
 
+from ._endpoints import gid_of
 from ._entity import Entity
 from .callback_groups import CallbackGroup
 from .handle import Handle
+from .service_introspection import Introspection, ServiceIntrospectionState
 
 if TYPE_CHECKING:
     from taskrpc.deferred import DeferredCall
 
+    from .clock import Clock
     from .node import Node
+    from .qos import QoSProfile
 
 SrvRequestT = TypeVar("SrvRequestT")
 SrvResponseT = TypeVar("SrvResponseT")
@@ -52,7 +55,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         self.qos_profile = qos_profile
         self.handle = ServiceHandle(self)
         self._calls: deque[DeferredCall] = deque()
-        self._lock = threading.Lock()
+        self._introspection = Introspection(node, srv_type, srv_name)
         join = srv_type._TYPE.startswith(_OF_EVERY_NODE)
         self._offered = node._bridge.offer(srv_type, srv_name, self._came, join=join)
 
@@ -72,11 +75,22 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         self.handle.check()
         self._reply(header.call, response)
 
+    def configure_introspection(
+        self,
+        clock: Clock,
+        service_event_qos_profile: QoSProfile,
+        introspection_state: ServiceIntrospectionState,
+    ) -> None:
+        """Tell every step of the calls on the topic `SERVICE/_service_event`, or no longer."""
+        self.handle.check()
+        self._introspection.configure(clock, service_event_qos_profile, introspection_state)
+
     def destroy(self) -> None:
         """Offer it no more; use it through `Node.destroy_service`, or `with`."""
         if self.handle.valid:
             self.handle.destroy_when_not_in_use()
             self._offered.close()
+            self._introspection.close()
 
     def __enter__(self) -> Self:
         return self
@@ -113,6 +127,8 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
 
     def _serve(self, call: DeferredCall) -> Any:
         call.started()
+        if self._introspection.is_on:
+            self._tell(call, "REQUEST_RECEIVED", request=call.request)
         try:
             response = self.callback(call.request, self.srv_type.Response())
         except BaseException as error:
@@ -146,6 +162,12 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         except InvalidRequest as error:
             call.fail(HandlerFailed(Code.INTERNAL, f"the response of {self.srv_name}: {error}"))
             raise
+        if self._introspection.is_on:
+            self._tell(call, "RESPONSE_SENT", response=response)
+
+    def _tell(self, call: DeferredCall, step: str, **messages: Any) -> None:
+        info = call.info
+        self._introspection.tell(step, gid_of(info.caller), info.number, **messages)
 
     def _raised(self, call: DeferredCall, error: BaseException) -> None:
         what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypedDict, TypeVar
 
 from srvgen import to_cdr
 
+from ._endpoints import remember
 from ._entity import Entity
 from .callback_groups import CallbackGroup
+from .endpoint_info import EndpointTypeEnum
 from .handle import Handle
 
 if TYPE_CHECKING:
@@ -66,6 +68,7 @@ class Subscription(Entity, Generic[MsgT]):
         self._received = 0
         self._messages: deque[tuple[Any, MessageInfo]] = deque(maxlen=native.depth)
         self._native = node._bridge.subscription(msg_type, topic, self._came, native)
+        remember(self, EndpointTypeEnum.SUBSCRIPTION, node.get_fully_qualified_name())
 
     @property
     def topic_name(self) -> str:

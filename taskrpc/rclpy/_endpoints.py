@@ -1,0 +1,130 @@
+"""The entries of `Node.get_publishers_info_by_topic` and its like, made of what processes say."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import weakref
+from collections.abc import Iterable
+from typing import Any
+
+from taskrpc.transport.entries import Entry
+
+from .endpoint_info import EndpointTypeEnum, ServiceEndpointInfo, TopicEndpointInfo
+from .qos import (
+    DurabilityPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+    qos_profile_services_default,
+)
+from .type_hash import type_hash_of
+
+_ours: weakref.WeakKeyDictionary[Any, tuple[EndpointTypeEnum, str]] = weakref.WeakKeyDictionary()
+"""This program's publishers and subscriptions, of which all policies are known, and their nodes."""
+
+
+def remember(thing: Any, kind: EndpointTypeEnum, node: str) -> None:
+    """Know the whole QoS profile of a node's publisher or subscription."""
+    _ours[thing] = kind, node
+
+
+def publishers_of(entries: Iterable[Entry], topic: str) -> list[TopicEndpointInfo]:
+    """The publishers of a topic."""
+    kind = EndpointTypeEnum.PUBLISHER
+    return [
+        _topic(entry, one, kind)
+        for entry in entries
+        for one in entry.publishers
+        if one.name == topic
+    ]
+
+
+def subscriptions_of(entries: Iterable[Entry], topic: str) -> list[TopicEndpointInfo]:
+    """The subscriptions of a topic."""
+    kind = EndpointTypeEnum.SUBSCRIPTION
+    return [
+        _topic(entry, one, kind)
+        for entry in entries
+        for one in entry.subscriptions
+        if one.name == topic
+    ]
+
+
+def servers_of(entries: Iterable[Entry], service: str) -> list[ServiceEndpointInfo]:
+    """The servers of a service."""
+    kind = EndpointTypeEnum.SERVER
+    return [
+        _service(entry, one, kind)
+        for entry in entries
+        for one in entry.services
+        if one.name == service
+    ]
+
+
+def clients_of(entries: Iterable[Entry], service: str) -> list[ServiceEndpointInfo]:
+    """The clients of a service."""
+    kind = EndpointTypeEnum.CLIENT
+    return [
+        _service(entry, one, kind)
+        for entry in entries
+        for one in entry.clients
+        if one.name == service
+    ]
+
+
+def split(node: str) -> tuple[str, str]:
+    """A fully qualified name's name and namespace."""
+    namespace, _, name = node.rpartition("/")
+    return name, namespace or "/"
+
+
+def gid_of(*parts: object) -> list[int]:
+    """Sixteen numbers that tell one endpoint from every other."""
+    return list(hashlib.sha256("\n".join(map(str, parts)).encode()).digest()[:16])
+
+
+def _topic(entry: Entry, one: Any, kind: EndpointTypeEnum) -> TopicEndpointInfo:
+    name, namespace = split(one.node)
+    return TopicEndpointInfo(
+        node_name=name,
+        node_namespace=namespace,
+        topic_type=one.type_name,
+        topic_type_hash=type_hash_of(one.type_hash),
+        endpoint_type=kind,
+        endpoint_gid=gid_of(entry.pid, one.node, one.name, kind),
+        qos_profile=_whole_profile(entry, one, kind) or _profile(one),
+    )
+
+
+def _service(entry: Entry, one: Any, kind: EndpointTypeEnum) -> ServiceEndpointInfo:
+    name, namespace = split(one.node)
+    return ServiceEndpointInfo(
+        node_name=name,
+        node_namespace=namespace,
+        service_type=one.type_name,
+        service_type_hash=type_hash_of(one.type_hash),
+        qos_profiles=[qos_profile_services_default],
+        endpoint_gids=[gid_of(entry.pid, one.node, one.name, kind)],
+        endpoint_type=kind,
+        endpoint_count=1,
+    )
+
+
+def _whole_profile(entry: Entry, one: Any, kind: EndpointTypeEnum) -> QoSProfile | None:
+    if entry.pid != os.getpid():
+        return None
+    for thing, (its_kind, node) in list(_ours.items()):
+        if its_kind is kind and (thing.topic, node) == (one.name, one.node) and thing.handle.valid:
+            profile: QoSProfile = thing.qos_profile
+            return profile
+    return None
+
+
+def _profile(one: Any) -> QoSProfile:
+    reliable, best_effort = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
+    latched, volatile = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
+    return QoSProfile(
+        depth=one.depth,
+        reliability=reliable if one.reliable else best_effort,
+        durability=latched if one.latched else volatile,
+    )

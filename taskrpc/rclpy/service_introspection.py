@@ -1,0 +1,79 @@
+"""Service introspection: every step of a call told on the topic `SERVICE/_service_event`."""
+
+from __future__ import annotations
+
+from enum import IntEnum
+from typing import TYPE_CHECKING, Any
+
+import srvgen
+
+from .qos import QoSProfile
+
+if TYPE_CHECKING:
+    from .clock import Clock
+    from .node import Node
+
+_SUFFIX = "/_service_event"
+
+
+class ServiceIntrospectionState(IntEnum):
+    """How much is told: nothing, that something happened, or the messages, too."""
+
+    OFF = 0
+    METADATA = 1
+    CONTENTS = 2
+
+
+class Introspection:
+    """What one client or service tells of its calls; nothing before `configure`."""
+
+    def __init__(self, node: Node, srv_type: Any, service: str) -> None:
+        self._node = node
+        self._srv_type = srv_type
+        self._topic = f"{service}{_SUFFIX}"
+        self._state = ServiceIntrospectionState.OFF
+        self._publisher: Any = None
+        self._clock: Clock | None = None
+
+    @property
+    def is_on(self) -> bool:
+        """Whether anything is to be told."""
+        return self._state is not ServiceIntrospectionState.OFF
+
+    def configure(
+        self, clock: Clock, qos_profile: QoSProfile, state: ServiceIntrospectionState
+    ) -> None:
+        """Tell so much from now on, with this clock's time."""
+        self.close()
+        self._clock = clock
+        self._state = ServiceIntrospectionState(state)
+        if self.is_on:
+            publisher = self._node._bridge.publisher
+            self._publisher = publisher(self._srv_type.Event, self._topic, qos_profile._native())
+
+    def tell(
+        self, step: str, gid: list[int], number: int, request: Any = None, response: Any = None
+    ) -> None:
+        """Tell of a step by the name that ServiceEventInfo has for it."""
+        publisher, clock = self._publisher, self._clock
+        if publisher is None or clock is None:
+            return
+        info_type = srvgen.load("service_msgs/msg/ServiceEventInfo")
+        event = self._srv_type.Event()
+        event.info = info_type(
+            event_type=getattr(info_type, step),
+            stamp=clock.now().to_msg(),
+            client_gid=gid,
+            sequence_number=number,
+        )
+        if self._state is ServiceIntrospectionState.CONTENTS:
+            event.request = [] if request is None else [request]
+            event.response = [] if response is None else [response]
+        publisher.publish(event)
+
+    def close(self) -> None:
+        """Tell nothing more."""
+        publisher, self._publisher = self._publisher, None
+        self._state = ServiceIntrospectionState.OFF
+        if publisher is not None:
+            publisher.close()

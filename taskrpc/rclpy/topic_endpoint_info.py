@@ -1,0 +1,6 @@
+"""The names by which older programs know `endpoint_info`."""
+
+from .endpoint_info import EndpointTypeEnum as TopicEndpointTypeEnum
+from .endpoint_info import TopicEndpointInfo
+
+__all__ = ["TopicEndpointInfo", "TopicEndpointTypeEnum"]

@@ -1,0 +1,53 @@
+"""Waiting for one message, without spinning."""
+
+from __future__ import annotations
+
+import threading
+import time
+from typing import TYPE_CHECKING, Any
+
+from .callback_groups import MutuallyExclusiveCallbackGroup
+from .qos import QoSProfile
+from .subscription import Subscription
+
+if TYPE_CHECKING:
+    from .node import Node
+
+_SLICE = 0.1
+"""Seconds of one wait: on Windows Ctrl-C does not reach a longer one before its end."""
+
+
+def wait_for_message(
+    msg_type: Any,
+    node: Node,
+    topic: str,
+    time_to_wait: float = -1,
+    *,
+    qos_profile: QoSProfile | int = 1,
+) -> tuple[bool, Any]:
+    """The next message of a topic: (True, message); (False, None) after `time_to_wait` seconds.
+
+    A negative number waits until the context is shut down.
+    """
+    name, qos = node.resolve_topic_name(topic), node._topic_qos(qos_profile)
+    group = MutuallyExclusiveCallbackGroup()
+    subscription: Subscription[Any] = Subscription(node, msg_type, name, _unused, group, qos)
+    came = threading.Event()
+    subscription._arrived = came.set  # type: ignore[method-assign]  # nobody spins it
+    end = time.monotonic() + time_to_wait
+    try:
+        while node.context.ok():
+            if (taken := subscription._next()) is not None:
+                return True, taken[0]
+            left = _SLICE if time_to_wait < 0 else min(_SLICE, end - time.monotonic())
+            if left <= 0:
+                break
+            came.wait(left)
+            came.clear()
+        return False, None
+    finally:
+        subscription.destroy()
+
+
+def _unused(message: Any) -> None:
+    """No executor ever runs it."""
