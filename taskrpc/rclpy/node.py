@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import weakref
+from collections.abc import Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
@@ -22,7 +23,9 @@ from .exceptions import NotInitializedException
 from .handle import Handle
 from .parameter import Parameter
 from .parameter_service import ParameterService
+from .qos import QoSProfile, qos_profile_rosout_default
 from .time_source import TimeSource
+from .type_description_service import TypeDescriptionService
 from .utilities import get_default_context
 from .validate_namespace import validate_namespace
 from .validate_node_name import validate_node_name
@@ -37,8 +40,17 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
     Its callbacks run while somebody spins it. It lives until `destroy_node`, or until its context
     is shut down.
 
-    `parameter_overrides` come before the defaults that the program declares, as those of the
-    command line do; `automatically_declare_parameters_from_overrides` declares them all.
+    Arguments:
+        node_name, namespace: by ROS's rules; remapped by `__node` and `__ns` of the command line.
+        context: of `rclpy.init` unless given.
+        cli_args: arguments of this node alone, before those of the program, which
+            `use_global_arguments=False` leaves out.
+        enable_rosout, rosout_qos_profile: whether and how its log goes to `/rosout`, too.
+        start_parameter_services: whether others may get and set its parameters.
+        parameter_overrides: values that come before those that are declared.
+        allow_undeclared_parameters: whether parameters can be set that are not declared.
+        automatically_declare_parameters_from_overrides: declare what overrides name.
+        enable_logger_service: whether others may get and set its loggers' levels.
     """
 
     def __init__(
@@ -49,10 +61,13 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         cli_args: list[str] | None = None,
         namespace: str | None = None,
         use_global_arguments: bool = True,
+        enable_rosout: bool = True,
+        rosout_qos_profile: QoSProfile | int = qos_profile_rosout_default,
         start_parameter_services: bool = True,
-        parameter_overrides: list[Parameter] | None = None,
+        parameter_overrides: Sequence[Parameter] | None = None,
         allow_undeclared_parameters: bool = False,
         automatically_declare_parameters_from_overrides: bool = False,
+        enable_logger_service: bool = False,
     ) -> None:
         NodeEntities.__init__(self)
         self._context = get_default_context() if context is None else context
@@ -75,6 +90,7 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         self._time_source.attach_clock(self._clock)
         if start_parameter_services:
             self._parameter_service = ParameterService(self)
+        self._type_description_service = TypeDescriptionService(self)
 
     def _join(self, node_name: str, namespace: str, given: list[Arguments]) -> None:
         """Take part in the network by the name and namespace that the arguments leave."""
