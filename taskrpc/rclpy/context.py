@@ -15,6 +15,7 @@ from ._arguments import Arguments, parse
 from ._sleep import Sleep
 from .exceptions import RCLError
 from .handle import Handle
+from .impl import log_output
 
 if TYPE_CHECKING:
     from .node import Node
@@ -83,6 +84,8 @@ class Context:
                 raise RuntimeError("Context.init() must only be called once")
             self._arguments = _read(sys.argv if args is None else args)
             self._domain_id = _domain_of_the_environment() if domain_id is None else domain_id
+            if initialize_logging:
+                log_output.begin(self, self._arguments)
             self._handle = ContextHandle(self)
             _living.add(self)
 
@@ -164,6 +167,7 @@ class Context:
         for known in nodes:
             if (node := known()) is not None:
                 node.destroy_node()
+        log_output.end(self)
 
     def _end_by_signal(self) -> None:
         """End it as far as a signal handler may: no lock is taken, no callback called."""

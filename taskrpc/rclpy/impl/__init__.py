@@ -1,0 +1,1 @@
+"""What stands behind rclpy's loggers, under the names by which programs find it."""

@@ -1,0 +1,87 @@
+"""Loggers by name, and from which severity on they log."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from .impl import log_levels, log_output
+from .impl.logging_severity import LoggingSeverity
+from .impl.rcutils_logger import RcutilsLogger
+
+__all__ = [
+    "LoggingSeverity",
+    "RcutilsLogger",
+    "clear_config",
+    "get_logger",
+    "get_logger_effective_level",
+    "get_logger_level",
+    "get_logging_directory",
+    "get_logging_severity_from_string",
+    "initialize",
+    "set_logger_level",
+    "shutdown",
+]
+
+_root_logger = RcutilsLogger()
+
+
+def get_logger(name: str) -> RcutilsLogger:
+    """A logger of this name; nodes have theirs. Raises ValueError for an empty name."""
+    if not name:
+        raise ValueError("Logger name must not be empty.")
+    return _root_logger.get_child(name)
+
+
+def initialize() -> None:
+    """Read how the environment wants the log; happens by itself when something is logged."""
+    log_output.initialize()
+
+
+def shutdown() -> None:
+    """Forget all levels that were set, and what the environment said."""
+    log_output.shut_down()
+
+
+def clear_config() -> None:
+    """Forget all levels that were set, and read the environment again."""
+    shutdown()
+    initialize()
+
+
+def set_logger_level(name: str, level: LoggingSeverity | int, detailed_error: bool = False) -> None:
+    """Let a logger log from this severity on, and its children; "" stands for all.
+
+    Raises ValueError for what is no severity.
+    """
+    log_levels.set_level(name, LoggingSeverity(level))
+
+
+def get_logger_effective_level(name: str) -> LoggingSeverity:
+    """From which severity on a logger logs."""
+    return LoggingSeverity(log_levels.effective_level_of(name))
+
+
+def get_logger_level(name: str) -> LoggingSeverity:
+    """The level that was set for just this logger; UNSET where there is none."""
+    return LoggingSeverity(log_levels.level_of(name))
+
+
+def get_logging_severity_from_string(log_severity: str) -> LoggingSeverity:
+    """The severity of a name such as `info`; raises RuntimeError where there is none."""
+    try:
+        return LoggingSeverity[log_severity.upper()]
+    except KeyError:
+        names = ", ".join(severity.name for severity in LoggingSeverity)
+        problem = f"failed to get a logging severity from '{log_severity}': expected one of {names}"
+        raise RuntimeError(problem) from None
+
+
+def get_logging_directory() -> Path:
+    """Where ROS keeps files of logs: ROS_LOG_DIR, or `log` in ROS_HOME, or `~/.ros/log`.
+
+    Nothing is written there by this layer.
+    """
+    if directory := os.environ.get("ROS_LOG_DIR"):
+        return Path(directory).expanduser()
+    return Path(os.environ.get("ROS_HOME") or "~/.ros").expanduser() / "log"
