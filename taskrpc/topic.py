@@ -68,6 +68,19 @@ class Publisher:
         return self._publication.matched
 
     @property
+    def on_matched(self) -> Callable[[], object]:
+        """Set it to be called, on the event loop, when other subscriptions match."""
+        return self._publication.on_matched
+
+    @on_matched.setter
+    def on_matched(self, action: Callable[[], object]) -> None:
+        self._publication.on_matched = action
+
+    def forget_latched(self) -> None:
+        """Keep nothing of what was published so far for subscriptions that come later."""
+        self._publication.forget_latched()
+
+    @property
     def sent(self) -> int:
         """Messages published so far."""
         return self._publication.sent

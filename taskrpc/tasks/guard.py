@@ -28,6 +28,7 @@ class RobotGuard:
         if not 0.0 < self.speed < math.inf:
             raise ValueError(f"expected a robot with a positive speed, got {robot.speed!r}")
         self._last_pose = Pose(0.0, 0.0, 0.0)
+        self._pose_problem = ""
 
     def plan(self, task: Task, start: Pose) -> Plan:
         """Plan an accepted task; a robot that cannot say takes no time and stays where it is."""
@@ -43,8 +44,12 @@ class RobotGuard:
         """Where the robot is, or was when it last said."""
         try:
             self._last_pose = self.robot.pose()
+            self._pose_problem = ""
         except Exception as error:
-            _log.warning("the robot does not say where it is: %s", sentence(error))
+            problem = sentence(error)
+            if problem != self._pose_problem:  # it is asked ten times a second
+                self._pose_problem = problem
+                _log.warning("the robot does not say where it is: %s", problem)
         return self._last_pose
 
     def remaining(self, otherwise: float) -> float:

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from taskrpc.errors import TaskRpcError
-from taskrpc.robot.protocol import Robot, TargetError
+from taskrpc.robot.protocol import Pose, Robot, TargetError
 from taskrpc.tasks.answers import Answer, Resumed, again, by, priority_refusal, shown, unstored
 from taskrpc.tasks.board import Board
 from taskrpc.tasks.book import TaskBook
@@ -126,6 +126,10 @@ class TaskManager:
         """The task that the robot has in hand."""
         run = self._worker.run
         return self.book.find(run.task.task_id) if run else None
+
+    def pose(self) -> Pose:
+        """Where the robot is, or was when it last said."""
+        return self._guard.pose()
 
     def reckon(self) -> None:
         """Bring the estimates up to date; do so before asking for them."""

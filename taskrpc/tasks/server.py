@@ -23,6 +23,7 @@ from taskrpc.tasks.listing import page
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.messages import Messages
 from taskrpc.tasks.model import Task
+from taskrpc.tasks.news import TaskNews
 from taskrpc.tasks.rights import ROLES, client_name, refuse_others_task, submitter
 from taskrpc.tasks.store import TaskStore
 from taskrpc.wire.once import Completion
@@ -109,6 +110,7 @@ class TaskServer:
         self._messages = Messages()
         self._types = load_types()
         self._services: list[Service] = []
+        self._news: TaskNews | None = None
         self._started = asyncio.Event()
 
     async def __aenter__(self) -> Self:
@@ -137,6 +139,7 @@ class TaskServer:
         # Whoever calls before the store is read waits for it.
         try:
             self._offer()
+            self._news = TaskNews(self._node, self.manager, self._messages, self._service_name)
             if fresh:
                 await self._store.clear()
             resumed = await self.manager.start()
@@ -144,6 +147,7 @@ class TaskServer:
             for service in self._services:
                 service.destroy()
             self._services.clear()
+            self._close_news()
             raise
         self._started.set()
         self._completions.opened()
@@ -165,7 +169,13 @@ class TaskServer:
 
     async def close(self) -> None:
         """Halt the robot, store the running task as INTERRUPTED and close the store."""
+        self._close_news()
         await self.manager.close()
+
+    def _close_news(self) -> None:
+        if self._news is not None:
+            self._news.close()
+            self._news = None
 
     def _offer(self) -> None:
         submit = self._node.create_service(

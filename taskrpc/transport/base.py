@@ -226,6 +226,12 @@ class Publication(Protocol):
     def publish(self, body: bytes) -> None:
         """Send a message to all of them. Raises InvalidRequest for one that is too large."""
 
+    on_matched: Callable[[], object]
+    """Called on the loop when other subscriptions match."""
+
+    def forget_latched(self) -> None:
+        """Keep nothing of what was sent so far for those who come later."""
+
     def close(self) -> None:
         """Publish no more."""
 

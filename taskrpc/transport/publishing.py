@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import logging
 from collections import deque
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from taskrpc.access import Role
@@ -45,6 +46,8 @@ class Publication:
         self.encode = codec_of(msg_type).encode
         self.feeds: dict[RemoteSubscription, Feed] = {}
         self.local: dict[Reception, None] = {}
+        self.on_matched: Callable[[], object] = _nothing
+        """Called in a turn of its own when other subscriptions match."""
         self.sent = 0
         self.lost = 0
         """Messages that did not reach a subscription, since it did not read or takes no such size;
@@ -77,6 +80,15 @@ class Publication:
             feed.send(sequence, body)
         for reception in self.local:
             reception.arrived_here(self, sequence, body)
+
+    def forget_latched(self) -> None:
+        """Keep nothing of what was sent so far for those who come later."""
+        if self.latched is not None:
+            self.latched.clear()
+
+    def matches_changed(self) -> None:
+        """Say that it has other subscriptions than before."""
+        self._topics.soon(self.on_matched)
 
     def refuses(self, wanted: TopicEndpoint, subscriber: str) -> bool:
         """Whether a subscription does not match; says so, once for each."""
@@ -166,6 +178,7 @@ class RemoteSubscription:
 
     def _feed(self, publication: Publication) -> None:
         feed = publication.feeds[self] = Feed(publication, self.subscriber, self.number)
+        publication.matches_changed()
         if self.wanted.latched and publication.latched is not None:
             for sequence, body in list(publication.latched)[-self.wanted.depth :]:
                 feed.send(sequence, body)
@@ -250,6 +263,10 @@ class Subscriber:
     def _flush(self) -> None:
         self._unwritten = 0
         self.connection.flush()
+
+
+def _nothing() -> None:
+    """Nobody wants to know."""
 
 
 def _unmatched(publisher: TopicEndpoint, wanted: TopicEndpoint, mismatch: str, where: Any) -> str:

@@ -46,6 +46,10 @@ class Topics:
         self._numbers = 0
         self._search: asyncio.Task[None] | None = None
 
+    def soon(self, action: Callable[[], object]) -> None:
+        """Do something in a later turn of the loop."""
+        self._home.loop.call_soon(action)
+
     # Publishers
 
     def publication(self, named: TopicEndpoint, msg_type: Any, role: Role) -> Publication:
@@ -89,6 +93,7 @@ class Topics:
             feed = publication.feeds.pop(subscription, None)
             if feed is not None:
                 feed.drop_waiting()
+                publication.matches_changed()
 
     def _announce(self, topic: str) -> None:
         publications = list(self._publications.get(topic, ()))
@@ -120,7 +125,9 @@ class Topics:
         named = reception.named
         if _drop(self._receptions, named.name, reception):
             for publication in self._publications.get(named.name, ()):
-                publication.local.pop(reception, None)
+                if reception in publication.local:
+                    del publication.local[reception]
+                    publication.matches_changed()
             for link in self._links.values():
                 link.forget(reception)
             self._home.publish(Change(subscription=named, gone=True))
@@ -144,6 +151,7 @@ class Topics:
             publication.refuses(reception.named, "of this process")
             return
         publication.local[reception] = None
+        publication.matches_changed()
         reception.publishers[publication, 0] = publication.named
         if reception.named.latched and publication.latched is not None:
             for sequence, body in list(publication.latched)[-reception.named.depth :]:
