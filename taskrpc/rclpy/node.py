@@ -5,7 +5,7 @@ from __future__ import annotations
 import weakref
 from collections.abc import Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Self
 
 from taskrpc import names
 from taskrpc.errors import InvalidName
@@ -17,10 +17,14 @@ from ._node_entities import NodeEntities
 from ._node_graph import NodeGraph
 from ._node_parameters import NodeParameters
 from ._remapping import Remapping
+from ._rosout import Rosout
 from .clock import Clock, ROSClock
 from .context import Context
 from .exceptions import NotInitializedException
 from .handle import Handle
+from .impl.rcutils_logger import RcutilsLogger
+from .logging import get_logger
+from .logging_service import LoggingService
 from .parameter import Parameter
 from .parameter_service import ParameterService
 from .qos import QoSProfile, qos_profile_rosout_default
@@ -81,6 +85,11 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         self._join(node_name, namespace or "", given)
         self._handle = Handle(self)
         self._clock = ROSClock()
+        qualified = names.fully_qualified(self._namespace, self._name)
+        self._logger = get_logger(qualified.strip("/").replace("/", "."))
+        self._rosout: Rosout | None = None
+        if enable_rosout and self._context._arguments.rosout_logs is not False:
+            self._rosout = Rosout(self, self._logger.name, rosout_qos_profile)
         self._context.track_node(self)
         # The program's line first: what is given to the node itself replaces it.
         self._init_parameters(given[::-1], parameter_overrides, allow_undeclared_parameters)
@@ -91,6 +100,8 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         if start_parameter_services:
             self._parameter_service = ParameterService(self)
         self._type_description_service = TypeDescriptionService(self)
+        if enable_logger_service:
+            self._logging_service = LoggingService(self)
 
     def _join(self, node_name: str, namespace: str, given: list[Arguments]) -> None:
         """Take part in the network by the name and namespace that the arguments leave."""
@@ -153,12 +164,9 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         """Its clock: the system's time, or a simulation's with `use_sim_time`."""
         return self._clock
 
-    def get_logger(self) -> Any:
+    def get_logger(self) -> RcutilsLogger:
         """Its logger, of the name `namespace.name`."""
-        from .logging import get_logger
-
-        qualified = names.fully_qualified(self._namespace, self._name)
-        return get_logger(qualified.strip("/").replace("/", "."))
+        return self._logger
 
     def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
         """The absolute name that a topic name means here, remapped unless `only_expand`."""
@@ -174,6 +182,8 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
             return
         self._context.untrack_node(self)
         self._destroy_entities()
+        if self._rosout is not None:
+            self._rosout.destroy()
         self._handle.destroy_when_not_in_use()
         self._bridge.close()
         self._wake_executor()

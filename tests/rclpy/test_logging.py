@@ -211,7 +211,13 @@ def test_deprecated_rules_are_warned_of_by_the_logger_rcl(capsys):
 
 def test_what_a_node_s_loggers_log_is_handed_to_it_for_rosout():
     records = []
-    log_output.add_rosout("ns.node", records.append)
+
+    class Node:
+        def publish(self, record):
+            records.append(record)
+
+    node = Node()
+    log_output.add_rosout("ns.node", node.publish)
     get_logger("ns.node").info("own")
     get_logger("ns.node").get_child("a").get_child("b").warn("child's")
     get_logger("ns.node2").info("another's")

@@ -16,7 +16,7 @@ from .log_format import DEFAULT, Format, Record, coloured
 from .log_levels import SEPARATOR
 from .logging_severity import LoggingSeverity
 
-_rosout: dict[str, Callable[[Record], None]] = {}
+_rosout: dict[str, weakref.WeakMethod[Callable[[Record], None]]] = {}
 _lock = threading.Lock()  # lines of several threads stay whole
 _console: _Console | None = None
 _owners: weakref.WeakSet[object] = weakref.WeakSet()
@@ -100,7 +100,7 @@ def begin(context: object, arguments: Arguments) -> None:
     _to_console = arguments.stdout_logs is not False
     _to_rosout = arguments.rosout_logs is not False
     for warning in arguments.warnings:
-        log(Record(LoggingSeverity.WARN, "rcl", warning, time.time_ns(), "", "", 0))
+        warn("rcl", warning)
 
 
 def end(context: object) -> None:
@@ -112,13 +112,32 @@ def end(context: object) -> None:
 
 
 def add_rosout(name: str, publish: Callable[[Record], None]) -> None:
-    """From now on, hand what the logger and its children log to a node, which publishes it."""
-    _rosout[name] = publish
+    """From now on, hand what the logger and its children log to a method that publishes it.
+
+    It is not kept alive. ROS warns of the second node of a name, and so do we.
+    """
+    if name in _rosout and _rosout[name]() is not None:
+        warn(
+            "rcl.logging_rosout",
+            f"Publisher already registered for node name: '{name}'. If this is due to multiple"
+            f" nodes with the same name then all logs for the logger named '{name}' will go out"
+            " over the existing publisher. As soon as any node with that name is destructed it"
+            " will unregister the publisher, preventing any further logs for that name from being"
+            " published on the rosout topic.",
+        )
+        return
+    _rosout[name] = weakref.WeakMethod(publish)
 
 
 def remove_rosout(name: str) -> None:
     """The node is gone."""
     _rosout.pop(name, None)
+
+
+def warn(name: str, message: str) -> None:
+    """Log a warning that is not the program's, under the name of a part of ROS."""
+    if log_levels.effective_level_of(name) <= LoggingSeverity.WARN:
+        log(Record(LoggingSeverity.WARN, name, message, time.time_ns(), "", "", 0))
 
 
 def log(record: Record) -> None:
@@ -137,7 +156,7 @@ def log(record: Record) -> None:
 def _publish(record: Record) -> None:
     name = record.name
     while name:
-        if (publish := _rosout.get(name)) is not None:
+        if (known := _rosout.get(name)) is not None and (publish := known()) is not None:
             publish(record)
             return
         name = name.rpartition(SEPARATOR)[0]
