@@ -103,6 +103,7 @@ class NodeEntities:
         qos = self._topic_qos(qos_profile)
         check_is_valid_msg_type(msg_type)
         name = self.resolve_topic_name(topic)
+        self._override_qos(Publisher, name, qos, qos_overriding_options)
         publisher = publisher_class(
             self._as_node(), msg_type, name, qos, self._group(callback_group)
         )
@@ -128,6 +129,7 @@ class NodeEntities:
         qos = self._topic_qos(qos_profile)
         check_is_valid_msg_type(msg_type)
         name = self.resolve_topic_name(topic)
+        self._override_qos(Subscription, name, qos, qos_overriding_options)
         group = self._group(callback_group)
         subscription: Subscription[Any] = Subscription(
             self._as_node(), msg_type, name, callback, group, qos, raw
@@ -278,6 +280,12 @@ class NodeEntities:
 
     def _as_node(self) -> Node:
         return cast("Node", self)
+
+    def _override_qos(self, kind: type[Any], name: str, qos: QoSProfile, options: Any) -> None:
+        if options is not None:
+            from .qos_overriding_options import _declare_qos_parameters
+
+            _declare_qos_parameters(kind, self._as_node(), name, qos, options)
 
     def _topic_qos(self, qos: QoSProfile | int) -> QoSProfile:
         if isinstance(qos, QoSProfile):
