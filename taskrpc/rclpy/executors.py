@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import os
 import time
 import warnings
@@ -33,6 +34,12 @@ class ShutdownException(Exception):
 
 class ConditionReachedException(Exception):
     """What the executor was to spin for is there."""
+
+
+async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:
+    """Await a coroutine function, call any other."""
+    result = callback(*args)
+    return await result if inspect.iscoroutinefunction(callback) else result
 
 
 class Executor(Rounds):
@@ -342,5 +349,6 @@ __all__ = [
     "SingleThreadedExecutor",
     "TimeoutException",
     "TimeoutObject",
+    "await_or_execute",
     "current_callback",
 ]

@@ -143,5 +143,8 @@ class Future(Generic[T]):
                 warnings.warn(f"Unhandled exception in done callback: {error}", stacklevel=3)
 
 
+Future.__module__ = f"{__package__}.task"  # where programs find it
+
+
 def _none() -> None:
     """Stand in for a reference to an executor where there is none."""

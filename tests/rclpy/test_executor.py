@@ -23,6 +23,7 @@ from taskrpc.rclpy.executors import (
     SingleThreadedExecutor,
     TimeoutException,
     TimeoutObject,
+    await_or_execute,
     current_callback,
 )
 from taskrpc.rclpy.experimental import EventsExecutor
@@ -264,6 +265,14 @@ def test_what_a_task_raises_leaves_spin(executor):
     executor.create_task(lambda: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         executor.spin_once(0)
+
+
+async def test_await_or_execute_takes_both_kinds_of_functions():
+    async def coroutine(number):
+        return number
+
+    assert await await_or_execute(coroutine, 1) == 1
+    assert await await_or_execute(lambda number: number, 2) == 2
 
 
 # Spinning for a future

@@ -138,6 +138,10 @@ def test_an_exception_that_nobody_asked_for_is_told_when_the_future_goes(capsys)
     assert capsys.readouterr().err == "The following exception was never retrieved: forgotten\n"
 
 
+def test_a_future_shows_itself_as_that_of_the_task_module():
+    assert repr(Future()).startswith("<taskrpc.rclpy.task.Future object at ")
+
+
 def test_a_future_does_not_keep_its_executor(context):
     executor = SingleThreadedExecutor(context=context)
     future = Future(executor=executor)
