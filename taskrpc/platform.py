@@ -356,3 +356,20 @@ def end_process(pid: int, *, at_once: bool = False) -> None:
         os.kill(pid, signal.SIGTERM)
     else:
         os.kill(pid, signal.SIGKILL if at_once else signal.SIGTERM)
+        # One that was stopped by Ctrl-Z hears of nothing before it goes on.
+        os.kill(pid, signal.SIGCONT)
+
+
+def is_stopped(pid: int) -> bool:
+    """Whether a process stands still, as after Ctrl-Z, until somebody lets it go on."""
+    status = f"/proc/{pid}/stat"
+    with contextlib.suppress(OSError):  # it may have just ended
+        if os.path.exists(status):
+            with open(status, "rb") as file:
+                return file.read().rpartition(b")")[2].split()[0] in (b"T", b"t")
+        if not WINDOWS:
+            import subprocess
+
+            command = ["ps", "-o", "stat=", "-p", str(pid)]
+            return subprocess.run(command, capture_output=True, check=False).stdout[:1] == b"T"
+    return False

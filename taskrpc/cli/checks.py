@@ -90,6 +90,9 @@ async def programs() -> AsyncIterator[Finding]:
     if not serving:
         advice = "start one, for example taskrpc-server"
         yield note(f"no program offers a service in domain {domain_id()}", advice)
+    for entry in here:
+        if entry.address and not entry.services:
+            yield note(f"{_who(entry)} offers nothing any more: it answers its last calls, or ends")
     for entry in serving:
         yield await _reach(entry)
     for finding in _disagreements(serving):
@@ -101,17 +104,35 @@ async def programs() -> AsyncIterator[Finding]:
 
 
 async def _reach(entry: Entry) -> Finding:
-    who = f"{entry.script} (pid {entry.pid}, in {entry.folder})"
     try:
         await HERE.listing(entry.address)
     except TaskRpcError as error:
-        advice = (
-            f"if it wants TLS, `taskrpc doctor {entry.address} --tls-ca FILE` looks further; if it"
-            f" hangs, end it with `taskrpc stop --force {entry.pid}`"
-        )
-        return problem(f"{who} does not answer: {error}", advice)
+        return _silent(entry, error)
     listed = ", ".join(graph.services([entry])) or "hidden services"
-    return ok(f"{who} at {entry.address} offers {listed}")
+    return ok(f"{_who(entry)} at {entry.address} offers {listed}")
+
+
+def _silent(entry: Entry, error: TaskRpcError) -> Finding:
+    """Why a program does not answer that the registry knows, and so still lives."""
+    if platform.is_stopped(entry.pid):
+        return problem(
+            f"{_who(entry)} does not answer: it was stopped, as by Ctrl-Z",
+            f"`fg` in its terminal or `kill -CONT {entry.pid}` lets it go on; `taskrpc stop"
+            f" {entry.pid}` ends it",
+        )
+    advice = (
+        "a callback may hold its event loop (its log names it), or it is stuck: end it with"
+        f" `taskrpc stop {entry.pid}`, with --force where that does not help"
+    )
+    if entry.certificate:
+        advice = f"`taskrpc doctor {entry.address} --tls-ca FILE` looks at its certificate; or " + (
+            advice
+        )
+    return problem(f"{_who(entry)} does not answer: {error}", advice)
+
+
+def _who(entry: Entry) -> str:
+    return f"{entry.script} (pid {entry.pid}, in {entry.folder})"
 
 
 def _disagreements(serving: Sequence[Entry]) -> Iterator[Finding]:

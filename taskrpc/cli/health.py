@@ -9,7 +9,7 @@ import srvgen
 from taskrpc.cli import graph
 from taskrpc.cli.findings import Finding, ok, problem
 from taskrpc.cli.remote import PATIENCE, Remote
-from taskrpc.errors import TaskRpcError
+from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
 from taskrpc.transport.tcp import domain_id
 from taskrpc.wire.messages import Endpoint
@@ -25,7 +25,8 @@ async def ask(remote: Remote) -> AsyncIterator[Finding]:
         return  # why, has been told by whoever looked before
     async with remote.node() as node:
         for finding in await asyncio.gather(*(_asked(node, name) for name in names)):
-            yield finding
+            if finding is not None:
+                yield finding
 
 
 async def _services(remote: Remote) -> Iterable[Endpoint]:
@@ -40,10 +41,12 @@ def _names(services: Iterable[Endpoint]) -> list[str]:
     return sorted(name for name in asked if name.endswith("/health"))
 
 
-async def _asked(node: Node, name: str) -> Finding:
+async def _asked(node: Node, name: str) -> Finding | None:
     trigger = srvgen.load(_TYPE)
     try:
         answer = await node.create_client(trigger, name).call(trigger.Request(), timeout=PATIENCE)
+    except ServiceUnavailable:
+        return None  # its server answers nothing at all, as was told before
     except TaskRpcError as error:
         return problem(f"{name} does not answer: {error}", "see the log of its server")
     if answer.success:

@@ -20,6 +20,10 @@ from taskrpc.transport.unix import is_unix
 PATIENCE = 4.0
 """Seconds for each step."""
 
+_OF_THE_SILENT = (
+    "the server there is stuck or was stopped (`taskrpc ps` on that machine says which), or"
+    " something else than taskrpc listens"
+)
 # POSIX's numbers, then those of Windows, which asyncio gives as they are.
 _NO_SUCH_NETWORK = frozenset({errno.ENETUNREACH, errno.ENETDOWN, 1231, 10051, 10050})
 _NO_SUCH_HOST = frozenset({errno.EHOSTUNREACH, errno.EHOSTDOWN, 1232, 10065, 10064})
@@ -139,9 +143,9 @@ async def _ask(remote: Remote) -> Finding:
     except (ConnectionLost, ProtocolError) as error:
         if advice := _advice(str(error)):
             return problem(f"{place}: {error}", advice)
-        return await encryption.fault(remote, PATIENCE) or problem(
-            f"{place}: {error}", "something else than taskrpc listens there"
-        )
+        waits = "within" in str(error) or "did not answer" in str(error)
+        advice = _OF_THE_SILENT if waits else "something else than taskrpc listens there"
+        return await encryption.fault(remote, PATIENCE) or problem(f"{place}: {error}", advice)
     except TaskRpcError as error:
         return problem(
             f"{place}: {error}",

@@ -43,6 +43,12 @@ class Process:
         """The services that it offers, hidden ones left out."""
         return list(graph.services(self.entries))
 
+    @property
+    def is_ending(self) -> bool:
+        """Whether it has withdrawn all services, and only answers what had come before."""
+        listens = any(entry.address for entry in self.entries)
+        return listens and not any(entry.services for entry in self.entries)
+
     def is_meant_by(self, name: str) -> bool:
         """Whether a pid, a script's name, a node or a service means this process."""
         script = {str(self.pid), self.script, self.script.removesuffix(".py")}

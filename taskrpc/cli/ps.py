@@ -6,6 +6,7 @@ import argparse
 import json
 from collections.abc import Sequence
 
+from taskrpc import platform
 from taskrpc.cli.command import Exit
 from taskrpc.cli.processes import Process, clock_time, processes
 
@@ -33,6 +34,7 @@ def _facts(process: Process) -> dict[str, object]:
         "script": process.script,
         "folder": process.folder,
         "services": process.services,
+        "state": _state(process),
         "since": process.since,
         "domain": process.domain,
     }
@@ -45,8 +47,19 @@ def _row(process: Process) -> Sequence[str]:
         str(process.domain),
         process.script,
         process.folder,
-        " ".join(process.services) or "-",
+        _what(process),
     )
+
+
+def _what(process: Process) -> str:
+    state, services = _state(process), " ".join(process.services) or "-"
+    return services if state == "running" else f"{services} ({state})"
+
+
+def _state(process: Process) -> str:
+    if platform.is_stopped(process.pid):
+        return "stopped"
+    return "ending" if process.is_ending else "running"
 
 
 def _print_table(rows: Sequence[Sequence[str]]) -> None:

@@ -73,5 +73,17 @@ def _wait_for_end(chosen: Sequence[Process]) -> set[int]:
 
 
 def _still_running(left: Sequence[Process]) -> NotFound:
-    problem = f"after {PATIENCE:g} s there still runs {listing(left)}"
-    return hinted(NotFound(problem), "they finish their calls first; --force does not let them")
+    error = NotFound(f"still running after {PATIENCE:g} s: {listing(left)}")
+    for process in left:
+        error = hinted(error, f"{process} {_why(process)}")
+    return error
+
+
+def _why(process: Process) -> str:
+    """Why a process that was told to end still runs; it was looked up before it was told."""
+    now = next((each for each in processes() if each.pid == process.pid), process)
+    if now.is_ending:
+        return "answers the calls that it has begun, then it ends; --force does not wait for them"
+    if process.services:
+        return "does not react: a callback may hold its event loop; --force ends it at once"
+    return "has its own way to end; --force does not let it"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import signal
 import socket
 import threading
 
@@ -167,3 +168,30 @@ def test_a_definition_that_differs_from_the_servers(server, examine, monkeypatch
 def test_what_is_no_address_is_wrong_usage(capsys):
     assert main(["doctor", "robot"]) == 2
     assert "expected HOST:PORT such as 127.0.0.1:7450, got 'robot'" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")
+def test_a_server_that_ctrl_z_stopped_is_named_with_how_it_goes_on(own_server, examine):
+    pid = own_server.process.pid
+    os.kill(pid, signal.SIGSTOP)
+    os.waitpid(pid, os.WUNTRACED)
+    text, advice = only_problem(examine())
+    assert text.endswith(
+        f"(pid {pid}, in {own_server.folder}) does not answer: it was stopped, as by Ctrl-Z"
+    )
+    assert f"kill -CONT {pid}" in advice
+    code, found = examine(own_server.address)
+    assert (code, len(found)) == (1, 2)
+    assert found[1][1] == f"{own_server.address}: no handshake within 3 s"
+    assert "stuck or was stopped" in found[1][2]
+
+
+def test_the_profile_of_keepalive_is_noted_and_a_wrong_one_is_a_problem(examine, monkeypatch):
+    monkeypatch.setenv("TASKRPC_KEEPALIVE", "robot")
+    code, found = examine()
+    note = "TASKRPC_KEEPALIVE is set: dead machines are given up after 2 s"
+    assert (code, found[0]) == (0, ("note", note, ""))
+    monkeypatch.setenv("TASKRPC_KEEPALIVE", "fast")
+    code, ((_, text, advice), *_) = examine()
+    assert (code, text) == (1, "TASKRPC_KEEPALIVE: expected default or robot, got 'fast'")
+    assert "set it" in advice

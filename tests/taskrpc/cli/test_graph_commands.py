@@ -6,6 +6,7 @@ import io
 import json
 import os
 import signal
+import subprocess
 import sys
 import time
 
@@ -272,13 +273,66 @@ def test_stop_of_a_stranger_ends_nobody(server, run):
     assert server.process.poll() is None
 
 
-def test_a_program_that_does_not_end_is_reported(server, run, monkeypatch):
+def test_a_program_that_does_not_react_is_reported(server, run, monkeypatch):
     monkeypatch.setattr("taskrpc.platform.end_process", lambda pid, at_once: None)
     monkeypatch.setattr("taskrpc.cli.stop.PATIENCE", 0.1)
     code, _, err = run("stop", "adder")
     assert code == 1
-    assert f"there still runs adder.py (pid {server.process.pid})" in err
-    assert "--force" in err
+    who = f"adder.py (pid {server.process.pid})"
+    assert err.startswith(f"still running after 0.1 s: {who}\n  hint: {who} does not react: ")
+    assert "--force ends it at once" in err
+
+
+SLOW = """
+import asyncio, srvgen, taskrpc
+
+async def sleep(request, response):
+    await asyncio.sleep(60)
+    return response
+
+async def main():
+    async with taskrpc.Node("slow") as node:
+        node.create_service(srvgen.load("std_srvs/srv/Empty"), "sleep", sleep)
+        await node.spin()
+
+taskrpc.run(main())
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="on Windows nobody is asked to end")
+def test_a_program_that_still_answers_calls_is_told_from_one_that_is_stuck(
+    tmp_path, run, monkeypatch
+):
+    monkeypatch.setattr("taskrpc.cli.stop.PATIENCE", 1.0)
+    (tmp_path / "slow.py").write_text(SLOW, encoding="utf-8")
+    call = [sys.executable, "-m", "taskrpc.cli.call", "/sleep", "--timeout", "60"]
+    with (
+        subprocess.Popen([sys.executable, "slow.py"], cwd=tmp_path) as slow,
+        subprocess.Popen(call, stdout=subprocess.PIPE, text=True) as calling,
+    ):
+        while not calling.stdout.readline().startswith("requester:"):
+            pass
+        time.sleep(0.2)  # for the request to arrive
+        code, _, err = run("stop", "slow")
+        assert code == 1
+        assert f"hint: slow.py (pid {slow.pid}) answers the calls that it has begun, then" in err
+        code, out, _ = run("ps")
+        assert out.splitlines()[1].endswith("  - (ending)")
+        (facts,) = json.loads(run("ps", "--json")[1])
+        assert facts["state"] == "ending"
+        code, out, _ = run("doctor")
+        assert (code, "slow.py" in out, "it answers its last calls" in out) == (0, True, True)
+        assert run("stop", "--force", "slow")[0] == 0
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")
+def test_a_program_that_ctrl_z_stopped_is_shown_and_can_be_ended(own_server, run):
+    os.kill(own_server.process.pid, signal.SIGSTOP)
+    os.waitpid(own_server.process.pid, os.WUNTRACED)  # until it stands
+    code, out, _ = run("ps")
+    assert (code, out.splitlines()[1].endswith(" (stopped)")) == (0, True)
+    assert json.loads(run("ps", "--json")[1])[0]["state"] == "stopped"
+    assert run("stop") == (0, f"stopped adder.py (pid {own_server.process.pid})\n", "")
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")

@@ -8,6 +8,7 @@ import srvgen
 import taskrpc.sync
 from taskrpc.cli import health
 from taskrpc.cli.main import main
+from taskrpc.wire.messages import Endpoint
 
 pytestmark = pytest.mark.real_time
 
@@ -47,3 +48,14 @@ def test_a_server_that_does_not_say_is_a_problem(node, capsys, monkeypatch):
     node.create_service(Trigger, "lab/health", lambda request, response: time.sleep(0.5))
     assert main(["doctor", node.address]) == 1
     assert "/lab/health does not answer: no answer by the deadline" in capsys.readouterr().out
+
+
+def test_a_server_that_answers_nothing_is_left_to_who_looked_for_it(capsys, monkeypatch):
+    gone = Endpoint("/gone/health", "std_srvs/srv/Trigger", Trigger._HASH, "/gone")
+
+    async def services(remote):
+        return [gone]
+
+    monkeypatch.setattr(health, "_services", services)
+    assert main(["doctor"]) == 0
+    assert "/gone" not in capsys.readouterr().out
