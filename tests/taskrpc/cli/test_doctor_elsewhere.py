@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime
 import json
+import os
 import shutil
 import socket
 import ssl
@@ -192,8 +193,11 @@ def in_a_network_of_its_own(tmp_path_factory):
     """What the doctor says in a network that leads nowhere."""
     if not shutil.which("unshare") or not shutil.which("ip"):
         pytest.skip("needs unshare and ip")
+    runtime = tmp_path_factory.mktemp("runtime")
+    runtime.chmod(0o700)
     ran = subprocess.run(
         ["unshare", "-rn", "sh", "-c", SCRIPT, sys.executable],
+        env={**os.environ, "XDG_RUNTIME_DIR": str(runtime)},
         capture_output=True,
         text=True,
         timeout=30,
