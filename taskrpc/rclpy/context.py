@@ -9,7 +9,7 @@ import threading
 import weakref
 from collections.abc import Callable, Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from ._arguments import Arguments, parse
 from ._sleep import Sleep
@@ -19,6 +19,8 @@ from .impl import log_output
 
 if TYPE_CHECKING:
     from .node import Node
+
+_Thing = TypeVar("_Thing")
 
 _living: weakref.WeakSet[Context] = weakref.WeakSet()
 """Contexts that were initialised; a signal ends them all."""
@@ -162,7 +164,7 @@ class Context:
         for reference in callbacks:
             if (callback := reference()) is not None:
                 callback()
-        for sleep in list(self._sleeps):  # after the callbacks, which may shut them down
+        for sleep in _all(self._sleeps):  # after the callbacks, which may shut them down
             sleep.end()
         for known in nodes:
             if (node := known()) is not None:
@@ -174,14 +176,23 @@ class Context:
         if self._handle is not None and self._handle._ok:
             self._by_signal = True
             self._handle._ok = False
-            for sleep in list(self._sleeps):
+            for sleep in _all(self._sleeps):
                 sleep.end()
 
 
 def end_all_by_signal() -> None:
     """End every context, from a signal handler."""
-    for context in list(_living):
+    for context in _all(_living):
         context._end_by_signal()
+
+
+def _all(known: weakref.WeakSet[_Thing]) -> list[_Thing]:
+    """What is in the set, whatever other threads add to it meanwhile."""
+    while True:
+        try:
+            return list(known)
+        except RuntimeError:  # it grew under the iteration
+            continue
 
 
 def _reference(callback: Callable[[], Any]) -> Callable[[], Callable[[], Any] | None]:

@@ -211,7 +211,9 @@ class Executor(Rounds):
         except InvalidHandle:  # destroyed meanwhile
             return None
         finally:
-            entity._executor_event = False
+            if entity._executor_event:  # by a pool's spinner, who may choose it again from now on
+                entity._executor_event = False
+                self._notify()
 
     def _begin_coroutine(self, coroutine: CoroutineType[Any, Any, Any], entity: Entity) -> bool:
         """Run a callback's coroutine until it waits for something; whether it does."""

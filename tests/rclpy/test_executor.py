@@ -490,6 +490,29 @@ def test_a_pool_runs_callbacks_of_several_groups_at_once(pool, fake):
 
 
 @pytest.mark.real_time
+def test_a_pool_runs_all_that_arrived_at_one_reentrant_entity_at_once(pool, fake):
+    together, met = threading.Barrier(3, timeout=5), Future()
+
+    class Queue(Waitable):
+        def __init__(self):
+            super().__init__(ReentrantCallbackGroup())
+            self.items = [1, 2, 3]
+
+        def is_ready(self, wait_set):
+            return bool(self.items)
+
+        def take_data(self):
+            return self.items.pop()
+
+        async def execute(self, taken_data):
+            together.wait()
+            met.set_result(None)
+
+    fake.add_waitable(Queue())
+    pool.spin_until_future_complete(met)
+
+
+@pytest.mark.real_time
 def test_a_pool_runs_one_callback_of_an_exclusive_group_at_a_time(pool, fake):
     inside, seen = threading.Lock(), []
 
