@@ -502,6 +502,7 @@ def test_a_pool_runs_all_that_arrived_at_one_reentrant_entity_at_once(pool, fake
             return bool(self.items)
 
         def take_data(self):
+            time.sleep(0.01)  # the spinning thread goes to sleep meanwhile
             return self.items.pop()
 
         async def execute(self, taken_data):
