@@ -319,7 +319,8 @@ class Node(NodeTopics):
         services = tuple(service.status() for service in list(self._services))
         from taskrpc.observer import NodeStatus  # few programs ask
 
-        return NodeStatus(services, retries, *self._started().traffic())
+        traffic = self._started().traffic()
+        return NodeStatus(services, retries, *traffic, self._topic_status())
 
     def _keep(self, service: Service | DeferredService) -> None:
         self._services[service] = None

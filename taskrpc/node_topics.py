@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from copy import copy
 from typing import TYPE_CHECKING, Any, Protocol
 
 from taskrpc import names
@@ -11,13 +12,15 @@ from taskrpc.qos import QoS, qos_of
 from taskrpc.transport.base import Transport
 
 if TYPE_CHECKING:
+    from taskrpc.observer import TopicStatus
     from taskrpc.running import Callback
     from taskrpc.timer import Timer
     from taskrpc.topic import Publisher, Subscription
 
 
-class _Destroyable(Protocol):
+class _Part(Protocol):
     def destroy(self) -> None: ...
+    def _count_into(self, topics: dict[str, TopicStatus]) -> None: ...
 
 
 class NodeTopics:
@@ -27,7 +30,9 @@ class NodeTopics:
     _namespace: str
 
     def __init__(self) -> None:
-        self._parts: dict[_Destroyable, None] = {}
+        self._parts: dict[_Part, None] = {}
+        self._topics_before: dict[str, TopicStatus] = {}
+        """What those have done that are gone."""
 
     @abstractmethod
     def get_fully_qualified_name(self) -> str:
@@ -112,8 +117,18 @@ class NodeTopics:
         for part in list(self._parts):
             part.destroy()
 
-    def _forget_part(self, part: _Destroyable) -> None:
-        self._parts.pop(part, None)
+    def _forget_part(self, part: _Part) -> None:
+        if part in self._parts:
+            del self._parts[part]
+            part._count_into(self._topics_before)
+            for status in self._topics_before.values():
+                status.subscriptions = status.publishers = 0
+
+    def _topic_status(self) -> dict[str, TopicStatus]:
+        topics = {name: copy(status) for name, status in self._topics_before.items()}
+        for part in list(self._parts):  # another thread may ask
+            part._count_into(topics)
+        return topics
 
 
 def _message_type(msg_type: Any) -> Any:

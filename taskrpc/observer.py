@@ -52,6 +52,24 @@ class ServiceStatus(msgspec.Struct, frozen=True):
     """For an exactly-once service."""
 
 
+class TopicStatus(msgspec.Struct):
+    """What one node's publishers and subscriptions of a topic have done since the node started."""
+
+    published: int = 0
+    """Messages."""
+    received: int = 0
+    lost_sending: int = 0
+    """What our publishers could not send, since a subscription did not read; for each of them."""
+    lost_coming: int = 0
+    """What was published for our subscriptions and did not come."""
+    lost_waiting: int = 0
+    """What came and was dropped, since a callback was behind."""
+    subscriptions: int = 0
+    """Those that get messages of our publishers now."""
+    publishers: int = 0
+    """Those that our subscriptions get messages of now."""
+
+
 class NodeStatus(msgspec.Struct, frozen=True):
     """What a node has to do now, and what it has done since it started."""
 
@@ -64,6 +82,8 @@ class NodeStatus(msgspec.Struct, frozen=True):
     """The connections on which this program is called."""
     dialled: Connections
     """The connections on which it calls."""
+    topics: dict[str, TopicStatus] = {}
+    """By absolute name."""
 
 
 class ObservedNode(Protocol):

@@ -7,7 +7,7 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from taskrpc.access import Role
 from taskrpc.errors import InvalidRequest, TaskRpcError
@@ -15,6 +15,9 @@ from taskrpc.qos import QoS
 from taskrpc.running import Callback, Runner
 from taskrpc.transport.base import Transport
 from taskrpc.wire.messages import TopicEndpoint
+
+if TYPE_CHECKING:
+    from taskrpc.observer import TopicStatus
 
 log = logging.getLogger("taskrpc.topics")
 
@@ -98,6 +101,13 @@ class Publisher:
             self._publication.close()
             self._forget(self)
 
+    def _count_into(self, topics: dict[str, TopicStatus]) -> None:
+        """Add what it has done to its topic's counts."""
+        status = _status_of(topics, self.topic_name)
+        status.published += self.sent
+        status.lost_sending += self.lost
+        status.subscriptions += self.get_subscription_count()
+
     def _hand_over(self, body: bytes) -> None:
         """Let the loop send it: in order, and no faster than it can."""
         with self._room:
@@ -172,6 +182,14 @@ class Subscription:
             self._runner.close()
             self._forget(self)
 
+    def _count_into(self, topics: dict[str, TopicStatus]) -> None:
+        """Add what it has done to its topic's counts."""
+        status = _status_of(topics, self.topic_name)
+        status.received += self.received
+        status.lost_coming += self.lost
+        status.lost_waiting += self.dropped
+        status.publishers += self.get_publisher_count()
+
     def _arrived(self, body: bytes, later: bool) -> None:
         self.received += 1
         if len(self._waiting) >= self.qos.depth:
@@ -202,6 +220,12 @@ class Subscription:
             log.error("a message of %s is not valid: %s", self.topic_name, error)
         else:
             self._runner.run(message)
+
+
+def _status_of(topics: dict[str, TopicStatus], name: str) -> TopicStatus:
+    from taskrpc.observer import TopicStatus  # few programs ask
+
+    return topics.setdefault(name, TopicStatus())
 
 
 def named(msg_type: Any, name: str, node: str, qos: QoS) -> TopicEndpoint:

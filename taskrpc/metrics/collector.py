@@ -13,6 +13,7 @@ from taskrpc.errors import Code
 from taskrpc.metrics.families import Family, Histogram, Kind, Sample, by_label
 from taskrpc.metrics.lateness import Lateness
 from taskrpc.metrics.prometheus import render
+from taskrpc.metrics.topics import TopicCounts
 from taskrpc.observer import Connections, NodeStatus, ObservedNode, Observer
 
 log = logging.getLogger("taskrpc.metrics")
@@ -68,6 +69,7 @@ class Metrics(Observer):
         self._retries_before: Counter[str] = Counter()
         self._requests_before: Counter[tuple[str, str]] = Counter()
         self._sockets: dict[str, tuple[Connections, Connections]] = {}
+        self._topics = TopicCounts()
         self._lateness = Lateness()
         self._more: list[Callable[[], Iterable[Family]]] = []
 
@@ -90,6 +92,7 @@ class Metrics(Observer):
             *self._once_families(statuses),
             *self._made.families("taskrpc_client_call", "Calls that this program made"),
             self._retries(statuses),
+            *self._topics.families(statuses),
             *_socket_families(self._sockets.values()),
             Family(
                 "taskrpc_loop_late_seconds",
@@ -115,6 +118,7 @@ class Metrics(Observer):
         self._sockets[status.endpoint] = accepted, dialled
         self._retries_before.update(status.retries)
         self._requests_before.update(_requests([status]))
+        self._topics.note_ended(status)
         self._nodes.pop(node, None)
         if not self._nodes:
             self._lateness.stop()

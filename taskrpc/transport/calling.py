@@ -102,6 +102,7 @@ class CallingConnection(Connection):
         "_writing_paused",
         "epoch",
         "link",
+        "peer_id",
         "ready",
     )
 
@@ -116,6 +117,8 @@ class CallingConnection(Connection):
         this connection for new calls. So a channel compares one number before each call."""
         self.link: Link | None = None
         """Who has subscribed over this connection."""
+        self.peer_id = b""
+        """The server's program: another one after each of its starts."""
         self._on_advertised = on_advertised
         self._waiting: deque[OpenCall] = deque()
         self._writing_paused = False
@@ -217,6 +220,7 @@ class CallingConnection(Connection):
 
     def _opened(self, event: Ready) -> None:
         self.handshake_over()
+        self.peer_id = event.peer.id
         if not self.ready.done():
             self.ready.set_result(None)
 

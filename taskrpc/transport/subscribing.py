@@ -25,6 +25,9 @@ if TYPE_CHECKING:
     from taskrpc.transport.publishing import Publication
     from taskrpc.transport.topics import Home, Topics
 
+_HALF = wire.SEQUENCE_MASK // 2
+"""Counts wrap around: a message that is further ahead is one of before."""
+
 log = logging.getLogger("taskrpc.topics")
 
 
@@ -52,7 +55,8 @@ class Reception:
         """Messages that publishers sent and that did not come."""
         self._topics = topics
         self._deliver = deliver
-        self._sequences: dict[tuple[object, int], int] = {}
+        self._sequences: dict[tuple[bytes, int], int] = {}
+        """What came last, by the publishers' program and number; kept over lost connections."""
         self._told: set[object] = set()
 
     @property
@@ -66,16 +70,20 @@ class Reception:
 
     def arrived(self, link: Link, event: Published) -> None:
         """A message came."""
-        source = (link, event.publisher)
+        source = (link.peer_id, event.publisher)
         last = self._sequences.get(source)
-        sequence = self._sequences[source] = event.sequence
-        if last is not None and sequence != (last + 1) & wire.SEQUENCE_MASK:
-            self.lost += (sequence - last - 1) & wire.SEQUENCE_MASK
+        if last is not None and (missed := (event.sequence - last - 1) & wire.SEQUENCE_MASK):
+            if missed > _HALF:  # a new connection begins with what is kept for latecomers
+                return
+            self.lost += missed
+        self._sequences[source] = event.sequence
         self._deliver(event.body, False)
 
     def announced(self, link: Link, publishers: list[Publishing]) -> None:
         """A process has said who publishes the topic there."""
         self.forget(link)
+        numbers = {each.number for each in publishers}
+        self.forget_counts(lambda peer_id, n: peer_id == link.peer_id and n not in numbers)
         for each in publishers:
             if self._matches(each):
                 self.publishers[link, each.number] = each.publisher
@@ -85,10 +93,9 @@ class Reception:
         for source in [each for each in self.publishers if each[0] is link]:
             del self.publishers[source]
 
-    def lost_link(self, link: Link) -> None:
-        """The connection is gone; the next one counts anew."""
-        self.forget(link)
-        for source in [each for each in self._sequences if each[0] is link]:
+    def forget_counts(self, of: Callable[[bytes, int], bool]) -> None:
+        """Forget what came last of publishers that are gone for good."""
+        for source in [each for each in self._sequences if of(*each)]:
             del self._sequences[source]
 
     def refuses(self, publisher: TopicEndpoint) -> bool:
@@ -119,6 +126,8 @@ class Link:
 
     def __init__(self, home: Home, address: Address) -> None:
         self.address = address
+        self.peer_id = b""
+        """The program at the other end, once connected."""
         self.receptions: dict[int, Reception] = {}
         """Those that want something of that process."""
         self._home = home
@@ -156,6 +165,7 @@ class Link:
 
     def close(self) -> asyncio.Task[None]:
         """Look for the process no more."""
+        self._forget_counts()
         for reception in list(self.receptions.values()):
             self.forget(reception)
         if self._connection is not None:
@@ -181,7 +191,9 @@ class Link:
 
     async def _use(self, connection: CallingConnection) -> None:
         """Have a connection until it ends."""
-        self._connection = connection
+        if connection.peer_id != self.peer_id:
+            self._forget_counts()
+        self.peer_id, self._connection = connection.peer_id, connection
         connection.link = self
         try:
             for reception in self.receptions.values():
@@ -190,7 +202,11 @@ class Link:
         finally:
             self._connection = None
             for reception in self.receptions.values():
-                reception.lost_link(self)
+                reception.forget(self)
+
+    def _forget_counts(self) -> None:
+        for reception in self.receptions.values():
+            reception.forget_counts(lambda peer_id, _: peer_id == self.peer_id)
 
     def _subscribe(self, reception: Reception) -> None:
         if self._connection is not None:

@@ -44,6 +44,7 @@ class Topics:
         self._receptions: dict[str, dict[Reception, None]] = {}
         self._links: dict[str, Link] = {}
         self._numbers = 0
+        self._publishers = 0
         self._search: asyncio.Task[None] | None = None
 
     def soon(self, action: Callable[[], object]) -> None:
@@ -54,8 +55,8 @@ class Topics:
 
     def publication(self, named: TopicEndpoint, msg_type: Any, role: Role) -> Publication:
         """A new publisher's way to its subscriptions."""
-        self._numbers += 1
-        each = Publication(self, named, msg_type, self._numbers & 0xFFFF, role)
+        self._publishers += 1
+        each = Publication(self, named, msg_type, self._publishers & 0xFFFF, role)
         _put(self._publications, named.name, each)
         for reception in self._receptions.get(named.name, ()):
             self._match_here(each, reception)
