@@ -38,13 +38,20 @@ class KeptCompletions:
 
     def _enter(self) -> None:
         new, self._new = self._new, []
-        by_client: dict[Client, list[Completion]] = {}
-        for completion in new:
+        firsts: dict[Client, int] = {}
+        unsettled: list[tuple[Client, Completion]] = []
+        for completion in reversed(new):
             client = (completion.principal, completion.client)
-            by_client.setdefault(client, []).append(completion)
-        for client, completions in by_client.items():
+            first = firsts.get(client, 0)
+            if completion.first_incomplete > first:
+                firsts[client] = completion.first_incomplete
+            elif completion.sequence < first:
+                continue
+            unsettled.append((client, completion))
+        for client, first in firsts.items():
             known = self._by_client.setdefault(client, {})
-            first = max(each.first_incomplete for each in completions)
             for number in [each for each in known if each < first]:
                 del known[number]
-            known.update((each.sequence, each) for each in completions if each.sequence >= first)
+        for client, completion in reversed(unsettled):
+            if completion.sequence >= firsts[client]:
+                self._by_client[client][completion.sequence] = completion

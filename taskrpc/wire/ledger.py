@@ -63,7 +63,7 @@ class _Known:
             numbers = [number for number in known if number < first_incomplete]
         for number in numbers:
             found = known.pop(number, None)
-            if isinstance(found, Completion):
+            if found.__class__ is Completion:
                 size += PER_REQUEST + len(found.answer)
             elif found is not None:
                 known[number] = found
@@ -200,7 +200,11 @@ class Ledger:
         if completion.first_incomplete > known.first_incomplete:
             more = -known.settle(completion.first_incomplete)
         if sequence >= known.first_incomplete:
-            more += _size(completion) - _size(requests.get(sequence))
+            found = requests.get(sequence)
+            if found.__class__ is Claim:  # as nearly always: only the answer is more
+                more += len(completion.answer)
+            else:
+                more += _size(completion) - _size(found)
             requests[sequence] = completion
         else:
             more -= _size(requests.pop(sequence, None))
