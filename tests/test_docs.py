@@ -7,6 +7,7 @@ import argparse
 import functools
 import importlib
 import inspect
+import itertools
 import re
 import shlex
 from collections.abc import Iterator
@@ -154,7 +155,8 @@ def test_every_command_and_option_that_a_page_names_exists(page):
                 following = " ".join(words[len(command.split()) :][:1])
                 is_group = any(each.startswith(f"{command} ") for each in commands())
                 assert not (is_group and following.isidentifier()), f"`{part}`"
-                given = [word for word in words if re.match(r"--?[a-zA-Z]", word)]
+                ours = itertools.takewhile(lambda word: word != "--ros-args", words)
+                given = [word for word in ours if re.match(r"--?[a-zA-Z]", word)]
                 options = {word.partition("=")[0] for word in given}
                 assert options <= set(commands()[command]), f"`{part}`"
 

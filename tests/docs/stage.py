@@ -18,6 +18,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import srvgen
+from taskrpc.rclpy._yaml_parameters import ROS_PARAMETERS, read_file
 from taskrpc.robot import parse_map
 
 from .markdown import Block, Page
@@ -184,7 +185,8 @@ class Stage:
         right = pattern_of(shown).fullmatch(said) if shown.strip() else not said.strip()
         assert right, f"$ {command}\n{shown}\n--- got\n{said}"
         # A program of the reader's may raise; a command may not.
-        assert "Traceback" not in said or command.startswith("python "), f"$ {command}\n{said}"
+        theirs = command.startswith(("python ", "taskrpc run "))
+        assert "Traceback" not in said or theirs, f"$ {command}\n{said}"
 
     def _check_status(self, what: str, expected: int) -> None:
         problem = f"{what}: expected exit code {expected}, got {self._status}\n{self._output}"
@@ -262,11 +264,13 @@ def _expected_status(block: Block, following: list[tuple[str, str]]) -> int:
 
 
 def _check_text(block: Block) -> None:
-    """A definition or map must be valid, or, marked as wrong, must not."""
+    """A definition, map or file of parameters must be valid, or, marked as wrong, must not."""
     with contextlib.ExitStack() as stack:
         if "wrong" in block.notes:
             stack.enter_context(_refused())
-        if block.kind == "yaml":
+        if block.kind == "yaml" and ROS_PARAMETERS in block.text:
+            read_file(block.text)
+        elif block.kind == "yaml":
             parse_map(block.text)
         else:
             package, name = _names(block)

@@ -2,12 +2,22 @@
 
 import contextlib
 import math
+import re
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskrpc.rclpy._arguments import Arguments, RemapKind, RemapRule, overrides_of, parse
+from taskrpc.rclpy._arguments import (
+    _OPTIONS,
+    _SWITCHES,
+    Arguments,
+    RemapKind,
+    RemapRule,
+    overrides_of,
+    parse,
+)
 from taskrpc.rclpy._yaml_parameters import read_file, read_value
 from taskrpc.rclpy.exceptions import RCLInvalidROSArgsError, UnknownROSArgsError
 
@@ -248,3 +258,11 @@ def test_what_is_wrong_in_a_file_is_said_with_its_line(text, problem):
 def test_no_command_line_makes_it_fall_over(line):
     with contextlib.suppress(RCLInvalidROSArgsError, UnknownROSArgsError):
         assert isinstance(parse(["--ros-args", *line]), Arguments)
+
+
+def test_the_reference_has_every_option():
+    page = Path(__file__).parents[2] / "docs" / "reference" / "ros-arguments.md"
+    table = page.read_text(encoding="utf-8").partition("## Options")[2].partition("##")[0]
+    rows = re.findall(r"^\| (`-.*?) \|", table, flags=re.M)
+    told = {option for row in rows for option in re.findall(r"`(-[^`]*)`", row)}
+    assert told == {*_OPTIONS, *_SWITCHES}
