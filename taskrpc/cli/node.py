@@ -11,7 +11,7 @@ from taskrpc.cli import graph, shells
 from taskrpc.cli.command import Exit, NotFound, hinted
 from taskrpc.cli.parsing import add_command, add_group, print_names
 from taskrpc.cli.remote import add_connect, add_discovery, remote_of
-from taskrpc.wire.messages import Endpoint
+from taskrpc.wire.messages import Endpoint, TopicEndpoint
 
 _SECTIONS = (
     "Subscribers",
@@ -60,6 +60,8 @@ def _info(options: argparse.Namespace) -> int:
         raise hinted(NotFound(f"Unable to find node '{name}'"), did_you_mean(name, known))
     hidden = options.include_hidden
     sections: dict[str, dict[str, str]] = {section: {} for section in _SECTIONS}
+    sections["Subscribers"] = _of_node(name, (e.subscriptions for e in entries), hidden)
+    sections["Publishers"] = _of_node(name, (e.publishers for e in entries), hidden)
     sections["Service Servers"] = _of_node(name, (e.services for e in entries), hidden)
     sections["Service Clients"] = _of_node(name, (e.clients for e in entries), hidden)
     if options.json:
@@ -69,7 +71,9 @@ def _info(options: argparse.Namespace) -> int:
     return Exit.DONE
 
 
-def _of_node(node: str, groups: Iterable[Iterable[Endpoint]], hidden: bool) -> dict[str, str]:
+def _of_node(
+    node: str, groups: Iterable[Iterable[Endpoint | TopicEndpoint]], hidden: bool
+) -> dict[str, str]:
     """Names and types of what a node has, sorted."""
     found = {each.name: each.type_name for group in groups for each in group if each.node == node}
     return {name: found[name] for name in sorted(found) if hidden or not names.is_hidden(name)}

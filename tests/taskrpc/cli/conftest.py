@@ -43,6 +43,9 @@ async def main():
         other.create_service(empty, "refuse", refuse)
         other.create_service(empty, "end", end)
         other.create_client(add_type, "add_two_ints")
+        text = srvgen.load("std_msgs/msg/String")
+        other.create_publisher(text, "told")
+        other.create_subscription(text, "heard", print)
         # Told from within spin(), which by then hears signals.
         asyncio.get_running_loop().call_soon(lambda: print(node.address, flush=True))
         await node.spin()

@@ -224,6 +224,16 @@ def test_node_info(server, run):
     assert "/_hidden" in run("node", "info", "/add_two_ints_server", "--include-hidden")[1]
 
 
+def test_node_info_has_the_topics_of_a_node(server, run):
+    assert run("node", "info", "/other")[1].splitlines()[:5] == [
+        "/other",
+        "  Subscribers:",
+        "    /heard: std_msgs/msg/String",
+        "  Publishers:",
+        "    /told: std_msgs/msg/String",
+    ]
+
+
 def test_node_info_of_an_unknown_node(server, run):
     code, out, err = run("node", "info", "/othr")
     assert (code, out) == (1, "")
