@@ -31,6 +31,7 @@ _PURPOSES = {
     "interface": "Show information about interfaces",
     "node": "Various node related sub-commands",
     "task": "Submit tasks to the task server and watch them",
+    "alias": "Let a shell know ros2",
     "ps": "List the taskrpc processes of this user",
     "stop": "End taskrpc processes of this user",
     "doctor": "Find out why something does not work",
