@@ -62,6 +62,18 @@ TOPICS = (
         ),
     ),
     Topic(
+        "subscriptions",
+        "subscriptions of a topic",
+        (1, 10, 100),
+        10,
+        (
+            Measure("deliver", "a message, for each subscription", "µs"),
+            Measure("rate", "messages that arrive", "calls/s"),
+            Measure("raw", "the same of raw asyncio", "µs"),
+            Measure("ratio", "message, raw asyncio being 1", "times"),
+        ),
+    ),
+    Topic(
         "queues",
         "tasks in the queue",
         (10, 100, 1000, 10_000, 100_000, 1_000_000),

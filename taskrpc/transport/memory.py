@@ -11,7 +11,7 @@ import contextvars
 import os
 import weakref
 from collections import deque
-from collections.abc import Collection
+from collections.abc import Callable, Collection
 from typing import Any, Protocol
 
 import msgspec
@@ -184,7 +184,7 @@ class MemoryNetwork:
         """What the hub looks like now."""
         return self._hub.revision
 
-    async def changed(self, mark: object) -> None:
+    async def changed(self, mark: object, is_hurried: Callable[[], bool]) -> None:
         """Return when the hub looks different from the mark."""
         while self._hub.revision == mark:
             await self._hub.news()

@@ -82,7 +82,7 @@ class Network(Protocol):
     def mark(self) -> object:
         """What the directory looks like now."""
 
-    async def changed(self, mark: object) -> None:
+    async def changed(self, mark: object, is_hurried: Callable[[], bool]) -> None:
         """Return when the directory looks different from the mark."""
 
     async def stop_listening(self) -> None:

@@ -19,6 +19,7 @@ class News:
         self._next: asyncio.Future[None] | None = None
         self._watcher: asyncio.Task[None] | None = None
         self._waiting = 0
+        self._hurried = 0
 
     def mark(self) -> Mark:
         """What is known now."""
@@ -31,8 +32,11 @@ class News:
             self._next.set_result(None)
             self._next = None
 
-    async def wait(self, mark: Mark, timeout: float | None) -> bool:
-        """Return True when more may be known than at the mark, False after `timeout` seconds."""
+    async def wait(self, mark: Mark, timeout: float | None, *, hurried: bool = True) -> bool:
+        """Return True when more may be known than at the mark, False after `timeout` seconds.
+
+        Who waits for ever need not be `hurried`: the directory is looked at less often then.
+        """
         if self.mark() != mark:
             return True
         loop = asyncio.get_running_loop()
@@ -41,10 +45,12 @@ class News:
         if self._next is None:
             self._next = loop.create_future()
         self._waiting += 1
+        self._hurried += hurried
         try:
             done, _ = await asyncio.wait((self._next,), timeout=timeout)
         finally:
             self._waiting -= 1
+            self._hurried -= hurried
             if not self._waiting:
                 self._watcher.cancel()
                 self._watcher = None
@@ -52,6 +58,6 @@ class News:
 
     async def _watch(self, mark: object) -> None:
         while True:
-            await self._network.changed(mark)
+            await self._network.changed(mark, lambda: self._hurried > 0)
             mark = self._network.mark()
             self.pulse()

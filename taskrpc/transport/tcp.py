@@ -39,6 +39,9 @@ log = logging.getLogger("taskrpc.transport")
 POLL = 0.04
 """Seconds between two looks at the registry, while somebody waits for a change."""
 
+PATIENT_POLL = 0.1
+"""The same while only subscriptions wait, which always do."""
+
 _MAX_DOMAIN = 232
 
 
@@ -198,11 +201,11 @@ class TcpNetwork:
             self._seen, self._looked = self._registry.signature(), now
         return self._seen
 
-    async def changed(self, mark: object) -> None:
+    async def changed(self, mark: object, is_hurried: Callable[[], bool]) -> None:
         """Return when the registry looks different from the mark."""
         # A watcher per platform would be quicker, but this runs only while somebody waits.
         while self.mark() == mark:  # noqa: ASYNC110 - other processes set no Event
-            await asyncio.sleep(POLL)
+            await asyncio.sleep(POLL if is_hurried() else PATIENT_POLL)
 
     async def stop_listening(self) -> None:
         """Take no more connections."""

@@ -163,7 +163,7 @@ class Topics:
         while True:
             mark = self._home.news.mark()
             self._look()
-            await self._home.news.wait(mark, None)
+            await self._home.news.wait(mark, None, hurried=False)
 
     def _look(self) -> None:
         home = self._home
