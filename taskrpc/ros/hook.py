@@ -11,28 +11,42 @@ from pathlib import Path
 from types import ModuleType
 
 import srvgen
+from taskrpc.ros import workspace
 
-_FOLDER = Path(__file__).resolve().parent.parent / "rclpy"
+_OURS = Path(__file__).resolve().parent.parent
+_HOMES = {
+    "rclpy": _OURS / "rclpy",
+    "ament_index_python": _OURS / "ros" / "ament_index_python",
+    "rosidl_runtime_py": _OURS / "ros" / "rosidl_runtime_py",
+}
+"""What is imported under ROS's names, and where it lies; real ones go before, but for rclpy."""
 
 
 def install(*folders: Path | str) -> None:
     """Let this process import `rclpy` and interface packages from now on.
 
     Args:
-        folders: where to look for packages of definitions first, such as the script's own folder.
+        folders: where to look for packages of definitions first, such as the script's own folder;
+            where it is in a workspace, the packages of that are found, too.
     """
-    srvgen.install_import_hook(*folders)
+    starts = [Path(folder).resolve() for folder in folders]
+    srvgen.install_import_hook(*starts, *workspace.roots(*starts))
+    _neighbours.starts = list(dict.fromkeys([*starts, *_neighbours.starts]))
     if _finder not in sys.meta_path:
         # In front: whoever asks for it here wants ours, also beside a folder named `rclpy`.
         sys.meta_path.insert(0, _finder)
+        # Behind Python's own, before the one that guesses what was misspelt.
+        sys.meta_path.insert(_behind_python(), _neighbours)
 
 
 def uninstall() -> None:
     """Take the hook away again, with the modules that came with it."""
     srvgen.importer.uninstall_import_hook()
-    if _finder in sys.meta_path:
-        sys.meta_path.remove(_finder)
-    for name in [one for one in sys.modules if one.partition(".")[0] == "rclpy"]:
+    _neighbours.starts.clear()
+    for finder in (_finder, _neighbours):
+        if finder in sys.meta_path:
+            sys.meta_path.remove(finder)
+    for name in [one for one in sys.modules if one.partition(".")[0] in _HOMES]:
         del sys.modules[name]
 
 
@@ -42,17 +56,49 @@ def real_rclpy() -> str:
     return "" if spec is None or spec.origin is None else spec.origin
 
 
-class _RclpyFinder(MetaPathFinder):
-    """Finds the package `rclpy`; its modules Python finds itself, in the package's folder."""
+def starts() -> list[Path]:
+    """The folders that the hook was installed for."""
+    return list(_neighbours.starts)
+
+
+def _behind_python() -> int:
+    finders = sys.meta_path
+    return finders.index(PathFinder) + 1 if PathFinder in finders else len(finders)
+
+
+def _package(name: str, folder: Path) -> ModuleSpec | None:
+    return spec_from_file_location(
+        name, folder / "__init__.py", submodule_search_locations=[str(folder)]
+    )
+
+
+class _OurFinder(MetaPathFinder):
+    """Finds our packages; their modules Python finds itself, in the package's folder."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        if fullname != "rclpy":
+        if fullname not in _HOMES or (fullname != "rclpy" and PathFinder.find_spec(fullname)):
             return None
-        return spec_from_file_location(
-            "rclpy", _FOLDER / "__init__.py", submodule_search_locations=[str(_FOLDER)]
-        )
+        return _package(fullname, _HOMES[fullname])
 
 
-_finder = _RclpyFinder()
+class _NeighbourFinder(MetaPathFinder):
+    """Finds Python packages of the workspace, which ROS would have installed."""
+
+    def __init__(self) -> None:
+        self.starts: list[Path] = []
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        if "." in fullname:
+            return None
+        folder = workspace.packages(*self.starts).get(fullname)
+        if folder is None or not (folder / fullname / "__init__.py").is_file():
+            return None
+        return _package(fullname, folder / fullname)
+
+
+_finder = _OurFinder()
+_neighbours = _NeighbourFinder()

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import gc
+import importlib
 import runpy
 import sys
 from collections.abc import Callable, Sequence
+from functools import reduce
 from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType, TracebackType
+from typing import Any, NoReturn
 
 from taskrpc.errors import TaskRpcError
-from taskrpc.ros import hook
+from taskrpc.ros import executables, hook, workspace
 
 _INTERRUPTED = 130
 _GARBAGE = 700
@@ -49,11 +52,39 @@ def run_module(name: str, arguments: Sequence[str]) -> int:
     return _ended(lambda: runpy.run_module(name, run_name="__main__", alter_sys=True))
 
 
+def run_executable(package: str, name: str, arguments: Sequence[str]) -> int:
+    """Run an executable of a package in the workspace here, as `ros2 run`; ends as `run_script`.
+
+    Raises TaskRpcError where there is no such package or executable.
+    """
+    folder = workspace.packages(Path.cwd()).get(package)
+    if folder is None:
+        where = "a package.xml of that name in the workspace here"
+        raise TaskRpcError(f"Package '{package}' not found: expected {where}, {Path.cwd()}")
+    targets = executables.entry_points(folder)
+    if name in targets:
+        _prepare(folder, [str(folder / name), *arguments])
+        return _ended(lambda: _call(targets[name]))
+    if (script := executables.script(folder, name)) is not None:
+        return run_script(script, arguments)
+    known = ", ".join(sorted(targets)) or "no entry points in setup.py"
+    raise TaskRpcError(f"No executable found: {package} has {known}, got '{name}'")
+
+
+def _call(target: str) -> NoReturn:
+    module, _, names = target.partition(":")
+    home: Any = importlib.import_module(module)
+    sys.exit(reduce(getattr, names.split("."), home)())
+
+
 def _prepare(folder: Path, argv: list[str]) -> None:
     hook.install(folder)
     gc.set_threshold(_GARBAGE)
     sys.argv = argv
-    sys.path.insert(0, str(folder))
+    if sys.flags.safe_path:
+        sys.path.insert(0, str(folder))
+    else:
+        sys.path[0] = str(folder)  # what stands there is our own command's
 
 
 def _ended(program: Callable[[], object]) -> int:
@@ -62,7 +93,7 @@ def _ended(program: Callable[[], object]) -> int:
     except SystemExit:
         raise
     except KeyboardInterrupt:
-        print("KeyboardInterrupt", file=sys.stderr)
+        print("Interrupted by Ctrl-C", file=sys.stderr)
         return _INTERRUPTED
     except BaseException as error:
         error.__traceback__ = _without_us(error.__traceback__)
@@ -73,7 +104,12 @@ def _ended(program: Callable[[], object]) -> int:
 
 def _without_us(traceback: TracebackType | None) -> TracebackType | None:
     """A traceback from where the program itself begins."""
-    ours = {__file__, runpy.__file__, "<frozen runpy>"}
-    while traceback is not None and traceback.tb_frame.f_code.co_filename in ours:
+    ours = {__file__, runpy.__file__, importlib.__file__, "<frozen runpy>"}
+    while traceback is not None and _is_of(traceback, ours):
         traceback = traceback.tb_next
     return traceback
+
+
+def _is_of(traceback: TracebackType, files: set[str]) -> bool:
+    file = traceback.tb_frame.f_code.co_filename
+    return file in files or file.startswith("<frozen importlib")

@@ -36,7 +36,7 @@ def test_a_program_imports_rclpy_and_interfaces_in_any_order_and_has_its_argumen
     )
     assert run(source, "-x", "--ros-args", "-r", "a:=b", module=module) == (
         0,
-        "__main__ ['-x', '--ros-args', '-r', 'a:=b'] <class 'rclpy.future.Future'>"
+        "__main__ ['-x', '--ros-args', '-r', 'a:=b'] <class 'rclpy.task.Future'>"
         " <class 'std_srvs.srv._set_bool.SetBool_Request'>\n",
         "",
     )
@@ -75,3 +75,71 @@ def test_a_program_that_is_not_there_is_told_in_a_line(run):
     ):
         done = subprocess.run([*command, *arguments], capture_output=True, text=True, check=False)
         assert (done.returncode, done.stdout, done.stderr) == (1, "", line)
+
+
+@pytest.fixture
+def workspace(tmp_path):
+    """A workspace with an interface package and a Python package; runs `taskrpc run` in it."""
+
+    def write(path, text):
+        path = tmp_path / "ws" / "src" / path
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(text)
+
+    for name in ("my_things", "nodes", "helpers"):
+        write(f"{name}/package.xml", f"<package><name>{name}</name></package>")
+    write("my_things/srv/Ask.srv", "int64 a\n---\nint64 b\n")
+    write("nodes/setup.py", "setup(entry_points={'console_scripts': ['ask = nodes.ask:main']})")
+    write("nodes/nodes/__init__.py", "")
+    write("helpers/helpers/__init__.py", "def help(): return 'helped'\n")
+    write("nodes/config/values.yaml", "1")
+    source = (
+        "import sys, os\n"
+        "from my_things.srv import Ask\n"
+        "from helpers import help\n"
+        "from ament_index_python.packages import get_package_share_directory as share\n"
+        "from rosidl_runtime_py.utilities import get_service\n"
+        "def main():\n"
+        "    print(help(), os.listdir(share('nodes') + '/config'), sys.argv[1:])\n"
+        "    print(get_service('my_things/srv/Ask') is Ask)\n"
+        "    return 3\n"
+    )
+    write("nodes/nodes/ask.py", source + "if __name__ == '__main__': main()\n")
+
+    def run(*arguments, folder="."):
+        done = subprocess.run(
+            [sys.executable, "-m", "taskrpc", "run", *arguments],
+            cwd=tmp_path / "ws" / folder,
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=60,
+        )
+        return done.returncode, done.stdout, done.stderr
+
+    return run
+
+
+_SAID = "helped ['values.yaml'] ['-x']\nTrue\n"
+
+
+def test_an_executable_of_a_workspace_runs_as_it_lies_there(workspace):
+    for folder in (".", "src/my_things"):
+        assert workspace("nodes", "ask", "-x", folder=folder) == (3, _SAID, "")
+
+
+def test_a_file_of_a_package_finds_the_packages_beside_its_own(workspace, tmp_path):
+    (tmp_path / "elsewhere").mkdir()
+    script = str(tmp_path / "ws/src/nodes/nodes/ask.py")
+    assert workspace(script, "-x", folder="../elsewhere") == (0, _SAID, "")
+
+
+def test_a_package_or_executable_that_is_not_there_is_told_in_a_line(workspace):
+    for arguments, start in (
+        (["nodez", "ask"], "Package 'nodez' not found: expected a package.xml"),
+        (["nodes", "asc"], "No executable found: nodes has ask, got 'asc'"),
+        (["nodes"], "cannot run nodes: No such file or directory; for a package, name its exec"),
+    ):
+        code, out, error = workspace(*arguments)
+        assert (code, out, error.count("\n")) == (1, "", 1)
+        assert error.startswith(start)

@@ -1,0 +1,60 @@
+"""`taskrpc ros`: have `import rclpy` work in plain `python`, an editor, pytest and notebooks."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+
+from taskrpc.cli.command import Exit
+from taskrpc.cli.parsing import add_command, add_group
+
+
+def configure(parser: ArgumentParser) -> None:
+    """Give the parser of `taskrpc ros` its commands."""
+    commands = add_group(parser)
+    purpose = "Let programs of this Python environment import rclpy"
+    add_command(commands, "enable", purpose).set_defaults(run=_enable)
+    purpose = "Undo what taskrpc ros enable did"
+    add_command(commands, "disable", purpose).set_defaults(run=_disable)
+    purpose = "Say whether programs of this Python environment can import rclpy"
+    add_command(commands, "status", purpose).set_defaults(run=_status)
+
+
+def _enable(_: Namespace) -> int:
+    import sys
+
+    from taskrpc.ros import enabling
+
+    folder = enabling.enable()
+    print(f"programs of {sys.prefix} can import rclpy and interface packages from now on")
+    for name in enabling.FILES:
+        print(f"  wrote {folder / name}")
+    print("run them as python FILE.py; taskrpc ros disable undoes it")
+    return Exit.DONE
+
+
+def _disable(_: Namespace) -> int:
+    import sys
+
+    from taskrpc.ros import enabling
+
+    removed = enabling.disable()
+    for path in removed:
+        print(f"removed {path}")
+    if not removed:
+        print(f"nothing to remove: programs of {sys.prefix} cannot import rclpy through taskrpc")
+    return Exit.DONE
+
+
+def _status(_: Namespace) -> int:
+    import sys
+
+    from taskrpc.ros import enabling
+    from taskrpc.ros.hook import real_rclpy
+
+    if real := real_rclpy():
+        print(f"ROS 2's own rclpy is what programs of {sys.prefix} import: {real}")
+    elif enabling.is_enabled():
+        print(f"enabled: programs of {sys.prefix} can import rclpy")
+    else:
+        print(f"not enabled: programs of {sys.prefix} cannot import rclpy; taskrpc run can")
+    return Exit.DONE

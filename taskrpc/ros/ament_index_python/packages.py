@@ -1,0 +1,63 @@
+"""Where a package and its files are, by the package's name."""
+
+from __future__ import annotations
+
+import os
+import re
+import sys
+from pathlib import Path
+
+from srvgen.search import BUNDLED
+from taskrpc.ros import hook, workspace
+
+
+class PackageNotFoundError(KeyError):
+    """There is no package of this name."""
+
+
+def get_package_share_path(package_name: str, print_warning: bool = True) -> Path:
+    """The folder with a package's launch, configuration and other files: that of its source.
+
+    Raises PackageNotFoundError where there is none, ValueError for what is no name.
+    """
+    if not re.fullmatch(r"[A-Za-z0-9_-]+", package_name):
+        raise ValueError(f"'{package_name}' is not a valid package name")
+    folder = _packages().get(package_name)
+    if folder is None:
+        places = [str(one) for one in _starts()]
+        raise PackageNotFoundError(f"package '{package_name}' not found, searching: {places}")
+    return folder
+
+
+def get_package_share_directory(package_name: str, print_warning: bool = True) -> str:
+    """As `get_package_share_path`, as a text."""
+    return str(get_package_share_path(package_name, print_warning))
+
+
+def get_package_prefix(package_name: str) -> str:
+    """What ROS would have installed the package below; here the folder of its source, too.
+
+    Raises as `get_package_share_path`.
+    """
+    return get_package_share_directory(package_name)
+
+
+def get_packages_with_prefixes() -> dict[str, str]:
+    """All packages within reach by their names."""
+    return {name: str(folder) for name, folder in _packages().items()}
+
+
+def _starts() -> list[Path]:
+    script = getattr(sys.modules.get("__main__"), "__file__", None)
+    return [*hook.starts(), *([Path(script).resolve().parent] if script else []), Path.cwd()]
+
+
+def _packages() -> dict[str, Path]:
+    found = workspace.packages(*_starts())
+    for prefix in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep):
+        if prefix:
+            for manifest in Path(prefix).glob(f"share/*/{workspace.MANIFEST}"):
+                found.setdefault(manifest.parent.name, manifest.parent)
+    for folder in BUNDLED.iterdir():
+        found.setdefault(folder.name, folder)
+    return found

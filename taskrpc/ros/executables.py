@@ -1,0 +1,112 @@
+"""What `ros2 run PACKAGE EXECUTABLE` would run, read from the sources without executing them."""
+
+from __future__ import annotations
+
+import ast
+import re
+import tomllib
+from collections.abc import Iterator, Mapping
+from configparser import ConfigParser
+from configparser import Error as ConfigError
+from pathlib import Path
+from typing import Any
+
+_SCRIPT_FOLDERS = ("scripts", "nodes", "src", "bin", "")
+
+
+def entry_points(package: Path) -> dict[str, str]:
+    """The executables of a Python package: names, and `module:function` for each."""
+    found: dict[str, str] = {}
+    for read in (_of_setup_py, _of_setup_cfg, _of_pyproject):
+        for name, target in read(package):
+            found.setdefault(name, target)
+    return found
+
+
+def script(package: Path, name: str) -> Path | None:
+    """A file that a CMake package would install as an executable of this name."""
+    folders = [package / folder for folder in _SCRIPT_FOLDERS] + [package / package.name]
+    for folder in folders:
+        path = folder / name
+        if path.is_file() and _is_python(path):
+            return path
+    return None
+
+
+def _is_python(path: Path) -> bool:
+    if path.suffix == ".py":
+        return True
+    with path.open("rb") as file:
+        first = file.readline()
+    return first.startswith(b"#!") and b"python" in first
+
+
+def _of_setup_py(package: Path) -> Iterator[tuple[str, str]]:
+    try:
+        tree = ast.parse((package / "setup.py").read_bytes())
+    except (OSError, SyntaxError, ValueError):
+        return
+    known: dict[str, Any] = {}
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+            known.setdefault(node.targets[0].id, _value(node.value, known))
+    for node in ast.walk(tree):
+        if isinstance(node, ast.keyword) and node.arg == "entry_points":
+            yield from _pairs(_value(node.value, known))
+
+
+def _of_setup_cfg(package: Path) -> Iterator[tuple[str, str]]:
+    config = ConfigParser(interpolation=None)
+    try:
+        config.read(package / "setup.cfg", encoding="utf-8")
+    except (ConfigError, UnicodeDecodeError):
+        return
+    if config.has_section("options.entry_points"):
+        yield from _pairs(dict(config["options.entry_points"]))
+
+
+def _of_pyproject(package: Path) -> Iterator[tuple[str, str]]:
+    try:
+        settings = tomllib.loads((package / "pyproject.toml").read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return
+    scripts = settings.get("project", {}).get("scripts", {})
+    yield from ((name, target) for name, target in scripts.items() if isinstance(target, str))
+
+
+def _pairs(entry_points: Any) -> Iterator[tuple[str, str]]:
+    """`console_scripts` of setuptools: lines `name = module:function`, in a list or one text."""
+    if not isinstance(entry_points, dict):
+        return
+    lines = entry_points.get("console_scripts") or []
+    for line in lines.splitlines() if isinstance(lines, str) else lines:
+        if found := re.fullmatch(r"\s*(\S+)\s*=\s*([\w.]+:[\w.]+)\s*(?:\[.*\])?", str(line)):
+            yield found[1], found[2]
+
+
+def _value(node: ast.AST | None, known: Mapping[str, Any]) -> Any:
+    """What an expression of `setup.py` means, as far as it is texts put together; else None."""
+    found: Any = None
+    match node:
+        case ast.Constant(value):
+            found = value
+        case ast.Name(name):
+            found = known.get(name)
+        case ast.List(items) | ast.Tuple(items):
+            found = [_value(item, known) for item in items]
+        case ast.Dict(keys, values):
+            pairs = zip(keys, values, strict=True)
+            found = {_value(key, known): _value(value, known) for key, value in pairs if key}
+        case ast.JoinedStr(parts):
+            found = "".join(str(_value(part, known)) for part in parts)
+        case ast.FormattedValue(inner):
+            found = _value(inner, known)
+        case ast.BinOp(left, ast.Add(), right):
+            found = _sum(_value(left, known), _value(right, known))
+    return found
+
+
+def _sum(left: Any, right: Any) -> Any:
+    if isinstance(left, str) and isinstance(right, str):
+        return left + right
+    return [*left, *right] if isinstance(left, list) and isinstance(right, list) else None

@@ -1,0 +1,110 @@
+"""What Python imports at its start in an environment where `taskrpc ros enable` was said.
+
+It is copied there as a module of its own. Every start of Python pays for it, so it imports nothing
+that is not there already, and puts the real hook in its place when something of ROS is asked for.
+Where taskrpc was removed, it is silent.
+"""
+
+import os
+import sys
+
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+    from importlib.machinery import ModuleSpec
+
+_KINDS = ("srv", "msg", "action")
+_NAMES = ("rclpy", "ament_index_python", "rosidl_runtime_py")
+
+_over = False
+_bundled = ""
+
+
+def begin() -> "None":
+    """Watch for imports of `rclpy` and of interface packages."""
+    finders = sys.meta_path
+    python = [n for n, each in enumerate(finders) if getattr(each, "__name__", "") == "PathFinder"]
+    # In front of Python's own, to which a folder of definitions is a package; and behind it, for
+    # what it does not find.
+    finders.insert(python[0] if python else 0, _Watcher(_has_definitions_here))
+    finders.append(_Watcher(_may_be_known))
+
+
+class _Watcher:
+    """Puts the real hook in place when something is imported that it would know."""
+
+    def __init__(self, is_wanted: "Callable[[str], bool]") -> "None":
+        self.is_wanted = is_wanted
+
+    def find_spec(
+        self, name: "str", path: "Sequence[str] | None" = None, target: "object" = None
+    ) -> "ModuleSpec | None":
+        global _over
+        if _over or path is not None or name in sys.stdlib_module_names or not self.is_wanted(name):
+            return None
+        _over = True  # the hook itself imports
+        try:
+            from taskrpc.ros import hook
+        except ImportError:  # taskrpc was removed
+            return None
+        if hook.real_rclpy():
+            return None
+        hook.install(*_places())
+        for finder in sys.meta_path:
+            if (spec := finder.find_spec(name, None)) is not None:
+                return spec
+        return None
+
+
+def _has_definitions_here(name: "str") -> "bool":
+    return any(_has_definitions(os.path.join(place, name)) for place in _places())
+
+
+def _may_be_known(name: "str") -> "bool":
+    """Whether it may be found in all the places where the hook looks."""
+    if name in _NAMES or os.path.isdir(os.path.join(_folder_of_bundled(), name)):
+        return True
+    places = _places()
+    if any(_is_in_a_package(place) for place in places):
+        return True
+    roots = [os.path.join(place, "src") for place in places]
+    roots += os.environ.get("TASKRPC_INTERFACE_PATH", "").split(os.pathsep)
+    return any(_has_definitions(os.path.join(root, name)) for root in roots if root)
+
+
+def _has_definitions(folder: "str") -> "bool":
+    return os.path.isdir(folder) and any(
+        os.path.isdir(os.path.join(folder, kind)) for kind in _KINDS
+    )
+
+
+def _is_in_a_package(folder: "str") -> "bool":
+    while not os.path.isfile(os.path.join(folder, "package.xml")):
+        above = os.path.dirname(folder)
+        if above == folder:
+            return False
+        folder = above
+    return True
+
+
+def _folder_of_bundled() -> "str":
+    global _bundled
+    if not _bundled:
+        from importlib.machinery import PathFinder
+
+        spec = PathFinder.find_spec("srvgen")
+        home = os.path.dirname(spec.origin) if spec is not None and spec.origin else "nowhere"
+        _bundled = os.path.join(home, "interfaces")
+    return _bundled
+
+
+def _places() -> "list[str]":
+    """The script's own folder, the one that Python looks into first, the working directory."""
+    script = sys.argv[0] if getattr(sys, "argv", None) else ""
+    try:
+        here = os.getcwd()
+    except OSError:  # deleted
+        here = ""
+    script_folder = os.path.dirname(os.path.abspath(script)) if os.path.isfile(script) else ""
+    first = sys.path[0] if sys.path else ""
+    return [folder for folder in dict.fromkeys((script_folder, first, here)) if folder]

@@ -1,0 +1,160 @@
+"""`taskrpc ros enable` lets plain `python` import rclpy, in its own environment and no other."""
+
+import os
+import subprocess
+import sysconfig
+import venv
+from pathlib import Path
+
+import pytest
+
+import taskrpc
+
+pytestmark = pytest.mark.real_time
+
+_CHECKOUT = str(Path(taskrpc.__file__).parent.parent)
+
+
+class Environment:
+    """A virtual environment that has taskrpc through PYTHONPATH."""
+
+    def __init__(self, folder):
+        venv.create(folder, symlinks=os.name != "nt")
+        self.folder = folder
+        self.python = folder / ("Scripts/python.exe" if os.name == "nt" else "bin/python")
+        self.path = os.pathsep.join([_CHECKOUT, sysconfig.get_path("purelib")])
+        self.cwd = folder
+
+    def run(self, *arguments, **environment):
+        """Exit status, stdout and stderr of this environment's Python."""
+        unset = ("VIRTUAL_ENV", "PYTHONPATH")
+        variables = {name: value for name, value in os.environ.items() if name not in unset}
+        done = subprocess.run(
+            [self.python, *arguments],
+            cwd=self.cwd,
+            env={**variables, "PYTHONPATH": self.path, **environment},
+            capture_output=True,
+            text=True,
+            check=False,
+            timeout=60,
+        )
+        return done.returncode, done.stdout, done.stderr
+
+    def ros(self, command, **environment):
+        return self.run("-m", "taskrpc", "ros", command, **environment)
+
+    @property
+    def written(self):
+        return sorted(path.name for path in self.folder.rglob("*taskrpc_ros*"))
+
+
+@pytest.fixture
+def environment(tmp_path):
+    return Environment(tmp_path / "env")
+
+
+@pytest.fixture
+def enabled(environment):
+    code, out, error = environment.ros("enable")
+    assert (code, error) == (0, "")
+    assert "can import rclpy and interface packages from now on" in out
+    return environment
+
+
+def test_a_script_imports_rclpy_and_interfaces_in_any_order(enabled, tmp_path):
+    folder = tmp_path / "course"
+    (folder / "my_things" / "srv").mkdir(parents=True)
+    (folder / "my_things" / "srv" / "Ask.srv").write_text("int64 a\n---\nint64 b\n")
+    script = folder / "listing.py"
+    for imports in (
+        "from my_things.srv import Ask; from std_srvs.srv import SetBool; import rclpy",
+        "import rclpy; from std_srvs.srv import SetBool; from my_things.srv import Ask",
+        "from std_srvs.srv import SetBool; import rclpy.node; from my_things.srv import Ask",
+    ):
+        script.write_text(f"{imports}\nprint(rclpy.__name__, Ask.Request(a=1), SetBool.Request())")
+        said = "rclpy my_things.srv.Ask_Request(a=1) std_srvs.srv.SetBool_Request(data=False)\n"
+        assert enabled.run(str(script)) == (0, said, "")
+    code = "import rclpy.node, my_things.srv; print(rclpy.node.Node.__module__)"
+    enabled.cwd = folder
+    assert enabled.run("-c", code) == (0, "rclpy.node\n", "")
+
+
+def test_a_file_of_a_workspace_finds_its_neighbours(enabled, tmp_path):
+    for name in ("first", "second"):
+        package = tmp_path / "ws" / "src" / name / name
+        package.mkdir(parents=True)
+        (package / "__init__.py").write_text(f"name = '{name}'\n")
+        (package.parent / "package.xml").write_text(f"<name>{name}</name>")
+    script = tmp_path / "ws" / "src" / "first" / "first" / "main.py"
+    script.write_text("import second\nprint(second.name)\n")
+    assert enabled.run(str(script)) == (0, "second\n", "")
+
+
+def test_pytest_runs_tests_of_nodes(enabled, tmp_path):
+    folder = tmp_path / "course" / "tests"
+    (folder / "my_things" / "msg").mkdir(parents=True)
+    (folder / "my_things" / "msg" / "Word.msg").write_text("string word\n")
+    (folder / "test_node.py").write_text(
+        "from my_things.msg import Word\nimport rclpy\n"
+        "def test_node():\n    assert rclpy.__name__ == 'rclpy' and Word(word='a').word == 'a'\n"
+    )
+    enabled.cwd = folder.parent
+    code, out, _ = enabled.run("-m", "pytest", "-q", "-p", "no:cacheprovider")
+    assert (code, out.splitlines()[-1].split(" in ")[0]) == (0, "1 passed")
+
+
+def test_nothing_else_is_changed_or_loaded(enabled):
+    code = "import sys, json\ntry: import nope_nope\nexcept ImportError as e: print(e)\n"
+    code += "print([name for name in sys.modules if name.split('.')[0] in ('taskrpc', 'srvgen')])"
+    assert enabled.run("-c", code) == (0, "No module named 'nope_nope'\n[]\n", "")
+
+
+def test_disable_removes_all_of_it(enabled):
+    assert enabled.run("-c", "import rclpy") == (0, "", "")
+    assert enabled.ros("status")[1].startswith("enabled: ")
+    assert enabled.ros("disable")[0] == 0
+    assert enabled.written == []
+    assert "No module named 'rclpy'" in enabled.run("-c", "import rclpy")[2]
+    assert enabled.ros("disable")[1].startswith("nothing to remove: ")
+    assert enabled.ros("status")[1].startswith("not enabled: ")
+
+
+def test_where_taskrpc_was_removed_python_is_silent(enabled):
+    enabled.path = ""
+    assert enabled.run("-c", "print(1)") == (0, "1\n", "")
+    code, _, error = enabled.run("-c", "import rclpy")
+    assert (code, error.splitlines()[-1]) == (1, "ModuleNotFoundError: No module named 'rclpy'")
+
+
+def test_a_real_rclpy_is_left_alone(environment, tmp_path):
+    real = tmp_path / "opt" / "rclpy"
+    real.mkdir(parents=True)
+    (real / "__init__.py").write_text("real = True\n")
+    alone = environment.path
+    environment.path = os.pathsep.join([alone, str(real.parent)])
+    code, out, error = environment.ros("enable")
+    assert (code, out, environment.written) == (1, "", [])
+    assert error.startswith("programs here import ROS 2's own rclpy already (")
+    assert environment.ros("status")[1].startswith("ROS 2's own rclpy is what programs")
+    environment.path = alone
+    assert environment.ros("enable")[0] == 0
+    environment.path = os.pathsep.join([alone, str(real.parent)])  # ROS is sourced later
+    code = "try:\n import std_srvs.srv\nexcept ImportError: pass\nimport rclpy; print(rclpy.real)"
+    assert environment.run("-c", code) == (0, "True\n", "")
+
+
+def test_another_active_environment_and_one_that_cannot_be_written_are_refused(
+    environment, tmp_path, monkeypatch
+):
+    code, out, error = environment.ros("enable", VIRTUAL_ENV=str(tmp_path))
+    assert (code, out, environment.written) == (1, "", [])
+    assert f"but the active environment is {tmp_path}:" in error
+
+    from taskrpc.errors import TaskRpcError
+    from taskrpc.ros import enabling
+
+    monkeypatch.delenv("VIRTUAL_ENV", raising=False)
+    (tmp_path / "file").touch()
+    monkeypatch.setattr(enabling, "folder", lambda: tmp_path / "gone")
+    with pytest.raises(TaskRpcError, match=r"cannot write to .*: make an environment|own \(python"):
+        enabling.enable()
