@@ -197,7 +197,7 @@ class NodeParameters(ParameterCallbacks):
         start = prefix + PARAMETER_SEPARATOR_STRING if prefix else ""
         return {
             name.removeprefix(start): parameter
-            for name, parameter in self._parameters.items()
+            for name, parameter in list(self._parameters.items())
             if name.startswith(start)
         }
 
@@ -291,7 +291,7 @@ class NodeParameters(ParameterCallbacks):
             TypeError: the prefixes are no list of names, or the depth is no number.
             ValueError: the depth is negative.
         """
-        return listed(self._parameters, prefixes, depth)
+        return listed(list(self._parameters), prefixes, depth)  # others may declare meanwhile
 
     def describe_parameter(self, name: str) -> Any:
         """A parameter's descriptor; an empty one for an undeclared one where that is allowed.

@@ -205,7 +205,7 @@ def _reference(callback: Callable[[], Any]) -> Callable[[], Callable[[], Any] | 
 def _read(args: Sequence[str]) -> Arguments:
     for argument in args:
         argument.encode()  # ROS passes them on as UTF-8, and so raises UnicodeEncodeError
-    return parse(list(args))
+    return parse(list(args), failed="failed to initialize rcl")
 
 
 def _domain_of_the_environment() -> int:

@@ -72,6 +72,7 @@ _POLICIES = (
 )
 _UNSPECIFIED = Duration()
 _DEFAULT_DEPTH = 10
+_ALL = 5000  # a reader that never catches up must not take all memory; DDS has such a limit, too
 
 
 class InvalidQoSProfileException(Exception):
@@ -216,7 +217,7 @@ class QoSProfile:
             self.durability == DurabilityPolicy.BEST_AVAILABLE and not subscribes
         )
         return QoS(
-            depth=MAX_DEPTH - 1 if keeps_all else min(self.depth or _DEFAULT_DEPTH, MAX_DEPTH - 1),
+            depth=_ALL if keeps_all else min(self.depth or _DEFAULT_DEPTH, MAX_DEPTH - 1),
             reliability="reliable" if reliable else "best_effort",
             durability="transient_local" if latched else "volatile",
         )
