@@ -1,0 +1,118 @@
+"""Topics between real programs: killed and started again, by address, with a secret, in threads."""
+
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+import srvgen
+import taskrpc.sync
+
+pytestmark = pytest.mark.real_time
+
+Int32 = srvgen.load("std_msgs/msg/Int32")
+TALKER = """
+import sys
+import srvgen
+import taskrpc.sync
+Int32 = srvgen.load("std_msgs/msg/Int32")
+with taskrpc.sync.Node("talker", listen=sys.argv[1] or None) as node:
+    publisher = node.create_publisher(Int32, "counts")
+    print(node.address, flush=True)
+    number = 0
+    def tick():
+        global number
+        number += 1
+        publisher.publish(Int32(data=number))
+    node.create_timer(0.01, tick)
+    node.spin()
+"""
+LAST_WORDS = """
+import time
+import srvgen
+import taskrpc.sync
+Int32 = srvgen.load("std_msgs/msg/Int32")
+node = taskrpc.sync.Node("talker")
+with node:
+    publisher = node.create_publisher(Int32, "counts")
+    while not publisher.get_subscription_count():
+        time.sleep(0.005)
+    for number in range(200):
+        publisher.publish(Int32(data=number))
+"""
+
+
+class Listener:
+    def __init__(self, **options):
+        self.got = []
+        self.node = taskrpc.sync.Node("listener", **options)
+
+    def __enter__(self):
+        self.node.__enter__()
+        take = lambda message: self.got.append(message.data)  # noqa: E731
+        self.subscription = self.node.create_subscription(Int32, "counts", take, 1000)
+        return self
+
+    def __exit__(self, *_):
+        self.node.destroy()
+
+    def wait(self, count):
+        ends_at = time.monotonic() + 10
+        while len(self.got) < count:
+            assert time.monotonic() < ends_at, f"{len(self.got)} messages came"
+            time.sleep(0.005)
+
+
+def talker(listen="", **environment):
+    process = subprocess.Popen(
+        [sys.executable, "-c", TALKER, listen],
+        stdout=subprocess.PIPE,
+        text=True,
+        env={**os.environ, **environment},
+    )
+    return process, process.stdout.readline().strip()
+
+
+def end(process, number=signal.SIGTERM):
+    process.send_signal(number)
+    process.wait(10)
+    process.stdout.close()
+
+
+@pytest.mark.skipif(os.name != "posix", reason="kills with SIGKILL, which is POSIX's")
+def test_a_publisher_that_was_killed_is_found_when_it_is_back():
+    with Listener() as listener:
+        for life in range(2):
+            process, _ = talker()
+            listener.wait(len(listener.got) + 5)
+            end(process, signal.SIGKILL)
+            ends_at = time.monotonic() + 5
+            while listener.subscription.get_publisher_count():
+                assert time.monotonic() < ends_at
+                time.sleep(0.005)
+            ones = [number for number in listener.got if number == 1]
+            assert len(ones) <= life + 1
+        assert listener.subscription.lost == 0
+
+
+def test_a_publisher_is_heard_by_its_address_and_comes_back_there(monkeypatch):
+    monkeypatch.setenv("TASKRPC_TOKEN", "a secret of sixteen")
+    process, place = talker()
+    with Listener(peers=[place]) as listener:
+        listener.wait(5)
+        end(process)
+        before = len(listener.got)
+        process, again = talker(place)
+        assert again == place
+        listener.wait(before + 5)
+        end(process)
+
+
+def test_what_a_program_publishes_before_it_ends_arrives():
+    with Listener() as listener:
+        subprocess.run([sys.executable, "-c", LAST_WORDS], check=True, timeout=20)
+        listener.wait(200)
+        assert listener.got == list(range(200))
