@@ -204,8 +204,7 @@ def _take_parameter(found: Arguments, text: str) -> None:
     match = _PARAMETER.fullmatch(rule)
     if match is None:
         raise ValueError("Expected a rule of the form 'name:=value'")
-    name = match[1] if match[1].startswith("qos_overrides.") else match[1].replace("/", ".")
-    found.parameters.setdefault(node, {})[name] = read_value(match[2])
+    found.parameters.setdefault(node, {})[match[1]] = read_value(match[2])
 
 
 def _take_file(found: Arguments, path: str) -> None:

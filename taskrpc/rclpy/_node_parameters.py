@@ -239,10 +239,8 @@ class NodeParameters(ParameterCallbacks):
         for parameter in parameters:
             if reason := self._refusal(parameter, descriptors):
                 return _refused(reason)
-        for callback in self._on_set_parameters_callbacks:
-            result = callback(parameters)
-            if not result.successful:
-                return result
+        if (result := self._verdict(parameters)) is not None:
+            return result
         event = ParameterEvent(node=self.get_fully_qualified_name())
         for parameter in parameters:
             if parameter.type_ == Parameter.Type.NOT_SET and not keep_not_set:

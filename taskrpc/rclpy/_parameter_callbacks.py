@@ -50,3 +50,20 @@ class ParameterCallbacks:
     def remove_post_set_parameters_callback(self, callback: PostSetCallback) -> None:
         """Tell it no more. Raises ValueError for one that was not added."""
         self._post_set_parameters_callbacks.remove(callback)
+
+    def _verdict(self, parameters: list[Parameter]) -> Any:
+        """The first refusal of a callback; None where all allow it.
+
+        Raises AttributeError where a callback returns something else than a verdict.
+        """
+        for callback in self._on_set_parameters_callbacks:
+            result = callback(parameters)
+            if not hasattr(result, "successful"):
+                name = getattr(callback, "__name__", repr(callback))
+                raise AttributeError(
+                    f"the callback {name}, which add_on_set_parameters_callback was given, returned"
+                    f" {result!r}, expected a SetParametersResult, which has 'successful'"
+                )
+            if not result.successful:
+                return result
+        return None

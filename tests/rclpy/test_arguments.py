@@ -230,6 +230,11 @@ def test_lines_and_files_of_one_command_line_go_by_their_order(tmp_path):
     assert parse(line).parameters == {"/**": {"a": "file", "b": "line"}}
 
 
+def test_a_parameter_of_a_topic_s_quality_has_the_topic_s_name_in_it():
+    found = parse(["--ros-args", "-p", "qos_overrides./a/b.publisher.depth:=5"])
+    assert found.parameters == {"/**": {"qos_overrides./a/b.publisher.depth": 5}}
+
+
 def test_a_name_in_front_makes_a_parameter_one_node_s():
     found = parse(["--ros-args", "-p", "robot:speed:=1.5", "-p", "speed:=0.5"])
     assert overrides_of([found.parameters], "/robot") == {"speed": 0.5}  # as in ROS: the later

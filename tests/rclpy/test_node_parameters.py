@@ -1,6 +1,8 @@
 """A node declares, sets, checks and lists parameters, and tells of changes, as rclpy's does."""
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 import srvgen
 from taskrpc.rclpy import exceptions
@@ -270,6 +272,19 @@ def test_callbacks_are_asked_from_the_last_to_the_first_until_one_refuses(node):
         node.declare_parameter("b", 1)
 
 
+def test_a_callback_that_forgets_its_answer_is_told(node):
+    def forgetful(parameters):
+        pass
+
+    node.declare_parameter("a", 0)
+    node.add_on_set_parameters_callback(forgetful)
+    with pytest.raises(
+        AttributeError, match=r"callback forgetful, .* returned None, expected a Set"
+    ):
+        node.try_set(a=1)
+    assert node.value("a") == 0
+
+
 def test_a_callback_that_leaves_nothing_to_set_is_told(node):
     node.declare_parameter("a", 0)
     node.add_pre_set_parameters_callback(lambda parameters: [])
@@ -293,6 +308,21 @@ def test_every_change_is_published(lenient):
     ]
     assert {event.node for event in lenient.publisher.published} == {"/ns/robot"}
     assert all(event.stamp.sec > 0 for event in lenient.publisher.published)
+
+
+@given(st.lists(st.dictionaries(st.sampled_from("abc"), st.none() | st.integers(0, 9))))
+def test_who_follows_the_events_knows_every_value(settings):
+    node, followed = FakeNode(allow=True), {}
+    for values in settings:
+        node.try_set(**values)
+    for event in node.publisher.published:
+        assert not followed.keys() & {one.name for one in event.new_parameters}
+        assert followed.keys() >= {one.name for one in event.changed_parameters}
+        for one in [*event.new_parameters, *event.changed_parameters]:
+            followed[one.name] = one.value.integer_value
+        for one in event.deleted_parameters:
+            followed.pop(one.name, None)
+    assert {name: one.value for name, one in node.get_parameters_by_prefix("").items()} == followed
 
 
 def test_what_is_refused_is_not_published(node):
