@@ -15,9 +15,14 @@ def caller_of(principal: str, peername: object) -> Caller:
     One account may be a whole class, and so may be all who have the server's own token: then each
     machine counts for itself. The programs of this machine are one caller.
     """
-    host = peername[0] if isinstance(peername, tuple) else ""
-    is_here = not host or ipaddress.ip_address(host.partition("%")[0]).is_loopback
-    return principal, "" if is_here else host
+    if not isinstance(peername, tuple):
+        return principal, ""
+    host: str = peername[0]
+    address = ipaddress.ip_address(host.partition("%")[0])
+    if isinstance(address, ipaddress.IPv6Address) and address.ipv4_mapped is not None:
+        address = address.ipv4_mapped  # as a socket for both versions shows it
+        host = str(address)
+    return principal, "" if address.is_loopback else host
 
 
 def name_of(caller: Caller) -> str:
