@@ -8,6 +8,7 @@ from collections.abc import Iterable
 
 from taskrpc import names, platform
 from taskrpc.cli.remote import Remote
+from taskrpc.node import Node
 from taskrpc.transport.entries import Entry
 from taskrpc.transport.registry import Registry
 from taskrpc.transport.tcp import domain_id
@@ -22,10 +23,15 @@ def look(remote: Remote) -> list[Entry]:
 
 
 async def _look(remote: Remote) -> list[Entry]:
+    async with remote.node() as node:
+        return await entries_of(remote, node)
+
+
+async def entries_of(remote: Remote, node: Node) -> list[Entry]:
+    """The same for a command that has a node already."""
     if remote.place:
         return [_entry(remote.place, await remote.listing(remote.place))]
-    async with remote.node() as node:
-        return others(await node.graph())
+    return others(await node.graph())
 
 
 def _entry(place: str, listing: Listing) -> Entry:

@@ -30,6 +30,7 @@ _PURPOSES = {
     "topic": "Various topic related sub-commands",
     "interface": "Show information about interfaces",
     "node": "Various node related sub-commands",
+    "param": "Various param related sub-commands",
     "task": "Submit tasks to the task server and watch them",
     "alias": "Let a shell know ros2",
     "ps": "List the taskrpc processes of this user",

@@ -1,0 +1,139 @@
+"""`taskrpc param` prints what `ros2 param` prints, about a program written for rclpy."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from taskrpc.cli.main import main
+
+pytestmark = pytest.mark.real_time
+
+PROGRAM = """
+import rclpy
+from rclpy.node import Node
+from rcl_interfaces.msg import IntegerRange, ParameterDescriptor
+
+rclpy.init()
+node = Node("talker")
+node.declare_parameter("name", "bob")
+node.declare_parameter("speed", 1.5, ParameterDescriptor(description="m/s"))
+within = IntegerRange(from_value=0, to_value=10, step=1)
+node.declare_parameter("count", 5, ParameterDescriptor(integer_range=[within]))
+node.declare_parameter("some.list", [1, 2, 3])
+node.declare_parameter("fixed", True, ParameterDescriptor(read_only=True))
+print("up", flush=True)
+rclpy.spin(node)
+"""
+
+
+@pytest.fixture(scope="module")
+def talker(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("talker")
+    runtime = folder / "run"
+    runtime.mkdir(mode=0o700)
+    (folder / "talker.py").write_text(PROGRAM)
+    process = subprocess.Popen(
+        [sys.executable, "-m", "taskrpc", "run", "talker.py"],
+        cwd=folder,
+        env={**os.environ, "XDG_RUNTIME_DIR": str(runtime)},
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout.readline() == "up\n"
+    yield runtime
+    process.kill()
+    process.wait()
+    process.stdout.close()
+
+
+@pytest.fixture
+def param(talker, monkeypatch, capsys):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(talker))
+
+    def param(*arguments):
+        code = main(["param", *arguments])
+        printed = capsys.readouterr()
+        return code, printed.out, printed.err
+
+    return param
+
+
+def test_list_has_a_nodes_parameters_indented(param):
+    names = (
+        "  count\n  fixed\n  name\n  some.list\n  speed\n"
+        "  start_type_description_service\n  use_sim_time\n"
+    )
+    assert param("list") == (0, f"/talker:\n{names}", "")
+    assert param("list", "/talker") == (0, names, "")
+    assert param("list", "talker", "--filter", "^na") == (0, "  name\n", "")
+    assert param("list", "/talker", "--param-prefixes", "some", "--param-type") == (
+        0,
+        "  some.list (type: integer array)\n",
+        "",
+    )
+
+
+def test_get_says_of_what_type_the_value_is(param):
+    assert param("get", "/talker", "name") == (0, "String value is: bob\n", "")
+    assert param("get", "/talker", "some.list") == (0, "Integer values are: [1, 2, 3]\n", "")
+    assert param("get", "/talker", "count", "--hide-type") == (0, "5\n", "")
+    assert param("get", "/talker", "nam") == (
+        1,
+        "",
+        "Parameter not set\n  hint: did you mean name?\n",
+    )
+
+
+def test_set_says_whether_and_why_not(param):
+    assert param("set", "/talker", "speed", "2.5") == (0, "Set parameter successful\n", "")
+    assert param("get", "/talker", "speed") == (0, "Double value is: 2.5\n", "")
+    code, out, err = param("set", "/talker", "count", "11")
+    assert (code, out) == (1, "")
+    assert err.startswith("Setting parameter failed: Parameter count out of range.")
+
+
+def test_describe_has_the_description_and_what_is_allowed(param):
+    assert param("describe", "/talker", "count", "speed", "fixed") == (
+        0,
+        "Parameter name: count\n  Type: integer\n"
+        "  Constraints:\n    Min value: 0\n    Max value: 10\n    Step: 1\n"
+        "Parameter name: speed\n  Type: double\n  Description: m/s\n"
+        "Parameter name: fixed\n  Type: boolean\n  Constraints:\n    Read only: true\n",
+        "",
+    )
+
+
+def test_what_was_dumped_can_be_loaded(param, tmp_path):
+    code, out, _ = param("dump", "/talker")
+    assert code == 0
+    assert out.startswith("/talker:\n  ros__parameters:\n    count: 5\n    fixed: true\n")
+    file = tmp_path / "talker.yaml"
+    fixed = ("fixed", "start_type")
+    lines = [line for line in out.splitlines(True) if not line.strip().startswith(fixed)]
+    file.write_text("".join(lines).replace("name: bob", "name: alice"))
+    code, out, err = param("load", "/talker", str(file))
+    assert (code, err) == (0, "")
+    assert "Set parameter name successful\n" in out
+    assert param("get", "/talker", "name")[1] == "String value is: alice\n"
+    assert param("set", "/talker", "name", "bob")[0] == 0
+
+
+def test_delete_refuses_what_the_node_refuses(param):
+    code, out, err = param("delete", "/talker", "name")
+    assert (code, out) == (1, "")
+    assert err.startswith("Deleting parameter failed: ")
+
+
+@pytest.mark.parametrize("arguments", [("list", "/talkr"), ("get", "/talkr", "name")])
+def test_an_unknown_node_is_told_with_what_may_be_meant(param, arguments):
+    assert param(*arguments) == (1, "", "Node not found\n  hint: did you mean /talker?\n")
+
+
+def test_a_file_that_is_not_there_is_told_in_a_line(param):
+    assert param("load", "/talker", "nowhere.yaml") == (
+        1,
+        "",
+        "cannot read nowhere.yaml: No such file or directory\n",
+    )
