@@ -205,3 +205,20 @@ def test_ctrl_c_ends_the_spinning_of_another_thread():
             print(ended.wait(5))
     """
     assert ended_by(signal.SIGINT, body) == (0, "thread ended\nTrue\n", "")
+
+
+# The package's own names
+
+
+def test_modules_are_imported_where_they_are_named():
+    from taskrpc.rclpy.parameter import Parameter
+
+    assert rclpy.executors.SingleThreadedExecutor.__module__ == "taskrpc.rclpy.executors"
+    assert rclpy.Parameter is Parameter
+    with pytest.raises(AttributeError, match="has no attribute 'bag'"):
+        rclpy.bag  # noqa: B018
+
+
+def test_what_carries_the_calls_has_a_name():
+    name = rclpy.get_rmw_implementation_identifier()
+    assert rclpy.get_available_rmw_implementations() == {name}
