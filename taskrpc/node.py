@@ -15,6 +15,7 @@ from taskrpc import names, platform
 from taskrpc.access import Accounts, Role
 from taskrpc.client import DEFAULT_TIMEOUT, Client
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
+from taskrpc.given_types import service_type
 from taskrpc.node_topics import NodeTopics
 from taskrpc.retry import RetryPolicy
 from taskrpc.transport.base import Mode, Transport
@@ -224,7 +225,7 @@ class Node(NodeTopics):
 
         service = Service(
             self._started(),
-            _service_type(srv_type),
+            service_type(srv_type),
             self.resolve_service_name(srv_name),
             self.get_fully_qualified_name(),
             callback,
@@ -260,7 +261,7 @@ class Node(NodeTopics):
 
         service = DeferredService(
             self._started(),
-            _service_type(srv_type),
+            service_type(srv_type),
             self.resolve_service_name(srv_name),
             self.get_fully_qualified_name(),
             take,
@@ -282,7 +283,7 @@ class Node(NodeTopics):
         """A client of a service; `timeout` (seconds) and `retry` hold for all its calls."""
         client = self._client_maker()(
             self._started(),
-            _service_type(srv_type),
+            service_type(srv_type),
             self.resolve_service_name(srv_name),
             self.get_fully_qualified_name(),
             timeout=timeout,
@@ -396,12 +397,3 @@ def fast_loop() -> Callable[[], asyncio.AbstractEventLoop] | None:
     except ImportError:
         return None
     return cast("Callable[[], asyncio.AbstractEventLoop]", new_event_loop)
-
-
-def _service_type(srv_type: Any) -> Any:
-    if not (hasattr(srv_type, "Request") and hasattr(srv_type, "_HASH")):
-        kind = f"the class {srv_type.__name__}" if isinstance(srv_type, type) else repr(srv_type)
-        raise TypeError(
-            f"expected a service type such as srvgen.load('std_srvs/srv/Trigger'), got {kind}"
-        )
-    return srv_type

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from taskrpc import names
 from taskrpc.access import Role
+from taskrpc.given_types import message_type
 from taskrpc.qos import QoS, qos_of
 from taskrpc.transport.base import Transport
 
@@ -58,7 +59,7 @@ class NodeTopics:
 
         publisher = Publisher(
             self._started(),
-            _message_type(msg_type),
+            message_type(msg_type),
             self.resolve_topic_name(topic),
             self.get_fully_qualified_name(),
             qos_of(qos),
@@ -89,7 +90,7 @@ class NodeTopics:
 
         subscription = Subscription(
             self._started(),
-            _message_type(msg_type),
+            message_type(msg_type),
             self.resolve_topic_name(topic),
             self.get_fully_qualified_name(),
             callback,
@@ -129,12 +130,3 @@ class NodeTopics:
         for part in list(self._parts):  # another thread may ask
             part._count_into(topics)
         return topics
-
-
-def _message_type(msg_type: Any) -> Any:
-    if hasattr(msg_type, "Request") or not hasattr(msg_type, "_HASH"):
-        kind = f"the class {msg_type.__name__}" if isinstance(msg_type, type) else repr(msg_type)
-        raise TypeError(
-            f"expected a message type such as srvgen.load('std_msgs/msg/String'), got {kind}"
-        )
-    return msg_type

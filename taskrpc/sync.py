@@ -7,17 +7,15 @@ callbacks run in threads, so that they may block and call other services.
 from __future__ import annotations
 
 import asyncio
-import atexit
 import inspect
 import os
 import threading
 from collections import deque
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from concurrent.futures import TimeoutError as WaitTimeout
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Self
 
 from taskrpc import client as _client
 from taskrpc import node as _node
@@ -25,25 +23,17 @@ from taskrpc import platform
 from taskrpc.access import Accounts, Role
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
 from taskrpc.deferred import DeferredService, Take
-from taskrpc.errors import WouldDeadlock
+from taskrpc.loop_thread import SLICE, LoopThread, wait
 from taskrpc.retry import RetryPolicy
 from taskrpc.service import Callback, Service
 from taskrpc.sync_topics import Publisher, Subscription, SyncTopics, Timer
 from taskrpc.transport.base import Tell
 from taskrpc.transport.entries import Entry
 from taskrpc.transport.tls import Tls
+from taskrpc.wire.once import CompletionStore
 
 if TYPE_CHECKING:
     from taskrpc.observer import NodeStatus, Observer
-from taskrpc.wire.once import CompletionStore
-
-_Result = TypeVar("_Result")
-
-_SLICE = 0.1
-"""Seconds of one wait on a lock: on Windows Ctrl-C does not reach a longer one before its end."""
-
-_ENDED = 0
-"""Instead of a process id, once the loop is told to stop."""
 
 
 class Node(SyncTopics):
@@ -66,7 +56,7 @@ class Node(SyncTopics):
         keepalive: str | None = None,
         observer: Observer | None = None,
     ) -> None:
-        self._loop: _LoopThread = _LoopThread.shared()
+        self._loop: LoopThread = LoopThread.shared()
         self._node = _Node(
             name,
             namespace=namespace,
@@ -193,7 +183,7 @@ class Node(SyncTopics):
             stopped.set()
 
         with platform.stop_signals(stop):
-            while not stopped.wait(_SLICE):
+            while not stopped.wait(SLICE):
                 pass
             self._loop.run(self._node.drain(), "spin()")
 
@@ -205,7 +195,7 @@ class Node(SyncTopics):
 class Client:
     """Calls one service and waits; may be used from several threads at once."""
 
-    def __init__(self, loop: _LoopThread, inner: _client.Client) -> None:
+    def __init__(self, loop: LoopThread, inner: _client.Client) -> None:
         self._loop = loop
         self._inner = inner
         self._behind: deque[Future[Any]] = deque()
@@ -237,7 +227,7 @@ class Client:
             sent = self._inner._send_in_thread(request, timeout, retry)
             if sent is not None:
                 return sent.wait()
-        return _wait(self.call_async(request, timeout, retry, request_id))
+        return wait(self.call_async(request, timeout, retry, request_id))
 
     def call_async(
         self,
@@ -309,97 +299,6 @@ class _Node(_node.Node):
     """The node that lives on the loop, and is used by other threads."""
 
     _threads = True
-
-
-class _LoopThread:
-    """The event loop of this process's blocking nodes, in a thread of its own."""
-
-    _instance: _LoopThread | None = None
-    _guard = threading.Lock()
-
-    def __init__(self) -> None:
-        self._started: Future[asyncio.AbstractEventLoop] = Future()
-        self._thread = threading.Thread(target=self._main, name="taskrpc", daemon=True)
-        self._thread.start()
-        self._loop = self._started.result()
-        self._pid = os.getpid()
-        atexit.register(self._stop)
-
-    @classmethod
-    def shared(cls) -> _LoopThread:
-        """The process's loop thread, started for the first who asks (again after a fork)."""
-        with cls._guard:
-            if cls._instance is None or cls._instance._pid != os.getpid():
-                cls._instance = cls()
-            return cls._instance
-
-    def run(self, coroutine: Coroutine[Any, Any, _Result], what: str) -> _Result:
-        """Run a coroutine on the loop and wait for its result."""
-        try:
-            self.refuse_own_thread(what)
-        except WouldDeadlock:
-            coroutine.close()
-            raise
-        return _wait(asyncio.run_coroutine_threadsafe(coroutine, self._loop))
-
-    def do(self, action: Callable[[], _Result], what: str) -> _Result:
-        """Run a plain function on the loop and wait for its result."""
-
-        async def run() -> _Result:
-            return action()
-
-        return self.run(run(), what)
-
-    def soon(self, action: Callable[[], object]) -> None:
-        """Run a plain function on the loop without waiting."""
-        self._loop.call_soon_threadsafe(action)
-
-    def refuse_without_loop(self, what: str) -> None:
-        """Raise WouldDeadlock where nobody would answer: after a fork, and at the program's end."""
-        if self._pid == _ENDED:
-            raise WouldDeadlock(
-                f"{what} would wait for ever: the program is ending, its event loop has stopped;"
-                " what atexit is to call must be registered after the first node was made"
-            )
-        if self._pid != os.getpid():
-            raise WouldDeadlock(f"{what}: this node belongs to the parent process; make one here")
-
-    def refuse_own_thread(self, what: str) -> None:
-        """Raise WouldDeadlock on the loop's own thread, which would wait for itself."""
-        if self._pid != os.getpid():  # asked first: this is on every call's path
-            self.refuse_without_loop(what)
-        if threading.current_thread() is self._thread:
-            raise WouldDeadlock(
-                f"{what} would wait for ever: it was called on the event loop's own thread, by an"
-                " async callback or one with threaded=False; use a plain callback, which runs in"
-                " a thread, or taskrpc.Node with `await`"
-            )
-
-    def _main(self) -> None:
-        with asyncio.Runner(loop_factory=_node.fast_loop()) as runner:
-            loop = runner.get_loop()
-            self._started.set_result(loop)
-            loop.run_forever()
-
-    def _stop(self) -> None:
-        if self._pid == os.getpid():
-            self._pid = _ENDED
-            self._loop.call_soon_threadsafe(self._loop.stop)
-            self._thread.join(2.0)
-
-
-def _wait(future: Future[_Result]) -> _Result:
-    try:
-        while True:
-            try:
-                return future.result(_SLICE)
-            except WaitTimeout:
-                # Our own DeadlineExceeded is a TimeoutError too; only an unfinished wait goes on.
-                if future.done():
-                    return future.result()
-    except (KeyboardInterrupt, SystemExit):
-        future.cancel()
-        raise
 
 
 def _told(done: Future[Any], tell: Tell) -> None:

@@ -3,35 +3,23 @@
 from __future__ import annotations
 
 import inspect
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any
 
 from taskrpc import node as _node
 from taskrpc import timer as _timer
 from taskrpc import topic as _topic
 from taskrpc.access import Role
+from taskrpc.loop_thread import LoopThread
 from taskrpc.qos import QoS
 
 if TYPE_CHECKING:
     from taskrpc.running import Callback
 
-_Result = TypeVar("_Result")
-
-
-class Loop(Protocol):
-    """The event loop in its thread, as far as these need it."""
-
-    def do(self, action: Callable[[], _Result], what: str) -> _Result:
-        """Run a plain function on the loop and wait for its result."""
-
-    def refuse_without_loop(self, what: str) -> None:
-        """Raise WouldDeadlock where there is no loop any more."""
-
 
 class Publisher:
     """Publishes messages of one type on a topic; from several threads at once if need be."""
 
-    def __init__(self, loop: Loop, inner: _topic.Publisher) -> None:
+    def __init__(self, loop: LoopThread, inner: _topic.Publisher) -> None:
         self._loop = loop
         self._inner = inner
         self.msg_type = inner.msg_type
@@ -65,7 +53,7 @@ class Publisher:
 class Subscription:
     """Calls its callback, in a thread of its own, with each message of a topic."""
 
-    def __init__(self, loop: Loop, inner: _topic.Subscription) -> None:
+    def __init__(self, loop: LoopThread, inner: _topic.Subscription) -> None:
         self._loop = loop
         self._inner = inner
         self.msg_type = inner.msg_type
@@ -99,7 +87,7 @@ class Subscription:
 class Timer:
     """Calls its callback, in a thread of its own, every `period` seconds."""
 
-    def __init__(self, loop: Loop, inner: _timer.Timer) -> None:
+    def __init__(self, loop: LoopThread, inner: _timer.Timer) -> None:
         self._loop = loop
         self._inner = inner
         self.period = inner.period
@@ -125,7 +113,7 @@ class Timer:
 class SyncTopics:
     """The part of a blocking node that publishes, subscribes and keeps time."""
 
-    _loop: Loop
+    _loop: LoopThread
     _node: _node.Node
 
     def create_publisher(

@@ -9,10 +9,9 @@ from collections.abc import Iterable
 from taskrpc import names, platform
 from taskrpc.cli.remote import Remote
 from taskrpc.node import Node
-from taskrpc.transport.entries import Entry
+from taskrpc.transport.entries import Entry, entry_of
 from taskrpc.transport.registry import Registry
 from taskrpc.transport.tcp import domain_id
-from taskrpc.wire.messages import Listing
 
 _SHOWN = 5
 
@@ -30,23 +29,8 @@ async def _look(remote: Remote) -> list[Entry]:
 async def entries_of(remote: Remote, node: Node) -> list[Entry]:
     """The same for a command that has a node already."""
     if remote.place:
-        return [_entry(remote.place, await remote.listing(remote.place))]
+        return [entry_of(remote.place, await remote.listing(remote.place))]
     return others(await node.graph())
-
-
-def _entry(place: str, listing: Listing) -> Entry:
-    return Entry(
-        pid=0,
-        script=place,
-        folder="",
-        since=0.0,
-        address=place,
-        nodes=tuple(listing.nodes),
-        services=tuple(listing.services),
-        clients=tuple(listing.clients),
-        publishers=tuple(listing.publishers),
-        subscriptions=tuple(listing.subscriptions),
-    )
 
 
 def others(entries: Iterable[Entry]) -> list[Entry]:

@@ -275,9 +275,7 @@ class Transport(Protocol):
     ) -> Channel:
         """A way to call a service for a node; the service `otherwise` where nobody offers it."""
 
-    def publication(
-        self, named: TopicEndpoint, msg_type: Any, role: Role = Role.OBSERVE
-    ) -> Publication:
+    def publication(self, named: TopicEndpoint, msg_type: Any, role: Role) -> Publication:
         """A way to publish for a node; `role` is the least that a subscriber must be."""
 
     def reception(

@@ -30,7 +30,7 @@ from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.connection import READ_BUFFER, Connection
 from taskrpc.transport.counting import Counting
 from taskrpc.transport.dialling import READY_TIMEOUT, Dialler
-from taskrpc.transport.entries import Change, Entry, Roster
+from taskrpc.transport.entries import Change, Entry, Roster, entry_of
 from taskrpc.transport.keepalive import DEFAULT, Keepalive
 from taskrpc.transport.load import Load
 from taskrpc.transport.network import Address, Network
@@ -154,20 +154,15 @@ class Endpoint:
 
     # Transport: topics
 
-    def publication(
-        self, named: TopicEndpoint, msg_type: Any, role: Role = Role.OBSERVE
-    ) -> Publication:
+    def publication(self, named: TopicEndpoint, msg_type: Any, role: Role) -> Publication:
         """A publisher's way to its subscriptions."""
         self._take_connections()
-        publication = self.topics.publication(named, msg_type, role)
-        self.publish(Change(publisher=named))
-        return publication
+        return self.topics.publication(named, msg_type, role)
 
     def reception(
         self, named: TopicEndpoint, msg_type: Any, deliver: Callable[[bytes, bool], object]
     ) -> Reception:
         """A subscription's way to the publishers of its topic."""
-        self.publish(Change(subscription=named))
         return self.topics.reception(named, msg_type, deliver)
 
     @property
@@ -359,18 +354,7 @@ class Endpoint:
         except TaskRpcError as error:
             log.warning("%s: %s", address.place, error)
             return None
-        return Entry(
-            pid=0,
-            script=address.place,
-            folder="",
-            since=0.0,
-            address=address.place,
-            nodes=tuple(listing.nodes),
-            services=tuple(listing.services),
-            clients=tuple(listing.clients),
-            publishers=tuple(listing.publishers),
-            subscriptions=tuple(listing.subscriptions),
-        )
+        return entry_of(address.place, listing)
 
     def _connections(self) -> list[Connection]:
         return [*self._served, *self.dialler.connections]

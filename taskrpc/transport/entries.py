@@ -8,7 +8,7 @@ from typing import TypeVar
 
 import msgspec
 
-from taskrpc.wire.messages import Endpoint, TopicEndpoint
+from taskrpc.wire.messages import Endpoint, Listing, TopicEndpoint
 
 _Item = TypeVar("_Item", str, Endpoint, TopicEndpoint)
 
@@ -44,6 +44,22 @@ class Entry(msgspec.Struct, frozen=True, tag=True, dict=True):
     @cached_property
     def _names(self) -> frozenset[str]:
         return frozenset(endpoint.name for endpoint in self.services)
+
+
+def entry_of(place: str, listing: Listing) -> Entry:
+    """What a process elsewhere has told of itself."""
+    return Entry(
+        pid=0,
+        script=place,
+        folder="",
+        since=0.0,
+        address=place,
+        nodes=tuple(listing.nodes),
+        services=tuple(listing.services),
+        clients=tuple(listing.clients),
+        publishers=tuple(listing.publishers),
+        subscriptions=tuple(listing.subscriptions),
+    )
 
 
 class Change(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):

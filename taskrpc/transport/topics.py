@@ -55,6 +55,7 @@ class Topics:
 
     def publication(self, named: TopicEndpoint, msg_type: Any, role: Role) -> Publication:
         """A new publisher's way to its subscriptions."""
+        self._home.publish(Change(publisher=named))
         self._publishers += 1
         each = Publication(self, named, msg_type, self._publishers & 0xFFFF, role)
         _put(self._publications, named.name, each)
@@ -110,6 +111,7 @@ class Topics:
         deliver: Callable[[bytes, bool], object],
     ) -> Reception:
         """A new subscription's way to the publishers of its topic."""
+        self._home.publish(Change(subscription=named))
         self._numbers += 1
         each = Reception(self, named, msg_type, self._numbers, deliver)
         _put(self._receptions, named.name, each)
