@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import asyncio
+import atexit
+import contextlib
 import time
+import weakref
 from collections import deque
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
-from taskrpc.errors import ServiceUnavailable
+from taskrpc.errors import ServiceUnavailable, WouldDeadlock
 from taskrpc.transport.codec import codec_of
 
 from ._bridge import NativeClient
@@ -19,6 +22,9 @@ Tell = Callable[[Any, BaseException | None], object]
 
 _PATIENCE = 2.0
 """Seconds that a program's end waits for requests whose server is known, and not reached yet."""
+
+
+_A_MOMENT = 0.001
 
 
 class Request:
@@ -39,6 +45,8 @@ class Outbox:
         self._codec = codec_of(srv_type.Request)
         self._waiting: deque[Request] = deque()
         self._closed = False
+        _outboxes.add(self)
+        _heed_the_end()
 
     def send(self, message: Any, tell: Tell) -> Callable[[], object]:
         """Send a request, now or once its server is found; returns what gives it up.
@@ -62,12 +70,18 @@ class Outbox:
 
     def close(self) -> None:
         """Let what waits go, where its server is there; then send nothing more."""
-        end = time.monotonic() + _PATIENCE
-        self._native.bridge.do(lambda: None)  # what was handed over is in the queue now
-        while self._waiting and self._native.is_known() and time.monotonic() < end:
-            time.sleep(0.001)
+        self.let_go()
         self._closed = True
         self._waiting.clear()
+
+    def let_go(self) -> None:
+        """Wait a moment for what can still be sent."""
+        end = time.monotonic() + _PATIENCE
+        with contextlib.suppress(WouldDeadlock):
+            self._native.bridge.do(lambda: None)  # what was handed over is in the queue now
+            while self._waiting and self._native.is_known() and time.monotonic() < end:
+                time.sleep(_A_MOMENT)
+            self._native.bridge.do(lambda: None)  # and what was in the queue is written
 
     # On the loop
 
@@ -93,6 +107,21 @@ class Outbox:
         request.given_up = True
         if request.future is not None:
             request.future.cancel()
+
+
+_outboxes: weakref.WeakSet[Outbox] = weakref.WeakSet()
+
+
+@cache
+def _heed_the_end() -> None:
+    # Not at the import: what is registered later is called earlier, and the loop must still run.
+    atexit.register(_let_go)
+
+
+def _let_go() -> None:
+    """A program that ends right after `call_async` has still called."""
+    for outbox in list(_outboxes):
+        outbox.let_go()
 
 
 _tasks: set[asyncio.Task[None]] = set()

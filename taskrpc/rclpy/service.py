@@ -194,4 +194,4 @@ _OF_EVERY_NODE = ("rcl_interfaces/", "type_description_interfaces/")
 def _what(response: Any) -> str:
     if isinstance(response, type):
         return f"the class {response.__name__}"
-    return "nothing" if response is None else f"a {type(response).__name__}"
+    return "nothing" if response is None else f"a value of the type {type(response).__name__}"
