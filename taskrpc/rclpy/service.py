@@ -184,6 +184,7 @@ class ServiceHandle(Handle):
         call = self.owner._next()
         if call is None:
             return (None, None)
+        call.started()
         return call.request, RequestHeader(call, time.time_ns())
 
 

@@ -1,0 +1,69 @@
+"""Nodes that live on the network, for tests of what executors find at them."""
+
+from __future__ import annotations
+
+import contextlib
+import time
+
+from taskrpc.rclpy.context import Context
+from taskrpc.rclpy.executors import SingleThreadedExecutor
+from taskrpc.rclpy.node import Node
+
+PATIENCE = 5.0
+
+
+@contextlib.contextmanager
+def context_of(*line):
+    context = Context()
+    context.init(["program", *line])
+    try:
+        yield context
+    finally:
+        context.try_shutdown()
+
+
+class World:
+    """Nodes of one context, all of them in one executor."""
+
+    def __init__(self, context):
+        self.context = context
+        self.executor = SingleThreadedExecutor(context=context)
+
+    def node(self, name="robot", **settings):
+        settings.setdefault("start_parameter_services", False)
+        node = Node(name, context=self.context, **settings)
+        self.executor.add_node(node)
+        return node
+
+    def answer(self, future):
+        """Spin until the future is done; its result."""
+        self.executor.spin_until_future_complete(future, PATIENCE)
+        assert future.done()
+        return future.result()
+
+    def spin_until(self, happened):
+        end = time.monotonic() + PATIENCE
+        while not happened():
+            assert time.monotonic() < end, "it did not happen"
+            self.executor.spin_once(0.05)
+
+
+@contextlib.contextmanager
+def living(*line):
+    with context_of(*line) as context:
+        world = World(context)
+        yield world
+        world.executor.shutdown()
+
+
+def service_of(node, name):
+    """A node's service by its absolute name."""
+    return next(service for service in node.services if service.service_name == name)
+
+
+def until(happened):
+    """Wait for what other threads do."""
+    end = time.monotonic() + PATIENCE
+    while not happened():
+        assert time.monotonic() < end, "it did not happen"
+        time.sleep(0.001)

@@ -1,0 +1,189 @@
+"""Clients call, wait and give up as in rclpy, and say what real ROS keeps to itself."""
+
+import threading
+
+import pytest
+
+import srvgen
+from taskrpc.errors import HandlerFailed, InvalidRequest, OutcomeUnknown
+from taskrpc.rclpy.exceptions import InvalidHandle, InvalidServiceNameException
+from tests.rclpy.living import PATIENCE, living, service_of
+
+pytestmark = pytest.mark.real_time
+
+AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
+Request = AddTwoInts.Request
+
+
+def add(request, response):
+    response.sum = request.a + request.b
+    return response
+
+
+@pytest.fixture
+def world():
+    with living() as world:
+        yield world
+
+
+@pytest.fixture
+def client(world):
+    world.node("server").create_service(AddTwoInts, "add", add)
+    client = world.node("caller").create_client(AddTwoInts, "add")
+    assert client.wait_for_service(PATIENCE)
+    return client
+
+
+def test_an_answer_comes_while_somebody_spins(world, client):
+    future = client.call_async(Request(a=1, b=2))
+    assert not future.done()
+    assert world.answer(future).sum == 3
+
+
+def test_many_calls_are_answered_each_by_its_own_answer(world, client):
+    futures = [client.call_async(Request(a=number, b=1)) for number in range(64)]
+    assert [world.answer(future).sum for future in futures] == list(range(1, 65))
+
+
+def test_a_call_blocks_while_another_thread_spins(world, client):
+    spinning = threading.Thread(target=world.executor.spin)
+    spinning.start()
+    try:
+        assert client.call(Request(a=2, b=3), timeout_sec=PATIENCE).sum == 5
+    finally:
+        world.executor.shutdown()
+        spinning.join()
+
+
+def test_a_call_times_out_and_is_no_longer_pending(world):
+    client = world.node("caller").create_client(AddTwoInts, "nobody")
+    with pytest.raises(TimeoutError):
+        client.call(Request(), timeout_sec=0.05)
+    with pytest.raises(KeyError):
+        client.get_pending_request(1)
+
+
+def test_a_request_of_another_type_is_refused(client):
+    for request in (AddTwoInts.Response(), "text", Request):
+        with pytest.raises(TypeError, match="expected a AddTwoInts_Request for /add"):
+            client.call_async(request)
+        with pytest.raises(TypeError):
+            client.call(request)
+
+
+def test_a_value_that_does_not_fit_is_refused_and_leaves_nothing_behind(client):
+    with pytest.raises(InvalidRequest, match="a: expected int64"):
+        client.call_async(Request(a="x"))
+    with pytest.raises(KeyError):
+        client.get_pending_request(1)
+
+
+def test_a_request_waits_for_a_server_that_comes_later(world):
+    client = world.node("caller").create_client(AddTwoInts, "add")
+    request = Request(a=1, b=1)
+    first = client.call_async(request)
+    request.a = 10  # what was called is not changed by this
+    second = client.call_async(request)
+    assert not client.service_is_ready()
+    world.node("server").create_service(AddTwoInts, "add", add)
+    assert [world.answer(first).sum, world.answer(second).sum] == [2, 11]
+
+
+def test_waiting_ends_at_the_timeout_and_at_the_shutdown(world):
+    client = world.node("caller").create_client(AddTwoInts, "nobody")
+    assert client.wait_for_service(timeout_sec=0) is False
+    assert client.wait_for_service(0.05) is False
+    threading.Timer(0.1, world.context.shutdown).start()
+    assert client.wait_for_service() is False
+
+
+def test_a_removed_request_stays_as_it_is(world, client):
+    future = client.call_async(Request(a=1, b=2))
+    client.remove_pending_request(future)
+    assert world.answer(client.call_async(Request(a=1, b=1))).sum == 2
+    assert not future.done()
+    assert not future.cancelled()
+
+
+def test_a_cancelled_request_is_not_answered(world, client):
+    future = client.call_async(Request(a=1, b=2))
+    future.cancel()
+    assert world.answer(client.call_async(Request(a=1, b=1))).sum == 2
+    assert future.cancelled()
+    assert not future.done()
+    assert future.result() is None
+
+
+def test_the_caller_is_told_that_the_callback_raised(world):
+    def fail(request, response):
+        raise ValueError("boom")
+
+    world.node("server").create_service(AddTwoInts, "add", fail)
+    client = world.node("caller").create_client(AddTwoInts, "add")
+    future = client.call_async(Request())
+    with pytest.raises(ValueError, match="boom"):
+        world.answer(future)
+    world.executor.spin_until_future_complete(future, PATIENCE)
+    with pytest.raises(HandlerFailed, match="the callback of /add raised ValueError: boom"):
+        future.result()
+
+
+def test_the_caller_is_told_that_the_server_has_gone(world):
+    server = world.node("server")
+    server.create_service(AddTwoInts, "add", add)
+    client = world.node("caller").create_client(AddTwoInts, "add")
+    assert client.wait_for_service(PATIENCE)
+    world.executor.remove_node(server)  # so that nobody answers
+    future = client.call_async(Request())
+    service = service_of(server, "/add")
+    world.spin_until(service._ready)
+    service.handle.service_take_request(Request)
+    server.destroy_node()
+    world.executor.spin_until_future_complete(future, PATIENCE)
+    assert isinstance(future.exception(), OutcomeUnknown)
+
+
+def test_a_destroyed_client_calls_no_more(world, client):
+    assert client._node.destroy_client(client)
+    with pytest.raises(InvalidHandle, match="cannot use Destroyable"):
+        client.call_async(Request())
+    assert not client._node.destroy_client(client)
+
+
+def test_with_destroys_a_client_at_its_end(world):
+    node = world.node()
+    with node.create_client(AddTwoInts, "add") as client:
+        assert client in node.clients
+    assert client not in node.clients
+
+
+def test_done_callbacks_run_on_the_spinning_thread(world, client):
+    threads = []
+    future = client.call_async(Request())
+    future.add_done_callback(lambda _: threads.append(threading.current_thread()))
+    world.spin_until(lambda: threads)
+    assert threads == [threading.current_thread()]
+
+
+def test_bad_service_names_are_refused_with_ross_words(world):
+    with pytest.raises(InvalidServiceNameException, match="must not contain characters"):
+        world.node().create_client(AddTwoInts, "get/parameters?")
+    with pytest.raises(ValueError, match="unknown substitution"):
+        world.node("other").create_client(AddTwoInts, "foo/{bad_sub}")
+
+
+@pytest.mark.parametrize(
+    ("namespace", "rule", "name", "whole"),
+    [
+        (None, "a:=b", "service", "/service"),
+        ("ns", "a:=b", "service", "/ns/service"),
+        ("my/ns", "a:=b", "x/service", "/my/ns/x/service"),
+        ("/my/ns", "a:=b", "/service", "/service"),
+        ("ns", "service:=new", "service", "/ns/new"),
+        (None, "service:=x/new", "service", "/x/new"),
+    ],
+)
+def test_the_name_is_expanded_and_remapped(world, namespace, rule, name, whole):
+    node = world.node(namespace=namespace, cli_args=["--ros-args", "-r", rule])
+    client = node.create_client(AddTwoInts, name)
+    assert client.service_name == client.srv_name == whole

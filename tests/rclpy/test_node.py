@@ -1,0 +1,251 @@
+"""Nodes are named, make what they have, and end it, as in rclpy."""
+
+import contextlib
+import threading
+
+import pytest
+
+import srvgen
+from taskrpc.rclpy import executors
+from taskrpc.rclpy.clock_type import ClockType
+from taskrpc.rclpy.exceptions import (
+    InvalidHandle,
+    InvalidNamespaceException,
+    InvalidNodeNameException,
+    InvalidTopicNameException,
+    NotInitializedException,
+    RCLInvalidROSArgsError,
+    UnknownROSArgsError,
+)
+from taskrpc.rclpy.node import Node
+from taskrpc.rclpy.waitable import Waitable
+from tests.rclpy.living import context_of, living
+
+pytestmark = pytest.mark.real_time
+
+String = srvgen.load("std_msgs/msg/String")
+Trigger = srvgen.load("std_srvs/srv/Trigger")
+
+
+@pytest.fixture
+def world():
+    with living() as world:
+        yield world
+
+
+@pytest.mark.parametrize(
+    ("namespace", "whole"), [(None, "/"), ("", "/"), ("ns", "/ns"), ("/my/ns", "/my/ns")]
+)
+def test_a_namespace_may_be_empty_or_relative(world, namespace, whole):
+    node = world.node("robot", namespace=namespace)
+    assert (node.get_name(), node.get_namespace()) == ("robot", whole)
+    assert node.get_fully_qualified_name() == f"{whole.rstrip('/')}/robot"
+    assert node.get_clock().clock_type is ClockType.ROS_TIME
+    assert node.handle.valid
+    with pytest.raises(AttributeError):
+        node.handle = "garbage"
+
+
+@pytest.mark.parametrize(
+    ("name", "namespace", "kind"),
+    [
+        ("bad?", None, InvalidNodeNameException),
+        ("fine", "bad?", InvalidNamespaceException),
+        ("fine", "/bad?", InvalidNamespaceException),
+    ],
+)
+def test_bad_names_are_refused_with_ross_words(world, name, namespace, kind):
+    with pytest.raises(kind, match="must not contain characters"):
+        world.node(name, namespace=namespace)
+
+
+def test_a_node_needs_a_context_that_is_up():
+    with context_of() as context:
+        context.shutdown()
+        with pytest.raises(NotInitializedException, match="has not been called"):
+            Node("robot", context=context)
+
+
+def test_the_command_line_names_nodes():
+    with living("--ros-args", "-r", "__node:=other", "-r", "__ns:=/foo") as world:
+        assert world.node("robot").get_fully_qualified_name() == "/foo/other"
+        plain = world.node("robot", use_global_arguments=False)
+        assert plain.get_fully_qualified_name() == "/robot"
+        own = world.node("robot", cli_args=["--ros-args", "-r", "__node:=mine"])
+        assert own.get_fully_qualified_name() == "/foo/mine"
+
+
+def test_arguments_of_a_node_that_cannot_be_read_are_refused(world):
+    with pytest.raises(RCLInvalidROSArgsError, match="not-a-remap"):
+        world.node(cli_args=["--ros-args", "-r", "not-a-remap"])
+    with pytest.raises(UnknownROSArgsError, match=r"\['--my-flag'\]"):
+        world.node(cli_args=["--ros-args", "--my-flag"])
+
+
+def test_names_are_resolved_and_remapped(world):
+    node = world.node(namespace="ns", cli_args=["--ros-args", "-r", "x:=y"])
+    assert node.resolve_topic_name("x") == node.resolve_service_name("x") == "/ns/y"
+    assert node.resolve_topic_name("x", only_expand=True) == "/ns/x"
+    assert node.resolve_service_name("~/x") == "/ns/robot/x"
+    with pytest.raises(InvalidTopicNameException):
+        node.resolve_topic_name("x?")
+
+
+def test_what_a_node_has_is_listed_and_gone_once_destroyed(world):
+    node = world.node()
+    timer = node.create_timer(10, lambda: None)
+    publisher = node.create_publisher(String, "chatter", 10)
+    subscription = node.create_subscription(String, "chatter", print, 10)
+    guard = node.create_guard_condition(lambda: None)
+    client = node.create_client(Trigger, "go")
+    service = node.create_service(Trigger, "go", lambda request, response: response)
+    for thing, things, destroy in [
+        (timer, lambda: node.timers, node.destroy_timer),
+        (publisher, lambda: node.publishers, node.destroy_publisher),
+        (subscription, lambda: node.subscriptions, node.destroy_subscription),
+        (guard, lambda: node.guards, node.destroy_guard_condition),
+        (client, lambda: node.clients, node.destroy_client),
+        (service, lambda: node.services, node.destroy_service),
+    ]:
+        assert thing in things()
+        with thing.handle:
+            assert destroy(thing)
+        assert thing not in things()
+        assert not destroy(thing)
+        with pytest.raises(InvalidHandle), thing.handle:
+            pass
+
+
+def test_a_destroyed_node_has_nothing_and_may_be_destroyed_again(world):
+    node = world.node()
+    node.create_timer(10, lambda: None)
+    rate = node.create_rate(10)
+    node.create_publisher(String, "chatter", 10)
+    node.destroy_node()
+    node.destroy_node()
+    assert not [*node.timers, *node.publishers, *node.services, *node.subscriptions]
+    with pytest.raises(InvalidHandle):
+        node.get_name()
+    with pytest.raises(InvalidHandle), node.handle:
+        pass
+    with pytest.raises(RuntimeError, match="destroyed"):
+        rate.sleep()
+
+
+def test_with_destroys_a_node_at_its_end(world):
+    with world.node() as node:
+        assert node.handle.valid
+    assert not node.handle.valid
+
+
+def test_the_shutdown_destroys_all_nodes():
+    with context_of() as context:
+        node = Node("robot", context=context)
+        context.shutdown()
+        assert not node.handle.valid
+
+
+def test_a_node_may_be_destroyed_while_it_is_spun(world):
+    node = world.node()
+    spun = threading.Event()
+    node.create_timer(0.0, spun.set)
+
+    def spin():
+        with contextlib.suppress(executors.ExternalShutdownException):
+            world.executor.spin()
+
+    thread = threading.Thread(target=spin)
+    thread.start()
+    assert spun.wait(5)
+    node.destroy_node()
+    world.context.shutdown()
+    thread.join(5)
+    assert not thread.is_alive()
+
+
+class Executor:
+    def __init__(self):
+        self.told = []
+
+    def add_node(self, node):
+        self.told.append("add")
+        return True
+
+    def remove_node(self, node):
+        self.told.append("remove")
+
+    def wake(self):
+        """Nobody sleeps."""
+
+
+def test_a_node_moves_from_one_executor_to_another():
+    with context_of() as context:
+        node = Node("robot", context=context)
+        assert node.executor is None
+        old, new = Executor(), Executor()
+        node.executor = old
+        assert node.executor is old
+        node.executor = new
+        assert node.executor is new
+        assert (old.told, new.told) == (["add", "remove"], ["add"])
+        node.executor = None
+        assert node.executor is None
+
+
+def test_a_rate_needs_a_frequency_above_zero(world):
+    with pytest.raises(ValueError, match="frequency must be > 0"):
+        world.node().create_rate(0)
+
+
+def test_a_waitable_is_asked_until_it_is_removed(world):
+    node = world.node()
+    done = []
+
+    class Once(Waitable):
+        def is_ready(self, wait_set):
+            return not done
+
+        def take_data(self):
+            return 7
+
+        async def execute(self, taken_data):
+            done.append(taken_data)
+
+    waitable = Once(node.default_callback_group)
+    node.add_waitable(waitable)
+    world.spin_until(lambda: done)
+    node.remove_waitable(waitable)
+    assert (done, list(node.waitables)) == ([7], [])
+
+
+@pytest.mark.parametrize(
+    ("qos", "kind", "text"),
+    [
+        (-1, ValueError, "must be greater than or equal to zero"),
+        ("foo", TypeError, "Expected QoSProfile or int"),
+    ],
+)
+def test_a_quality_of_service_is_a_profile_or_a_depth(world, qos, kind, text):
+    node = world.node()
+    with pytest.raises(kind, match=text):
+        node.create_publisher(String, "chatter", qos)
+    with pytest.raises(kind, match=text):
+        node.create_subscription(String, "chatter", print, qos)
+
+
+def test_what_is_no_type_is_refused(world):
+    node = world.node()
+    with pytest.raises(AttributeError, match="_TYPE_SUPPORT"):
+        node.create_publisher(int, "chatter", 10)
+    with pytest.raises(RuntimeError, match="expected a message type, got the service Trigger"):
+        node.create_subscription(Trigger, "chatter", print, 10)
+    with pytest.raises(RuntimeError, match="expected a service type, got the message String"):
+        node.create_client(String, "go")
+
+
+def test_two_contexts_of_other_domains_do_not_see_each_other():
+    with context_of() as here, context_of() as there:
+        here._domain_id, there._domain_id = 41, 42
+        near, far = Node("near", context=here), Node("far", context=there)
+        assert near.get_node_names() == ["near"]
+        assert far.get_node_names() == ["far"]

@@ -1,0 +1,137 @@
+"""A node sees all nodes, topics and services of the network."""
+
+import pytest
+
+import srvgen
+from taskrpc.rclpy.duration import Duration
+from taskrpc.rclpy.endpoint_info import EndpointTypeEnum
+from taskrpc.rclpy.exceptions import NodeNameNonExistentError
+from taskrpc.rclpy.qos import (
+    DurabilityPolicy,
+    HistoryPolicy,
+    LivelinessPolicy,
+    QoSProfile,
+    ReliabilityPolicy,
+)
+from tests.rclpy.living import living
+
+pytestmark = pytest.mark.real_time
+
+String = srvgen.load("std_msgs/msg/String")
+Trigger = srvgen.load("std_srvs/srv/Trigger")
+
+
+@pytest.fixture
+def world():
+    with living() as world:
+        yield world
+
+
+@pytest.fixture
+def node(world):
+    return world.node("robot", namespace="/ns")
+
+
+def test_nodes_are_seen_by_name_and_namespace(world, node):
+    world.node("other")
+    assert set(node.get_node_names()) == {"robot", "other"}
+    assert set(node.get_node_names_and_namespaces()) == {("robot", "/ns"), ("other", "/")}
+    assert ("robot", "/ns", "/") in node.get_node_names_and_namespaces_with_enclaves()
+    assert "/ns/robot" in node.get_fully_qualified_node_names()
+    assert node.wait_for_node("/other", 1.0)
+    assert not node.wait_for_node("nobody", 0.05)
+
+
+def test_topics_are_seen_with_their_types(node):
+    node.create_publisher(String, "talk", 10)
+    assert ("/ns/talk", ["std_msgs/msg/String"]) in node.get_topic_names_and_types()
+    assert ("rt/ns/talk", ["std_msgs/msg/String"]) in node.get_topic_names_and_types(True)
+    published = node.get_publisher_names_and_types_by_node("robot", "/ns")
+    assert ("/ns/talk", ["std_msgs/msg/String"]) in published
+    assert node.get_subscriber_names_and_types_by_node("robot", "/ns") == []
+
+
+def test_services_are_seen_with_their_types(node):
+    node.create_service(Trigger, "go", lambda request, response: response)
+    node.create_client(Trigger, "/far/go")
+    assert ("/ns/go", ["std_srvs/srv/Trigger"]) in node.get_service_names_and_types()
+    offered = node.get_service_names_and_types_by_node("robot", "/ns")
+    assert ("/ns/go", ["std_srvs/srv/Trigger"]) in offered
+    called = node.get_client_names_and_types_by_node("robot", "/ns")
+    assert called == [("/far/go", ["std_srvs/srv/Trigger"])]
+
+
+def test_a_question_about_an_unknown_node_is_refused(node):
+    with pytest.raises(NodeNameNonExistentError, match="nonexistent node: /ns, nobody"):
+        node.get_service_names_and_types_by_node("nobody", "/ns")
+
+
+def test_every_node_has_what_rosss_command_line_shows():
+    with living() as world:
+        node = world.node("robot", start_parameter_services=True)
+        services = [name for name, _ in node.get_service_names_and_types()]
+        assert services == [
+            f"/robot/{name}"
+            for name in (
+                "describe_parameters",
+                "get_parameter_types",
+                "get_parameters",
+                "get_type_description",
+                "list_parameters",
+                "set_parameters",
+                "set_parameters_atomically",
+            )
+        ]
+
+
+def test_endpoints_are_counted_by_relative_and_absolute_names(node):
+    assert node.count_publishers("talk") == node.count_subscribers("/ns/talk") == 0
+    publisher = node.create_publisher(String, "talk", 10)
+    for count in (1, 2):
+        node.create_subscription(String, "talk", print, 10)
+        assert node.count_subscribers("talk") == node.count_subscribers("/ns/talk") == count
+        assert publisher.get_subscription_count() == count
+    assert node.count_publishers("/ns/talk") == 1
+    node.create_client(Trigger, "go")
+    assert (node.count_clients("go"), node.count_services("go")) == (1, 0)
+
+
+def test_a_bad_name_is_refused_with_ross_words(node):
+    for ask in (node.count_publishers, node.count_services, node.get_publishers_info_by_topic):
+        with pytest.raises(TypeError, match="bad argument type"):
+            ask(1)
+        with pytest.raises(ValueError, match="is invalid"):
+            ask("42")
+
+
+def test_an_endpoint_tells_its_node_its_type_and_its_whole_profile(node):
+    profile = QoSProfile(
+        history=HistoryPolicy.KEEP_ALL,
+        deadline=Duration(seconds=1),
+        lifespan=Duration(seconds=20),
+        reliability=ReliabilityPolicy.BEST_EFFORT,
+        durability=DurabilityPolicy.TRANSIENT_LOCAL,
+        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
+    )
+    node.create_publisher(String, "talk", profile)
+    node.create_subscription(String, "talk", print, 7)
+    (info,) = node.get_publishers_info_by_topic("/ns/talk")
+    assert (info.node_name, info.node_namespace) == ("robot", "/ns")
+    assert (info.topic_type, str(info.topic_type_hash)) == (String._TYPE, String._HASH)
+    assert info.endpoint_type is EndpointTypeEnum.PUBLISHER
+    assert (info.qos_profile, len(info.endpoint_gid)) == (profile, 16)
+    assert "Reliability: BEST_EFFORT" in str(info)
+    (read,) = node.get_subscriptions_info_by_topic("talk")
+    assert read.qos_profile.depth == 7
+    assert node.get_publishers_info_by_topic("rt/ns/talk", no_mangle=True) == [info]
+
+
+def test_servers_and_clients_are_told_one_by_one(node):
+    node.create_service(Trigger, "go", lambda request, response: response)
+    node.create_client(Trigger, "go")
+    (server,) = node.get_servers_info_by_service("go")
+    (client,) = node.get_clients_info_by_service("/ns/go")
+    assert server.endpoint_type is EndpointTypeEnum.SERVER
+    assert client.endpoint_type is EndpointTypeEnum.CLIENT
+    assert server.service_type == client.service_type == "std_srvs/srv/Trigger"
+    assert "Node name: robot" in str(server)

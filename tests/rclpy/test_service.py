@@ -1,0 +1,171 @@
+"""Services answer on the spinning thread; what they do wrong is said there and to the caller."""
+
+import subprocess
+import sys
+import textwrap
+
+import pytest
+
+import srvgen
+from taskrpc.errors import HandlerFailed, InvalidRequest
+from taskrpc.rclpy.callback_groups import ReentrantCallbackGroup
+from tests.rclpy.living import PATIENCE, living, service_of
+
+pytestmark = pytest.mark.real_time
+
+AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
+Request = AddTwoInts.Request
+
+
+@pytest.fixture
+def world():
+    with living() as world:
+        yield world
+
+
+def called(world, callback, **settings):
+    """A future of a call of a service with this callback."""
+    world.node("server").create_service(AddTwoInts, "add", callback, **settings)
+    client = world.node("caller").create_client(AddTwoInts, "add")
+    return client.call_async(Request(a=1, b=2))
+
+
+@pytest.mark.parametrize(
+    ("answer", "text"),
+    [
+        (None, "returned nothing; does `return response`"),
+        (3, "returned a value of the type int, expected a AddTwoInts_Response"),
+        (AddTwoInts.Response, "returned the class AddTwoInts_Response, expected a"),
+        (Request(), "returned a value of the type AddTwoInts_Request, expected a"),
+    ],
+)
+def test_a_wrong_answer_is_a_type_error_there_and_here(world, answer, text):
+    future = called(world, lambda request, response: answer)
+    with pytest.raises(TypeError, match=text):
+        world.answer(future)
+    world.executor.spin_until_future_complete(future, PATIENCE)
+    with pytest.raises(HandlerFailed, match=text):
+        future.result()
+
+
+def test_a_value_that_cannot_be_sent_is_named_there_and_here(world):
+    def overflow(request, response):
+        response.sum = 2**70
+        return response
+
+    future = called(world, overflow)
+    with pytest.raises(InvalidRequest, match="sum: expected int64"):
+        world.answer(future)
+    world.executor.spin_until_future_complete(future, PATIENCE)
+    with pytest.raises(HandlerFailed, match="the response of /add: sum: expected int64"):
+        future.result()
+
+
+def test_an_async_callback_may_await_another_service(world):
+    async def ask(request, response):
+        inner = await further.call_async(request)
+        response.sum = 2 * inner.sum
+        return response
+
+    def add(request, response):
+        response.sum = request.a + request.b
+        return response
+
+    node = world.node("further")
+    node.create_service(AddTwoInts, "further", add)
+    further = world.node("asking").create_client(AddTwoInts, "further")
+    future = called(world, ask, callback_group=ReentrantCallbackGroup())
+    assert world.answer(future).sum == 6
+
+
+def test_an_async_callback_that_raises_leaves_spin_and_tells_the_caller(world):
+    async def fail(request, response):
+        raise ValueError("boom")
+
+    future = called(world, fail)
+    with pytest.raises(ValueError, match="boom"):
+        world.answer(future)
+    world.executor.spin_until_future_complete(future, PATIENCE)
+    with pytest.raises(HandlerFailed, match="boom"):
+        future.result()
+
+
+def test_a_second_server_of_the_program_takes_over_when_the_first_goes(world):
+    def says(number):
+        def answer(request, response):
+            response.sum = number
+            return response
+
+        return answer
+
+    first, second = world.node("first"), world.node("second")
+    service = first.create_service(AddTwoInts, "add", says(1))
+    second.create_service(AddTwoInts, "add", says(2))
+    client = world.node("caller").create_client(AddTwoInts, "add")
+    assert world.answer(client.call_async(Request())).sum == 1
+    assert first.destroy_service(service)
+    assert world.answer(client.call_async(Request())).sum == 2
+
+
+def test_requests_can_be_taken_without_a_callback(world):
+    server = world.node("server")
+    service = server.create_service(AddTwoInts, "add", None)
+    assert service.handle.service_take_request(Request) == (None, None)
+    world.executor.remove_node(server)
+    client = world.node("caller").create_client(AddTwoInts, "add")
+    future = client.call_async(Request(a=4))
+    world.spin_until(service._ready)
+    request, header = service.handle.service_take_request(Request)
+    assert (request.a, header.source_timestamp > 0) == (4, True)
+    service.send_response(AddTwoInts.Response(sum=9), header)
+    assert world.answer(future).sum == 9
+
+
+def test_with_destroys_a_service_at_its_end(world):
+    node = world.node()
+    with node.create_service(AddTwoInts, "add", None) as service:
+        assert node.count_services("add") == 1
+    assert service not in node.services
+    assert node.count_services("add") == 0
+
+
+def test_a_program_that_ends_right_after_its_call_has_called():
+    program = textwrap.dedent(
+        """
+        import sys
+        import srvgen
+        from taskrpc import rclpy
+
+        rclpy.init(args=[])
+        node = rclpy.create_node("short")
+        srv_type = srvgen.load("example_interfaces/srv/AddTwoInts")
+        node.create_client(srv_type, "add").call_async(srv_type.Request(a=7))
+        """
+    )
+    seen = []
+
+    def note(request, response):
+        seen.append(request.a)
+        return response
+
+    with living() as world:
+        world.node("server").create_service(AddTwoInts, "add", note)
+        subprocess.run([sys.executable, "-c", program], check=True, timeout=30)
+        world.spin_until(lambda: seen)
+    assert seen == [7]
+
+
+def test_a_request_runs_even_if_its_caller_has_given_it_up(world):
+    def add(request, response):
+        done.append(request)
+        return response
+
+    done = []
+    future = called(world, add)
+    server = next(node for node in world.executor.get_nodes() if node.get_name() == "server")
+    world.executor.remove_node(server)
+    world.spin_until(service_of(server, "/add")._ready)
+    future.cancel()
+    world.executor.add_node(server)
+    world.spin_until(lambda: done)
+    assert not future.done()
