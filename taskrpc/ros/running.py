@@ -14,7 +14,7 @@ from types import ModuleType, TracebackType
 from typing import Any, NoReturn
 
 from taskrpc.errors import TaskRpcError
-from taskrpc.ros import executables, hook, workspace
+from taskrpc.ros import hook, workspace
 
 _INTERRUPTED = 130
 _GARBAGE = 700
@@ -57,6 +57,8 @@ def run_executable(package: str, name: str, arguments: Sequence[str]) -> int:
 
     Raises TaskRpcError where there is no such package or executable.
     """
+    from taskrpc.ros import executables  # whose readers of files nobody else needs
+
     folder = workspace.packages(Path.cwd()).get(package)
     if folder is None:
         where = "a package.xml of that name in the workspace here"
@@ -93,7 +95,7 @@ def _ended(program: Callable[[], object]) -> int:
     except SystemExit:
         raise
     except KeyboardInterrupt:
-        print("Interrupted by Ctrl-C", file=sys.stderr)
+        print("KeyboardInterrupt", file=sys.stderr)
         return _INTERRUPTED
     except BaseException as error:
         error.__traceback__ = _without_us(error.__traceback__)

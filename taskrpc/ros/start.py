@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from importlib.machinery import ModuleSpec
 
 _KINDS = ("srv", "msg", "action")
+_MANIFESTS = ("package.xml", "setup.py")
 _NAMES = ("rclpy", "ament_index_python", "rosidl_runtime_py")
 
 _over = False
@@ -79,7 +80,7 @@ def _has_definitions(folder: "str") -> "bool":
 
 
 def _is_in_a_package(folder: "str") -> "bool":
-    while not os.path.isfile(os.path.join(folder, "package.xml")):
+    while not any(os.path.isfile(os.path.join(folder, name)) for name in _MANIFESTS):
         above = os.path.dirname(folder)
         if above == folder:
             return False

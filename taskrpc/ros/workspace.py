@@ -9,12 +9,15 @@ from functools import cache
 from pathlib import Path
 
 MANIFEST = "package.xml"
-"""The file that makes a folder a package."""
+"""The file that makes a folder a package; for a program's own, `setup.py` does, too."""
 
 _LEFT_OUT = {"build", "install", "log", "node_modules", "__pycache__"}
 _IGNORED = ("COLCON_IGNORE", "AMENT_IGNORE")
 _DEPTH = 4
 """Levels of folders, from a workspace's `src` on, in which packages are looked for."""
+
+_DEPTH_ELSEWHERE = 2
+"""The same where there is no `src`: the folder itself, and those in it."""
 
 _MOST = 1_000
 """Folders that are looked into: a home folder's `src` is no workspace, and may be large."""
@@ -23,7 +26,7 @@ _MOST = 1_000
 def package_of(path: Path) -> Path | None:
     """The package that a file or folder belongs to."""
     for folder in (path, *path.parents):
-        if (folder / MANIFEST).is_file():
+        if (folder / MANIFEST).is_file() or (folder / "setup.py").is_file():
             return folder
     return None
 
@@ -35,15 +38,19 @@ def packages(*starts: Path) -> dict[str, Path]:
     what lies in a folder that is or has a workspace.
     """
     found: dict[str, Path] = {}
-    for top in dict.fromkeys(top for start in starts for top in _tops(start)):
-        for name, folder in _packages_in(top):
-            found.setdefault(name, folder)
+    for start in starts:
+        if (own := package_of(start)) is not None:
+            found.setdefault(_name_of(own), own)
+        for top in _tops(start):
+            for name, folder in _packages_in(top):
+                found.setdefault(name, folder)
     return found
 
 
 def roots(*starts: Path) -> list[Path]:
     """Folders whose children are the packages around some files or folders."""
-    return list(dict.fromkeys(folder.parent for folder in packages(*starts).values()))
+    tops = [top for start in starts for top in _tops(start)]
+    return list(dict.fromkeys([*tops, *(folder.parent for folder in packages(*starts).values())]))
 
 
 def _tops(start: Path) -> Iterator[Path]:
@@ -64,7 +71,7 @@ def _packages_in(top: Path) -> tuple[tuple[str, Path], ...]:
     found = []
     level = [top]
     looked_at = 0
-    for _ in range(_DEPTH):
+    for _ in range(_DEPTH if top.name == "src" else _DEPTH_ELSEWHERE):
         below: list[Path] = []
         for folder in level[: _MOST - looked_at]:
             looked_at += 1

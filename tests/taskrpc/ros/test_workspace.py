@@ -32,6 +32,14 @@ def test_without_a_workspace_there_are_none(tmp_path):
     assert workspace.packages(tmp_path, tmp_path / "gone") == {}
 
 
+def test_a_program_s_own_package_needs_no_manifest(tmp_path):
+    node = tmp_path / "group" / "nodes" / "nodes" / "server.py"
+    node.parent.mkdir(parents=True)
+    (node.parent.parent / "setup.py").touch()
+    assert workspace.packages(node.parent) == {"nodes": node.parent.parent}
+    assert workspace.roots(node.parent) == [tmp_path / "group"]
+
+
 def test_what_was_built_or_is_ignored_is_left_out(make):
     ws = make("one", "build/two", "not/three", "four")
     (ws / "src" / "not" / "COLCON_IGNORE").touch()
