@@ -78,7 +78,7 @@ def _end_in_one_line() -> None:
         kind: type[BaseException], error: BaseException, traceback: TracebackType | None
     ) -> None:
         if issubclass(kind, KeyboardInterrupt):
-            print("KeyboardInterrupt", file=sys.stderr)
+            print("Interrupted by Ctrl-C", file=sys.stderr)
         else:
             others(kind, error, traceback)
 
