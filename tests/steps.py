@@ -33,6 +33,7 @@ CALLS, IN_FLIGHT, SERVICES, TASKS = 1000, 20, 100, 200
 PAYLOAD = 65_536
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+Int32 = srvgen.load("std_msgs/msg/Int32")
 Types = srvgen.load("rcl_interfaces/srv/GetParameterTypes")  # takes texts, answers with bytes
 
 Work: TypeAlias = Callable[[], Awaitable[Any]]
@@ -86,6 +87,36 @@ def calling(
             return await steps_of(partial(callers, client))
 
     return measured
+
+
+async def publishing() -> int:
+    """Steps of `CALLS` messages from one process, so to speak, to another."""
+    async with (
+        taskrpc.Node("talker", transport="memory", token="talker") as talker,
+        taskrpc.Node("listener", transport="memory", token="listener") as listener,
+    ):
+        came = 0
+
+        def take(_: Any) -> None:
+            nonlocal came
+            came += 1
+
+        publisher = talker.create_publisher(Int32, "counts")
+        listener.create_subscription(Int32, "counts", take)
+        while not publisher.get_subscription_count():
+            await asyncio.sleep(0)
+        message = Int32(data=1)
+
+        async def work() -> None:
+            nonlocal came
+            came = 0
+            for number in range(1, CALLS + 1):
+                publisher.publish(message)
+                while came < number:
+                    await asyncio.sleep(0)
+
+        await work()
+        return await steps_of(work)
 
 
 async def creating() -> int:
@@ -154,6 +185,7 @@ WORKS: dict[str, tuple[Callable[[], Awaitable[int]], int]] = {
         CALLS,
     ),
     "an exactly-once call": (calling(Add, add, _two_ints, once=True), CALLS),
+    "a message to one subscription": (publishing, CALLS),
     "a service made and destroyed": (creating, SERVICES),
     "a task submitted and cancelled": (queueing, TASKS),
 }

@@ -207,9 +207,8 @@ class Channel(Protocol):
 class Publication(Protocol):
     """A publisher's way to the subscriptions of its topic."""
 
-    @property
-    def encode(self) -> Callable[[Any], bytes]:
-        """Makes a message what `publish` takes. Raises InvalidRequest."""
+    def encode(self, message: Any) -> bytes:
+        """What `publish` takes. Raises InvalidRequest."""
 
     @property
     def matched(self) -> int:
@@ -224,7 +223,7 @@ class Publication(Protocol):
         """Messages that subscriptions did not get, since they did not read; counted for each."""
 
     def publish(self, body: bytes) -> None:
-        """Send a message to all of them. Raises InvalidRequest for one that is too large."""
+        """Send a message to all of them."""
 
     on_matched: Callable[[], object]
     """Called on the loop when other subscriptions match."""

@@ -28,6 +28,8 @@ log = logging.getLogger("taskrpc.topics")
 
 MAX_SUBSCRIPTIONS = 4096
 """Subscriptions that one connection may have."""
+MOST_TOLD = 100
+"""Warnings of one publisher: peers can make up any number of mismatches."""
 MAX_OWED = 32 * 1024 * 1024
 """Bytes of messages that wait for one connection to read."""
 
@@ -43,7 +45,7 @@ class Publication:
         """What its messages carry, so that a subscription tells publishers apart."""
         self.role = role
         """The least that a subscriber's account must be."""
-        self.encode = codec_of(msg_type).encode
+        self._encode = codec_of(msg_type).encode
         self.feeds: dict[RemoteSubscription, Feed] = {}
         self.local: dict[Reception, None] = {}
         self.on_matched: Callable[[], object] = _nothing
@@ -64,14 +66,18 @@ class Publication:
         """How many subscriptions there are."""
         return len(self.feeds) + len(self.local)
 
-    def publish(self, body: bytes) -> None:
-        """Send an encoded message to all subscriptions.
+    def encode(self, message: Any) -> bytes:
+        """What `publish` takes.
 
-        Raises InvalidRequest for one that is larger than anybody accepts.
+        Raises InvalidRequest for another type, a value out of place, or more than anybody accepts.
         """
-        if len(body) > DEFAULT_LIMITS.body:
-            limit = DEFAULT_LIMITS.body
+        body, limit = self._encode(message), DEFAULT_LIMITS.body
+        if len(body) > limit:
             raise InvalidRequest("", f"a message of {len(body)} bytes; at most {limit} can be sent")
+        return body
+
+    def publish(self, body: bytes) -> None:
+        """Send an encoded message to all subscriptions."""
         self.sent += 1
         sequence = self.sent & wire.SEQUENCE_MASK
         if self.latched is not None:
@@ -93,7 +99,7 @@ class Publication:
     def refuses(self, wanted: TopicEndpoint, subscriber: str) -> bool:
         """Whether a subscription does not match; says so, once for each."""
         mismatch = wire.mismatch_of(self.named, wanted)
-        if mismatch is not None and wanted not in self._told:
+        if mismatch is not None and wanted not in self._told and len(self._told) < MOST_TOLD:
             self._told.add(wanted)
             log.warning("%s", _unmatched(self.named, wanted, mismatch, subscriber))
         return mismatch is not None

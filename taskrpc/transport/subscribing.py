@@ -25,6 +25,8 @@ if TYPE_CHECKING:
     from taskrpc.transport.publishing import Publication
     from taskrpc.transport.topics import Home, Topics
 
+MOST_TOLD = 100
+"""Warnings of one subscription: peers can make up any number of mismatches."""
 _HALF = wire.SEQUENCE_MASK // 2
 """Counts wrap around: a message that is further ahead is one of before."""
 
@@ -116,7 +118,7 @@ class Reception:
         return not self.refuses(each.publisher)
 
     def _tell(self, about: object, warning: str) -> None:
-        if about not in self._told:
+        if about not in self._told and len(self._told) < MOST_TOLD:
             self._told.add(about)
             log.warning("%s", warning)
 

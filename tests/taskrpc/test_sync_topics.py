@@ -136,3 +136,37 @@ def test_a_destroyed_publisher_says_so(talker):
     publisher.destroy()
     with pytest.raises(taskrpc.TaskRpcError, match="the publisher of /counts is destroyed"):
         publisher.publish(Int32())
+
+
+def test_what_is_too_large_is_refused_in_the_thread_that_publishes_it(talker, listener):
+    box = Box()
+    string = srvgen.load("std_msgs/msg/String")
+    publisher = talker.create_publisher(string, "text")
+    connect(publisher, listener.create_subscription(string, "text", box))
+    with pytest.raises(taskrpc.InvalidRequest, match="at most 16842752 can be sent"):
+        publisher.publish(string(data="x" * 17_000_000))
+    publisher.publish(string(data="fits"))
+    assert box.wait(1) == ["fits"]
+
+
+def test_a_thread_that_is_faster_than_the_loop_waits_for_it(talker, monkeypatch):
+    from taskrpc import topic
+
+    monkeypatch.setattr(topic, "MOST_HANDED", 4)
+    publisher = talker.create_publisher(Int32, "counts")
+    go_on = threading.Event()
+    talker._loop.soon(lambda: go_on.wait(5))
+
+    def publish():
+        for number in range(20):
+            publisher.publish(Int32(data=number))
+
+    thread = threading.Thread(target=publish)
+    thread.start()
+    thread.join(0.2)
+    assert thread.is_alive()
+    assert len(publisher._inner._handed) == 4
+    go_on.set()
+    thread.join(5)
+    publisher.destroy()
+    assert publisher.sent == 20

@@ -290,3 +290,14 @@ async def test_a_service_is_no_message(net):
         node.create_publisher(srvgen.load("std_srvs/srv/Trigger"), "x")
     with pytest.raises(taskrpc.InvalidName, match="Invalid topic name"):
         node.create_subscription(Int32, "no spaces", print)
+
+
+async def test_mismatches_that_a_peer_makes_up_do_not_fill_the_log(net, caplog):
+    talker, listener = await net.node("talker"), await net.node("listener")
+    talker.create_publisher(Int32, "counts", QoS(reliability="best_effort"))
+    matching = talker.create_publisher(Int32, "counts")
+    for depth in range(1, 151):
+        listener.create_subscription(Int32, "counts", print, depth)
+    await until(lambda: matching.get_subscription_count() == 150)
+    of_publisher = [text for text in caplog.messages if text.startswith("New subscription")]
+    assert len(of_publisher) == 100
