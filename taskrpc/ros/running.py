@@ -34,7 +34,10 @@ def run_script(path: Path, arguments: Sequence[str]) -> int:
     main = ModuleType("__main__")
     main.__dict__.update(__file__=str(path), __builtins__=__builtins__)
     sys.modules["__main__"] = main
-    return _ended(lambda: exec(compile(source, str(path), "exec"), main.__dict__))
+    # Not with our own `from __future__ import annotations`.
+    return _ended(
+        lambda: exec(compile(source, str(path), "exec", dont_inherit=True), main.__dict__)
+    )
 
 
 def run_module(name: str, arguments: Sequence[str]) -> int:

@@ -1,5 +1,6 @@
 """`taskrpc run` runs an unmodified ROS program, and ends as Python would."""
 
+import signal
 import subprocess
 import sys
 
@@ -57,6 +58,16 @@ def test_a_program_ends_with_its_own_status(run):
     assert run("import sys\nsys.exit(7)\n")[0] == 7
 
 
+def test_a_program_is_compiled_and_found_as_python_itself_does(run):
+    source = (
+        "# -*- coding: latin-1 -*-\n"
+        "import sys, os\n"
+        "def f(x: int): pass\n"
+        "print(f.__annotations__, sys.path[0] == os.getcwd(), __file__, __doc__, __spec__)\n"
+    )
+    assert run(source) == (0, "{'x': <class 'int'>} True program.py None None\n", "")
+
+
 def test_an_exception_shows_the_program_and_nothing_of_us(run):
     code, _, error = run("def f():\n    1/0\n\nf()\n")
     assert code == 1
@@ -65,6 +76,23 @@ def test_an_exception_shows_the_program_and_nothing_of_us(run):
         '  File "program.py", line 4, in <module>',
     ]
     assert "taskrpc" not in error
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no process gets just a Ctrl-C there")
+def test_ctrl_c_is_one_line_and_130_unless_the_program_catches_it(tmp_path):
+    for source, code, error in (
+        ("rclpy.spin(node)", 130, "KeyboardInterrupt\n"),
+        ("import time; time.sleep(60)", 130, "KeyboardInterrupt\n"),
+        ("try: rclpy.spin(node)\nexcept KeyboardInterrupt: pass\nrclpy.shutdown()", 0, ""),
+    ):
+        start = "import rclpy\nrclpy.init()\nnode = rclpy.create_node('n')\nprint(1, flush=True)\n"
+        (tmp_path / "program.py").write_text(start + source)
+        command = [sys.executable, "-m", "taskrpc", "run", str(tmp_path / "program.py")]
+        with subprocess.Popen(command, stdout=-1, stderr=-1, text=True) as process:
+            assert process.stdout.readline() == "1\n"
+            process.send_signal(signal.SIGINT)
+            assert process.communicate(timeout=30) == ("", error)
+        assert process.returncode == code
 
 
 def test_a_program_that_is_not_there_is_told_in_a_line(run):
