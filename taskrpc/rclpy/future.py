@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import sys
 import threading
 import warnings
@@ -42,7 +44,13 @@ class Future(Generic[T]):
 
     def __await__(self) -> Generator[Any, None, T | None]:
         while not self._done:
-            yield self
+            if (step := running_steps.get(threading.get_ident())) is not None:
+                step.awaited = self
+                yield
+            elif (loop := asyncio._get_running_loop()) is not None:
+                yield from self._done_in(loop)
+            else:  # whoever drives this coroutine asks again, as in ROS
+                yield
         return self.result()
 
     def cancel(self) -> None:
@@ -124,6 +132,21 @@ class Future(Generic[T]):
                 return
         waiter()
 
+    def _done_in(self, loop: asyncio.AbstractEventLoop) -> Generator[Any, None, None]:
+        """Wait in a coroutine of asyncio, while another thread spins."""
+        done: asyncio.Future[None] = loop.create_future()
+
+        def wake() -> None:
+            if not done.done():
+                done.set_result(None)
+
+        def tell() -> None:
+            with contextlib.suppress(RuntimeError):  # the loop was closed meanwhile
+                loop.call_soon_threadsafe(wake)
+
+        self._when_done(tell)
+        yield from done
+
     def _schedule_or_invoke_done_callbacks(self) -> None:
         with self._lock:
             waiters, self._waiters = self._waiters, []
@@ -142,6 +165,16 @@ class Future(Generic[T]):
             except Exception as error:
                 warnings.warn(f"Unhandled exception in done callback: {error}", stacklevel=3)
 
+
+class Step:
+    """One step of a task's coroutine, which runs now."""
+
+    awaited: Future[Any] | None = None
+    """The future at which it stopped; None when it stopped for another reason."""
+
+
+running_steps: dict[int, Step] = {}
+"""The innermost step on each thread, by the thread's identifier."""
 
 Future.__module__ = f"{__package__}.task"  # where programs find it
 

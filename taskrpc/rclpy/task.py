@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from types import CoroutineType
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from .future import Future
+from .future import Future, Step, running_steps
 
 if TYPE_CHECKING:
     from ._entity import Entity
@@ -82,14 +82,23 @@ class Task(Future[T]):
 
     def _step(self, coroutine: CoroutineType[Any, Any, T]) -> Any:
         """What the coroutine awaits now; this task itself when it awaits nothing more."""
+        thread, step = threading.get_ident(), Step()
+        outer = running_steps.get(thread)
+        running_steps[thread] = step
         try:
-            return coroutine.send(None)
+            coroutine.send(None)
+            return step.awaited
         except StopIteration as stop:
             self._forget()
             self.set_result(stop.value)
         except Exception as error:
             self._forget()
             self.set_exception(error)
+        finally:
+            if outer is None:
+                del running_steps[thread]
+            else:
+                running_steps[thread] = outer
         return self
 
     def _finish(self, function: Callable[..., T]) -> None:
@@ -108,7 +117,7 @@ class Task(Future[T]):
         executor = self._executor()
         if executor is None:
             return
-        if isinstance(awaited, Future):
+        if awaited is not None:
             awaited._when_done(lambda: executor._resume(self))
         else:  # a bare yield: the next round
             executor._resume(self)

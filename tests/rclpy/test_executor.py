@@ -194,6 +194,40 @@ def test_what_a_coroutine_raises_after_it_waited_leaves_spin(executor, fake):
     assert fake.group.can_execute(guard)
 
 
+async def test_coroutine_callbacks_run_in_a_program_that_spins_inside_of_asyncio(executor, fake):
+    future, seen = Future(), []
+
+    async def callback():
+        seen.append(await future)
+
+    fake.guard(callback).trigger()
+    executor.spin_once(0)
+    future.set_result("answer")
+    executor.spin_once(0)
+    await asyncio.sleep(0)
+    assert seen == ["answer"]
+
+
+def test_a_callback_that_spins_in_a_coroutine_leaves_its_own_step_alone(executor, fake):
+    inner, outer, seen = Future(), Future(), []
+
+    async def nested():
+        seen.append(await inner)
+
+    async def callback():
+        fake.guard(nested, ReentrantCallbackGroup()).trigger()
+        executor.spin_once(0)
+        seen.append(await outer)
+
+    fake.guard(callback).trigger()
+    executor.spin_once(0)
+    outer.set_result("outer")
+    executor.spin_once(0)
+    inner.set_result("inner")
+    executor.spin_once(0)
+    assert seen == ["outer", "inner"]
+
+
 def test_a_coroutine_that_always_yields_starves_nobody(executor, fake):
     seen = []
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import asyncio
 import gc
+import threading
 
 import pytest
 
@@ -128,6 +130,39 @@ def test_awaiting_raises_the_exception():
     future.set_exception(RuntimeError("no"))
     with pytest.raises(RuntimeError, match="no"):
         coroutine.send(None)
+
+
+@pytest.mark.real_time
+async def test_a_coroutine_of_asyncio_awaits_it_while_another_thread_completes_it():
+    future = Future()
+    threading.Timer(0.01, future.set_result, ["here"]).start()
+    assert await asyncio.wait_for(_awaited(future), 5) == "here"
+
+
+@pytest.mark.real_time
+async def test_a_coroutine_of_asyncio_may_give_it_up():
+    future = Future()
+    with pytest.raises(TimeoutError):
+        await asyncio.wait_for(_awaited(future), 0.01)
+    future.set_result(None)
+    await asyncio.sleep(0)
+
+
+@pytest.mark.real_time
+def test_completing_it_after_the_loop_of_its_reader_was_closed_is_silent():
+    future = Future()
+
+    async def begin():
+        reader = asyncio.ensure_future(_awaited(future))
+        await asyncio.sleep(0)
+        reader.cancel()
+
+    asyncio.run(begin())
+    future.set_result(None)
+
+
+async def _awaited(future):
+    return await future
 
 
 def test_an_exception_that_nobody_asked_for_is_told_when_the_future_goes(capsys):
