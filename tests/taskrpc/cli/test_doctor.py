@@ -171,7 +171,11 @@ def test_what_is_no_address_is_wrong_usage(capsys):
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")
-def test_a_server_that_ctrl_z_stopped_is_named_with_how_it_goes_on(own_server, examine):
+def test_a_server_that_ctrl_z_stopped_is_named_with_how_it_goes_on(
+    own_server, examine, monkeypatch
+):
+    monkeypatch.setattr("taskrpc.transport.connection.HANDSHAKE_TIMEOUT", 0.3)
+    monkeypatch.setattr("taskrpc.cli.remote.PATIENCE", 0.6)
     pid = own_server.process.pid
     os.kill(pid, signal.SIGSTOP)
     os.waitpid(pid, os.WUNTRACED)
@@ -182,7 +186,7 @@ def test_a_server_that_ctrl_z_stopped_is_named_with_how_it_goes_on(own_server, e
     assert f"kill -CONT {pid}" in advice
     code, found = examine(own_server.address)
     assert (code, len(found)) == (1, 2)
-    assert found[1][1] == f"{own_server.address}: no handshake within 3 s"
+    assert found[1][1] == f"{own_server.address}: no handshake within 0.3 s"
     assert "stuck or was stopped" in found[1][2]
 
 
