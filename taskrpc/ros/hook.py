@@ -39,17 +39,6 @@ def install(*folders: Path | str) -> None:
         sys.meta_path.insert(_behind_python(), _neighbours)
 
 
-def uninstall() -> None:
-    """Take the hook away again, with the modules that came with it."""
-    srvgen.importer.uninstall_import_hook()
-    _neighbours.starts.clear()
-    for finder in (_finder, _neighbours):
-        if finder in sys.meta_path:
-            sys.meta_path.remove(finder)
-    for name in [one for one in sys.modules if one.partition(".")[0] in _HOMES]:
-        del sys.modules[name]
-
-
 def real_rclpy() -> str:
     """Where a real rclpy lies that this Python could import, "" where there is none."""
     spec = PathFinder.find_spec("rclpy")
