@@ -53,6 +53,8 @@ def _status(_: Namespace) -> int:
 
     if real := real_rclpy():
         print(f"ROS 2's own rclpy is what programs of {sys.prefix} import: {real}")
+    elif enabling.is_enabled() and not enabling.is_of_this_version():
+        print("enabled by another version of taskrpc: say taskrpc ros enable once more")
     elif enabling.is_enabled():
         print(f"enabled: programs of {sys.prefix} can import rclpy")
     else:

@@ -31,6 +31,11 @@ def is_enabled() -> bool:
     return all((folder() / name).is_file() for name in FILES)
 
 
+def is_of_this_version() -> bool:
+    """Whether what is there is what this taskrpc would write."""
+    return is_enabled() and (folder() / FILES[0]).read_text("utf-8") == _START.read_text("utf-8")
+
+
 def enable() -> Path:
     """Let the environment's programs find `rclpy`; returns the folder that `FILES` are in.
 

@@ -112,6 +112,11 @@ def test_nothing_else_is_changed_or_loaded(enabled):
 def test_disable_removes_all_of_it(enabled):
     assert enabled.run("-c", "import rclpy") == (0, "", "")
     assert enabled.ros("status")[1].startswith("enabled: ")
+    [module] = enabled.folder.rglob("_taskrpc_ros.py")
+    module.write_text(module.read_text() + "# of another version")
+    assert enabled.ros("status")[1].startswith("enabled by another version of taskrpc: ")
+    assert enabled.ros("enable")[0] == 0
+    assert enabled.ros("status")[1].startswith("enabled: ")
     assert enabled.ros("disable")[0] == 0
     assert enabled.written == []
     assert "No module named 'rclpy'" in enabled.run("-c", "import rclpy")[2]
