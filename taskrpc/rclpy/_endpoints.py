@@ -6,7 +6,7 @@ import hashlib
 import os
 import weakref
 from collections.abc import Iterable
-from typing import Any
+from typing import Any, TypeAlias
 
 from taskrpc.transport.entries import Entry
 
@@ -19,13 +19,22 @@ from .qos import (
 )
 from .type_hash import type_hash_of
 
-_ours: weakref.WeakKeyDictionary[Any, tuple[EndpointTypeEnum, str]] = weakref.WeakKeyDictionary()
-"""This program's publishers and subscriptions, of which all policies are known, and their nodes."""
+_Known: TypeAlias = tuple[EndpointTypeEnum, str, str, QoSProfile]
+
+_ours: weakref.WeakKeyDictionary[Any, _Known] = weakref.WeakKeyDictionary()
+"""This program's publishers and subscriptions, of which all policies are known."""
 
 
-def remember(thing: Any, kind: EndpointTypeEnum, node: str) -> None:
-    """Know the whole QoS profile of a node's publisher or subscription."""
-    _ours[thing] = kind, node
+def remember(
+    thing: Any, kind: EndpointTypeEnum, node: str, topic: str, profile: QoSProfile
+) -> None:
+    """Know the whole profile of a node's publisher or subscription, until `forget`."""
+    _ours[thing] = kind, node, topic, profile
+
+
+def forget(thing: Any) -> None:
+    """Know nothing more of a publisher or subscription that was destroyed."""
+    _ours.pop(thing, None)
 
 
 def publishers_of(entries: Iterable[Entry], topic: str) -> list[TopicEndpointInfo]:
@@ -113,9 +122,8 @@ def _service(entry: Entry, one: Any, kind: EndpointTypeEnum) -> ServiceEndpointI
 def _whole_profile(entry: Entry, one: Any, kind: EndpointTypeEnum) -> QoSProfile | None:
     if entry.pid != os.getpid():
         return None
-    for thing, (its_kind, node) in list(_ours.items()):
-        if its_kind is kind and (thing.topic, node) == (one.name, one.node) and thing.handle.valid:
-            profile: QoSProfile = thing.qos_profile
+    for *known, profile in list(_ours.values()):
+        if known == [kind, one.node, one.name]:
             return profile
     return None
 

@@ -10,6 +10,7 @@ from .client import Client
 from .clock import Clock
 from .constants import S_TO_NS
 from .context import Context
+from .event_handler import wanted
 from .guard_condition import GuardCondition
 from .publisher import Publisher
 from .qos import QoSProfile, qos_profile_services_default
@@ -104,9 +105,9 @@ class NodeEntities:
         check_is_valid_msg_type(msg_type)
         name = self.resolve_topic_name(topic)
         self._override_qos(Publisher, name, qos, qos_overriding_options)
-        publisher = publisher_class(
-            self._as_node(), msg_type, name, qos, self._group(callback_group)
-        )
+        group = self._group(callback_group)
+        publisher = publisher_class(self._as_node(), msg_type, name, qos, group)
+        self._tell_of_events(event_callbacks, name)
         return self._added(self._publishers, publisher)
 
     def create_subscription(
@@ -134,6 +135,7 @@ class NodeEntities:
         subscription: Subscription[Any] = Subscription(
             self._as_node(), msg_type, name, callback, group, qos, raw
         )
+        self._tell_of_events(event_callbacks, name)
         return self._added(self._subscriptions, subscription, group)
 
     def create_client(
@@ -277,6 +279,13 @@ class NodeEntities:
         for things in everything:
             while things:
                 things.pop().destroy()
+
+    def _tell_of_events(self, callbacks: Any, topic: str) -> None:
+        if names := wanted(callbacks):
+            node = self._as_node()
+            node.get_logger().warning(
+                f"taskrpc reports no events of topics: {', '.join(names)} of {topic}"
+            )
 
     def _as_node(self) -> Node:
         return cast("Node", self)

@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 import srvgen
 from taskrpc.errors import InvalidRequest
 
+from ._endpoints import forget, remember
+from .endpoint_info import EndpointTypeEnum
 from .impl import log_output
 from .impl.log_format import Record
 from .qos import QoSProfile
@@ -30,6 +32,8 @@ class Rosout:
         self._name = name
         # Not one of the node's own publishers, as in ROS; nor does it keep the node alive.
         self._native = node._bridge.publisher(_Log, TOPIC, qos._native())
+        node_name = node.get_fully_qualified_name()
+        remember(self, EndpointTypeEnum.PUBLISHER, node_name, TOPIC, qos)
         log_output.add_rosout(name, self.publish)
 
     def publish(self, record: Record) -> None:
@@ -51,3 +55,4 @@ class Rosout:
         """Publish no more."""
         log_output.remove_rosout(self._name)
         self._native.close()
+        forget(self)

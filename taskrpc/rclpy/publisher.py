@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 from srvgen import from_cdr
 
-from ._endpoints import remember
+from ._endpoints import forget, remember
 from .callback_groups import CallbackGroup
 from .duration import Duration
 from .endpoint_info import EndpointTypeEnum
@@ -38,7 +38,8 @@ class Publisher(Generic[MsgT]):
         self.handle = Handle(self)
         self.event_handlers: list[Any] = []
         self._native = node._bridge.publisher(msg_type, topic, qos_profile._native())
-        remember(self, EndpointTypeEnum.PUBLISHER, node.get_fully_qualified_name())
+        node_name = node.get_fully_qualified_name()
+        remember(self, EndpointTypeEnum.PUBLISHER, node_name, topic, qos_profile)
 
     @property
     def topic_name(self) -> str:
@@ -86,6 +87,7 @@ class Publisher(Generic[MsgT]):
                 handler.destroy()
             self.handle.destroy_when_not_in_use()
             self._native.close()
+            forget(self)
 
     def __enter__(self) -> Self:
         return self

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypedDict, TypeVar
 
 from srvgen import to_cdr
 
-from ._endpoints import remember
+from ._endpoints import forget, remember
 from ._entity import Entity
 from .callback_groups import CallbackGroup
 from .endpoint_info import EndpointTypeEnum
@@ -68,7 +68,8 @@ class Subscription(Entity, Generic[MsgT]):
         self._received = 0
         self._messages: deque[tuple[Any, MessageInfo]] = deque(maxlen=native.depth)
         self._native = node._bridge.subscription(msg_type, topic, self._came, native)
-        remember(self, EndpointTypeEnum.SUBSCRIPTION, node.get_fully_qualified_name())
+        node_name = node.get_fully_qualified_name()
+        remember(self, EndpointTypeEnum.SUBSCRIPTION, node_name, topic, qos_profile)
 
     @property
     def topic_name(self) -> str:
@@ -112,6 +113,7 @@ class Subscription(Entity, Generic[MsgT]):
                 handler.destroy()
             self.handle.destroy_when_not_in_use()
             self._native.close()
+            forget(self)
 
     def __enter__(self) -> Self:
         return self

@@ -135,3 +135,16 @@ def test_servers_and_clients_are_told_one_by_one(node):
     assert client.endpoint_type is EndpointTypeEnum.CLIENT
     assert server.service_type == client.service_type == "std_srvs/srv/Trigger"
     assert "Node name: robot" in str(server)
+
+
+def test_the_log_is_published_with_the_profile_that_the_program_gives(world):
+    best_effort = QoSProfile(
+        depth=3,
+        reliability=ReliabilityPolicy.BEST_EFFORT,
+        lifespan=Duration(seconds=20),
+    )
+    silent = world.node("silent", enable_rosout=False)
+    assert silent.get_publishers_info_by_topic("/rosout") == []
+    world.node("loud", rosout_qos_profile=best_effort)
+    (info,) = silent.get_publishers_info_by_topic("/rosout")
+    assert (info.node_name, info.qos_profile) == ("loud", best_effort)

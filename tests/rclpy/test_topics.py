@@ -5,6 +5,7 @@ import threading
 import pytest
 
 import srvgen
+from taskrpc.rclpy.qos_event import PublisherEventCallbacks, SubscriptionEventCallbacks
 from taskrpc.rclpy.serialization import deserialize_message, serialize_message
 from taskrpc.rclpy.subscription import Subscription
 from taskrpc.rclpy.wait_for_message import wait_for_message
@@ -128,3 +129,12 @@ def test_one_message_can_be_waited_for_without_spinning(node):
     thread.join()
     assert (found, message.data) == (True, "at last")
     assert publisher.get_subscription_count() == 0
+
+
+def test_who_asks_for_events_of_a_topic_is_told_that_there_are_none(node, capfd):
+    node.create_publisher(String, "talk", 10, event_callbacks=PublisherEventCallbacks())
+    assert capfd.readouterr().err == ""
+    events = SubscriptionEventCallbacks(deadline=print, message_lost=print)
+    node.create_subscription(String, "talk", print, 10, event_callbacks=events)
+    told = "taskrpc reports no events of topics: deadline, message_lost of /talk"
+    assert told in capfd.readouterr().err

@@ -1,0 +1,12 @@
+"""Filters by content, which only some of ROS's middlewares have; this one has none."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class ContentFilterOptions(NamedTuple):
+    """An expression such as `data > %0`, and its parameters."""
+
+    filter_expression: str
+    expression_parameters: list[str]
