@@ -103,6 +103,23 @@ def test_pytest_runs_tests_of_nodes(enabled, tmp_path):
     assert (code, out.splitlines()[-1].split(" in ")[0]) == (0, "1 passed")
 
 
+def test_a_cell_of_a_notebook_spins_though_its_thread_runs_a_loop(enabled):
+    cell = """
+import rclpy
+from std_srvs.srv import Trigger
+with rclpy.init():
+    node = rclpy.create_node("notebook")
+    node.create_service(Trigger, "ask", lambda request, response: response)
+    client = node.create_client(Trigger, "ask")
+    assert client.wait_for_service(20)
+    future = client.call_async(Trigger.Request())
+    rclpy.spin_until_future_complete(node, future)
+    print(future.result().success)
+"""
+    kernel = f"import asyncio\nasync def kernel(): exec({cell!r}, {{}})\nasyncio.run(kernel())"
+    assert enabled.run("-c", kernel) == (0, "False\n", "")
+
+
 def test_nothing_else_is_changed_or_loaded(enabled):
     code = "import sys, json\ntry: import nope_nope\nexcept ImportError as e: print(e)\n"
     code += "print([name for name in sys.modules if name.split('.')[0] in ('taskrpc', 'srvgen')])"
