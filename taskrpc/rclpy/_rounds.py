@@ -6,6 +6,7 @@ cannot keep a service from its turn.
 
 from __future__ import annotations
 
+import contextlib
 import threading
 import time
 from collections import deque
@@ -67,6 +68,7 @@ class Rounds:
         self._round: deque[Work] = deque()
         self._tasks_were_last = False
         self._ready_tasks: deque[Task[Any]] = deque()
+        self._parked: deque[Task[Any]] = deque()
         self._made = 0
         self._is_shutdown = False
         self._context._sleeps.add(self._sleep)
@@ -90,6 +92,7 @@ class Rounds:
         """
         if isinstance(timeout, TimeoutObject):
             timeout = timeout.timeout
+        self._unpark()
         end = None
         while not self._is_shutdown and not condition():
             if (work := self._take_from_round(nodes)) is not None:
@@ -120,7 +123,7 @@ class Rounds:
             task, entity, node = work
             if node is not None and node not in usable:
                 if task is not None:
-                    self._ready_tasks.append(task)
+                    self._parked.append(task)
             elif task is not None:
                 if task._runnable():
                     return work
@@ -145,9 +148,7 @@ class Rounds:
         return due
 
     def _collect_tasks(self) -> None:
-        tasks = []
-        while self._ready_tasks:
-            tasks.append(self._ready_tasks.popleft())
+        tasks = _emptied(self._ready_tasks)
         tasks.sort(key=lambda task: task._number, reverse=self._youngest_first)
         self._round.extend((task, task._entity, task._node) for task in tasks)
 
@@ -196,6 +197,11 @@ class Rounds:
         node._layout = (version, layout)
         return layout
 
+    def _unpark(self) -> None:
+        """Consider the tasks again whose nodes were not among those that were asked for."""
+        if self._parked:
+            self._ready_tasks.extend(_emptied(self._parked))
+
     def _keep(self, task: Task[Any]) -> None:
         self._made += 1
         task._number = self._made
@@ -208,3 +214,12 @@ class Rounds:
     def _notify(self) -> None:
         """Wake whoever spins: something arrived; from any thread and from signal handlers."""
         self._sleep.end()
+
+
+def _emptied(tasks: deque[Task[Any]]) -> list[Task[Any]]:
+    """Take all out, though other threads may take some, too."""
+    found = []
+    with contextlib.suppress(IndexError):
+        while True:
+            found.append(tasks.popleft())
+    return found

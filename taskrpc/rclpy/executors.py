@@ -82,6 +82,7 @@ class Executor(Rounds):
             self._nodes[node] = None
         self._layout = None
         node.executor = self
+        self._unpark()
         self._sleep.end()
         return True
 

@@ -373,6 +373,26 @@ def test_a_node_removed_in_the_middle_of_a_round_is_not_served(executor, fake):
     executor.spin_once(0)
 
 
+def test_a_task_of_a_node_that_was_removed_waits_until_the_node_is_back(context, executor, fake):
+    seen = []
+
+    async def callback():
+        await asyncio.sleep(0)
+        seen.append("went on")
+
+    fake.guard(callback).trigger()
+    executor.spin_once(0)
+    executor.remove_node(fake)
+    executor.add_node(other := FakeNode(context))
+    other.guard(lambda: seen.append("other")).trigger()
+    for _ in range(3):
+        executor.spin_once(0)
+    assert seen == ["other"]
+    executor.add_node(fake)
+    executor.spin_once(0)
+    assert seen == ["other", "went on"]
+
+
 def test_what_is_created_later_is_served(executor, fake):
     executor.spin_once(0)
     seen = []
