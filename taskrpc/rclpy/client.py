@@ -14,7 +14,7 @@ from ._entity import Entity
 from ._outbox import Outbox
 from .callback_groups import CallbackGroup
 from .future import Future
-from .handle import Handle
+from .handle import ArrivalHandle
 from .service_introspection import Introspection, ServiceIntrospectionState
 
 if TYPE_CHECKING:
@@ -49,7 +49,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         self.srv_name = srv_name
         self.qos_profile = qos_profile
         self.callback_group = callback_group
-        self.handle = Handle(self)
+        self.handle = ClientHandle(self)
         self._native = node._bridge.client(srv_type, srv_name)
         self._outbox = Outbox(self._native, srv_type)
         self._answers: deque[tuple[int, Any, BaseException | None]] = deque()
@@ -105,6 +105,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         def tell(response: Any, error: BaseException | None) -> None:
             self._answers.append((number, response, error))
             self._arrived()
+            self.handle._came()
 
         try:
             give_up = self._outbox.send(request, tell)
@@ -216,3 +217,15 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             future.set_result(response)
         else:
             future.set_exception(error)
+
+
+class ClientHandle(ArrivalHandle):
+    """What `Client.handle` is."""
+
+    def set_on_new_response_callback(self, callback: Callable[[int], object]) -> None:
+        """Call this with how many responses arrived, on the thread that received them."""
+        self._tell_of_new(callback)
+
+    def clear_on_new_response_callback(self) -> None:
+        """Call nothing any more when responses arrive."""
+        self._tell_of_new(None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Self
 
@@ -45,3 +46,26 @@ class Handle:
         traceback: TracebackType | None,
     ) -> None:
         """Nothing to give back."""
+
+
+class ArrivalHandle(Handle):
+    """A handle of something that things arrive at, which tells a callback so at once."""
+
+    def __init__(self, owner: Any = None) -> None:
+        super().__init__(owner)
+        self._on_new: Callable[[int], object] | None = None
+        self._untold = 0
+
+    def _came(self) -> None:
+        """One more has arrived; on the thread that received it."""
+        if self._on_new is not None:
+            self._on_new(1)
+        else:
+            self._untold += 1
+
+    def _tell_of_new(self, callback: Callable[[int], object] | None) -> None:
+        """Call this from now on with how many arrived, first with those before it; None: nobody."""
+        self._on_new = callback
+        if callback is not None and self._untold:
+            untold, self._untold = self._untold, 0
+            callback(untold)

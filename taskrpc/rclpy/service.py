@@ -13,7 +13,7 @@ from taskrpc.errors import Code, HandlerFailed, InvalidRequest
 from ._endpoints import gid_of
 from ._entity import Entity
 from .callback_groups import CallbackGroup
-from .handle import Handle
+from .handle import ArrivalHandle
 from .service_introspection import Introspection, ServiceIntrospectionState
 
 if TYPE_CHECKING:
@@ -108,6 +108,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     def _came(self, call: DeferredCall) -> None:
         self._calls.append(call)
         self._arrived()
+        self.handle._came()
 
     # On the spinning thread
 
@@ -175,7 +176,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         call.fail(HandlerFailed(Code.INTERNAL, problem))
 
 
-class ServiceHandle(Handle):
+class ServiceHandle(ArrivalHandle):
     """What `Service.handle` is; requests can be taken from it instead of by a callback."""
 
     def service_take_request(self, pymsg_type: Any) -> tuple[Any, Any]:
@@ -186,6 +187,14 @@ class ServiceHandle(Handle):
             return (None, None)
         call.started()
         return call.request, RequestHeader(call, time.time_ns())
+
+    def set_on_new_request_callback(self, callback: Callable[[int], object]) -> None:
+        """Call this with how many requests arrived, on the thread that received them."""
+        self._tell_of_new(callback)
+
+    def clear_on_new_request_callback(self) -> None:
+        """Call nothing any more when requests arrive."""
+        self._tell_of_new(None)
 
 
 _OF_EVERY_NODE = ("rcl_interfaces/", "type_description_interfaces/")

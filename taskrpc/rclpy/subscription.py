@@ -16,7 +16,7 @@ from ._endpoints import forget, remember
 from ._entity import Entity
 from .callback_groups import CallbackGroup
 from .endpoint_info import EndpointTypeEnum
-from .handle import Handle
+from .handle import ArrivalHandle
 
 if TYPE_CHECKING:
     from .node import Node
@@ -138,6 +138,7 @@ class Subscription(Entity, Generic[MsgT]):
         )
         self._messages.append((message, info))
         self._arrived()
+        self.handle._came()
 
     def _ready(self) -> bool:
         return bool(self._messages)
@@ -161,7 +162,7 @@ class Subscription(Entity, Generic[MsgT]):
         return to_cdr(message) if self.raw else message, info
 
 
-class SubscriptionHandle(Handle):
+class SubscriptionHandle(ArrivalHandle):
     """What `Subscription.handle` is; messages can be taken from it instead of by a callback."""
 
     def take_message(self, pymsg_type: Any, raw: bool) -> tuple[Any, MessageInfo] | None:
@@ -171,6 +172,14 @@ class SubscriptionHandle(Handle):
         if taken is None or not raw or isinstance(taken[0], bytes):
             return taken
         return to_cdr(taken[0]), taken[1]
+
+    def set_on_new_message_callback(self, callback: Callable[[int], object]) -> None:
+        """Call this with how many messages arrived, on the thread that received them."""
+        self._tell_of_new(callback)
+
+    def clear_on_new_message_callback(self) -> None:
+        """Call nothing any more when messages arrive."""
+        self._tell_of_new(None)
 
 
 def _callback_type(callback: Callable[..., Any]) -> Subscription.CallbackType:

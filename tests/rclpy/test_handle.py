@@ -1,0 +1,30 @@
+"""Handles tell what arrives, and refuse what is destroyed."""
+
+import pytest
+
+from taskrpc.rclpy.exceptions import InvalidHandle
+from taskrpc.rclpy.handle import ArrivalHandle, Handle
+
+
+def test_whoever_asks_late_is_told_of_all_that_came_before():
+    handle, told = ArrivalHandle(), []
+    handle._came()
+    handle._came()
+    handle._tell_of_new(told.append)
+    handle._came()
+    assert told == [2, 1]
+
+
+def test_nobody_is_told_after_the_callback_is_cleared():
+    handle, told = ArrivalHandle(), []
+    handle._tell_of_new(told.append)
+    handle._tell_of_new(None)
+    handle._came()
+    assert told == []
+
+
+def test_a_destroyed_handle_cannot_be_entered():
+    handle = Handle()
+    handle.destroy_when_not_in_use()
+    with pytest.raises(InvalidHandle), handle:
+        pass
