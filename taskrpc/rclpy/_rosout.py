@@ -6,7 +6,7 @@ import contextlib
 from typing import TYPE_CHECKING
 
 import srvgen
-from taskrpc.errors import InvalidRequest
+from taskrpc.errors import TaskRpcError
 
 from ._endpoints import forget, remember
 from .endpoint_info import EndpointTypeEnum
@@ -37,7 +37,7 @@ class Rosout:
         log_output.add_rosout(name, self.publish)
 
     def publish(self, record: Record) -> None:
-        """Publish a line of the log; one that no message can hold is left out."""
+        """Publish a line of the log; one that no message can hold, or after the end, is left out."""
         seconds, nanoseconds = divmod(record.nanoseconds, 10**9)
         line = _Log(
             stamp=_Time(sec=seconds, nanosec=nanoseconds),
@@ -48,7 +48,7 @@ class Rosout:
             function=record.function,
             line=record.line,
         )
-        with contextlib.suppress(InvalidRequest):
+        with contextlib.suppress(TaskRpcError):
             self._native.publish(line)
 
     def destroy(self) -> None:

@@ -1,6 +1,9 @@
 """What loggers log is on `/rosout`, and their levels are shown and set by services."""
 
 import gc
+import re
+import subprocess
+import sys
 
 import pytest
 
@@ -78,6 +81,19 @@ def test_the_second_node_of_a_name_is_warned_of_and_one_that_is_gone_is_not(star
     assert capsys.readouterr().err == ""
     third.destroy_node()
     assert "twice" not in log_output._rosout
+
+
+def test_logging_at_the_very_end_of_a_program_only_logs():
+    program = (
+        "import atexit\n"
+        "atexit.register(lambda: node.get_logger().info('bye'))\n"
+        "from taskrpc import rclpy\n"
+        "rclpy.init()\n"
+        "node = rclpy.create_node('node')\n"
+    )
+    command = [sys.executable, "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=60)
+    assert re.fullmatch(r"\[INFO\] \[[\d.]+\] \[node\]: bye\n", done.stderr)
 
 
 def test_levels_are_shown_and_set_by_services(start):
