@@ -10,7 +10,7 @@ from taskrpc import names
 from taskrpc.access import Role
 from taskrpc.given_types import message_type
 from taskrpc.qos import QoS, qos_of
-from taskrpc.transport.base import Transport
+from taskrpc.transport.base import OnMismatch, Transport
 
 if TYPE_CHECKING:
     from taskrpc.observer import TopicStatus
@@ -47,11 +47,19 @@ class NodeTopics:
         return names.expand(topic, namespace=self._namespace, node=self._name, kind="topic name")
 
     def create_publisher(
-        self, msg_type: Any, topic: str, qos: QoS | int = 10, *, role: Role = Role.OBSERVE
+        self,
+        msg_type: Any,
+        topic: str,
+        qos: QoS | int = 10,
+        *,
+        role: Role = Role.OBSERVE,
+        on_mismatch: OnMismatch | None = None,
     ) -> Publisher:
         """Publish messages of a type on a topic; a number as `qos` is the depth.
 
         `role` is the least that a subscriber's account must have, where the node has accounts.
+        A subscription that does not match is told in a warning, or to `on_mismatch(what)`: `TYPE`,
+        `RELIABILITY` or `DURABILITY`, on the event loop.
 
         Raises InvalidName, CannotListen.
         """
@@ -65,6 +73,7 @@ class NodeTopics:
             qos_of(qos),
             role,
             self._forget_part,
+            on_mismatch,
         )
         self._parts[publisher] = None
         return publisher
@@ -77,12 +86,14 @@ class NodeTopics:
         qos: QoS | int = 10,
         *,
         threaded: bool = False,
+        on_mismatch: OnMismatch | None = None,
     ) -> Subscription:
         """Call `callback(message)` for each message of a topic; a number as `qos` is the depth.
 
         The callback may be async. A plain one runs on the event loop and must be quick;
         `threaded=True` runs it in a thread instead. One call at a time; while it runs, the last
-        `depth` messages wait. Publishers of the topic are found whenever they come.
+        `depth` messages wait. Publishers of the topic are found whenever they come; of one that
+        does not match, `on_mismatch` is told as in `create_publisher`.
 
         Raises InvalidName.
         """
@@ -97,6 +108,7 @@ class NodeTopics:
             qos_of(qos),
             threaded=threaded,
             forget=self._forget_part,
+            on_mismatch=on_mismatch,
         )
         self._parts[subscription] = None
         return subscription

@@ -11,6 +11,7 @@ from taskrpc import topic as _topic
 from taskrpc.access import Role
 from taskrpc.loop_thread import LoopThread
 from taskrpc.qos import QoS
+from taskrpc.transport.base import OnMismatch
 
 if TYPE_CHECKING:
     from taskrpc.running import Callback
@@ -117,11 +118,19 @@ class SyncTopics:
     _node: _node.Node
 
     def create_publisher(
-        self, msg_type: Any, topic: str, qos: QoS | int = 10, *, role: Role = Role.OBSERVE
+        self,
+        msg_type: Any,
+        topic: str,
+        qos: QoS | int = 10,
+        *,
+        role: Role = Role.OBSERVE,
+        on_mismatch: OnMismatch | None = None,
     ) -> Publisher:
         """Publish messages of a type on a topic; as `taskrpc.Node.create_publisher`."""
         inner = self._loop.do(
-            lambda: self._node.create_publisher(msg_type, topic, qos, role=role),
+            lambda: self._node.create_publisher(
+                msg_type, topic, qos, role=role, on_mismatch=on_mismatch
+            ),
             "create_publisher()",
         )
         return Publisher(self._loop, inner)
@@ -134,6 +143,7 @@ class SyncTopics:
         qos: QoS | int = 10,
         *,
         threaded: bool = True,
+        on_mismatch: OnMismatch | None = None,
     ) -> Subscription:
         """Call `callback(message)` for each message of a topic.
 
@@ -141,7 +151,12 @@ class SyncTopics:
         """
         inner = self._loop.do(
             lambda: self._node.create_subscription(
-                msg_type, topic, callback, qos, threaded=_in_thread(callback, threaded)
+                msg_type,
+                topic,
+                callback,
+                qos,
+                threaded=_in_thread(callback, threaded),
+                on_mismatch=on_mismatch,
             ),
             "create_subscription()",
         )

@@ -13,7 +13,7 @@ from taskrpc.access import Role
 from taskrpc.errors import InvalidRequest, TaskRpcError
 from taskrpc.qos import QoS
 from taskrpc.running import Callback, Runner
-from taskrpc.transport.base import Transport
+from taskrpc.transport.base import OnMismatch, Transport
 from taskrpc.wire.messages import TopicEndpoint
 
 if TYPE_CHECKING:
@@ -40,11 +40,13 @@ class Publisher:
         qos: QoS,
         role: Role,
         forget: Callable[[Publisher], object] = lambda _: None,
+        on_mismatch: OnMismatch | None = None,
     ) -> None:
         self.msg_type = msg_type
         self.topic_name = name
         self.qos = qos
-        self._publication = transport.publication(named(msg_type, name, node, qos), msg_type, role)
+        own = named(msg_type, name, node, qos)
+        self._publication = transport.publication(own, msg_type, role, on_mismatch)
         self._forget = forget
         self._loop = asyncio.get_running_loop()
         self._thread = threading.get_ident()
@@ -143,6 +145,7 @@ class Subscription:
         *,
         threaded: bool = False,
         forget: Callable[[Subscription], object] = lambda _: None,
+        on_mismatch: OnMismatch | None = None,
     ) -> None:
         self.msg_type = msg_type
         self.topic_name = name
@@ -161,7 +164,7 @@ class Subscription:
         self._destroyed = False
         self._running = False
         self._reception = transport.reception(
-            named(msg_type, name, node, qos), msg_type, self._arrived
+            named(msg_type, name, node, qos), msg_type, self._arrived, on_mismatch
         )
 
     def get_publisher_count(self) -> int:

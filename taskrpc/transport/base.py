@@ -204,6 +204,10 @@ class Channel(Protocol):
         """Forget the service; calls in flight still get their answers."""
 
 
+OnMismatch: TypeAlias = Callable[[str], object]
+"""Told, on the loop, what stands between: `TYPE`, `RELIABILITY` or `DURABILITY`."""
+
+
 class Publication(Protocol):
     """A publisher's way to the subscriptions of its topic."""
 
@@ -274,11 +278,24 @@ class Transport(Protocol):
     ) -> Channel:
         """A way to call a service for a node; the service `otherwise` where nobody offers it."""
 
-    def publication(self, named: TopicEndpoint, msg_type: Any, role: Role) -> Publication:
-        """A way to publish for a node; `role` is the least that a subscriber must be."""
+    def publication(
+        self,
+        named: TopicEndpoint,
+        msg_type: Any,
+        role: Role,
+        on_mismatch: OnMismatch | None = None,
+    ) -> Publication:
+        """A way to publish for a node; `role` is the least that a subscriber must be.
+
+        Subscriptions that do not match are logged, unless `on_mismatch` is to be told.
+        """
 
     def reception(
-        self, named: TopicEndpoint, msg_type: Any, deliver: Callable[[bytes, bool], object]
+        self,
+        named: TopicEndpoint,
+        msg_type: Any,
+        deliver: Callable[[bytes, bool], object],
+        on_mismatch: OnMismatch | None = None,
     ) -> Reception:
         """A way to subscribe for a node.
 

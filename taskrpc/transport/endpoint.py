@@ -106,7 +106,7 @@ class Endpoint:
         self._called, self._calls = Traffic(), Traffic()
         self._topics: Topics | None = None
 
-    # Transport: nodes, services, clients
+    # Transport: nodes, services, clients, topics
 
     def add_node(self, name: str) -> None:
         """Announce a node."""
@@ -152,18 +152,18 @@ class Endpoint:
         """A client is gone."""
         self.publish(Change(client=named, gone=True))
 
-    # Transport: topics
-
-    def publication(self, named: TopicEndpoint, msg_type: Any, role: Role) -> Publication:
+    def publication(
+        self, named: TopicEndpoint, msg_type: Any, role: Role, on_mismatch: Any = None
+    ) -> Publication:
         """A publisher's way to its subscriptions."""
         self._take_connections()
-        return self.topics.publication(named, msg_type, role)
+        return self.topics.publication(named, msg_type, role, on_mismatch)
 
     def reception(
-        self, named: TopicEndpoint, msg_type: Any, deliver: Callable[[bytes, bool], object]
+        self, named: TopicEndpoint, msg_type: Any, deliver: Any, on_mismatch: Any = None
     ) -> Reception:
         """A subscription's way to the publishers of its topic."""
-        return self.topics.reception(named, msg_type, deliver)
+        return self.topics.reception(named, msg_type, deliver, on_mismatch)
 
     @property
     def topics(self) -> Topics:

@@ -9,10 +9,12 @@ from __future__ import annotations
 import logging
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from taskrpc.access import Role
 from taskrpc.errors import InvalidRequest, ProtocolError
+from taskrpc.transport.base import OnMismatch
 from taskrpc.transport.codec import codec_of
 from taskrpc.wire import topics as wire
 from taskrpc.wire.events import SubscribeReceived
@@ -38,7 +40,13 @@ class Publication:
     """One publisher, seen from the wire."""
 
     def __init__(
-        self, topics: Topics, named: TopicEndpoint, msg_type: Any, number: int, role: Role
+        self,
+        topics: Topics,
+        named: TopicEndpoint,
+        msg_type: Any,
+        number: int,
+        role: Role,
+        on_mismatch: OnMismatch | None = None,
     ) -> None:
         self.named = named
         self.number = number
@@ -59,6 +67,7 @@ class Publication:
         if named.latched:
             self.latched = deque(maxlen=named.depth)
         self._topics = topics
+        self._on_mismatch = on_mismatch
         self._told: set[TopicEndpoint] = set()
 
     @property
@@ -101,7 +110,10 @@ class Publication:
         mismatch = wire.mismatch_of(self.named, wanted)
         if mismatch is not None and wanted not in self._told and len(self._told) < MOST_TOLD:
             self._told.add(wanted)
-            log.warning("%s", _unmatched(self.named, wanted, mismatch, subscriber))
+            if self._on_mismatch is None:
+                log.warning("%s", _unmatched(self.named, wanted, mismatch, subscriber))
+            else:
+                self._topics.soon(partial(self._on_mismatch, mismatch))
         return mismatch is not None
 
     def close(self) -> None:

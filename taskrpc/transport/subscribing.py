@@ -10,10 +10,12 @@ import asyncio
 import logging
 import random
 from collections.abc import Callable, Iterable
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.retry import reconnect_delay
+from taskrpc.transport.base import OnMismatch
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.network import Address
 from taskrpc.wire import topics as wire
@@ -47,6 +49,7 @@ class Reception:
         msg_type: Any,
         number: int,
         deliver: Callable[[bytes, bool], object],
+        on_mismatch: OnMismatch | None = None,
     ) -> None:
         self.named = named
         self.number = number
@@ -57,6 +60,7 @@ class Reception:
         """Messages that publishers sent and that did not come."""
         self._topics = topics
         self._deliver = deliver
+        self._on_mismatch = on_mismatch
         self._sequences: dict[tuple[bytes, int], int] = {}
         """What came last, by the publishers' program and number; kept over lost connections."""
         self._told: set[object] = set()
@@ -104,7 +108,10 @@ class Reception:
         """Whether a publisher does not match; says so, once for each."""
         mismatch = wire.mismatch_of(publisher, self.named)
         if mismatch is not None:
-            self._tell(publisher, _unmatched(publisher, self.named, mismatch))
+            if self._on_mismatch is None:
+                self._tell(publisher, _unmatched(publisher, self.named, mismatch))
+            elif self._is_new(publisher):
+                self._topics.soon(partial(self._on_mismatch, mismatch))
         return mismatch is not None
 
     def close(self) -> None:
@@ -118,9 +125,15 @@ class Reception:
         return not self.refuses(each.publisher)
 
     def _tell(self, about: object, warning: str) -> None:
-        if about not in self._told and len(self._told) < MOST_TOLD:
-            self._told.add(about)
+        if self._is_new(about):
             log.warning("%s", warning)
+
+    def _is_new(self, about: object) -> bool:
+        """Whether nothing was said of it yet."""
+        if about in self._told or len(self._told) >= MOST_TOLD:
+            return False
+        self._told.add(about)
+        return True
 
 
 class Link:

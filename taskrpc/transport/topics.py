@@ -7,6 +7,7 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from taskrpc.access import Role
+from taskrpc.transport.base import OnMismatch
 from taskrpc.transport.dialling import Dialler
 from taskrpc.transport.entries import Change
 from taskrpc.transport.network import Network
@@ -53,11 +54,18 @@ class Topics:
 
     # Publishers
 
-    def publication(self, named: TopicEndpoint, msg_type: Any, role: Role) -> Publication:
+    def publication(
+        self,
+        named: TopicEndpoint,
+        msg_type: Any,
+        role: Role,
+        on_mismatch: OnMismatch | None = None,
+    ) -> Publication:
         """A new publisher's way to its subscriptions."""
         self._home.publish(Change(publisher=named))
         self._publishers += 1
-        each = Publication(self, named, msg_type, self._publishers & 0xFFFF, role)
+        number = self._publishers & 0xFFFF
+        each = Publication(self, named, msg_type, number, role, on_mismatch)
         _put(self._publications, named.name, each)
         for reception in self._receptions.get(named.name, ()):
             self._match_here(each, reception)
@@ -109,11 +117,12 @@ class Topics:
         named: TopicEndpoint,
         msg_type: Any,
         deliver: Callable[[bytes, bool], object],
+        on_mismatch: OnMismatch | None = None,
     ) -> Reception:
         """A new subscription's way to the publishers of its topic."""
         self._home.publish(Change(subscription=named))
         self._numbers += 1
-        each = Reception(self, named, msg_type, self._numbers, deliver)
+        each = Reception(self, named, msg_type, self._numbers, deliver, on_mismatch)
         _put(self._receptions, named.name, each)
         for publication in self._publications.get(named.name, ()):
             self._match_here(publication, each)

@@ -301,3 +301,16 @@ async def test_mismatches_that_a_peer_makes_up_do_not_fill_the_log(net, caplog):
     await until(lambda: matching.get_subscription_count() == 150)
     of_publisher = [text for text in caplog.messages if text.startswith("New subscription")]
     assert len(of_publisher) == 100
+
+
+async def test_who_wants_to_be_told_of_mismatches_is_told_instead_of_the_log(net, caplog):
+    talker, listener = await net.node("talker"), await net.node("listener")
+    offered, wanted = [], []
+    talker.create_publisher(
+        Int32, "counts", QoS(reliability="best_effort"), on_mismatch=offered.append
+    )
+    listener.create_subscription(Int32, "counts", print, on_mismatch=wanted.append)
+    talker.create_subscription(Int32, "counts", print, LATCHED, on_mismatch=wanted.append)
+    await until(lambda: len(offered) == len(wanted) == 2)
+    assert sorted(offered) == sorted(wanted) == ["DURABILITY", "RELIABILITY"]
+    assert not caplog.records
