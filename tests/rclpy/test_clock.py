@@ -152,7 +152,9 @@ def slept(clock, context, until, then):
     ends = []
     thread = threading.Thread(target=lambda: ends.append(clock.sleep_until(until, context)))
     thread.start()
-    time.sleep(0.03)
+    while not clock._jump_handles:
+        time.sleep(0.001)
+    time.sleep(0.005)
     assert ends == []
     then()
     thread.join(5)

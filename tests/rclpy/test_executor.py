@@ -486,7 +486,8 @@ def test_the_contexts_end_ends_spin_with_an_exception_unless_a_callback_ended_it
 def test_the_contexts_end_wakes_who_spins(kind):
     context = Context()
     context.init([])
-    executor, ends = kind(context=context), []
+    executor, ends, spinning = kind(context=context), [], threading.Event()
+    executor.create_task(spinning.set)
 
     def spin():
         try:
@@ -497,6 +498,7 @@ def test_the_contexts_end_wakes_who_spins(kind):
 
     thread = threading.Thread(target=spin)
     thread.start()
+    spinning.wait(5)
     time.sleep(0.02)
     context.shutdown()
     thread.join(5)

@@ -112,7 +112,7 @@ from tests.rclpy.fakes import FakeNode
 
 rclpy.init(args=[])
 node = FakeNode(rclpy.get_default_context())
-print("up", flush=True)
+node.guard(lambda: print("up", flush=True)).trigger()
 """
 
 windows = sys.platform == "win32"
@@ -130,7 +130,7 @@ def ended_by(number, body):
         cwd=Path(__file__).parents[2],
     ) as process:
         assert process.stdout.readline() == "up\n"
-        time.sleep(0.1)
+        time.sleep(0.1)  # from the first callback to the next sleep
         process.send_signal(number)
         out, err = process.communicate(timeout=20)
     return process.returncode, out, err
@@ -197,8 +197,8 @@ def test_ctrl_c_ends_the_spinning_of_another_thread():
                 print("thread ended")
                 ended.set()
         ended = threading.Event()
-        threading.Thread(target=spin).start()
         try:
+            threading.Thread(target=spin).start()
             while True:
                 time.sleep(1)
         except KeyboardInterrupt:

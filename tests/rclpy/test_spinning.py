@@ -128,19 +128,24 @@ def test_a_shutdown_in_a_callback_ends_spin(node):
     assert not rclpy.ok()
 
 
+def shut_down_soon(node):
+    """Have another thread shut rclpy down once the node is spun."""
+    begin = threading.Timer(0.02, rclpy.shutdown).start
+    node.create_guard_condition(begin).trigger()
+
+
 def test_a_shutdown_by_another_thread_ends_spin_of_an_executor_with_an_exception(node):
-    executor = MultiThreadedExecutor(2)
-    threading.Timer(0.02, rclpy.shutdown).start()
-    rclpy.spin(node, executor)
+    shut_down_soon(node)
+    rclpy.spin(node, MultiThreadedExecutor(2))
     rclpy.init(args=[])
     again = rclpy.create_node("again")
-    threading.Timer(0.02, rclpy.shutdown).start()
+    shut_down_soon(again)
     with pytest.raises(ExternalShutdownException):
         rclpy.spin(again, SingleThreadedExecutor())
 
 
 def test_a_shutdown_by_another_thread_ends_spin_of_the_global_executor_quietly(node):
-    threading.Timer(0.02, rclpy.shutdown).start()
+    shut_down_soon(node)
     rclpy.spin(node)
 
 
