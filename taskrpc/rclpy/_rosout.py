@@ -37,7 +37,7 @@ class Rosout:
         log_output.add_rosout(name, self.publish)
 
     def publish(self, record: Record) -> None:
-        """Publish a line of the log; one that no message can hold, or after the end, is left out."""
+        """Publish a line of the log, unless no message can hold it or the program has ended."""
         seconds, nanoseconds = divmod(record.nanoseconds, 10**9)
         line = _Log(
             stamp=_Time(sec=seconds, nanosec=nanoseconds),
