@@ -37,14 +37,14 @@ class NodeEntities:
     get_clock: Callable[[], Clock]
 
     def __init__(self) -> None:
-        self._publishers: list[Publisher[Any]] = []
-        self._subscriptions: list[Subscription[Any]] = []
-        self._clients: list[Client[Any, Any]] = []
-        self._services: list[Service[Any, Any]] = []
-        self._timers: list[Timer] = []
-        self._guards: list[GuardCondition] = []
-        self._waitables: list[Waitable[Any]] = []
-        self._rates: dict[Timer, Rate] = {}
+        self._rclpy_publishers: list[Publisher[Any]] = []
+        self._rclpy_subscriptions: list[Subscription[Any]] = []
+        self._rclpy_clients: list[Client[Any, Any]] = []
+        self._rclpy_services: list[Service[Any, Any]] = []
+        self._rclpy_timers: list[Timer] = []
+        self._rclpy_guards: list[GuardCondition] = []
+        self._rclpy_waitables: list[Waitable[Any]] = []
+        self._rclpy_rates: dict[Timer, Rate] = {}
         self._default_callback_group: CallbackGroup = MutuallyExclusiveCallbackGroup()
 
     @property
@@ -55,37 +55,37 @@ class NodeEntities:
     @property
     def publishers(self) -> Iterator[Publisher[Any]]:
         """Its publishers."""
-        yield from self._publishers
+        yield from self._rclpy_publishers
 
     @property
     def subscriptions(self) -> Iterator[Subscription[Any]]:
         """Its subscriptions."""
-        yield from self._subscriptions
+        yield from self._rclpy_subscriptions
 
     @property
     def clients(self) -> Iterator[Client[Any, Any]]:
         """Its clients."""
-        yield from self._clients
+        yield from self._rclpy_clients
 
     @property
     def services(self) -> Iterator[Service[Any, Any]]:
         """Its services."""
-        yield from self._services
+        yield from self._rclpy_services
 
     @property
     def timers(self) -> Iterator[Timer]:
         """Its timers."""
-        yield from self._timers
+        yield from self._rclpy_timers
 
     @property
     def guards(self) -> Iterator[GuardCondition]:
         """Its guard conditions."""
-        yield from self._guards
+        yield from self._rclpy_guards
 
     @property
     def waitables(self) -> Iterator[Waitable[Any]]:
         """What else it waits for."""
-        yield from self._waitables
+        yield from self._rclpy_waitables
 
     # What it makes
 
@@ -101,14 +101,14 @@ class NodeEntities:
         publisher_class: type[Publisher[Any]] = Publisher,
     ) -> Publisher[Any]:
         """Publish messages of a type on a topic; a number as `qos_profile` is its depth."""
-        qos = self._topic_qos(qos_profile)
+        qos = self._rclpy_topic_qos(qos_profile)
         check_is_valid_msg_type(msg_type)
         name = self.resolve_topic_name(topic)
         self._override_qos(Publisher, name, qos, qos_overriding_options)
-        group = self._group(callback_group)
-        publisher = publisher_class(self._as_node(), msg_type, name, qos, group)
-        self._tell_of_events(event_callbacks, name)
-        return self._added(self._publishers, publisher)
+        group = self._rclpy_group(callback_group)
+        publisher = publisher_class(self._rclpy_as_node(), msg_type, name, qos, group)
+        self._rclpy_tell_of_events(event_callbacks, name)
+        return self._rclpy_added(self._rclpy_publishers, publisher)
 
     def create_subscription(
         self,
@@ -127,16 +127,16 @@ class NodeEntities:
 
         A callback with two parameters gets a `MessageInfo`, too; with `raw`, the message is CDR.
         """
-        qos = self._topic_qos(qos_profile)
+        qos = self._rclpy_topic_qos(qos_profile)
         check_is_valid_msg_type(msg_type)
         name = self.resolve_topic_name(topic)
         self._override_qos(Subscription, name, qos, qos_overriding_options)
-        group = self._group(callback_group)
+        group = self._rclpy_group(callback_group)
         subscription: Subscription[Any] = Subscription(
-            self._as_node(), msg_type, name, callback, group, qos, raw
+            self._rclpy_as_node(), msg_type, name, callback, group, qos, raw
         )
-        self._tell_of_events(event_callbacks, name)
-        return self._added(self._subscriptions, subscription, group)
+        self._rclpy_tell_of_events(event_callbacks, name)
+        return self._rclpy_added(self._rclpy_subscriptions, subscription, group)
 
     def create_client(
         self,
@@ -149,9 +149,9 @@ class NodeEntities:
         """A client of a service."""
         check_is_valid_srv_type(srv_type)
         name = self.resolve_service_name(srv_name)
-        group = self._group(callback_group)
-        client: Client[Any, Any] = Client(self._as_node(), srv_type, name, qos_profile, group)
-        return self._added(self._clients, client, group)
+        group = self._rclpy_group(callback_group)
+        client: Client[Any, Any] = Client(self._rclpy_as_node(), srv_type, name, qos_profile, group)
+        return self._rclpy_added(self._rclpy_clients, client, group)
 
     def create_service(
         self,
@@ -168,11 +168,11 @@ class NodeEntities:
         """
         check_is_valid_srv_type(srv_type)
         name = self.resolve_service_name(srv_name)
-        group = self._group(callback_group)
+        group = self._rclpy_group(callback_group)
         service: Service[Any, Any] = Service(
-            self._as_node(), srv_type, name, callback, group, qos_profile
+            self._rclpy_as_node(), srv_type, name, callback, group, qos_profile
         )
-        return self._added(self._services, service, group)
+        return self._rclpy_added(self._rclpy_services, service, group)
 
     def create_timer(
         self,
@@ -183,7 +183,7 @@ class NodeEntities:
         autostart: bool = True,
     ) -> Timer:
         """Have `callback()` called every `timer_period_sec` seconds, first after one period."""
-        group = self._group(callback_group)
+        group = self._rclpy_group(callback_group)
         timer = Timer(
             callback,
             group,
@@ -193,16 +193,16 @@ class NodeEntities:
             autostart=autostart,
         )
         timer._node = self
-        return self._added(self._timers, timer, group)
+        return self._rclpy_added(self._rclpy_timers, timer, group)
 
     def create_guard_condition(
         self, callback: Callable[[], Any], callback_group: CallbackGroup | None = None
     ) -> GuardCondition:
         """Have `callback()` called whenever the guard condition is triggered."""
-        group = self._group(callback_group)
+        group = self._rclpy_group(callback_group)
         guard = GuardCondition(callback, group, context=self._context)
         guard._node = self
-        return self._added(self._guards, guard, group)
+        return self._rclpy_added(self._rclpy_guards, guard, group)
 
     def create_rate(self, frequency: float, clock: Clock | None = None) -> Rate:
         """Sleep `frequency` times a second, in a thread beside the one that spins.
@@ -214,89 +214,89 @@ class NodeEntities:
         # A group of its own: the callback that sleeps must not keep its timer from running.
         group = MutuallyExclusiveCallbackGroup()
         timer = self.create_timer(1.0 / frequency, None, group, clock)
-        rate = self._rates[timer] = Rate(timer, context=self._context)
+        rate = self._rclpy_rates[timer] = Rate(timer, context=self._context)
         return rate
 
     def add_waitable(self, waitable: Waitable[Any]) -> None:
         """Wait for something of the program's own, too."""
         waitable._node = self
-        self._added(self._waitables, waitable)
+        self._rclpy_added(self._rclpy_waitables, waitable)
 
     def remove_waitable(self, waitable: Waitable[Any]) -> None:
         """Wait for it no longer."""
-        if waitable in self._waitables:
-            self._waitables.remove(waitable)
+        if waitable in self._rclpy_waitables:
+            self._rclpy_waitables.remove(waitable)
             self._wake_executor()
 
     # Its ends
 
     def destroy_publisher(self, publisher: Publisher[Any]) -> bool:
         """Publish no more; whether it was this node's."""
-        return self._destroyed(self._publishers, publisher)
+        return self._rclpy_destroyed(self._rclpy_publishers, publisher)
 
     def destroy_subscription(self, subscription: Subscription[Any]) -> bool:
         """Read no more; whether it was this node's."""
-        return self._destroyed(self._subscriptions, subscription)
+        return self._rclpy_destroyed(self._rclpy_subscriptions, subscription)
 
     def destroy_client(self, client: Client[Any, Any]) -> bool:
         """Call no more; whether it was this node's."""
-        return self._destroyed(self._clients, client)
+        return self._rclpy_destroyed(self._rclpy_clients, client)
 
     def destroy_service(self, service: Service[Any, Any]) -> bool:
         """Offer it no more; whether it was this node's."""
-        return self._destroyed(self._services, service)
+        return self._rclpy_destroyed(self._rclpy_services, service)
 
     def destroy_timer(self, timer: Timer) -> bool:
         """Call back no more; whether it was this node's."""
-        return self._destroyed(self._timers, timer)
+        return self._rclpy_destroyed(self._rclpy_timers, timer)
 
     def destroy_guard_condition(self, guard: GuardCondition) -> bool:
         """Call back no more; whether it was this node's."""
-        return self._destroyed(self._guards, guard)
+        return self._rclpy_destroyed(self._rclpy_guards, guard)
 
     def destroy_rate(self, rate: Rate) -> bool:
         """Wake who sleeps; whether it was this node's."""
-        for timer, known in list(self._rates.items()):
+        for timer, known in list(self._rclpy_rates.items()):
             if known is rate:
-                del self._rates[timer]
+                del self._rclpy_rates[timer]
                 rate.destroy()
                 return self.destroy_timer(timer)
         return False
 
     # Inside
 
-    def _destroy_entities(self) -> None:
-        for rate in list(self._rates.values()):
+    def _rclpy_destroy_entities(self) -> None:
+        for rate in list(self._rclpy_rates.values()):
             self.destroy_rate(rate)
         everything: list[list[Any]] = [
-            self._publishers,
-            self._subscriptions,
-            self._clients,
-            self._services,
-            self._timers,
-            self._guards,
+            self._rclpy_publishers,
+            self._rclpy_subscriptions,
+            self._rclpy_clients,
+            self._rclpy_services,
+            self._rclpy_timers,
+            self._rclpy_guards,
         ]
         for things in everything:
             while things:
                 things.pop().destroy()
 
-    def _tell_of_events(self, callbacks: Any, topic: str) -> None:
+    def _rclpy_tell_of_events(self, callbacks: Any, topic: str) -> None:
         if names := wanted(callbacks):
-            node = self._as_node()
+            node = self._rclpy_as_node()
             node.get_logger().warning(
                 f"taskrpc reports no events of topics: {', '.join(names)} of {topic}"
             )
 
-    def _as_node(self) -> Node:
+    def _rclpy_as_node(self) -> Node:
         return cast("Node", self)
 
     def _override_qos(self, kind: type[Any], name: str, qos: QoSProfile, options: Any) -> None:
         if options is not None:
             from .qos_overriding_options import _declare_qos_parameters
 
-            _declare_qos_parameters(kind, self._as_node(), name, qos, options)
+            _declare_qos_parameters(kind, self._rclpy_as_node(), name, qos, options)
 
-    def _topic_qos(self, qos: QoSProfile | int) -> QoSProfile:
+    def _rclpy_topic_qos(self, qos: QoSProfile | int) -> QoSProfile:
         if isinstance(qos, QoSProfile):
             return qos
         if not isinstance(qos, int):
@@ -305,10 +305,10 @@ class NodeEntities:
             raise ValueError("History depth must be greater than or equal to zero")
         return QoSProfile(depth=qos)
 
-    def _group(self, callback_group: CallbackGroup | None) -> CallbackGroup:
+    def _rclpy_group(self, callback_group: CallbackGroup | None) -> CallbackGroup:
         return self._default_callback_group if callback_group is None else callback_group
 
-    def _added(
+    def _rclpy_added(
         self, things: list[_Thing], thing: _Thing, group: CallbackGroup | None = None
     ) -> _Thing:
         things.append(thing)
@@ -318,7 +318,7 @@ class NodeEntities:
         self._wake_executor()
         return thing
 
-    def _destroyed(self, things: list[_Thing], thing: Any) -> bool:
+    def _rclpy_destroyed(self, things: list[_Thing], thing: Any) -> bool:
         if thing not in things:
             return False
         things.remove(thing)

@@ -121,10 +121,10 @@ class NodeParameters(ParameterCallbacks):
             raise ParameterAlreadyDeclaredException(known)
         descriptors = {one.name: one.descriptor for one in declared}
         for parameter in wanted:
-            self._declare(parameter, descriptors)
+            self._rclpy_declare(parameter, descriptors)
         return [self._parameters[one.name] for one in wanted]
 
-    def _declare(self, parameter: Parameter, descriptors: Mapping[str, Any]) -> None:
+    def _rclpy_declare(self, parameter: Parameter, descriptors: Mapping[str, Any]) -> None:
         result = self._set_all([parameter], descriptors, keep_not_set=True)
         if result.successful:
             return
@@ -143,7 +143,7 @@ class NodeParameters(ParameterCallbacks):
             raise ParameterNotDeclaredException(name)
         if self._descriptors[name].read_only:
             raise ParameterImmutableException(name)
-        self._forget(name)
+        self._rclpy_forget(name)
 
     def has_parameter(self, name: str) -> bool:
         """Whether a parameter is declared."""
@@ -245,12 +245,12 @@ class NodeParameters(ParameterCallbacks):
         for parameter in parameters:
             if parameter.type_ == Parameter.Type.NOT_SET and not keep_not_set:
                 event.deleted_parameters.append(parameter.to_parameter_msg())
-                self._forget(parameter.name)
+                self._rclpy_forget(parameter.name)
             else:
                 is_new = self.get_parameter_or(parameter.name).type_ == Parameter.Type.NOT_SET
                 told = event.new_parameters if is_new else event.changed_parameters
                 told.append(parameter.to_parameter_msg())
-                self._keep(parameter, descriptors)
+                self._rclpy_keep(parameter, descriptors)
         event.stamp = self.get_clock().now().to_msg()
         self._parameter_event_publisher.publish(event)
         for after in self._post_set_parameters_callbacks:
@@ -266,7 +266,7 @@ class NodeParameters(ParameterCallbacks):
         declared = self.has_parameter(parameter.name)
         return checks.refusal(parameter, descriptor, declared, changes=descriptors is None)
 
-    def _keep(self, parameter: Parameter, descriptors: Mapping[str, Any] | None) -> None:
+    def _rclpy_keep(self, parameter: Parameter, descriptors: Mapping[str, Any] | None) -> None:
         name = parameter.name
         if descriptors is not None:
             self._descriptors[name] = descriptors[name]
@@ -274,7 +274,7 @@ class NodeParameters(ParameterCallbacks):
             self._descriptors[name] = ParameterDescriptor(dynamic_typing=True)
         self._parameters[name] = parameter
 
-    def _forget(self, name: str) -> None:
+    def _rclpy_forget(self, name: str) -> None:
         self._parameters.pop(name, None)
         self._descriptors.pop(name, None)
 

@@ -31,7 +31,7 @@ class Rosout:
         qos = qos_profile if isinstance(qos_profile, QoSProfile) else QoSProfile(depth=qos_profile)
         self._name = name
         # Not one of the node's own publishers, as in ROS; nor does it keep the node alive.
-        self._native = node._bridge.publisher(_Log, TOPIC, qos._native())
+        self._native = node._rclpy_bridge.publisher(_Log, TOPIC, qos._native())
         node_name = node.get_fully_qualified_name()
         remember(self, EndpointTypeEnum.PUBLISHER, node_name, TOPIC, qos)
         log_output.add_rosout(name, self.publish)

@@ -50,7 +50,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         self.qos_profile = qos_profile
         self.callback_group = callback_group
         self.handle = ClientHandle(self)
-        self._native = node._bridge.client(srv_type, srv_name)
+        self._native = node._rclpy_bridge.client(srv_type, srv_name)
         self._outbox = Outbox(self._native, srv_type)
         self._answers: deque[tuple[int, Any, BaseException | None]] = deque()
         self._pending: dict[int, Future[Any]] = {}

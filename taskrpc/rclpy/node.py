@@ -75,21 +75,21 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
     ) -> None:
         NodeEntities.__init__(self)
         self._context = get_default_context() if context is None else context
-        self._bridge: Bridge
-        self._executor: weakref.ReferenceType[Executor] | None = None
+        self._rclpy_bridge: Bridge
+        self._rclpy_executor: weakref.ReferenceType[Executor] | None = None
         if not self._context.ok():
             raise NotInitializedException("cannot create node")
         given = [parse(cli_args)] if cli_args is not None else []
         if use_global_arguments:
             given.append(self._context._arguments)
-        self._join(node_name, namespace or "", given)
-        self._handle = Handle(self)
+        self._rclpy_join(node_name, namespace or "", given)
+        self._rclpy_handle = Handle(self)
         self._clock = ROSClock()
-        qualified = names.fully_qualified(self._namespace, self._name)
+        qualified = names.fully_qualified(self._rclpy_namespace, self._rclpy_name)
         self._logger = get_logger(qualified.strip("/").replace("/", "."))
-        self._rosout: Rosout | None = None
+        self._rclpy_rosout: Rosout | None = None
         if enable_rosout and self._context._arguments.rosout_logs is not False:
-            self._rosout = Rosout(self, self._logger.name, rosout_qos_profile)
+            self._rclpy_rosout = Rosout(self, self._logger.name, rosout_qos_profile)
         self._context.track_node(self)
         # The program's line first: what is given to the node itself replaces it.
         self._init_parameters(given[::-1], parameter_overrides, allow_undeclared_parameters)
@@ -103,16 +103,16 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         if enable_logger_service:
             self._logging_service = LoggingService(self)
 
-    def _join(self, node_name: str, namespace: str, given: list[Arguments]) -> None:
+    def _rclpy_join(self, node_name: str, namespace: str, given: list[Arguments]) -> None:
         """Take part in the network by the name and namespace that the arguments leave."""
-        self._remapping = Remapping(rule for one in given for rule in one.remaps)
+        self._rclpy_remapping = Remapping(rule for one in given for rule in one.remaps)
         validate_node_name(node_name)
         if namespace:
             validate_namespace(namespace if namespace.startswith("/") else f"/{namespace}")
-        self._name = self._remapping.node_name(node_name)
-        namespace = self._remapping.namespace(namespace, self._name)
-        self._bridge = Bridge(self._name, namespace, self._context.get_domain_id())
-        self._namespace = self._bridge.namespace
+        self._rclpy_name = self._rclpy_remapping.node_name(node_name)
+        namespace = self._rclpy_remapping.namespace(namespace, self._rclpy_name)
+        self._rclpy_bridge = Bridge(self._rclpy_name, namespace, self._context.get_domain_id())
+        self._rclpy_namespace = self._rclpy_bridge.namespace
 
     # What it is
 
@@ -124,12 +124,12 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
     @property
     def handle(self) -> Handle:
         """What ROS keeps of it."""
-        return self._handle
+        return self._rclpy_handle
 
     @property
     def executor(self) -> Executor | None:
         """Who runs its callbacks; None before somebody spins it."""
-        return None if self._executor is None else self._executor()
+        return None if self._rclpy_executor is None else self._rclpy_executor()
 
     @executor.setter
     def executor(self, new_executor: Executor | None) -> None:
@@ -140,25 +140,25 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         if current is not None:
             current.remove_node(self)
         if new_executor is None:
-            self._executor = None
+            self._rclpy_executor = None
         else:
             new_executor.add_node(self)
-            self._executor = weakref.ref(new_executor)
+            self._rclpy_executor = weakref.ref(new_executor)
 
     def get_name(self) -> str:
         """Its name, without the namespace."""
-        self._handle.check()
-        return self._name
+        self._rclpy_handle.check()
+        return self._rclpy_name
 
     def get_namespace(self) -> str:
         """Its namespace, which begins with `/`."""
-        self._handle.check()
-        return self._namespace
+        self._rclpy_handle.check()
+        return self._rclpy_namespace
 
     def get_fully_qualified_name(self) -> str:
         """`/namespace/name`."""
-        self._handle.check()
-        return names.fully_qualified(self._namespace, self._name)
+        self._rclpy_handle.check()
+        return names.fully_qualified(self._rclpy_namespace, self._rclpy_name)
 
     def get_clock(self) -> Clock:
         """Its clock: the system's time, or a simulation's with `use_sim_time`."""
@@ -170,22 +170,22 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
 
     def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
         """The absolute name that a topic name means here, remapped unless `only_expand`."""
-        return self._resolve(topic, is_service=False, only_expand=only_expand)
+        return self._rclpy_resolve(topic, is_service=False, only_expand=only_expand)
 
     def resolve_service_name(self, service: str, *, only_expand: bool = False) -> str:
         """The absolute name that a service name means here, remapped unless `only_expand`."""
-        return self._resolve(service, is_service=True, only_expand=only_expand)
+        return self._rclpy_resolve(service, is_service=True, only_expand=only_expand)
 
     def destroy_node(self) -> None:
         """Destroy all that it has, and leave the network; nothing happens the second time."""
-        if not self._handle.valid:
+        if not self._rclpy_handle.valid:
             return
         self._context.untrack_node(self)
-        self._destroy_entities()
-        if self._rosout is not None:
-            self._rosout.destroy()
-        self._handle.destroy_when_not_in_use()
-        self._bridge.close()
+        self._rclpy_destroy_entities()
+        if self._rclpy_rosout is not None:
+            self._rclpy_rosout.destroy()
+        self._rclpy_handle.destroy_when_not_in_use()
+        self._rclpy_bridge.close()
         self._wake_executor()
 
     def __enter__(self) -> Self:
@@ -201,16 +201,18 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
 
     # Inside
 
-    def _resolve(self, name: str, *, is_service: bool, only_expand: bool = False) -> str:
+    def _rclpy_resolve(self, name: str, *, is_service: bool, only_expand: bool = False) -> str:
         kind = kind_of(is_service)
-        self._handle.check()
+        self._rclpy_handle.check()
         if not isinstance(name, str):
             raise TypeError(f"expected a {kind} (str), got {name!r}")
         try:
-            full = names.expand(name, namespace=self._namespace, node=self._name, kind=kind)
+            full = names.expand(
+                name, namespace=self._rclpy_namespace, node=self._rclpy_name, kind=kind
+            )
         except InvalidName as error:
             raise translated(error) from None
         if only_expand:
             return full
-        remap = self._remapping.service if is_service else self._remapping.topic
-        return remap(full, self._namespace, self._name)
+        remap = self._rclpy_remapping.service if is_service else self._rclpy_remapping.topic
+        return remap(full, self._rclpy_namespace, self._rclpy_name)

@@ -37,7 +37,7 @@ class Publisher(Generic[MsgT]):
         self.callback_group = callback_group
         self.handle = Handle(self)
         self.event_handlers: list[Any] = []
-        self._native = node._bridge.publisher(msg_type, topic, qos_profile._native())
+        self._native = node._rclpy_bridge.publisher(msg_type, topic, qos_profile._native())
         node_name = node.get_fully_qualified_name()
         remember(self, EndpointTypeEnum.PUBLISHER, node_name, topic, qos_profile)
 
@@ -77,7 +77,7 @@ class Publisher(Generic[MsgT]):
     def wait_for_all_acked(self, timeout: Duration | None = None) -> bool:
         """Wait until what was published is on its way to all subscriptions; True."""
         self.handle.check()
-        self._node._bridge.do(lambda: None)  # the loop sends in order
+        self._node._rclpy_bridge.do(lambda: None)  # the loop sends in order
         return True
 
     def destroy(self) -> None:

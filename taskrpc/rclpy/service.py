@@ -57,7 +57,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         self._calls: deque[DeferredCall] = deque()
         self._introspection = Introspection(node, srv_type, srv_name)
         join = srv_type._TYPE.startswith(_OF_EVERY_NODE)
-        self._offered = node._bridge.offer(srv_type, srv_name, self._came, join=join)
+        self._offered = node._rclpy_bridge.offer(srv_type, srv_name, self._came, join=join)
 
     @property
     def service_name(self) -> str:

@@ -48,7 +48,7 @@ class Introspection:
         self._clock = clock
         self._state = ServiceIntrospectionState(state)
         if self.is_on:
-            publisher = self._node._bridge.publisher
+            publisher = self._node._rclpy_bridge.publisher
             self._publisher = publisher(self._srv_type.Event, self._topic, qos_profile._native())
 
     def tell(

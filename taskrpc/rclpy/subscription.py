@@ -67,7 +67,7 @@ class Subscription(Entity, Generic[MsgT]):
         native = qos_profile._native(subscribes=True)
         self._received = 0
         self._messages: deque[tuple[Any, MessageInfo]] = deque(maxlen=native.depth)
-        self._native = node._bridge.subscription(msg_type, topic, self._came, native)
+        self._native = node._rclpy_bridge.subscription(msg_type, topic, self._came, native)
         node_name = node.get_fully_qualified_name()
         remember(self, EndpointTypeEnum.SUBSCRIPTION, node_name, topic, qos_profile)
 

@@ -29,7 +29,7 @@ def wait_for_message(
 
     A negative number waits until the context is shut down.
     """
-    name, qos = node.resolve_topic_name(topic), node._topic_qos(qos_profile)
+    name, qos = node.resolve_topic_name(topic), node._rclpy_topic_qos(qos_profile)
     group = MutuallyExclusiveCallbackGroup()
     subscription: Subscription[Any] = Subscription(node, msg_type, name, _unused, group, qos)
     came = threading.Event()

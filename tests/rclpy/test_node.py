@@ -249,3 +249,36 @@ def test_two_contexts_of_other_domains_do_not_see_each_other():
         near, far = Node("near", context=here), Node("far", context=there)
         assert near.get_node_names() == ["near"]
         assert far.get_node_names() == ["far"]
+
+
+PLAIN = (
+    "_added _as_node _bridge _by_node _clients _count _declare _destroyed _executor _forget _group"
+    " _guards _handle _join _keep _looked_for _name _namespace _publishers _rates _remapping"
+    " _resolve _rosout _services _subscriptions _timers _topic_qos _waitables"
+).split()
+
+
+def test_a_program_may_use_names_for_its_own_that_rclpy_leaves_free(world):
+    class Robot(Node):
+        def __init__(self, context):
+            super().__init__("robot", context=context)
+            for name in PLAIN:
+                setattr(self, name, name)
+            self.pressed = []
+            self.create_service(Trigger, "press", self.press)
+
+        def press(self, request, response):
+            self.pressed.append(request)
+            response.success = self.count_publishers("talk") == 1
+            return response
+
+    node = Robot(world.context)
+    node.create_publisher(String, "talk", 10)
+    node.create_subscription(String, "talk", print, 10)
+    node.declare_parameter("speed", 1.0)
+    node.create_timer(0.01, lambda: None)
+    world.executor.add_node(node)
+    client = node.create_client(Trigger, "press")
+    assert world.answer(client.call_async(Trigger.Request())).success
+    assert [getattr(node, name) for name in PLAIN] == PLAIN
+    node.destroy_node()
