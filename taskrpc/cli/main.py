@@ -31,6 +31,7 @@ _PURPOSES = {
     "interface": "Show information about interfaces",
     "node": "Various node related sub-commands",
     "param": "Various param related sub-commands",
+    "pkg": "Various package related sub-commands",
     "task": "Submit tasks to the task server and watch them",
     "alias": "Let a shell know ros2",
     "ps": "List the taskrpc processes of this user",
@@ -40,6 +41,7 @@ _PURPOSES = {
     "join": "Let programs of this user call a lab's server",
     "leave": "Forget the lab that was joined",
     "run": "Run a ROS 2 program without ROS",
+    "export": "Take programs and definitions to a real robot",
     "ros": "Let plain python import rclpy",
     "demo": "Watch a task server, three clients and a robot at work",
 }

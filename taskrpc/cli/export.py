@@ -1,0 +1,49 @@
+"""`taskrpc export`: what a real robot's tools build, made of programs and definitions here."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+from pathlib import Path
+
+from taskrpc.cli.command import Exit
+from taskrpc.cli.parsing import add_command, add_group
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give the parser of `taskrpc export` its commands."""
+    commands = add_group(parser)
+    purpose = "Make a workspace that colcon builds with a real ROS 2"
+    colcon = add_command(commands, "colcon", purpose)
+    colcon.add_argument("out", metavar="OUT", help="Folder to make the workspace in")
+    what = "Folder with the programs and definitions (the working directory)"
+    colcon.add_argument("--from", metavar="FOLDER", dest="source", default=".", help=what)
+    what = "Name of the package of the programs (that of their folder)"
+    colcon.add_argument("--package-name", metavar="NAME", default="", help=what)
+    colcon.set_defaults(run=_colcon)
+
+
+def _colcon(options: argparse.Namespace) -> int:
+    from taskrpc.colcon.export import export
+
+    done = export(Path(options.source), Path(options.out), options.package_name)
+    for name, folder in done.folders.items():
+        print(f"made {name}: {folder}")
+    for note in done.notes:
+        print(f"note: {note}")
+    package = done.package or next(iter(done.folders))
+    print("on a computer with ROS 2:")
+    for line in _commands(options.out, package, sorted(done.executables)):
+        print(f"  {line}")
+    return Exit.DONE
+
+
+def _commands(out: str, package: str, executables: list[str]) -> list[str]:
+    last = f"ros2 run {package} {executables[0]}" if executables else f"ros2 pkg xml {package}"
+    return [
+        f"cd {shlex.quote(out)}",
+        "source /opt/ros/$ROS_DISTRO/setup.bash",
+        "colcon build",
+        "source install/setup.bash",
+        last,
+    ]

@@ -1,0 +1,146 @@
+"""`taskrpc pkg create`: writes a new package, and says so as `ros2 pkg create` does."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from taskrpc.cli.command import Exit
+from taskrpc.colcon.cmake_package import cmake_files
+from taskrpc.colcon.manifest import Manifest, checked_name
+from taskrpc.colcon.python_package import hello_node, python_files
+from taskrpc.colcon.writing import maintainer, write
+from taskrpc.errors import TaskRpcError
+
+if TYPE_CHECKING:
+    from argparse import Namespace
+
+_LICENSES = (
+    "Apache-2.0",
+    "BSL-1.0",
+    "BSD-2.0",
+    "BSD-2-Clause",
+    "BSD-3-Clause",
+    "GPL-3.0-only",
+    "LGPL-2.1-only",
+    "LGPL-3.0-only",
+    "MIT",
+    "MIT-0",
+)
+
+
+def create(options: Namespace) -> Exit:
+    """Write the package that the options say; raises TaskRpcError where it cannot be."""
+    package = _manifest(options)
+    node = _checked_node(options.node_name)
+    folder = os.path.join(options.destination_directory, package.name)
+    if os.path.exists(folder):
+        raise TaskRpcError(
+            f"Aborted! The directory already exists: {folder}; either remove it or choose a"
+            " different destination directory or package name"
+        )
+    _tell(package, options, node)
+    if package.build_type == "ament_python":
+        _write_python(package, folder, node)
+    else:
+        _write_cmake(package, folder, node)
+    print(_about_license(package.license))
+    return Exit.DONE
+
+
+def _about_license(license_: str) -> str:
+    if license_ in _LICENSES:
+        return "\n[WARNING]: no LICENSE file has been created: put the license's text there."
+    return (
+        f"\n[WARNING]: Unknown license '{license_}'.  This has been set in the package.xml, but"
+        " no LICENSE file has been created.\n"
+        "It is recommended to use one of these license identifiers:\n" + "\n".join(_LICENSES)
+    )
+
+
+def _manifest(options: Namespace) -> Manifest:
+    checked_name(options.package_name)
+    for name in options.dependencies:
+        if re.fullmatch(r"[A-Za-z][\w.+-]*", name) is None:
+            raise TaskRpcError(f"expected names of packages as --dependencies, got {name!r}")
+    if options.build_type == "ament_python" and options.package_name == "test":
+        raise TaskRpcError(
+            "Aborted since 'ament_python' packages can't be named 'test': its folder of tests"
+            " has that name; choose a different package name"
+        )
+    name, email = maintainer()
+    return Manifest(
+        name=options.package_name,
+        build_type=options.build_type,
+        maintainer=options.maintainer_name or name,
+        email=options.maintainer_email or email,
+        description=options.description,
+        license=options.license,
+        format=options.package_format,
+        depends=tuple(options.dependencies),
+    )
+
+
+def _checked_node(name: str) -> str:
+    if name and re.fullmatch(r"[A-Za-z_]\w*", name, flags=re.ASCII) is None:
+        rule = "letters, digits and underscores, not a digit first"
+        raise TaskRpcError(f"expected {rule} as --node-name, got {name!r}")
+    return name
+
+
+def _tell(package: Manifest, options: Namespace, node: str) -> None:
+    print("going to create a new package")
+    print(f"package name: {package.name}")
+    print(f"destination directory: {os.path.abspath(options.destination_directory)}")
+    print(f"package format: {package.format}")
+    print(f"version: {package.version}")
+    print(f"description: {package.description}")
+    print(f"maintainer: {[f'{package.maintainer} <{package.email}>']}")
+    print(f"licenses: {[package.license]}")
+    print(f"build type: {package.build_type}")
+    print(f"dependencies: {list(package.depends)}")
+    if node:
+        print(f"node_name: {node}")
+
+
+def _write_python(package: Manifest, folder: str, node: str) -> None:
+    name = package.name
+    files = python_files(package, {node: f"{name}.{node}:main"} if node else {})
+    _make_folder(folder)
+    _create(folder, files, "package.xml")
+    print("creating source folder")
+    _make_folder(folder, name)
+    _create(folder, files, "setup.py", "setup.cfg")
+    _make_folder(folder, "resource")
+    _create(folder, files, f"resource/{name}", f"{name}/__init__.py")
+    _make_folder(folder, "test")
+    _create(folder, files, *(path for path in files if path.startswith("test/")))
+    if node:
+        path = f"{name}/{node}.py"
+        _create(folder, {path: hello_node(name)}, path)
+
+
+def _write_cmake(package: Manifest, folder: str, node: str) -> None:
+    files = cmake_files(package, node)
+    _make_folder(folder)
+    _create(folder, files, "package.xml")
+    print("creating source and include folder")
+    _make_folder(folder, "src")
+    _make_folder(folder, f"include/{package.name}")
+    _create(folder, files, "CMakeLists.txt")
+    if node:
+        _create(folder, files, f"src/{node}.cpp")
+
+
+def _make_folder(folder: str, inner: str = "") -> None:
+    path = os.path.join(folder, inner) if inner else folder
+    print(f"creating folder {path}")
+    os.makedirs(path, exist_ok=True)
+
+
+def _create(folder: str, files: dict[str, str], *paths: str) -> None:
+    for path in paths:
+        print(f"creating {os.path.join(folder, path)}")
+        write(Path(folder, path), files[path])

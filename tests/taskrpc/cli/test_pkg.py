@@ -1,0 +1,155 @@
+"""`taskrpc pkg` makes and shows packages as `ros2 pkg` does."""
+
+import os
+import subprocess
+import sys
+from xml.etree import ElementTree
+
+import pytest
+
+from taskrpc.cli.main import main
+
+
+@pytest.fixture
+def pkg(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("GIT_CONFIG_COUNT", "1")
+    monkeypatch.setenv("GIT_CONFIG_KEY_0", "user.email")
+    monkeypatch.setenv("GIT_CONFIG_VALUE_0", "ana@example.com")
+
+    def pkg(*arguments):
+        code = main(["pkg", *arguments])
+        printed = capsys.readouterr()
+        return code, printed.out, printed.err
+
+    return pkg
+
+
+def _create_python(pkg):
+    return pkg(
+        *("create", "--build-type", "ament_python", "--license", "Apache-2.0"),
+        *("--node-name", "my_node", "--maintainer-name", "Ana & Co", "my_package"),
+        *("--dependencies", "rclpy", "example_interfaces"),
+    )
+
+
+def test_create_says_what_ros2_pkg_create_says(pkg, tmp_path):
+    code, out, err = _create_python(pkg)
+    assert (code, err) == (0, "")
+    folder = os.path.join(".", "my_package")
+    inner = os.path.join(folder, "my_package")
+    told = out.splitlines()
+    assert told[:11] == [
+        "going to create a new package",
+        "package name: my_package",
+        f"destination directory: {tmp_path}",
+        "package format: 3",
+        "version: 0.0.0",
+        "description: TODO: Package description",
+        told[6],
+        "licenses: ['Apache-2.0']",
+        "build type: ament_python",
+        "dependencies: ['rclpy', 'example_interfaces']",
+        "node_name: my_node",
+    ]
+    assert told[6].startswith("maintainer: ['Ana & Co <")
+    assert told[11:17] == [
+        f"creating folder {folder}",
+        f"creating {os.path.join(folder, 'package.xml')}",
+        "creating source folder",
+        f"creating folder {inner}",
+        f"creating {os.path.join(folder, 'setup.py')}",
+        f"creating {os.path.join(folder, 'setup.cfg')}",
+    ]
+    assert f"creating {inner}{os.sep}my_node.py" in [each.replace("/", os.sep) for each in told]
+
+
+def test_a_created_python_package_has_what_ament_wants(pkg, tmp_path):
+    _create_python(pkg)
+    root = ElementTree.parse(tmp_path / "my_package" / "package.xml").getroot()
+    assert [each.text for each in root.findall("depend")] == ["rclpy", "example_interfaces"]
+    assert root.findtext("maintainer") == "Ana & Co"
+    assert root.findtext("export/build_type") == "ament_python"
+    files = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()}
+    assert {each.replace(os.sep, "/") for each in files} == {
+        "my_package/package.xml",
+        "my_package/setup.py",
+        "my_package/setup.cfg",
+        "my_package/resource/my_package",
+        "my_package/my_package/__init__.py",
+        "my_package/my_package/my_node.py",
+        "my_package/test/test_copyright.py",
+        "my_package/test/test_flake8.py",
+        "my_package/test/test_pep257.py",
+    }
+    for path in tmp_path.rglob("*.py"):
+        compile(path.read_text(), str(path), "exec")
+
+
+@pytest.mark.real_time
+def test_a_created_package_runs_as_it_is(pkg, tmp_path):
+    _create_python(pkg)
+    done = subprocess.run(
+        [sys.executable, "-m", "taskrpc", "run", "my_package", "my_node"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("Hi from my_package.\n", "")
+
+
+def test_a_created_cmake_package_finds_and_links_what_it_depends_on(pkg, tmp_path):
+    code, out, _ = pkg("create", "lamp", "--node-name", "shine", "--dependencies", "rclcpp")
+    assert code == 0
+    assert "[WARNING]: Unknown license 'TODO: License declaration'." in out
+    cmake = (tmp_path / "lamp" / "CMakeLists.txt").read_text()
+    assert "find_package(rclcpp REQUIRED)\n" in cmake
+    assert "add_executable(shine src/shine.cpp)\n" in cmake
+    assert cmake.endswith("ament_package()\n")
+    assert "hello world lamp package" in (tmp_path / "lamp" / "src" / "shine.cpp").read_text()
+    assert (tmp_path / "lamp" / "include" / "lamp").is_dir()
+    assert pkg("create", "lamp")[2].startswith("Aborted! The directory already exists: ")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "problem"),
+    [
+        (["My-Package"], "as the name of a package, got 'My-Package'"),
+        (["test", "--build-type", "ament_python"], "packages can't be named 'test'"),
+        (["lamp", "--node-name", "a b"], "as --node-name, got 'a b'"),
+        (["lamp", "--dependencies", "<x>"], "as --dependencies, got '<x>'"),
+        (["lamp", "--build-type", "make"], "invalid choice: 'make'"),
+    ],
+)
+def test_a_wrong_use_of_create_is_one_sentence_and_makes_nothing(pkg, tmp_path, arguments, problem):
+    code, out, err = pkg("create", *arguments)
+    assert code in (1, 2)
+    assert out == ""
+    assert problem in err.splitlines()[-1]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_packages_of_the_workspace_are_shown(pkg, tmp_path):
+    _create_python(pkg)
+    assert pkg("executables") == (0, "my_package my_node\n", "")
+    assert pkg("executables", "my_package") == (0, "my_package my_node\n", "")
+    assert pkg("prefix", "my_package") == (0, f"{tmp_path / 'my_package'}\n", "")
+    assert pkg("xml", "my_package", "--tag", "depend") == (0, "rclpy\nexample_interfaces\n", "")
+    assert pkg("xml", "my_package")[1].startswith('<?xml version="1.0"?>\n')
+    listed = pkg("list")[1].splitlines()
+    assert {"my_package", "std_srvs"} <= set(listed)
+
+
+@pytest.mark.parametrize("verb", ["prefix", "xml", "executables"])
+def test_an_unknown_package_is_told_with_what_resembles_it(pkg, verb):
+    code, out, err = pkg(verb, "std_srv")
+    assert (code, out) == (1, "")
+    assert "ackage" in err
+    assert "'std_srv'\n  hint: did you mean std_srvs?" in err
+
+
+def test_a_tag_that_is_not_there_is_told(pkg):
+    _create_python(pkg)
+    assert "No elements with tag 'conflict' in" in pkg("xml", "my_package", "-t", "conflict")[2]
+    assert "No elements with tag '[' in" in pkg("xml", "my_package", "-t", "[")[2]
