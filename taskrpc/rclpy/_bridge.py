@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from taskrpc.deferred import DeferredCall, DeferredService
     from taskrpc.qos import QoS
     from taskrpc.sync_topics import Publisher, Subscription
+    from taskrpc.transport.base import OnMismatch
     from taskrpc.transport.entries import Entry
 
 T = TypeVar("T")
@@ -62,16 +63,26 @@ class Bridge:
         """Offer a service; `take` is called on the loop's thread for every call."""
         return _Shared.of(self, srv_type, name).add(self, take, join=join)
 
-    def publisher(self, msg_type: Any, topic: str, qos: QoS) -> NativePublisher:
-        """A way to publish."""
-        return NativePublisher(self.native.create_publisher(msg_type, topic, qos))
+    def publisher(
+        self, msg_type: Any, topic: str, qos: QoS, on_mismatch: OnMismatch | None = None
+    ) -> NativePublisher:
+        """A way to publish; `on_mismatch` is told, on the loop's thread, of who cannot read it."""
+        create = self.native.create_publisher
+        return NativePublisher(create(msg_type, topic, qos, on_mismatch=on_mismatch))
 
     def subscription(
-        self, msg_type: Any, topic: str, take: Callable[[Any], object], qos: QoS
+        self,
+        msg_type: Any,
+        topic: str,
+        take: Callable[[Any], object],
+        qos: QoS,
+        on_mismatch: OnMismatch | None = None,
     ) -> NativeSubscription:
         """A way to subscribe; `take` is called with each message on the loop's thread."""
         create = self.native.create_subscription
-        return NativeSubscription(create(msg_type, topic, take, qos, threaded=False))
+        return NativeSubscription(
+            create(msg_type, topic, take, qos, threaded=False, on_mismatch=on_mismatch)
+        )
 
     def close(self) -> None:
         """Leave the network; nothing to do where the program's end was first."""

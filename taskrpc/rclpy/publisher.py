@@ -37,7 +37,8 @@ class Publisher(Generic[MsgT]):
         self.callback_group = callback_group
         self.handle = Handle(self)
         self.event_handlers: list[Any] = []
-        self._native = node._rclpy_bridge.publisher(msg_type, topic, qos_profile._native())
+        native = qos_profile._native()
+        self._native = node._rclpy_bridge.publisher(msg_type, topic, native, self._mismatched)
         node_name = node.get_fully_qualified_name()
         remember(self, EndpointTypeEnum.PUBLISHER, node_name, topic, qos_profile)
 
@@ -64,6 +65,14 @@ class Publisher(Generic[MsgT]):
             expected = self.msg_type.__name__
             raise TypeError(f"Expected {expected}, got {type(message).__name__}")
         self._native.publish(message)
+
+    def _mismatched(self, what: str) -> None:
+        problem = "type" if what == "TYPE" else "QoS"
+        policy = "" if what == "TYPE" else f" Last incompatible policy: {what}"
+        self._node.get_logger().warning(
+            f"New subscription discovered on topic '{self.topic}', requesting incompatible"
+            f" {problem}. No messages will be sent to it.{policy}"
+        )
 
     def get_subscription_count(self) -> int:
         """How many subscriptions read it."""

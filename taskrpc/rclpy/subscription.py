@@ -67,7 +67,9 @@ class Subscription(Entity, Generic[MsgT]):
         native = qos_profile._native(subscribes=True)
         self._received = 0
         self._messages: deque[tuple[Any, MessageInfo]] = deque(maxlen=native.depth)
-        self._native = node._rclpy_bridge.subscription(msg_type, topic, self._came, native)
+        self._native = node._rclpy_bridge.subscription(
+            msg_type, topic, self._came, native, self._mismatched
+        )
         node_name = node.get_fully_qualified_name()
         remember(self, EndpointTypeEnum.SUBSCRIPTION, node_name, topic, qos_profile)
 
@@ -100,6 +102,14 @@ class Subscription(Entity, Generic[MsgT]):
     def is_cft_enabled(self) -> bool:
         """Whether messages are filtered by their content; never."""
         return False
+
+    def _mismatched(self, what: str) -> None:
+        problem = "type" if what == "TYPE" else "QoS"
+        policy = "" if what == "TYPE" else f" Last incompatible policy: {what}"
+        self._node.get_logger().warning(
+            f"New publisher discovered on topic '{self.topic}', offering incompatible {problem}."
+            f" No messages will be received from it.{policy}"
+        )
 
     def get_publisher_count(self) -> int:
         """How many publishers send to it."""
