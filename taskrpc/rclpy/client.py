@@ -9,6 +9,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
+from ._elsewhere import names_of
 from ._endpoints import gid_of
 from ._entity import Entity
 from ._outbox import Outbox
@@ -229,3 +230,14 @@ class ClientHandle(ArrivalHandle):
     def clear_on_new_response_callback(self) -> None:
         """Call nothing any more when responses arrive."""
         self._tell_of_new(None)
+
+
+__getattr__ = names_of(
+    __name__,
+    __package__,
+    {
+        ".type_support": "SrvType SrvTypeRequest SrvTypeResponse",
+        ".context": "Context",
+        ".qos": "QoSProfile",
+    },
+)

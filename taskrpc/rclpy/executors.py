@@ -158,7 +158,11 @@ class Executor(Rounds):
                 raise ShutdownException
             raise ConditionReachedException if condition() else TimeoutException
         task, entity, node = work
-        return task or Task(self._run_entity, (entity,), executor=self), entity, node
+        if task is None:
+            if entity is not None:
+                entity._executor_event = True  # not to be found again before the task takes it
+            task = Task(self._run_entity, (entity,), executor=self)
+        return task, entity, node
 
     def __enter__(self) -> Self:
         return self

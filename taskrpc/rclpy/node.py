@@ -12,6 +12,7 @@ from taskrpc.errors import InvalidName
 
 from ._arguments import Arguments, parse
 from ._bridge import Bridge
+from ._elsewhere import names_of
 from ._names import kind_of, translated
 from ._node_entities import NodeEntities
 from ._node_graph import NodeGraph
@@ -216,3 +217,28 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
             return full
         remap = self._rclpy_remapping.service if is_service else self._rclpy_remapping.topic
         return remap(full, self._rclpy_namespace, self._rclpy_name)
+
+
+__getattr__ = names_of(
+    __name__,
+    __package__,
+    {
+        "rcl_interfaces/msg": "FloatingPointRange IntegerRange ListParametersResult"
+        " ParameterDescriptor ParameterEvent SetParametersResult",
+        ".parameter": "ParameterType ParameterValue",
+        ".callback_groups": "CallbackGroup MutuallyExclusiveCallbackGroup ReentrantCallbackGroup",
+        ".client": "Client",
+        ".service": "Service",
+        ".publisher": "Publisher",
+        ".subscription": "MessageInfo Subscription",
+        ".timer": "Rate Timer TimerInfo",
+        ".guard_condition": "GuardCondition",
+        ".waitable": "Waitable",
+        ".executors": "Executor",
+        ".future": "Future",
+        ".exceptions": "InvalidHandle",
+        ".event_handler": "PublisherEventCallbacks SubscriptionEventCallbacks",
+        ".qos_overriding_options": "QoSOverridingOptions",
+        ".type_support": "MsgType SrvType SrvTypeRequest SrvTypeResponse",
+    },
+)

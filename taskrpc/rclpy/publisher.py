@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 from srvgen import from_cdr
 
+from ._elsewhere import names_of
 from ._endpoints import forget, remember
 from .callback_groups import CallbackGroup
 from .duration import Duration
@@ -108,3 +109,6 @@ class Publisher(Generic[MsgT]):
         traceback: TracebackType | None,
     ) -> None:
         self._node.destroy_publisher(self)
+
+
+__getattr__ = names_of(__name__, __package__, {".type_support": "MsgType"})

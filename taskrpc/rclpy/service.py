@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 
 from taskrpc.errors import Code, HandlerFailed, InvalidRequest
 
+from ._elsewhere import names_of
 from ._endpoints import gid_of
 from ._entity import Entity
 from .callback_groups import CallbackGroup
@@ -205,3 +206,10 @@ def _what(response: Any) -> str:
     if isinstance(response, type):
         return f"the class {response.__name__}"
     return "nothing" if response is None else f"a value of the type {type(response).__name__}"
+
+
+__getattr__ = names_of(
+    __name__,
+    __package__,
+    {".type_support": "SrvType SrvTypeRequest SrvTypeResponse", ".qos": "QoSProfile"},
+)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypedDict, TypeVar
 
 from srvgen import to_cdr
 
+from ._elsewhere import names_of
 from ._endpoints import forget, remember
 from ._entity import Entity
 from .callback_groups import CallbackGroup
@@ -208,3 +209,6 @@ def _callback_type(callback: Callable[..., Any]) -> Subscription.CallbackType:
         "Subscription.__init__(): callback should be either be callable with one argument"
         " (to get only the message) or two (to get message and message info)"
     )
+
+
+__getattr__ = names_of(__name__, __package__, {".type_support": "MsgType"})

@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, TypeVar
 
 from .exceptions import NoTypeSupportImportedException
+
+MsgT = TypeVar("MsgT")
+SrvT = TypeVar("SrvT")
+SrvRequestT = TypeVar("SrvRequestT")
+SrvResponseT = TypeVar("SrvResponseT")
+
+MsgType, SrvType = MsgT, SrvT
+SrvTypeRequest, SrvTypeResponse = SrvRequestT, SrvResponseT
+"""What older programs call them in annotations."""
 
 
 def check_for_type_support(msg_or_srv_type: Any) -> None:

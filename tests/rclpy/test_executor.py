@@ -462,6 +462,15 @@ def test_a_custom_executor_gets_work_from_what_waits_for_it(context, fake):
     assert seen == [1, 2]
 
 
+def test_work_that_a_custom_executor_has_not_begun_is_not_given_twice(executor, fake):
+    executor.add_node(fake)
+    fake.guard(lambda: None).trigger()
+    task, _, _ = executor.wait_for_ready_callbacks(timeout_sec=0)
+    with pytest.raises(TimeoutException):
+        executor.wait_for_ready_callbacks(timeout_sec=0)
+    task()
+
+
 def test_work_can_be_asked_for_of_some_nodes_only(context, executor, fake):
     other, seen = FakeNode(context), []
     executor.add_node(other)

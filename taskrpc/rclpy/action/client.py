@@ -18,3 +18,10 @@ class ActionClient:
 
     def __init__(self, node: Any, action_type: Any, action_name: str, **settings: Any) -> None:
         refuse(f"ActionClient({action_name!r})")
+
+
+class ClientGoalHandle:
+    """Would stand for a goal that a server has accepted."""
+
+    def __init__(self, *args: Any) -> None:
+        refuse("ClientGoalHandle")

@@ -35,3 +35,10 @@ class ActionServer:
         **settings: Any,
     ) -> None:
         refuse(f"ActionServer({action_name!r})")
+
+
+class ServerGoalHandle:
+    """Would stand for a goal that is being worked on."""
+
+    def __init__(self, *args: Any) -> None:
+        refuse("ServerGoalHandle")

@@ -1,0 +1,31 @@
+"""Programs find names where ROS's modules have them only because they import them."""
+
+import importlib
+
+import pytest
+
+PLACES = [
+    ("node", "Parameter ParameterType ParameterDescriptor SetParametersResult Client Publisher"),
+    ("node", "MutuallyExclusiveCallbackGroup QoSProfile Timer Future SrvTypeRequest MsgType"),
+    ("client", "Future SrvType SrvTypeRequest SrvTypeResponse"),
+    ("service", "SrvType SrvTypeRequest SrvTypeResponse"),
+    ("publisher", "MsgType"),
+    ("subscription", "MsgType"),
+    ("qos_event", "PublisherEventCallbacks QoSRequestedIncompatibleQoSInfo"),
+    ("event_handler", "QoSPublisherMatchedInfo QoSSubscriptionMatchedInfo"),
+    ("action.client", "ClientGoalHandle"),
+    ("action.server", "ServerGoalHandle"),
+]
+
+
+@pytest.mark.parametrize(("module", "names"), PLACES)
+def test_a_name_is_found_where_programs_import_it_from(module, names):
+    module = importlib.import_module(f"taskrpc.rclpy.{module}")
+    for name in names.split():
+        assert getattr(module, name).__name__
+
+
+def test_a_name_that_ros_has_nowhere_is_missing():
+    node = importlib.import_module("taskrpc.rclpy.node")
+    with pytest.raises(AttributeError, match="has no attribute 'Nodes'"):
+        _ = node.Nodes
