@@ -13,7 +13,7 @@ import srvgen
 from taskrpc.cli import graph, shells
 from taskrpc.cli.command import Exit, NotFound, goes_on, hinted
 from taskrpc.cli.message_text import Cut, csv_of, yaml_of
-from taskrpc.cli.remote import remote_of
+from taskrpc.cli.remote import Remote, remote_of
 from taskrpc.cli.topic_graph import Topic, topics
 from taskrpc.cli.topic_pub import message_class
 from taskrpc.cli.topic_qos import qos_to_subscribe
@@ -249,7 +249,8 @@ async def _subscribed(
     """Subscribe by the type that was given, or that the topic has."""
     topic = shells.expanded(options.topic_name, kind="topic name")
     given = getattr(options, "message_type", "")
-    found = await _found(node, topic)
+    remote = remote_of(options)
+    found = await _found(remote, node, topic)
     if not found.types and not given:
         print(f"WARNING: topic [{topic}] does not appear to be published yet", flush=True)
         if not wait:
@@ -257,7 +258,7 @@ async def _subscribed(
             raise hinted(problem, f"give it: taskrpc topic echo {topic} std_msgs/msg/String")
         while not found.types:
             await asyncio.sleep(_LOOK)
-            found = await _found(node, topic)
+            found = await _found(remote, node, topic)
     if not given and len(found.types) > 1:
         several = f"Cannot echo topic '{topic}', as it contains more than one type"
         raise NotFound(f"{several}: [{', '.join(found.types)}]")
@@ -266,6 +267,6 @@ async def _subscribed(
     return node.create_subscription(cls, topic, callback, qos)
 
 
-async def _found(node: Node, topic: str) -> Topic:
-    entries = graph.others(await node.graph())
+async def _found(remote: Remote, node: Node, topic: str) -> Topic:
+    entries = await graph.entries_of(remote, node)
     return topics(entries, hidden=True).get(topic, Topic())

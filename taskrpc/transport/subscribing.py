@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from taskrpc.errors import TaskRpcError
+from taskrpc.errors import ConnectionLost, TaskRpcError
 from taskrpc.retry import reconnect_delay
 from taskrpc.transport.base import OnMismatch
 from taskrpc.transport.codec import codec_of
@@ -196,7 +196,8 @@ class Link:
             except TaskRpcError as error:
                 if said != str(error):
                     said = str(error)
-                    log.debug("%s", error)
+                    is_away = isinstance(error, ConnectionLost)  # and may come at any time
+                    log.log(logging.DEBUG if is_away else logging.WARNING, "%s", error)
                 await asyncio.sleep(reconnect_delay(failures, random.random()))
                 failures += 1
             else:

@@ -257,3 +257,20 @@ def test_a_text_that_yaml_would_misread_is_quoted():
         import yaml
 
         assert yaml.safe_load(yaml_of(String(data=text), Cut())) == {"data": text}
+
+
+@real_time
+def test_topics_of_a_program_elsewhere_need_its_secret(run, monkeypatch, tmp_path):
+    from taskrpc import QoS, sync
+
+    with sync.Node("talker", token="a secret of sixteen") as node:
+        state = node.create_publisher(String, "state", QoS(1, durability="transient_local"))
+        state.publish(String(data="ready"))
+        place = ("--connect", node.address)
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # or the registry would tell it
+        code, _, err = run("echo", "/state", "--once", *place)
+        assert code == 1
+        assert "TASKRPC_TOKEN" in err
+        monkeypatch.setenv("TASKRPC_TOKEN", "a secret of sixteen")
+        assert run("list", *place)[1] == "/state\n"
+        assert run("echo", "/state", "--once", *place)[1] == "data: ready\n---\n"

@@ -199,3 +199,22 @@ async def test_a_peer_without_the_topic_is_asked_once_and_tells_when_it_has_it(n
     await until(subscription.get_publisher_count)
     publisher.publish(text(1))
     await until(lambda: got)
+
+
+async def test_who_does_not_know_the_secret_is_told_so_once(net, caplog, monkeypatch, tmp_path):
+    if net.is_virtual:
+        return
+    server = await net.node("server", token="a secret of sixteen")
+    server.create_publisher(String, "text")
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # or the registry would tell it
+    stranger = await net.node("stranger", token="another secret", peers=[server.address])
+    stranger.create_subscription(String, "text", print)
+    await until(lambda: told(caplog))
+    await asyncio.sleep(0.3)
+    (said,) = told(caplog)
+    assert "secret" in said or "token" in said
+
+
+def told(caplog):
+    """What a subscriber's own program was warned of."""
+    return [each.getMessage() for each in caplog.records if each.name == "taskrpc.topics"]
