@@ -78,7 +78,10 @@ class Bridge:
         qos: QoS,
         on_mismatch: OnMismatch | None = None,
     ) -> NativeSubscription:
-        """A way to subscribe; `take` is called with each message on the loop's thread."""
+        """A way to subscribe; `take` is called with each message on the loop's thread.
+
+        So is `on_mismatch` with what stands between it and a publisher that does not match.
+        """
         create = self.native.create_subscription
         return NativeSubscription(
             create(msg_type, topic, take, qos, threaded=False, on_mismatch=on_mismatch)

@@ -10,7 +10,7 @@ from .client import Client
 from .clock import Clock
 from .constants import S_TO_NS
 from .context import Context
-from .event_handler import wanted
+from .event_handler import Events, PublisherEventCallbacks, SubscriptionEventCallbacks
 from .guard_condition import GuardCondition
 from .publisher import Publisher
 from .qos import QoSProfile, qos_profile_services_default
@@ -106,8 +106,10 @@ class NodeEntities:
         name = self.resolve_topic_name(topic)
         self._override_qos(Publisher, name, qos, qos_overriding_options)
         group = self._rclpy_group(callback_group)
-        publisher = publisher_class(self._rclpy_as_node(), msg_type, name, qos, group)
-        self._rclpy_tell_of_events(event_callbacks, name)
+        node = self._rclpy_as_node()
+        events = Events(node, group, event_callbacks or PublisherEventCallbacks(), name)
+        with events.kept():
+            publisher = publisher_class(node, msg_type, name, qos, group, events)
         return self._rclpy_added(self._rclpy_publishers, publisher)
 
     def create_subscription(
@@ -132,10 +134,11 @@ class NodeEntities:
         name = self.resolve_topic_name(topic)
         self._override_qos(Subscription, name, qos, qos_overriding_options)
         group = self._rclpy_group(callback_group)
-        subscription: Subscription[Any] = Subscription(
-            self._rclpy_as_node(), msg_type, name, callback, group, qos, raw
-        )
-        self._rclpy_tell_of_events(event_callbacks, name)
+        node = self._rclpy_as_node()
+        events = Events(node, group, event_callbacks or SubscriptionEventCallbacks(), name)
+        subscription: Subscription[Any]
+        with events.kept():
+            subscription = Subscription(node, msg_type, name, callback, group, qos, raw, events)
         return self._rclpy_added(self._rclpy_subscriptions, subscription, group)
 
     def create_client(
@@ -279,13 +282,6 @@ class NodeEntities:
         for things in everything:
             while things:
                 things.pop().destroy()
-
-    def _rclpy_tell_of_events(self, callbacks: Any, topic: str) -> None:
-        if names := wanted(callbacks):
-            node = self._rclpy_as_node()
-            node.get_logger().warning(
-                f"taskrpc reports no events of topics: {', '.join(names)} of {topic}"
-            )
 
     def _rclpy_as_node(self) -> Node:
         return cast("Node", self)

@@ -1,85 +1,51 @@
-"""What programs want to know of the quality of a topic's service; taken, and never reported here.
+"""What programs want to know of a topic's service: above all, of whom it does not understand.
 
-Deadlines, leases and matches are not watched by this layer; a program that asks for them runs as
-on a network where nothing of the kind happens, and is told so once in its log.
+Deadlines, leases, losses and matches are not watched by this layer; a program that asks for them
+runs as on a network where nothing of the kind happens, and is told so once in its log.
 """
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
-from collections.abc import Callable
-from typing import Any
+from collections import deque
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+from .callback_groups import CallbackGroup
 from .exceptions import UnsupportedEventTypeError
+from .qos import QoSPolicyKind
+from .waitable import Waitable
+
+if TYPE_CHECKING:
+    from .node import Node
 
 Callback = Callable[[Any], Any] | None
 
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class QoSPublisherMatchedInfo:
-    """How many subscriptions fit a publisher, and how many more than at the last event."""
-
-    total_count: int = 0
-    total_count_change: int = 0
-    current_count: int = 0
-    current_count_change: int = 0
+_REPORTED = ("incompatible_qos", "incompatible_type")
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class QoSSubscriptionMatchedInfo(QoSPublisherMatchedInfo):
-    """How many publishers fit a subscription, and how many more than at the last event."""
+class IncompatibleQoSInfo(NamedTuple):
+    """How often others were found whose QoS does not fit, and by which policy the last did not."""
+
+    total_count: int
+    total_count_change: int
+    last_policy_kind: QoSPolicyKind
 
 
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class QoSDeadlineOfferedInfo:
-    """How often a publisher was later than it promised."""
+class IncompatibleTypeInfo(NamedTuple):
+    """How often others were found that have another type."""
 
-    total_count: int = 0
-    total_count_change: int = 0
-
-
-class QoSDeadlineRequestedInfo(QoSDeadlineOfferedInfo):
-    """How often a message came later than a subscription wants."""
+    total_count: int
+    total_count_change: int
 
 
-class QoSLivelinessLostInfo(QoSDeadlineOfferedInfo):
-    """How often a publisher did not say in time that it lives."""
-
-
-class QoSMessageLostInfo(QoSDeadlineOfferedInfo):
-    """How many messages a subscription lost."""
-
-
-class IncompatibleTypeInfo(QoSDeadlineOfferedInfo):
-    """How often another type was met on the topic."""
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class QoSLivelinessChangedInfo:
-    """How many publishers live, and how many do not."""
-
-    alive_count: int = 0
-    alive_count_change: int = 0
-    not_alive_count: int = 0
-    not_alive_count_change: int = 0
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class QoSOfferedIncompatibleQoSInfo:
-    """How often a publisher met a subscription that wants more than it offers."""
-
-    total_count: int = 0
-    total_count_change: int = 0
-    last_policy_kind: int = 0
-
-
-class QoSRequestedIncompatibleQoSInfo(QoSOfferedIncompatibleQoSInfo):
-    """How often a subscription met a publisher that offers less than it wants."""
+QoSRequestedIncompatibleQoSInfo = QoSOfferedIncompatibleQoSInfo = IncompatibleQoSInfo
 
 
 @dataclasses.dataclass(kw_only=True)
 class SubscriptionEventCallbacks:
-    """Callbacks for events of a subscription."""
+    """Callbacks for events of a subscription; without any, what does not fit is logged."""
 
     deadline: Callback = None
     incompatible_qos: Callback = None
@@ -92,7 +58,7 @@ class SubscriptionEventCallbacks:
 
 @dataclasses.dataclass(kw_only=True)
 class PublisherEventCallbacks:
-    """Callbacks for events of a publisher."""
+    """Callbacks for events of a publisher; without any, what does not fit is logged."""
 
     deadline: Callback = None
     liveliness: Callback = None
@@ -102,27 +68,115 @@ class PublisherEventCallbacks:
     use_default_callbacks: bool = True
 
 
-def wanted(callbacks: SubscriptionEventCallbacks | PublisherEventCallbacks | None) -> list[str]:
-    """The names of the events that a program asks for."""
-    if callbacks is None:
-        return []
-    asked = dataclasses.asdict(callbacks)
-    return [name for name, callback in asked.items() if callable(callback)]
+class EventHandler(Waitable[Any]):
+    """Runs a callback, on the spinning thread, for each event of one kind."""
+
+    def __init__(self, callback_group: CallbackGroup, callback: Callable[[Any], Any]) -> None:
+        super().__init__(callback_group)
+        self.callback = callback
+        self.total = 0
+        self._events: deque[Any] = deque()
+
+    def happened(self, event: Any) -> None:
+        """Have the callback called with this; from any thread."""
+        self._events.append(event)
+        self._arrived()
+
+    def _ready(self) -> bool:
+        return bool(self._events)
+
+    def _take(self) -> Callable[[], Any] | None:
+        try:
+            event = self._events.popleft()
+        except IndexError:  # another thread was quicker
+            return None
+        return lambda: self.callback(event)
+
+
+class Events:
+    """The handlers of one publisher or subscription."""
+
+    def __init__(
+        self,
+        node: Node,
+        group: CallbackGroup,
+        callbacks: SubscriptionEventCallbacks | PublisherEventCallbacks,
+        topic: str,
+    ) -> None:
+        self._node = node
+        self._topic = topic
+        self._other = "publisher" if _subscribes(callbacks) else "subscription"
+        self._verbs = ("offering", "received from") if _subscribes(callbacks) else _REQUESTS
+        self.handlers: list[EventHandler] = []
+        self._logs = callbacks.use_default_callbacks
+        self._qos = self._handler(group, callbacks.incompatible_qos)
+        self._type = self._handler(group, callbacks.incompatible_type)
+        asked = [one.name for one in dataclasses.fields(callbacks) if one.name not in _REPORTED]
+        if missing := [name for name in asked if callable(getattr(callbacks, name))]:
+            node.get_logger().warning(
+                f"taskrpc does not report these events of {topic}: {', '.join(missing)}"
+            )
+
+    def mismatch(self, what: str) -> None:
+        """Somebody was found who does not match; called on the loop's thread."""
+        handler = self._type if what == "TYPE" else self._qos
+        if handler is None:
+            if self._logs:
+                self._log(what)
+            return
+        handler.total += 1
+        if what == "TYPE":
+            handler.happened(IncompatibleTypeInfo(handler.total, 1))
+        else:
+            handler.happened(IncompatibleQoSInfo(handler.total, 1, QoSPolicyKind[what]))
+
+    @contextlib.contextmanager
+    def kept(self) -> Iterator[None]:
+        """Have them only if what they belong to can be made."""
+        try:
+            yield
+        except BaseException:
+            self.destroy()
+            raise
+
+    def destroy(self) -> None:
+        """Call no more."""
+        for handler in self.handlers:
+            self._node.remove_waitable(handler)
+
+    def _handler(self, group: CallbackGroup, callback: Callback) -> EventHandler | None:
+        if callback is None:
+            return None
+        handler = EventHandler(group, callback)
+        self.handlers.append(handler)
+        self._node.add_waitable(handler)
+        return handler
+
+    def _log(self, what: str) -> None:
+        offering, received = self._verbs
+        problem = "type" if what == "TYPE" else "QoS"
+        policy = "" if what == "TYPE" else f" Last incompatible policy: {what}"
+        self._node.get_logger().warning(
+            f"New {self._other} discovered on topic '{self._topic}', {offering} incompatible"
+            f" {problem}. No messages will be {received} it.{policy}"
+        )
+
+
+_REQUESTS = ("requesting", "sent to")
+
+
+def _subscribes(callbacks: object) -> bool:
+    return isinstance(callbacks, SubscriptionEventCallbacks)
 
 
 __all__ = [
+    "EventHandler",
+    "Events",
+    "IncompatibleQoSInfo",
     "IncompatibleTypeInfo",
     "PublisherEventCallbacks",
-    "QoSDeadlineOfferedInfo",
-    "QoSDeadlineRequestedInfo",
-    "QoSLivelinessChangedInfo",
-    "QoSLivelinessLostInfo",
-    "QoSMessageLostInfo",
     "QoSOfferedIncompatibleQoSInfo",
-    "QoSPublisherMatchedInfo",
     "QoSRequestedIncompatibleQoSInfo",
-    "QoSSubscriptionMatchedInfo",
     "SubscriptionEventCallbacks",
     "UnsupportedEventTypeError",
-    "wanted",
 ]

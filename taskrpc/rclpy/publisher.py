@@ -12,6 +12,7 @@ from ._endpoints import forget, remember
 from .callback_groups import CallbackGroup
 from .duration import Duration
 from .endpoint_info import EndpointTypeEnum
+from .event_handler import Events
 from .handle import Handle
 
 if TYPE_CHECKING:
@@ -29,7 +30,8 @@ class Publisher(Generic[MsgT]):
         msg_type: Any,
         topic: str,
         qos_profile: Any,
-        callback_group: CallbackGroup | None = None,
+        callback_group: CallbackGroup,
+        events: Events | None = None,
     ) -> None:
         self._node = node
         self.msg_type = msg_type
@@ -37,9 +39,11 @@ class Publisher(Generic[MsgT]):
         self.qos_profile = qos_profile
         self.callback_group = callback_group
         self.handle = Handle(self)
-        self.event_handlers: list[Any] = []
+        self._events = events
+        self.event_handlers = [] if events is None else events.handlers
+        mismatch = None if events is None else events.mismatch
         native = qos_profile._native()
-        self._native = node._rclpy_bridge.publisher(msg_type, topic, native, self._mismatched)
+        self._native = node._rclpy_bridge.publisher(msg_type, topic, native, mismatch)
         node_name = node.get_fully_qualified_name()
         remember(self, EndpointTypeEnum.PUBLISHER, node_name, topic, qos_profile)
 
@@ -67,14 +71,6 @@ class Publisher(Generic[MsgT]):
             raise TypeError(f"Expected {expected}, got {type(message).__name__}")
         self._native.publish(message)
 
-    def _mismatched(self, what: str) -> None:
-        problem = "type" if what == "TYPE" else "QoS"
-        policy = "" if what == "TYPE" else f" Last incompatible policy: {what}"
-        self._node.get_logger().warning(
-            f"New subscription discovered on topic '{self.topic}', requesting incompatible"
-            f" {problem}. No messages will be sent to it.{policy}"
-        )
-
     def get_subscription_count(self) -> int:
         """How many subscriptions read it."""
         self.handle.check()
@@ -93,8 +89,8 @@ class Publisher(Generic[MsgT]):
     def destroy(self) -> None:
         """Publish no more; use it through `Node.destroy_publisher`, or `with`."""
         if self.handle.valid:
-            for handler in self.event_handlers:
-                handler.destroy()
+            if self._events is not None:
+                self._events.destroy()
             self.handle.destroy_when_not_in_use()
             self._native.close()
             forget(self)

@@ -17,6 +17,7 @@ from ._endpoints import forget, remember
 from ._entity import Entity
 from .callback_groups import CallbackGroup
 from .endpoint_info import EndpointTypeEnum
+from .event_handler import Events
 from .handle import ArrivalHandle
 
 if TYPE_CHECKING:
@@ -55,6 +56,7 @@ class Subscription(Entity, Generic[MsgT]):
         callback_group: CallbackGroup,
         qos_profile: Any,
         raw: bool = False,
+        events: Events | None = None,
     ) -> None:
         self._node = node
         self.msg_type = msg_type
@@ -64,12 +66,14 @@ class Subscription(Entity, Generic[MsgT]):
         self.qos_profile = qos_profile
         self.raw = raw
         self.handle = SubscriptionHandle(self)
-        self.event_handlers: list[Any] = []
+        self._events = events
+        self.event_handlers = [] if events is None else events.handlers
+        mismatch = None if events is None else events.mismatch
         native = qos_profile._native(subscribes=True)
         self._received = 0
         self._messages: deque[tuple[Any, MessageInfo]] = deque(maxlen=native.depth)
         self._native = node._rclpy_bridge.subscription(
-            msg_type, topic, self._came, native, self._mismatched
+            msg_type, topic, self._came, native, mismatch
         )
         node_name = node.get_fully_qualified_name()
         remember(self, EndpointTypeEnum.SUBSCRIPTION, node_name, topic, qos_profile)
@@ -104,14 +108,6 @@ class Subscription(Entity, Generic[MsgT]):
         """Whether messages are filtered by their content; never."""
         return False
 
-    def _mismatched(self, what: str) -> None:
-        problem = "type" if what == "TYPE" else "QoS"
-        policy = "" if what == "TYPE" else f" Last incompatible policy: {what}"
-        self._node.get_logger().warning(
-            f"New publisher discovered on topic '{self.topic}', offering incompatible {problem}."
-            f" No messages will be received from it.{policy}"
-        )
-
     def get_publisher_count(self) -> int:
         """How many publishers send to it."""
         self.handle.check()
@@ -120,8 +116,8 @@ class Subscription(Entity, Generic[MsgT]):
     def destroy(self) -> None:
         """Read no more; use it through `Node.destroy_subscription`, or `with`."""
         if self.handle.valid:
-            for handler in self.event_handlers:
-                handler.destroy()
+            if self._events is not None:
+                self._events.destroy()
             self.handle.destroy_when_not_in_use()
             self._native.close()
             forget(self)

@@ -5,6 +5,8 @@ import threading
 import pytest
 
 import srvgen
+from taskrpc.rclpy.event_handler import IncompatibleQoSInfo, IncompatibleTypeInfo
+from taskrpc.rclpy.qos import QoSPolicyKind, qos_profile_sensor_data
 from taskrpc.rclpy.qos_event import PublisherEventCallbacks, SubscriptionEventCallbacks
 from taskrpc.rclpy.serialization import deserialize_message, serialize_message
 from taskrpc.rclpy.subscription import Subscription
@@ -13,6 +15,7 @@ from tests.rclpy.living import living, until
 
 pytestmark = pytest.mark.real_time
 
+Bool = srvgen.load("std_msgs/msg/Bool")
 String = srvgen.load("std_msgs/msg/String")
 
 
@@ -76,9 +79,11 @@ def test_a_callback_is_called_with_what_it_takes(node, callback, kind):
 
 
 def test_a_callback_with_other_parameters_is_refused(node):
+    before = len(list(node.waitables))
     with pytest.raises(RuntimeError, match="one argument"):
         node.create_subscription(String, "talk", lambda a, b, c: None, 10)
     assert node.count_subscribers("talk") == 0
+    assert len(list(node.waitables)) == before
 
 
 def test_raw_messages_are_cdr_both_ways(world, node):
@@ -131,10 +136,42 @@ def test_one_message_can_be_waited_for_without_spinning(node):
     assert publisher.get_subscription_count() == 0
 
 
-def test_who_asks_for_events_of_a_topic_is_told_that_there_are_none(node, capfd):
+def test_who_asks_for_events_that_are_not_reported_is_told_so(node, capfd):
     node.create_publisher(String, "talk", 10, event_callbacks=PublisherEventCallbacks())
     assert capfd.readouterr().err == ""
     events = SubscriptionEventCallbacks(deadline=print, message_lost=print)
     node.create_subscription(String, "talk", print, 10, event_callbacks=events)
-    told = "taskrpc reports no events of topics: deadline, message_lost of /talk"
+    told = "taskrpc does not report these events of /talk: deadline, message_lost"
     assert told in capfd.readouterr().err
+
+
+def test_a_reader_that_asks_for_more_than_is_offered_is_told_of_on_both_sides(world, node, capfd):
+    told = []
+    events = SubscriptionEventCallbacks(incompatible_qos=told.append)
+    node.create_publisher(String, "talk", qos_profile_sensor_data)
+    node.create_subscription(String, "talk", print, 10, event_callbacks=events)
+    world.spin_until(lambda: told)
+    assert told == [IncompatibleQoSInfo(1, 1, QoSPolicyKind.RELIABILITY)]
+    world.executor.spin_once(0.1)
+    assert (
+        "New subscription discovered on topic '/talk', requesting incompatible QoS. No messages"
+        " will be sent to it. Last incompatible policy: RELIABILITY"
+    ) in capfd.readouterr().err
+
+
+def test_another_type_is_an_event_too(world, node, capfd):
+    told = []
+    events = PublisherEventCallbacks(incompatible_type=told.append)
+    node.create_publisher(Bool, "talk", 10, event_callbacks=events)
+    with node.create_subscription(String, "talk", print, 10):
+        world.spin_until(lambda: told)
+        world.executor.spin_once(0.1)
+    assert told == [IncompatibleTypeInfo(1, 1)]
+    assert "topic '/talk' that has another type" in capfd.readouterr().err
+
+
+def test_whoever_wants_no_words_gets_none(node):
+    quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
+    loud = len(list(node.waitables))
+    node.create_subscription(String, "talk", print, 10, event_callbacks=quiet)
+    assert len(list(node.waitables)) == loud
