@@ -10,8 +10,20 @@ import contextlib
 import dataclasses
 from collections import deque
 from collections.abc import Callable, Iterator
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
+from ._event_infos import (
+    IncompatibleTypeInfo,
+    QoSDeadlineOfferedInfo,
+    QoSDeadlineRequestedInfo,
+    QoSLivelinessChangedInfo,
+    QoSLivelinessLostInfo,
+    QoSMessageLostInfo,
+    QoSOfferedIncompatibleQoSInfo,
+    QoSPublisherMatchedInfo,
+    QoSRequestedIncompatibleQoSInfo,
+    QoSSubscriptionMatchedInfo,
+)
 from .callback_groups import CallbackGroup
 from .exceptions import UnsupportedEventTypeError
 from .qos import QoSPolicyKind
@@ -23,24 +35,6 @@ if TYPE_CHECKING:
 Callback = Callable[[Any], Any] | None
 
 _REPORTED = ("incompatible_qos", "incompatible_type")
-
-
-class IncompatibleQoSInfo(NamedTuple):
-    """How often others were found whose QoS does not fit, and by which policy the last did not."""
-
-    total_count: int
-    total_count_change: int
-    last_policy_kind: QoSPolicyKind
-
-
-class IncompatibleTypeInfo(NamedTuple):
-    """How often others were found that have another type."""
-
-    total_count: int
-    total_count_change: int
-
-
-QoSRequestedIncompatibleQoSInfo = QoSOfferedIncompatibleQoSInfo = IncompatibleQoSInfo
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -105,8 +99,12 @@ class Events:
     ) -> None:
         self._node = node
         self._topic = topic
-        self._other = "publisher" if _subscribes(callbacks) else "subscription"
-        self._verbs = ("offering", "received from") if _subscribes(callbacks) else _REQUESTS
+        subscribes = isinstance(callbacks, SubscriptionEventCallbacks)
+        self._other = "publisher" if subscribes else "subscription"
+        self._verbs = ("offering", "received from") if subscribes else ("requesting", "sent to")
+        self._qos_info: type[QoSOfferedIncompatibleQoSInfo] = (
+            QoSRequestedIncompatibleQoSInfo if subscribes else QoSOfferedIncompatibleQoSInfo
+        )
         self.handlers: list[EventHandler] = []
         self._logs = callbacks.use_default_callbacks
         self._qos = self._handler(group, callbacks.incompatible_qos)
@@ -126,9 +124,14 @@ class Events:
             return
         handler.total += 1
         if what == "TYPE":
-            handler.happened(IncompatibleTypeInfo(handler.total, 1))
+            event: Any = IncompatibleTypeInfo(total_count=handler.total, total_count_change=1)
         else:
-            handler.happened(IncompatibleQoSInfo(handler.total, 1, QoSPolicyKind[what]))
+            event = self._qos_info(
+                total_count=handler.total,
+                total_count_change=1,
+                last_policy_kind=QoSPolicyKind[what],
+            )
+        handler.happened(event)
 
     @contextlib.contextmanager
     def kept(self) -> Iterator[None]:
@@ -162,21 +165,20 @@ class Events:
         )
 
 
-_REQUESTS = ("requesting", "sent to")
-
-
-def _subscribes(callbacks: object) -> bool:
-    return isinstance(callbacks, SubscriptionEventCallbacks)
-
-
 __all__ = [
     "EventHandler",
     "Events",
-    "IncompatibleQoSInfo",
     "IncompatibleTypeInfo",
     "PublisherEventCallbacks",
+    "QoSDeadlineOfferedInfo",
+    "QoSDeadlineRequestedInfo",
+    "QoSLivelinessChangedInfo",
+    "QoSLivelinessLostInfo",
+    "QoSMessageLostInfo",
     "QoSOfferedIncompatibleQoSInfo",
+    "QoSPublisherMatchedInfo",
     "QoSRequestedIncompatibleQoSInfo",
+    "QoSSubscriptionMatchedInfo",
     "SubscriptionEventCallbacks",
     "UnsupportedEventTypeError",
 ]

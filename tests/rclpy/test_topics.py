@@ -5,7 +5,7 @@ import threading
 import pytest
 
 import srvgen
-from taskrpc.rclpy.event_handler import IncompatibleQoSInfo, IncompatibleTypeInfo
+from taskrpc.rclpy.event_handler import IncompatibleTypeInfo, QoSRequestedIncompatibleQoSInfo
 from taskrpc.rclpy.qos import QoSPolicyKind, qos_profile_sensor_data
 from taskrpc.rclpy.qos_event import PublisherEventCallbacks, SubscriptionEventCallbacks
 from taskrpc.rclpy.serialization import deserialize_message, serialize_message
@@ -157,7 +157,11 @@ def test_a_reader_that_asks_for_more_than_is_offered_is_told_of_on_both_sides(wo
     node.create_publisher(String, "talk", qos_profile_sensor_data)
     node.create_subscription(String, "talk", print, 10, event_callbacks=events)
     world.spin_until(lambda: told)
-    assert told == [IncompatibleQoSInfo(1, 1, QoSPolicyKind.RELIABILITY)]
+    assert told == [
+        QoSRequestedIncompatibleQoSInfo(
+            total_count=1, total_count_change=1, last_policy_kind=QoSPolicyKind.RELIABILITY
+        )
+    ]
     until_said(
         capfd,
         "New subscription discovered on topic '/talk', requesting incompatible QoS. No messages"
@@ -172,7 +176,7 @@ def test_another_type_is_an_event_too(world, node, capfd):
     with node.create_subscription(String, "talk", print, 10):
         world.spin_until(lambda: told)
         until_said(capfd, "topic '/talk', offering incompatible type.")
-    assert told == [IncompatibleTypeInfo(1, 1)]
+    assert told == [IncompatibleTypeInfo(total_count=1, total_count_change=1)]
 
 
 def test_whoever_wants_no_words_gets_none(world, node, capfd):
