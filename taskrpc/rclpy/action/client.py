@@ -9,7 +9,7 @@ def refuse(what: str) -> NoReturn:
     """Say that there are no actions, and what does the same."""
     raise NotImplementedError(
         f"{what}: taskrpc has no actions yet; use a service for the goal and a topic for its"
-        " feedback, or the task server (`taskrpc server start`)"
+        " feedback, or the task server (`taskrpc-server`)"
     )
 
 
