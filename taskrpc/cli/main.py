@@ -41,6 +41,7 @@ _PURPOSES = {
     "join": "Let programs of this user call a lab's server",
     "leave": "Forget the lab that was joined",
     "run": "Run a ROS 2 program without ROS",
+    "graduate": "Find what a program would do differently on a real robot",
     "export": "Take programs and definitions to a real robot",
     "ros": "Let plain python import rclpy",
     "demo": "Watch a task server, three clients and a robot at work",

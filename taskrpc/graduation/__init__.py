@@ -1,0 +1,1 @@
+"""What a program would do differently on a real ROS 2, found by reading it."""

@@ -1,0 +1,114 @@
+"""Reads programs and their packages, and tells all that a real ROS 2 would do differently."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+from pathlib import Path
+from typing import NamedTuple
+from xml.etree.ElementTree import ParseError
+
+from srvgen import DefinitionError
+from srvgen.model import Definition
+from srvgen.search import Search
+from taskrpc.colcon import programs
+from taskrpc.colcon.dependencies import OURS, needs_of
+from taskrpc.errors import TaskRpcError
+from taskrpc.graduation.answering import answering
+from taskrpc.graduation.extensions import extensions
+from taskrpc.graduation.lifetime import lifetime
+from taskrpc.graduation.package import declared, dependencies, entry_point
+from taskrpc.graduation.program import Finding, Program, imports
+from taskrpc.graduation.values import values
+from taskrpc.graduation.waiting import waiting
+from taskrpc.ros import executables, workspace
+
+_LEFT_OUT = {"build", "install", "log", "node_modules", "test", "tests", "venv", "__pycache__"}
+
+
+class Place(NamedTuple):
+    """A finding, and the file that it is in."""
+
+    path: Path
+    finding: Finding
+
+    def __str__(self) -> str:
+        return f"{self.path}:{self.finding.line}:{self.finding.column}: {self.finding}"
+
+
+def check(path: Path) -> list[Place]:
+    """What a program, or all those of a folder, would do differently on a real ROS 2.
+
+    Raises TaskRpcError for a file that cannot be read.
+    """
+    files = [path] if path.is_file() else sorted(_files(path))
+    if not files:
+        raise TaskRpcError(f"expected a Python file or a folder that has some, got {path}")
+    read = {file: _read(file) for file in files}
+    found = [Place(file, one) for file in files for one in _of_program(file, read[file])]
+    packages: dict[Path, list[Path]] = {}
+    for file in files:
+        if (package := workspace.package_of(file.resolve())) is not None:
+            packages.setdefault(package, []).append(file)
+    for package, own in packages.items():
+        found += _of_package(package, {file: read[file] for file in own})
+    return found
+
+
+def _files(folder: Path) -> Iterator[Path]:
+    for path in folder.rglob("*.py"):
+        inner = path.relative_to(folder)
+        is_hidden = any(part.startswith(".") or part in _LEFT_OUT for part in inner.parts)
+        if not is_hidden and path.name not in ("setup.py", "conftest.py"):
+            yield path
+
+
+def _read(path: Path) -> Program:
+    try:
+        return Program(ast.parse(path.read_bytes()))
+    except OSError as error:
+        raise TaskRpcError(f"cannot read {path}: {error.strerror or error}") from None
+    except (SyntaxError, ValueError) as error:
+        line = getattr(error, "lineno", None) or 1
+        raise TaskRpcError(f"{path}:{line}: Python cannot read it: {error}") from None
+
+
+def _of_program(path: Path, program: Program) -> list[Finding]:
+    found = list(extensions(program))
+    if program.imports_rclpy:
+        search = Search([path.resolve().parent, *workspace.roots(path.resolve())])
+        found += waiting(program)
+        found += answering(program)
+        found += lifetime(program)
+        found += values(program, lambda name: _definition(search, name))
+    return sorted(set(found))
+
+
+def _definition(search: Search, name: str) -> Definition | None:
+    try:
+        return search.load(name)
+    except DefinitionError:
+        return None
+
+
+def _of_package(package: Path, own: dict[Path, Program]) -> list[Place]:
+    manifest = package / workspace.MANIFEST
+    try:
+        known = declared(manifest.read_text(encoding="utf-8"))
+    except (OSError, ValueError, ParseError) as error:
+        raise TaskRpcError(f"cannot read {manifest}: {error}") from None
+    wanted = {name.partition(".")[0] for one in own.values() for name, _ in imports(one.tree)}
+    beside = {path.stem for path in own} | {package.name} | OURS
+    interfaces = {*Search([*workspace.roots(package)]).packages(), *workspace.packages(package)}
+    needs = needs_of(wanted, interfaces, beside)
+    found = [Place(manifest, one) for one in dependencies(needs.packages, known)]
+    if not (package / "setup.py").is_file():
+        return found
+    targets = executables.entry_points(package)
+    for path, program in own.items():
+        inner = path.resolve().relative_to(package).with_suffix("")
+        if len(inner.parts) == 2 and programs.is_program(program.tree):
+            found += [
+                Place(path, one) for one in entry_point(program, ".".join(inner.parts), targets)
+            ]
+    return found
