@@ -47,6 +47,7 @@ class Topics:
         self._numbers = 0
         self._publishers = 0
         self._search: asyncio.Task[None] | None = None
+        self._will_look = False
 
     def soon(self, action: Callable[[], object]) -> None:
         """Do something in a later turn of the loop."""
@@ -128,8 +129,9 @@ class Topics:
             self._match_here(publication, each)
         if self._search is None:
             self._search = self._home.loop.create_task(self._searched())
-        else:
-            self._look()
+        elif not self._will_look:  # once, however many subscriptions are made in one turn
+            self._will_look = True
+            self.soon(self._look)
         return each
 
     def reception_closed(self, reception: Reception) -> None:
@@ -150,6 +152,7 @@ class Topics:
 
     async def close(self) -> None:
         """End the search and all links."""
+        self._receptions.clear()
         tasks = [link.close() for link in self._links.values()]
         self._links.clear()
         if self._search is not None:
@@ -177,6 +180,9 @@ class Topics:
             await self._home.news.wait(mark, None, hurried=False)
 
     def _look(self) -> None:
+        self._will_look = False
+        if not self._receptions:
+            return
         home = self._home
         there = set()
         for address, topics in home.network.publishing(self._receptions):

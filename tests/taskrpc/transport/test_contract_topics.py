@@ -314,3 +314,18 @@ async def test_who_wants_to_be_told_of_mismatches_is_told_instead_of_the_log(net
     await until(lambda: len(offered) == len(wanted) == 2)
     assert sorted(offered) == sorted(wanted) == ["DURABILITY", "RELIABILITY"]
     assert not caplog.records
+
+
+async def test_many_subscriptions_made_at_once_look_for_publishers_together(net, monkeypatch):
+    listener = await net.node("listener")
+    network = listener._transport.network
+    looks = []
+    publishing = network.publishing
+    monkeypatch.setattr(network, "publishing", lambda topics: looks.append(1) or publishing(topics))
+    listener.create_subscription(Int32, "first", print)
+    await asyncio.sleep(0.05)
+    looks.clear()
+    for number in range(50):
+        listener.create_subscription(Int32, f"t{number}", print)
+    await asyncio.sleep(0.01)
+    assert 1 <= len(looks) <= 3  # what they change in the directory is news too
