@@ -24,37 +24,37 @@ class Cut(msgspec.Struct, frozen=True):
 
 def yaml_of(value: Any, cut: Cut, *, flow: bool = False) -> str:
     """A message, or one of its fields, as a YAML document that ends in a line break."""
-    plain = _plain(value, cut)
-    if isinstance(plain, dict):
+    shown = plain(value, cut)
+    if isinstance(shown, dict):
         import yaml
 
         return yaml.dump(
-            plain,
+            shown,
             allow_unicode=True,
             default_flow_style=flow,
             sort_keys=False,
             width=sys.maxsize,
         )
-    return f"{plain}\n"
+    return f"{shown}\n"
 
 
 def csv_of(value: Any, cut: Cut) -> str:
     """All values of a message, or of one of its fields, in order."""
-    plain = _plain(value, cut)
-    if isinstance(plain, dict):
-        return ",".join(csv_of(each, cut) for each in plain.values())
-    if isinstance(plain, list):
-        return ",".join(csv_of(each, cut) for each in plain)
-    return str(plain)
+    shown = plain(value, cut)
+    if isinstance(shown, dict):
+        return ",".join(csv_of(each, cut) for each in shown.values())
+    if isinstance(shown, list):
+        return ",".join(csv_of(each, cut) for each in shown)
+    return str(shown)
 
 
-def _plain(value: Any, cut: Cut, type_: str = "") -> Any:
+def plain(value: Any, cut: Cut, type_: str = "") -> Any:
     """Dicts, lists and what YAML knows instead of messages and arrays."""
     if hasattr(value, "_FIELDS"):
         types = value.get_fields_and_field_types()
         attributes = value.__struct_fields__  # a keyword's has an underscore more
         return {
-            name: _plain(getattr(value, attribute), cut, types[name])
+            name: plain(getattr(value, attribute), cut, types[name])
             for (name, _), attribute in zip(value._FIELDS, attributes, strict=True)
         }
     if isinstance(value, str):
@@ -78,5 +78,5 @@ def _array(values: list[Any], cut: Cut, type_: str) -> Any:
             return f"<array type: {type_}>"
         element = type_.removeprefix("sequence<").removesuffix(">").partition(",")[0]
         return f"<sequence type: {element}, length: {len(values)}>"
-    shown = [_plain(each, cut) for each in values[: cut.length]]
+    shown = [plain(each, cut) for each in values[: cut.length]]
     return shown if len(shown) == len(values) else [*shown, "..."]

@@ -1,4 +1,4 @@
-"""`taskrpc service`: list, type, info, find and call, as `ros2 service` has them."""
+"""`taskrpc service`: call, echo, find, info, list and type, as `ros2 service` has them."""
 
 from __future__ import annotations
 
@@ -21,10 +21,35 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--include-hidden-services", action="store_true", help=what)
     commands = add_group(parser)
     call.configure(add_command(commands, "call", "Call a service"))
+    _add_echo(commands)
     _add_find(commands)
     _add_info(commands)
     _add_list(commands)
     _add_type(commands)
+
+
+def _add_echo(commands: Commands) -> None:
+    from taskrpc.cli.parsing import whole
+    from taskrpc.cli.remote import add_connect, add_discovery
+
+    parser = add_command(commands, "echo", "Echo a service")
+    parser.add_argument("service_name", help="Name of the service (e.g. '/add_two_ints')")
+    what = "Type of the service (e.g. 'example_interfaces/srv/AddTwoInts')"
+    parser.add_argument("service_type", nargs="?", default="", help=what)
+    what = "Output all values separated by commas (e.g. for plotting)"
+    parser.add_argument("--csv", action="store_true", help=what)
+    what = "Output all of long texts and arrays"
+    parser.add_argument("-f", "--full-length", action="store_true", help=what)
+    what = "Characters and elements that are output at most (128)"
+    length = whole(0)
+    parser.add_argument("-l", "--truncate-length", metavar="N", type=length, default=128, help=what)
+    parser.add_argument("--no-arr", action="store_true", help="Do not output what is in arrays")
+    parser.add_argument("--no-str", action="store_true", help="Do not output what is in texts")
+    what = "Output each array in one line"
+    parser.add_argument("--flow-style", action="store_true", help=what)
+    add_connect(parser)
+    add_discovery(parser)
+    parser.set_defaults(run=_echo)
 
 
 def _add_find(commands: Commands) -> None:
@@ -80,6 +105,12 @@ def _add_common(parser: argparse.ArgumentParser) -> None:
     add_connect(parser)
     add_discovery(parser)
     parser.add_argument("--json", action="store_true", help="Print JSON")
+
+
+def _echo(options: argparse.Namespace) -> int:
+    from taskrpc.cli import service_echo
+
+    return service_echo.echo(options)
 
 
 def _list(options: argparse.Namespace) -> int:
