@@ -1,5 +1,8 @@
 """Clients call, wait and give up as in rclpy, and say what real ROS keeps to itself."""
 
+import contextlib
+import subprocess
+import sys
 import threading
 
 import pytest
@@ -7,7 +10,7 @@ import pytest
 import srvgen
 from taskrpc.errors import HandlerFailed, InvalidRequest, OutcomeUnknown
 from taskrpc.rclpy.exceptions import InvalidHandle, InvalidServiceNameException
-from tests.rclpy.living import PATIENCE, living, service_of
+from tests.rclpy.living import PATIENCE, living, service_of, until
 
 pytestmark = pytest.mark.real_time
 
@@ -141,6 +144,58 @@ def test_the_caller_is_told_that_the_server_has_gone(world):
     server.destroy_node()
     world.executor.spin_until_future_complete(future, PATIENCE)
     assert isinstance(future.exception(), OutcomeUnknown)
+
+
+SERVER = """
+import threading
+
+import srvgen
+from taskrpc import rclpy
+
+srv_type = srvgen.load("example_interfaces/srv/AddTwoInts")
+
+
+def add(request, response):
+    if request.b == 9:
+        threading.Event().wait()
+    response.sum = request.a + request.b
+    return response
+
+
+rclpy.init(args=[])
+node = rclpy.create_node("server")
+node.create_service(srv_type, "add", add)
+print("ready", flush=True)
+rclpy.spin(node)
+"""
+
+
+@contextlib.contextmanager
+def server_elsewhere():
+    """A server in a process of its own, which is killed at the end."""
+    command = [sys.executable, "-c", SERVER]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        assert process.stdout.readline() == "ready\n"
+        try:
+            yield process
+        finally:
+            process.kill()
+
+
+def test_a_client_survives_its_killed_server_and_calls_the_next_one(world):
+    client = world.node("caller").create_client(AddTwoInts, "add")
+    with server_elsewhere() as server:
+        assert client.wait_for_service(PATIENCE)
+        assert world.answer(client.call_async(Request(a=1, b=1))).sum == 2
+        lost = client.call_async(Request(a=1, b=9))
+        world.executor.spin_until_future_complete(lost, 0.2)
+        server.kill()
+        world.executor.spin_until_future_complete(lost, PATIENCE)
+        assert isinstance(lost.exception(), OutcomeUnknown)
+    until(lambda: not client.service_is_ready())
+    waiting = client.call_async(Request(a=2, b=2))
+    with server_elsewhere():
+        assert world.answer(waiting).sum == 4
 
 
 def test_a_destroyed_client_calls_no_more(world, client):
