@@ -180,9 +180,13 @@ class _Shared:
         """One more server; raises NameInUse where another program has the name."""
         offered = Offered(self, bridge, take)
         with self._guard:
-            if not self._servers:
-                self._offer(offered, join=join)
-            self._servers.append(offered)
+            self._servers.append(offered)  # before it is offered: a request may wait already
+            try:
+                if self._servers[0] is offered:
+                    self._offer(offered, join=join)
+            except BaseException:
+                self._servers.remove(offered)
+                raise
         return offered
 
     def remove(self, offered: Offered) -> None:

@@ -56,7 +56,7 @@ class Outbox:
 
         def ended(response: Any, error: BaseException | None) -> None:
             if isinstance(error, ServiceUnavailable) and not self._closed:
-                self._wait(Request(message, tell))  # it certainly did not run
+                self._wait(Request(message, ended))  # it certainly did not run
             else:
                 tell(response, error)
 
