@@ -112,12 +112,13 @@ def overrides_of(parameters: Sequence[Parameters], fully_qualified_name: str) ->
     found: dict[str, Value] = {}
     for one in parameters:
         for name, values in one.items():
-            if _fits(name, fully_qualified_name):
+            if fits(name, fully_qualified_name):
                 found.update(values)
     return found
 
 
-def _fits(name: str, fully_qualified_name: str) -> bool:
+def fits(name: str, fully_qualified_name: str) -> bool:
+    """Whether a name in a file, with `*` for one part and `**` for any number, means a node."""
     rooted = name if name.startswith("/") else f"/{name}"
     pattern = re.escape(rooted).replace(r"/\*\*", r"(/\w+)*").replace(r"/\*", r"(/\w+)")
     return re.fullmatch(pattern, fully_qualified_name) is not None

@@ -13,6 +13,8 @@ import yaml
 
 import srvgen
 
+from ._arguments import fits
+
 ParameterMsg = srvgen.load("rcl_interfaces/msg/Parameter")
 ParameterType = srvgen.load("rcl_interfaces/msg/ParameterType")
 ParameterValue = srvgen.load("rcl_interfaces/msg/ParameterValue")
@@ -35,7 +37,6 @@ AllowableParameterValue: TypeAlias = (
 """What the value of a parameter can be."""
 
 _ROS_PARAMETERS = "ros__parameters"
-_ANY_NODE = "/**"
 
 
 class _ParameterKind(enum.Enum):
@@ -223,28 +224,41 @@ def parameter_dict_from_yaml_file(
 
     Args:
         parameter_file: where the file is.
-        use_wildcard: whether those of `/**` are meant too; those of a node's own come before them.
+        use_wildcard: whether those below names with `*` are meant too; those of a node's own name
+            come before them.
         target_nodes: the only nodes that are meant.
         namespace: goes in front of every name.
 
     Raises:
-        RuntimeError: a node is not in the file, or has no parameters there.
+        RuntimeError: nothing in the file is meant, or a node there has no parameters.
     """
     text = Path(parameter_file).read_text(encoding="utf-8")
-    nodes = dict(_nodes(yaml.safe_load(text) or {}))
-    chosen = [_ANY_NODE] if use_wildcard and _ANY_NODE in nodes else []
-    for name in target_nodes or ():
-        if name not in nodes:
-            raise RuntimeError(
-                f"Param file does not contain parameters for {name},only for nodes: {list(nodes)} "
-            )
-    chosen += target_nodes or [name for name in nodes if name != _ANY_NODE]
-    if not chosen:
-        raise RuntimeError("Param file does not contain selected parameters")
+    nodes = list(_nodes(yaml.safe_load(text) or {}))
     found: dict[str, Any] = {}
-    for name in chosen:
-        found.update(nodes[name])
+    chosen = False
+    for is_wild in (True, False) if use_wildcard else (False,):
+        for name, parameters in nodes:
+            if ("*" in name) is is_wild and _is_meant(name, target_nodes):
+                chosen = True
+                found.update(parameters)
+    if not chosen:
+        for_nodes = f" for {', '.join(target_nodes)}" if target_nodes else ""
+        raise RuntimeError(
+            f"Param file does not contain any valid parameters{for_nodes},"
+            f" only for nodes: {[name for name, _ in nodes]}"
+        )
     return dict(_flat(namespace, found))
+
+
+def _is_meant(name: str, target_nodes: list[str] | None) -> bool:
+    """Whether a name in the file stands for one of the nodes, or for any if none are given.
+
+    `/**/name` needs a namespace here; on a command line's `--params-file` it does not.
+    """
+    targets = [f"/{node.lstrip('/')}" for node in target_nodes or ()]
+    if name.startswith("/**/"):
+        targets = [node for node in targets if node.count("/") > 1]
+    return not target_nodes or any(fits(name, node) for node in targets)
 
 
 def _nodes(content: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, dict[str, Any]]]:

@@ -123,10 +123,11 @@ class ParameterEventHandler:
         self.node = node
         self.qos_profile = qos_profile
         self._callbacks = ParameterEventHandler.Callbacks()
+        self._wanted: frozenset[str] = frozenset()
         self.parameter_event_subscription = node.create_subscription(
             ParameterEvent,
             PARAMETER_EVENTS,
-            self._callbacks.event_callback,
+            self._came,
             qos_profile,
             callback_group=callback_group,
             event_callbacks=event_callbacks,
@@ -177,6 +178,18 @@ class ParameterEventHandler:
     def remove_parameter_event_callback(self, handle: ParameterEventCallbackHandle) -> None:
         """Call it no more. Raises RuntimeError for one that is not there."""
         self._callbacks.remove_parameter_event_callback(handle)
+
+    def configure_nodes_filter(self, node_names: list[str] | None = None) -> bool:
+        """Heed the events of these nodes only, by their full names; without names, of all again.
+
+        Always True, as ROS says where its middleware can do so.
+        """
+        self._wanted = frozenset(node_names or ())
+        return True
+
+    def _came(self, event: Any) -> None:
+        if not self._wanted or event.node in self._wanted:
+            self._callbacks.event_callback(event)
 
     def _resolve_path(self, node_path: str | None = None) -> str:
         """The full name of a node."""

@@ -164,14 +164,33 @@ def test_parameters_of_a_file_are_chosen_by_nodes(dumped):
     assert _read(dumped, target_nodes=["/ns/deep"], namespace="x.") == {"x.c": 3}
 
 
+@pytest.mark.parametrize(
+    ("target", "wildcards", "found"),
+    [
+        ("robot", False, {"a"}),
+        ("/lab/robot", False, {"b"}),
+        ("/lab/robot", True, {"b", "one", "any"}),
+        ("/lab/north/robot", True, {"any"}),
+        ("robot", True, {"a"}),
+    ],
+)
+def test_names_of_nodes_in_a_file_may_have_wildcards(tmp_path, target, wildcards, found):
+    path = tmp_path / "wild.yaml"
+    names = {"robot": "a", "/lab/robot": "b", "/*/robot": "one", "/**/robot": "any"}
+    lines = [f"{node}: {{ros__parameters: {{{name}: 1}}}}\n" for node, name in names.items()]
+    path.write_text("".join(lines), encoding="utf-8")
+    assert set(_read(str(path), target_nodes=[target], use_wildcard=wildcards)) == found
+    assert set(_read(str(path))) == {"a", "b"}
+
+
 def test_what_a_file_lacks_is_told(dumped, tmp_path):
-    with pytest.raises(RuntimeError, match="does not contain parameters for /other"):
+    with pytest.raises(RuntimeError, match="any valid parameters for /other, only for"):
         _read(dumped, target_nodes=["/other"])
     for text, problem in [
         ("/robot: 5", "not a valid ROS parameter file for node /robot"),
         ("/robot: {}", "not a valid ROS parameter file for node /robot"),
-        ("/**: {ros__parameters: {a: 1}}", "does not contain selected parameters"),
-        ("", "does not contain selected parameters"),
+        ("/**: {ros__parameters: {a: 1}}", "does not contain any valid parameters"),
+        ("", "does not contain any valid parameters"),
     ]:
         (tmp_path / "bad.yaml").write_text(text, encoding="utf-8")
         with pytest.raises(RuntimeError, match=problem):
