@@ -32,6 +32,7 @@ _PURPOSES = {
     "node": "Various node related sub-commands",
     "param": "Various param related sub-commands",
     "pkg": "Various package related sub-commands",
+    "daemon": "Answer as ros2 does about its daemon",
     "task": "Submit tasks to the task server and watch them",
     "alias": "Let a shell know ros2",
     "ps": "List the taskrpc processes of this user",

@@ -102,6 +102,8 @@ def add_discovery(parser: argparse.ArgumentParser) -> None:
     what = "as in ros2; changes nothing, since there is no daemon here"
     parser.add_argument("--no-daemon", action="store_true", help=what)
     parser.add_argument("--spin-time", metavar="SPIN_TIME", type=float, help=what)
+    what = "as in ros2; changes nothing, since these commands ask for no time"
+    parser.add_argument("-s", "--use-sim-time", action="store_true", help=what)
 
 
 def place(text: str) -> str:
