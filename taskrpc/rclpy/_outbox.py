@@ -54,17 +54,11 @@ class Outbox:
         Raises InvalidRequest for one that cannot be sent.
         """
 
-        def ended(response: Any, error: BaseException | None) -> None:
-            if isinstance(error, ServiceUnavailable) and not self._closed:
-                self._wait(Request(message, ended))  # it certainly did not run
-            else:
-                tell(response, error)
-
         if not self._waiting and self._native.connected:
-            return self._native.call_then(message, ended, None)
+            return self._native.call_then(message, partial(self._ended, message, tell), None)
         # What the program does to the message afterwards must not change the request.
         message = self._codec.decode(self._codec.encode(message))
-        request = Request(message, ended)
+        request = Request(message, partial(self._ended, message, tell))
         self._native.bridge.soon(lambda: self._wait(request))
         return lambda: self._native.bridge.soon(lambda: self._give_up(request))
 
@@ -84,6 +78,12 @@ class Outbox:
             self._native.bridge.do(lambda: None)  # and what was in the queue is written
 
     # On the loop
+
+    def _ended(self, message: Any, tell: Tell, response: Any, error: BaseException | None) -> None:
+        if isinstance(error, ServiceUnavailable) and not self._closed:  # it certainly did not run
+            self._wait(Request(message, partial(self._ended, message, tell)))
+        else:
+            tell(response, error)
 
     def _wait(self, request: Request) -> None:
         self._waiting.append(request)

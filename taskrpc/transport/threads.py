@@ -92,7 +92,8 @@ class Told:
 
     __slots__ = ("_cancelled", "_done", "_tell", "call")
 
-    call: OpenCall
+    call: OpenCall | None
+    """Until it has ended: it knows us, and no cycle shall be left of a call."""
 
     def __init__(self, tell: Tell) -> None:
         self._tell = tell
@@ -109,20 +110,23 @@ class Told:
 
     def give_up(self) -> None:
         """Drop the answer; the server is told that nobody waits."""
-        if not self._done:
+        call = self.call
+        if not self._done and call is not None:
             self._done = self._cancelled = True
-            self.call.connection.owner.loop.call_soon_threadsafe(self.call.give_up)
+            call.connection.owner.loop.call_soon_threadsafe(call.give_up)
 
     def set_result(self, result: Any) -> None:
         """Tell of an answer."""
         if not self._done:
             self._done = True
+            self.call = None
             self._tell(result, None)
 
     def set_exception(self, error: BaseException) -> None:
         """Tell of an error."""
         if not self._done:
             self._done = True
+            self.call = None
             self._tell(None, error)
 
 

@@ -1,6 +1,7 @@
 """Clients call, wait and give up as in rclpy, and say what real ROS keeps to itself."""
 
 import contextlib
+import gc
 import subprocess
 import sys
 import threading
@@ -46,6 +47,18 @@ def test_an_answer_comes_while_somebody_spins(world, client):
 def test_many_calls_are_answered_each_by_its_own_answer(world, client):
     futures = [client.call_async(Request(a=number, b=1)) for number in range(64)]
     assert [world.answer(future).sum for future in futures] == list(range(1, 65))
+
+
+def test_calls_leave_nothing_to_the_garbage_collector(world, client):
+    world.answer(client.call_async(Request()))
+    gc.collect()
+    gc.disable()
+    try:
+        for number in range(100):
+            world.answer(client.call_async(Request(a=number)))
+        assert gc.collect() < 100
+    finally:
+        gc.enable()
 
 
 def test_a_call_blocks_while_another_thread_spins(world, client):
