@@ -110,6 +110,7 @@ class NodeEntities:
         events = Events(node, group, event_callbacks or PublisherEventCallbacks(), name)
         with events.kept():
             publisher = publisher_class(node, msg_type, name, qos, group, events)
+        publisher.topic = topic  # ROS keeps it as it was written
         return self._rclpy_added(self._rclpy_publishers, publisher)
 
     def create_subscription(
@@ -139,6 +140,7 @@ class NodeEntities:
         subscription: Subscription[Any]
         with events.kept():
             subscription = Subscription(node, msg_type, name, callback, group, qos, raw, events)
+        subscription.topic = topic
         return self._rclpy_added(self._rclpy_subscriptions, subscription, group)
 
     def create_client(
@@ -154,6 +156,7 @@ class NodeEntities:
         name = self.resolve_service_name(srv_name)
         group = self._rclpy_group(callback_group)
         client: Client[Any, Any] = Client(self._rclpy_as_node(), srv_type, name, qos_profile, group)
+        client.srv_name = srv_name
         return self._rclpy_added(self._rclpy_clients, client, group)
 
     def create_service(
@@ -175,6 +178,7 @@ class NodeEntities:
         service: Service[Any, Any] = Service(
             self._rclpy_as_node(), srv_type, name, callback, group, qos_profile
         )
+        service.srv_name = srv_name
         return self._rclpy_added(self._rclpy_services, service, group)
 
     def create_timer(

@@ -47,7 +47,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         self._node = node
         self.context = node.context
         self.srv_type = srv_type
-        self.srv_name = srv_name
+        self._full_name = self.srv_name = srv_name
         self.qos_profile = qos_profile
         self.callback_group = callback_group
         self.handle = ClientHandle(self)
@@ -63,7 +63,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
     @property
     def service_name(self) -> str:
         """The absolute name of the service."""
-        return self.srv_name
+        return self._full_name
 
     @property
     def logger_name(self) -> str:
@@ -184,7 +184,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
 
     def _expected(self, request: Any) -> str:
         kind = request.__name__ if isinstance(request, type) else type(request).__name__
-        return f"expected a {self.srv_type.Request.__name__} for {self.srv_name}, got {kind}"
+        return f"expected a {self.srv_type.Request.__name__} for {self._full_name}, got {kind}"
 
     def _ended(
         self, number: int, future: Future[SrvResponseT], give_up: Callable[[], object]

@@ -35,7 +35,7 @@ class Publisher(Generic[MsgT]):
     ) -> None:
         self._node = node
         self.msg_type = msg_type
-        self.topic = topic
+        self._full_name = self.topic = topic
         self.qos_profile = qos_profile
         self.callback_group = callback_group
         self.handle = Handle(self)
@@ -51,7 +51,7 @@ class Publisher(Generic[MsgT]):
     def topic_name(self) -> str:
         """The absolute name of the topic."""
         self.handle.check()
-        return self.topic
+        return self._full_name
 
     @property
     def logger_name(self) -> str:

@@ -50,7 +50,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     ) -> None:
         self._node = node
         self.srv_type = srv_type
-        self.srv_name = srv_name
+        self._full_name = self.srv_name = srv_name
         self.callback = callback
         self.callback_group = callback_group
         self.qos_profile = qos_profile
@@ -63,7 +63,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     @property
     def service_name(self) -> str:
         """Its absolute name."""
-        return self.srv_name
+        return self._full_name
 
     @property
     def logger_name(self) -> str:
@@ -152,7 +152,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     def _reply(self, call: DeferredCall, response: Any) -> None:
         expected = self.srv_type.Response
         if not isinstance(response, expected):
-            problem = f"the callback of {self.srv_name} returned {_what(response)}"
+            problem = f"the callback of {self._full_name} returned {_what(response)}"
             if response is None:
                 problem += f"; does `return response` (a {expected.__name__}) lack at its end?"
             else:
@@ -162,7 +162,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         try:
             call.reply(response)
         except InvalidRequest as error:
-            call.fail(HandlerFailed(Code.INTERNAL, f"the response of {self.srv_name}: {error}"))
+            call.fail(HandlerFailed(Code.INTERNAL, f"the response of {self._full_name}: {error}"))
             raise
         if self._introspection.is_on:
             self._tell(call, "RESPONSE_SENT", response=response)
@@ -173,7 +173,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
 
     def _raised(self, call: DeferredCall, error: BaseException) -> None:
         what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
-        problem = f"the callback of {self.srv_name} raised {what}"
+        problem = f"the callback of {self._full_name} raised {what}"
         call.fail(HandlerFailed(Code.INTERNAL, problem))
 
 

@@ -60,7 +60,7 @@ class Subscription(Entity, Generic[MsgT]):
     ) -> None:
         self._node = node
         self.msg_type = msg_type
-        self.topic = topic
+        self._full_name = self.topic = topic
         self.callback = callback
         self.callback_group = callback_group
         self.qos_profile = qos_profile
@@ -82,7 +82,7 @@ class Subscription(Entity, Generic[MsgT]):
     def topic_name(self) -> str:
         """The absolute name of the topic."""
         self.handle.check()
-        return self.topic
+        return self._full_name
 
     @property
     def logger_name(self) -> str:

@@ -254,4 +254,4 @@ def test_bad_service_names_are_refused_with_ross_words(world):
 def test_the_name_is_expanded_and_remapped(world, namespace, rule, name, whole):
     node = world.node(namespace=namespace, cli_args=["--ros-args", "-r", rule])
     client = node.create_client(AddTwoInts, name)
-    assert client.service_name == client.srv_name == whole
+    assert (client.service_name, client.srv_name) == (whole, name)
