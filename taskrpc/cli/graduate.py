@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 from taskrpc.cli.command import Exit, UsageError
+from taskrpc.cli.parsing import number
 from taskrpc.errors import TaskRpcError
 
 
@@ -14,15 +16,26 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Give the parser of `taskrpc graduate` its arguments."""
     what = "a Python file, or a folder with programs and packages"
     parser.add_argument("path", metavar="FILE|FOLDER", help=what)
-    parser.add_argument("--json", action="store_true", help="print a JSON array of the findings")
+    which = parser.add_mutually_exclusive_group()
+    which.add_argument("--json", action="store_true", help="print a JSON array of the findings")
+    what = (
+        "run the file here and with this computer's real ROS 2 too, with these arguments of its own"
+    )
+    which.add_argument("--run", metavar="ARGS", dest="both", nargs=argparse.REMAINDER, help=what)
+    what = "before --run: seconds until a program that does not end gets Ctrl-C (10)"
+    positive = number("above 0", lambda n: n > 0)
+    parser.add_argument("--timeout", metavar="S", type=positive, default=10.0, help=what)
     parser.set_defaults(run=_graduate)
 
 
 def _graduate(options: argparse.Namespace) -> int:
     from taskrpc.graduation.check import check
 
+    path = Path(options.path)
+    if options.both is not None and not path.is_file():
+        raise UsageError(f"expected a Python file with --run, got {path}")
     try:
-        found = check(Path(options.path))
+        found = check(path)
     except TaskRpcError as error:
         raise UsageError(str(error)) from None
     if options.json:
@@ -32,4 +45,18 @@ def _graduate(options: argparse.Namespace) -> int:
             print(place)
         if not found:
             print("nothing found that a real ROS 2 would do differently")
-    return Exit.ERROR if found else Exit.DONE
+    differs = _differs(path, options) if options.both is not None else False
+    return Exit.ERROR if found or differs else Exit.DONE
+
+
+def _differs(path: Path, options: argparse.Namespace) -> bool:
+    """Run the program with both; whether they differ."""
+    from taskrpc.graduation.both import differences, real_python
+
+    python = real_python()
+    if not python:
+        raise UsageError("no real ROS 2 is here to run it with: source its setup.bash first")
+    sys.stdout.flush()
+    lines = list(differences(python, path, options.both, options.timeout))
+    print("\n".join(lines) or "ROS 2 prints the same, and ends in the same way")
+    return bool(lines)

@@ -246,7 +246,7 @@ def test_a_program_that_does_the_same_there_has_no_findings(graduate, text):
 
 def test_json_has_each_finding(tmp_path, capsys):
     (tmp_path / "p.py").write_text("import taskrpc\n")
-    assert main(["graduate", "--json", str(tmp_path / "p.py")]) == 1
+    assert main(["graduate", str(tmp_path / "p.py"), "--json"]) == 1
     assert json.loads(capsys.readouterr().out) == [
         {
             "path": str(tmp_path / "p.py"),

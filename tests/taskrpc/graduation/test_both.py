@@ -1,0 +1,97 @@
+"""`taskrpc graduate --run` runs a program with both, where there is another rclpy than ours."""
+
+import os
+from pathlib import Path
+
+import pytest
+
+from taskrpc.cli.main import main
+
+pytestmark = pytest.mark.real_time
+
+ROOT = Path(__file__).parents[3]
+PROGRAM = """
+import sys
+import rclpy
+
+def main():
+    rclpy.init()
+    node = rclpy.create_node("n")
+    print(sys.argv[1:], node.get_name())
+    rclpy.shutdown()
+
+main()
+"""
+FAKE = """
+class Node:
+    def get_name(self):
+        return {name!r}
+
+def init():
+    pass
+
+def shutdown():
+    {end}
+
+def create_node(name):
+    return Node()
+"""
+
+
+@pytest.fixture
+def real(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    tmp_path.chmod(0o700)
+    (tmp_path / "program.py").write_text(PROGRAM)
+
+    def real(name="n", end="pass"):
+        folder = tmp_path / "opt" / "rclpy"
+        folder.mkdir(parents=True)
+        (folder / "__init__.py").write_text(FAKE.format(name=name, end=end))
+        monkeypatch.setenv("PYTHONPATH", f"{folder.parent}{os.pathsep}{ROOT}")
+
+    return real
+
+
+def test_the_same_output_is_said_to_be_the_same(real, capsys):
+    real()
+    assert main(["graduate", "program.py", "--run", "a", "--b"]) == 0
+    assert capsys.readouterr().out.splitlines() == [
+        "nothing found that a real ROS 2 would do differently",
+        "ROS 2 prints the same, and ends in the same way",
+    ]
+
+
+def test_another_output_and_another_end_are_shown(real, capsys):
+    real(name="m", end="raise SystemExit(3)")
+    assert main(["graduate", "program.py", "--run"]) == 1
+    assert capsys.readouterr().out.splitlines()[1:] == [
+        "--- taskrpc stdout",
+        "+++ ROS 2 stdout",
+        "@@ -1 +1 @@",
+        "-[] n",
+        "+[] m",
+        "taskrpc: exit code 0; ROS 2: exit code 3",
+    ]
+
+
+def test_one_that_hangs_on_real_ros_gets_ctrl_c(real, capsys):
+    real(end="import time; time.sleep(60)")
+    assert main(["graduate", "program.py", "--timeout", "2", "--run"]) == 1
+    out = capsys.readouterr().out
+    assert out.endswith("taskrpc: exit code 0; ROS 2: did not end\n")
+
+
+def test_without_a_real_ros_it_says_so(real, monkeypatch, capsys):
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    assert main(["graduate", "program.py", "--run"]) == 2
+    assert capsys.readouterr().err == (
+        "no real ROS 2 is here to run it with: source its setup.bash first\n"
+    )
+
+
+@pytest.mark.parametrize("arguments", [[".", "--run"], ["program.py", "another.py"]])
+def test_a_wrong_use_is_one_sentence(real, capsys, arguments):
+    assert main(["graduate", *arguments]) == 2
+    assert capsys.readouterr().err.splitlines()[-1].endswith(("got .", "another.py"))
