@@ -36,6 +36,7 @@ NOT_RUN = {
     "docs/how-to/reach-another-machine.md": 8,
     "docs/how-to/teach-a-class.md": 6,
     "docs/how-to/run-ros-programs.md": 1,
+    "docs/how-to/paste-ros2-lines.md": 1,
     "docs/how-to/take-a-program-to-a-robot.md": 1,
 }
 """Blocks that a test cannot run (virtual environments, other machines), counted for each page."""

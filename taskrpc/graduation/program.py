@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
@@ -147,9 +147,9 @@ class Program:
             home = next((each for each in self.above(node) if isinstance(each, ast.ClassDef)), None)
             yield from _named(home.body if home else [], node.attr)
         elif isinstance(node, ast.Name):
-            function = self.function_of(node)
-            if function is not None and not isinstance(function, ast.Lambda):
-                yield from _named(function.body, node.id)
+            for function in self.above(node):
+                if isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
+                    yield from _named(own_nodes(function), node.id)
             yield from _named(self.tree.body, node.id)
 
 
@@ -202,7 +202,7 @@ def own_nodes(function: Function) -> Iterator[ast.AST]:
             waiting += reversed(list(ast.iter_child_nodes(node)))
 
 
-def _named(body: Sequence[ast.stmt], name: str) -> Iterator[tuple[Function, str]]:
+def _named(body: Iterable[ast.AST], name: str) -> Iterator[tuple[Function, str]]:
     for node in body:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef) and node.name == name:
             yield node, name

@@ -85,6 +85,13 @@ HELPED = _method("def tick(self):", "self.ask()") + _method(
             "spin_until_future_complete inside a callback (tick); ROS 2 hangs, or",
         ),
         (
+            _program(
+                main="try:\n        def tick():\n            time.sleep(5)\n"
+                "        node.create_timer(1.0, tick)\n    finally:\n        rclpy.spin(node)"
+            ),
+            "sleep inside a callback (tick); ROS 2 runs no other callback",
+        ),
+        (
             _program(TIMER, _method("def tick(self):", "time.sleep(5)")),
             "sleep inside a callback (tick); ROS 2 runs no other callback",
         ),
