@@ -8,7 +8,9 @@ from collections.abc import Callable, Coroutine
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from taskrpc import sync
-from taskrpc.errors import ServiceUnavailable, WouldDeadlock
+from taskrpc.errors import NameInUse, ServiceUnavailable, WouldDeadlock
+
+from ._explain import like_ros, two_servers
 
 if TYPE_CHECKING:
     from taskrpc.deferred import DeferredCall, DeferredService
@@ -180,14 +182,23 @@ class _Shared:
         """One more server; raises NameInUse where another program has the name."""
         offered = Offered(self, bridge, take)
         with self._guard:
+            if self._servers and not join:
+                two_servers(self._name, refused=False)
             self._servers.append(offered)  # before it is offered: a request may wait already
             try:
                 if self._servers[0] is offered:
-                    self._offer(offered, join=join)
+                    self._first(offered, join=join)
             except BaseException:
                 self._servers.remove(offered)
                 raise
         return offered
+
+    def _first(self, offered: Offered, *, join: bool) -> None:
+        try:
+            self._offer(offered, join=join or like_ros())
+        except NameInUse:
+            two_servers(self._name, refused=True)
+            raise
 
     def remove(self, offered: Offered) -> None:
         """One less; the next takes its place."""
@@ -207,7 +218,7 @@ class _Shared:
         self._native = create(self._srv_type, self._name, self._take, join=join)
 
     def _take(self, call: DeferredCall) -> None:
-        servers = list(self._servers[:1])
+        servers = list(self._servers if like_ros() else self._servers[:1])
         if not servers:  # another thread is just about to withdraw it
             call.fail(ServiceUnavailable(f"{self._name} is withdrawn"))
         for server in servers:

@@ -16,6 +16,7 @@ from taskrpc.errors import ServiceUnavailable, WouldDeadlock
 from taskrpc.transport.codec import codec_of
 
 from ._bridge import NativeClient
+from ._explain import like_ros
 
 Tell = Callable[[Any, BaseException | None], object]
 """Is told of a call's end, on the loop's thread: the response or the error, one of them None."""
@@ -25,6 +26,10 @@ _PATIENCE = 2.0
 
 
 _A_MOMENT = 0.001
+
+
+_DISCOVERY = 0.2
+"""Like ROS: seconds to find the server in, else the request is lost."""
 
 
 class Request:
@@ -56,11 +61,18 @@ class Outbox:
 
         if not self._waiting and self._native.connected:
             return self._native.call_then(message, partial(self._ended, message, tell), None)
+        if like_ros() and not self._native.wait(_DISCOVERY):
+            return lambda: None
         # What the program does to the message afterwards must not change the request.
         message = self._codec.decode(self._codec.encode(message))
         request = Request(message, partial(self._ended, message, tell))
         self._native.bridge.soon(lambda: self._wait(request))
         return lambda: self._native.bridge.soon(lambda: self._give_up(request))
+
+    @property
+    def waits(self) -> bool:
+        """Whether something is there that its server was not found for."""
+        return bool(self._waiting)
 
     def close(self) -> None:
         """Let what waits go, where its server is there; then send nothing more."""
@@ -80,7 +92,8 @@ class Outbox:
     # On the loop
 
     def _ended(self, message: Any, tell: Tell, response: Any, error: BaseException | None) -> None:
-        if isinstance(error, ServiceUnavailable) and not self._closed:  # it certainly did not run
+        lost = self._closed or like_ros()
+        if isinstance(error, ServiceUnavailable) and not lost:  # it certainly did not run
             self._wait(Request(message, partial(self._ended, message, tell)))
         else:
             tell(response, error)

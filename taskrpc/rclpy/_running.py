@@ -31,6 +31,11 @@ def current_callback() -> Callback | None:
     return running.get(threading.get_ident())
 
 
+def is_busy(executor: Executor | None) -> bool:
+    """Whether a callback of this executor runs on some thread."""
+    return any(callback.executor is executor for callback in list(running.values()))
+
+
 def started(entity: Entity | None, executor: Executor) -> Callback | None:
     """Note that a callback begins on this thread; what ran here before, for `ended`."""
     thread = threading.get_ident()

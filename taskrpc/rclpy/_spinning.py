@@ -7,6 +7,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from . import signals, utilities
+from ._deadlocks import check_deaf, check_spin
 from .context import Context
 from .future import Future
 from .signals import SignalHandlerOptions
@@ -103,6 +104,7 @@ def spin_once(
 ) -> None:
     """Wait at most `timeout_sec` seconds for something to arrive, and run one callback."""
     executor = get_global_executor() if executor is None else executor
+    check_deaf(executor, node)
     try:
         executor.add_node(node)
         executor.spin_once(timeout_sec=timeout_sec)
@@ -117,6 +119,7 @@ def spin(node: Node, executor: Executor | None = None) -> None:
     thread shut down while it waited.
     """
     executor = get_global_executor() if executor is None else executor
+    check_deaf(executor, node)
     try:
         executor.add_node(node)
         while executor.context.ok() and not executor._is_shutdown:
@@ -133,6 +136,8 @@ def spin_until_future_complete(
 ) -> None:
     """Run the node's callbacks until the future is done, `timeout_sec` seconds at most."""
     executor = get_global_executor() if executor is None else executor
+    check_spin(executor, future, timeout_sec)
+    check_deaf(executor, node)
     try:
         executor.add_node(node)
         executor.spin_until_future_complete(future, timeout_sec)

@@ -9,10 +9,16 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
+from taskrpc.errors import InvalidRequest
+
+from ._deadlocks import check_call
 from ._elsewhere import names_of
 from ._endpoints import gid_of
 from ._entity import Entity
-from ._outbox import Outbox
+from ._explain import failed, like_ros, nobody_spun
+from ._like_ros import wrapped_or_refused
+from ._outbox import Outbox, Tell
+from ._running import is_busy
 from .callback_groups import CallbackGroup
 from .future import Future
 from .handle import ArrivalHandle
@@ -28,6 +34,9 @@ SrvResponseT = TypeVar("SrvResponseT")
 
 _SLICE = 0.1
 """Seconds of one wait: on Windows Ctrl-C does not reach a longer one before its end."""
+
+_GRACE = 1.0
+"""Seconds for which an answer lies there before nobody seems to spin."""
 
 
 class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
@@ -59,6 +68,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         self._introspection = Introspection(node, srv_type, srv_name)
         self._gid = gid_of(node.get_fully_qualified_name())
         self._lock = threading.Lock()
+        self._waited_for, self._waited_since = 0, 0.0
 
     @property
     def service_name(self) -> str:
@@ -74,8 +84,10 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
     def call(self, request: SrvRequestT, timeout_sec: float | None = None) -> SrvResponseT | None:
         """Call the service and wait for the answer, while another thread spins.
 
-        Raises TimeoutError after `timeout_sec` seconds, TypeError for another type's request.
+        Raises TimeoutError after `timeout_sec` seconds, TypeError for another type's request,
+        WouldDeadlock in a callback that keeps the answer from being taken.
         """
+        check_call(self, timeout_sec)
         future = self.call_async(request)
         done = threading.Event()
         future._when_done(done.set)
@@ -85,7 +97,8 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             if left <= 0:
                 self.remove_pending_request(future)
                 raise TimeoutError
-            done.wait(left)
+            if not done.wait(left) and self._answers:
+                self._take_unspun()
         return future.result()
 
     def call_async(self, request: SrvRequestT) -> Future[SrvResponseT]:
@@ -109,7 +122,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             self.handle._came()
 
         try:
-            give_up = self._outbox.send(request, tell)
+            give_up = self._send(request, tell)
         except BaseException:
             self._pending.pop(number, None)
             raise
@@ -117,6 +130,12 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         if self._introspection.is_on:
             self._introspection.tell("REQUEST_SENT", self._gid, number, request=request)
         return future
+
+    def _send(self, request: SrvRequestT, tell: Tell) -> Callable[[], object]:
+        try:
+            return self._outbox.send(request, tell)
+        except InvalidRequest as error:
+            return self._outbox.send(wrapped_or_refused(request, self.srv_name, error), tell)
 
     def get_pending_request(self, sequence_number: int) -> Future[SrvResponseT]:
         """The future of a request that has no answer yet; raises KeyError for any other."""
@@ -207,7 +226,23 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         future = self._pending.get(number)
         if future is None:
             return None
+        if error is not None:
+            if like_ros():
+                return None
+            failed(self, error)
         return lambda: self._complete(future, response, error)
+
+    def _take_unspun(self) -> None:
+        """Take the answers of `call` for whoever should spin: nobody does, if they wait so long."""
+        number = self._answers[0][0]
+        if self._waited_for != number:
+            self._waited_for, self._waited_since = number, time.monotonic()
+            return
+        unspun = not like_ros() and not is_busy(self._node.executor)
+        late = time.monotonic() - self._waited_since >= _GRACE
+        if late and unspun and (complete := self._take()) is not None:
+            nobody_spun(self)
+            complete()
 
     def _complete(
         self, future: Future[SrvResponseT], response: Any, error: BaseException | None

@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from types import CoroutineType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from ._deadlocks import check_spin
 from ._entity import Entity
 from ._rounds import ExternalShutdownException, Rounds, Timeout, TimeoutObject, Work, never
 from ._running import Callback, current_callback, ended, started
@@ -47,6 +48,9 @@ class Executor(Rounds):
 
     A subclass says on which threads (`spin_once`).
     """
+
+    _one_thread = False
+    """Whether a callback that waits keeps every other one from running."""
 
     @property
     def context(self) -> Context:
@@ -113,6 +117,7 @@ class Executor(Rounds):
         self, future: Future[Any], timeout_sec: float | None = None
     ) -> None:
         """Run callbacks until the future is done or cancelled, `timeout_sec` seconds at most."""
+        check_spin(self, future, timeout_sec)
         future._when_done(self._notify)
         end = None if timeout_sec is None or timeout_sec < 0 else time.perf_counter() + timeout_sec
         left = None if end is None else TimeoutObject(timeout_sec or 0)
@@ -257,6 +262,8 @@ def _raise_of(task: Task[Any]) -> None:
 class SingleThreadedExecutor(Executor):
     """Runs one callback after another on the thread that spins."""
 
+    _one_thread = True
+
     def spin_once(self, timeout_sec: Timeout = None) -> None:
         """Wait at most `timeout_sec` seconds for something to arrive, and run one callback."""
         if (work := self._next(timeout_sec)) is not None:
@@ -284,6 +291,7 @@ class MultiThreadedExecutor(Executor):
                 "Use the SingleThreadedExecutor instead.",
                 stacklevel=2,
             )
+        self._one_thread = num_threads == 1
         self._executor = ThreadPoolExecutor(num_threads)
         self._failures: deque[BaseException] = deque()
 

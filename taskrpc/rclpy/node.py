@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Self
 from taskrpc import names
 from taskrpc.errors import InvalidName
 
+from . import _watchdog
 from ._arguments import Arguments, parse
 from ._bridge import Bridge
 from ._elsewhere import names_of
@@ -103,6 +104,7 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         self._type_description_service = TypeDescriptionService(self)
         if enable_logger_service:
             self._logging_service = LoggingService(self)
+        _watchdog.watch(self)
 
     def _rclpy_join(self, node_name: str, namespace: str, given: list[Arguments]) -> None:
         """Take part in the network by the name and namespace that the arguments leave."""
@@ -181,6 +183,7 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         """Destroy all that it has, and leave the network; nothing happens the second time."""
         if not self._rclpy_handle.valid:
             return
+        _watchdog.ends(self)
         self._context.untrack_node(self)
         self._rclpy_destroy_entities()
         if self._rclpy_rosout is not None:

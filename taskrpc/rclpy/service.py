@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections import deque
 from collections.abc import Callable
 from types import CoroutineType, TracebackType
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 
-from taskrpc.errors import Code, HandlerFailed, InvalidRequest
+from taskrpc.errors import Code, HandlerFailed, InvalidRequest, WouldDeadlock
 
+from . import _explain
 from ._elsewhere import names_of
 from ._endpoints import gid_of
 from ._entity import Entity
+from ._like_ros import depth_of, wrapped_or_refused
 from .callback_groups import CallbackGroup
 from .handle import ArrivalHandle
 from .service_introspection import Introspection, ServiceIntrospectionState
@@ -56,6 +59,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         self.qos_profile = qos_profile
         self.handle = ServiceHandle(self)
         self._calls: deque[DeferredCall] = deque()
+        self._depth = depth_of(qos_profile)
         self._introspection = Introspection(node, srv_type, srv_name)
         join = srv_type._TYPE.startswith(_OF_EVERY_NODE)
         self._offered = node._rclpy_bridge.offer(srv_type, srv_name, self._came, join=join)
@@ -108,6 +112,12 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
 
     def _came(self, call: DeferredCall) -> None:
         self._calls.append(call)
+        if len(self._calls) > self._depth:
+            if not _explain.like_ros():
+                _explain.too_many(self, self._depth)
+            else:  # the oldest is never answered
+                with contextlib.suppress(IndexError):
+                    self._calls.popleft()
         self._arrived()
         self.handle._came()
 
@@ -152,28 +162,43 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     def _reply(self, call: DeferredCall, response: Any) -> None:
         expected = self.srv_type.Response
         if not isinstance(response, expected):
+            if _explain.like_ros():
+                raise TypeError
             problem = f"the callback of {self._full_name} returned {_what(response)}"
             if response is None:
                 problem += f"; does `return response` (a {expected.__name__}) lack at its end?"
             else:
                 problem += f", expected a {expected.__name__}"
+            _explain.answered_nothing(self, problem)
             call.fail(HandlerFailed(Code.INTERNAL, problem))
             raise TypeError(problem)
         try:
-            call.reply(response)
+            self._send(call, response)
         except InvalidRequest as error:
-            call.fail(HandlerFailed(Code.INTERNAL, f"the response of {self._full_name}: {error}"))
+            if not _explain.like_ros():
+                why = f"the response of {self._full_name}: {error}"
+                call.fail(HandlerFailed(Code.INTERNAL, why))
             raise
         if self._introspection.is_on:
             self._tell(call, "RESPONSE_SENT", response=response)
+
+    def _send(self, call: DeferredCall, response: Any) -> None:
+        try:
+            call.reply(response)
+        except InvalidRequest as error:
+            call.reply(wrapped_or_refused(response, self._full_name, error))
 
     def _tell(self, call: DeferredCall, step: str, **messages: Any) -> None:
         info = call.info
         self._introspection.tell(step, gid_of(info.caller), info.number, **messages)
 
     def _raised(self, call: DeferredCall, error: BaseException) -> None:
+        if _explain.like_ros():
+            return
         what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         problem = f"the callback of {self._full_name} raised {what}"
+        if isinstance(error, Exception) and not isinstance(error, WouldDeadlock):
+            _explain.raised(self, problem)
         call.fail(HandlerFailed(Code.INTERNAL, problem))
 
 

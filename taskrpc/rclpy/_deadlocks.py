@@ -1,0 +1,75 @@
+"""Finds, before a callback waits, that what it waits for could only be run after it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from taskrpc.errors import WouldDeadlock
+
+from . import _explain
+from ._running import Callback, current_callback
+from .callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
+
+if TYPE_CHECKING:
+    from .client import Client
+    from .executors import Executor
+    from .future import Future
+
+
+def check_call(client: Client[Any, Any], timeout: float | None) -> None:
+    """Raise WouldDeadlock where `Client.call` could never end, or tell that its timeout will."""
+    callback = current_callback()
+    if callback is None or _explain.like_ros():
+        return
+    why = _obstacle(client, callback)
+    if why and (timeout is None or timeout < 0):
+        raise WouldDeadlock(_explain.would_hang(client, callback, why))
+    if why and timeout:
+        _explain.would_wait_in_vain(client, callback, timeout)
+
+
+def check_spin(executor: Executor, future: Future[Any], timeout: float | None) -> None:
+    """Raise WouldDeadlock where a spin in a callback waits for what the callback's group holds."""
+    callback = current_callback()
+    if callback is None or _explain.like_ros() or not (timeout is None or timeout < 0):
+        return
+    for node in executor.get_nodes():
+        for client in node.clients:
+            if future in list(client._pending.values()):
+                if why := _held_group(client.callback_group, callback, "the answer"):
+                    raise WouldDeadlock(_explain.spun_in_vain(client, callback, why))
+                return
+
+
+def check_deaf(executor: Executor, node: Any) -> None:
+    """Tell of a spin in a callback that takes its node away from the spin around it."""
+    callback = current_callback()
+    if callback is not None and callback.executor is executor and node in executor._nodes:
+        _explain.went_deaf(node, callback)
+
+
+def _obstacle(client: Client[Any, Any], callback: Callback) -> str:
+    """What keeps the answer from being taken while the callback runs; "" if nothing does."""
+    if client._node not in callback.executor._nodes:
+        return ""
+    if callback.executor._one_thread:
+        return f"the only thread that spins {_explain.shown(client._node)}"
+    held = _held_group(client.callback_group, callback, "the answer")
+    return held or _server_obstacle(client, callback)
+
+
+def _server_obstacle(client: Client[Any, Any], callback: Callback) -> str:
+    """As `_obstacle`, of a request to a service in the callback's own group."""
+    for node in callback.executor.get_nodes():
+        for service in node.services:
+            if service.srv_name == client.srv_name:
+                return _held_group(service.callback_group, callback, "the server")
+    return ""
+
+
+def _held_group(group: CallbackGroup | None, callback: Callback, what: str) -> str:
+    entity = callback.entity
+    exclusive = isinstance(group, MutuallyExclusiveCallbackGroup)
+    if not exclusive or entity is None or entity.callback_group is not group:
+        return ""
+    return f"the mutually exclusive callback group of {what}"

@@ -1,0 +1,172 @@
+"""Looks now and then whether something waits in silence, which no single place could notice."""
+
+from __future__ import annotations
+
+import asyncio
+import atexit
+import linecache
+import sys
+import sysconfig
+import threading
+import time
+import weakref
+from collections.abc import Iterator
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from . import _explain
+from ._explain import shown
+from ._running import Callback, is_busy, running
+
+if TYPE_CHECKING:
+    from .node import Node
+
+_PERIOD = 1.0
+"""Seconds from look to look."""
+_SOON = 2.0
+"""Seconds after which it is told of what cannot end, or hardly."""
+_LATE = 5.0
+"""Seconds after which it is told of what may only be slow."""
+_LIBRARIES = (str(Path(__file__).parents[1]), sysconfig.get_path("stdlib"))
+
+_nodes: weakref.WeakSet[Node] = weakref.WeakSet()
+_lock = threading.Lock()
+_looking = False
+
+
+def watch(node: Node) -> None:
+    """Look after a node until it is destroyed."""
+    global _looking
+    if _explain.like_ros():
+        return
+    with _lock:
+        _nodes.add(node)
+        begin, _looking = not _looking, True
+    if begin:
+        node._bridge.soon(_Look().again)
+
+
+def ends(node: Node) -> None:
+    """Tell of calls of a node that nobody ever spun, at its end."""
+    pending = sorted({client.srv_name for client in node.clients if client._pending})
+    if pending and node.executor is None:
+        _tell_unspun(node, f"the future of a call of {', '.join(pending)}")
+
+
+class _Look:
+    """One look after the other, on the background loop's thread."""
+
+    def __init__(self) -> None:
+        self._seen: dict[tuple[object, ...], float] = {}
+
+    def again(self) -> None:
+        """Look, and look again after a while, as long as there are nodes."""
+        global _looking
+        with _lock:
+            nodes = [node for node in list(_nodes) if node._handle.valid]
+            _looking = bool(nodes)
+        if nodes:
+            self._look(nodes)
+            asyncio.get_running_loop().call_later(_PERIOD, self.again)
+
+    def _look(self, nodes: list[Node]) -> None:
+        """Tell of what was there for long enough, and forget what is gone."""
+        now = time.monotonic()
+        for thread, callback in list(running.items()):
+            if now - callback.since >= _LATE:
+                _tell_stuck(thread, callback)
+        found = {what: (patience, say) for node in nodes for what, patience, say in _waits(node)}
+        self._seen = {what: self._seen.get(what, now) for what in found}
+        for what, (patience, say) in found.items():
+            if now - self._seen[what] >= patience:
+                say()
+
+
+def _waits(node: Node) -> Iterator[tuple[tuple[object, ...], float, Any]]:
+    """What waits at a node: what it is, for how long it may, and what to say then."""
+    busy = is_busy(node.executor)
+    for client in list(node.clients):
+        if client._answers and not busy:
+            yield from _untaken(
+                client, client._answers, f"the future of a call of {client.srv_name}"
+            )
+        if client._outbox.waits and not client._native.is_known():
+            what: tuple[object, ...] = ("unoffered", client)
+            yield what, _SOON, lambda client=client: _tell_unoffered(client)
+    for service in list(node.services):
+        if service._calls and not busy:
+            yield from _untaken(service, service._calls, f"a request for {service.srv_name}")
+
+
+def _untaken(
+    entity: Any, arrived: Any, thing: str
+) -> Iterator[tuple[tuple[object, ...], float, Any]]:
+    try:
+        what = ("untaken", entity, id(arrived[0]))
+    except IndexError:
+        return
+    holder = getattr(entity.callback_group, "_active_entity", None)
+    if holder is not None:
+        yield what, _SOON, lambda: _tell_held(entity, holder, thing)
+    else:
+        yield what, _LATE, lambda: _tell_unspun(entity._node, thing)
+
+
+def _tell_held(entity: Any, holder: Any, thing: str) -> None:
+    name = getattr(getattr(holder, "callback", None), "__qualname__", type(holder).__name__)
+    _explain.tell(
+        ("held", entity, holder),
+        f"wait here for ever: {thing} of {shown(entity._node)} needs the callback group that"
+        f" {name}() holds while it awaits something; give the client, or that callback, a"
+        " ReentrantCallbackGroup",
+    )
+
+
+def _tell_unspun(node: Node, thing: str) -> None:
+    _explain.tell(
+        ("unspun", shown(node)),
+        f"never complete {thing}: nobody spins {shown(node)}; spin it, as"
+        " rclpy.spin_until_future_complete(node, future) or rclpy.spin(node)",
+    )
+
+
+def _tell_unoffered(client: Any) -> None:
+    _explain.tell(
+        ("unoffered", client.srv_name),
+        f"lose this request and wait for ever: nobody offers {client.srv_name}; call"
+        " client.wait_for_service() first, and look at `taskrpc service list` (here the request"
+        " is sent once somebody does)",
+    )
+
+
+def _tell_stuck(thread: int, callback: Callback) -> None:
+    where = _where(sys._current_frames().get(thread))
+    whom = f"of {shown(callback.entity._node)} " if callback.entity is not None else ""
+    if not callback.executor._one_thread:
+        whom += "in its callback group "
+    _explain.tell(
+        ("stuck", _explain.name_of(callback)),
+        f"run no other callback {whom}meanwhile: {_explain.name_of(callback)} has not returned for"
+        f" {_LATE:g} s{where}; let callbacks return soon: a timer, or a MultiThreadedExecutor",
+    )
+
+
+def _where(frame: FrameType | None) -> str:
+    """The line of the program that a thread is in."""
+    while frame is not None and frame.f_code.co_filename.startswith((*_LIBRARIES, "<")):
+        frame = frame.f_back
+    if frame is None:
+        return ""
+    path = frame.f_code.co_filename
+    line = linecache.getline(path, frame.f_lineno).strip()
+    return f" ({Path(path).name}:{frame.f_lineno}: {line})"
+
+
+def _at_exit() -> None:
+    for node in list(_nodes):
+        if node._handle.valid:
+            ends(node)
+
+
+atexit.register(_at_exit)
