@@ -137,8 +137,8 @@ def name_of(callback: Callback) -> str:
 
 def shown(node: Any) -> str:
     """A node as messages name it; also one that is destroyed."""
-    namespace = getattr(node, "_namespace", "/").rstrip("/")
-    return f"{namespace}/{getattr(node, '_name', type(node).__name__)}"
+    namespace = getattr(node, "_rclpy_namespace", "/").rstrip("/")
+    return f"{namespace}/{getattr(node, '_rclpy_name', type(node).__name__)}"
 
 
 def tell(cause: tuple[object, ...], sentence: str) -> None:

@@ -44,7 +44,7 @@ def watch(node: Node) -> None:
         _nodes.add(node)
         begin, _looking = not _looking, True
     if begin:
-        node._bridge.soon(_Look().again)
+        node._rclpy_bridge.soon(_Look().again)
 
 
 def ends(node: Node) -> None:
@@ -64,7 +64,7 @@ class _Look:
         """Look, and look again after a while, as long as there are nodes."""
         global _looking
         with _lock:
-            nodes = [node for node in list(_nodes) if node._handle.valid]
+            nodes = [node for node in list(_nodes) if node._rclpy_handle.valid]
             _looking = bool(nodes)
         if nodes:
             self._look(nodes)
@@ -165,7 +165,7 @@ def _where(frame: FrameType | None) -> str:
 
 def _at_exit() -> None:
     for node in list(_nodes):
-        if node._handle.valid:
+        if node._rclpy_handle.valid:
             ends(node)
 
 

@@ -1,0 +1,239 @@
+"""Where ROS 2 hangs in silence we say so in one line; with --like-ros we do what ROS 2 does."""
+
+import pytest
+
+pytestmark = pytest.mark.real_time
+
+HEAD = """
+import sys, threading, time
+import rclpy
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup, ReentrantCallbackGroup
+from rclpy.executors import MultiThreadedExecutor
+from rclpy.node import Node
+from example_interfaces.srv import AddTwoInts
+from nav_msgs.srv import LoadMap
+REQUEST = AddTwoInts.Request(a=1, b=2)
+
+
+def add(request, response):
+    response.sum = request.a + request.b
+    return response
+
+
+def ask(service, seconds=1.0):
+    future = node.create_client(AddTwoInts, service).call_async(REQUEST)
+    rclpy.spin_until_future_complete(node, future, timeout_sec=seconds)
+    return future
+
+
+rclpy.init()
+node = Node("n")
+"""
+
+NOTHING = """
+node.create_service(AddTwoInts, "add", lambda request, response: None)
+client = node.create_client(AddTwoInts, "add")
+future = client.call_async(REQUEST)
+try:
+    rclpy.spin_until_future_complete(node, future, timeout_sec=1)
+except TypeError:
+    print("TypeError")
+rclpy.spin_until_future_complete(node, future, timeout_sec=0.5)
+print(future.done())
+"""
+
+RAISES = NOTHING.replace("response: None", "response: 1 / 0").replace(
+    "TypeError", "ZeroDivisionError"
+)
+
+TWO = """
+ran = []
+def server(number):
+    def answer(request, response):
+        ran.append(number)
+        response.sum = number
+        return response
+    return answer
+node.create_service(AddTwoInts, "add", server(1))
+node.create_service(AddTwoInts, "add", server(2))
+answer = ask("add")
+rclpy.spin_once(node, timeout_sec=0.2)
+print(sorted(ran))
+"""
+
+NOBODY = """
+future = ask("nobody", 3.5)
+node.create_service(AddTwoInts, "nobody", add)
+rclpy.spin_until_future_complete(node, future, timeout_sec=1)
+print(future.done())
+"""
+
+DEPTH = """
+node.create_service(AddTwoInts, "add", add)
+client = node.create_client(AddTwoInts, "add")
+client.wait_for_service()
+futures = [client.call_async(REQUEST) for _ in range(20)]
+time.sleep(0.5)
+for _ in range(100):
+    rclpy.spin_once(node, timeout_sec=0.01)
+print(sum(future.done() for future in futures))
+"""
+
+WRAP = """
+def load(request, response):
+    response.result = 257
+    return response
+node.create_service(LoadMap, "load", load)
+future = node.create_client(LoadMap, "load").call_async(LoadMap.Request())
+try:
+    rclpy.spin_until_future_complete(node, future, timeout_sec=2)
+    print(future.result().result)
+except Exception as error:
+    print(type(error).__name__)
+"""
+
+CASES = {
+    "a forgotten return": (
+        NOTHING,
+        "never answer this call",
+        "TypeError\nTrue\n",
+        "TypeError\nFalse\n",
+    ),
+    "a raise in a callback": (
+        RAISES,
+        "leave the caller waiting for ever",
+        "ZeroDivisionError\nTrue\n",
+        "ZeroDivisionError\nFalse\n",
+    ),
+    "two servers of one name": (TWO, "let both servers of /add run", "[1]\n", "[1, 2]\n"),
+    "a service that nobody offers": (NOBODY, "lose this request", "True\n", "False\n"),
+    "more than ten in flight": (DEPTH, "drop the oldest of more than 10", "20\n", "10\n"),
+    "a number too large": (WRAP, "send nav_msgs.srv.LoadMap_Response", "InvalidRequest\n", "1\n"),
+}
+
+
+def told(err):
+    return [line for line in err.splitlines() if line.startswith("[taskrpc] ROS 2 would ")]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_what_ros_does_in_silence_is_told_here_and_happens_like_ros(run, monkeypatch, name):
+    source, line, kind, like = CASES[name]
+    _, out, err = run(HEAD + source)
+    assert out == kind
+    assert len([each for each in told(err) if line in each]) == 1
+    monkeypatch.setenv("TASKRPC_LIKE_ROS", "1")
+    _, out, err = run(HEAD + source)
+    assert out == like
+    assert told(err) == []
+
+
+RELAY = """
+inner = node.create_client(AddTwoInts, "add"{group})
+node.create_service(AddTwoInts, "add", add)
+
+def twice(request, response):
+    print("begins", flush=True)
+    {wait}
+    response.sum = 2 * answer.sum
+    return response
+
+node.create_service(AddTwoInts, "twice", twice)
+"""
+CALL = "answer = inner.call(request)"
+SPIN = (
+    "future = inner.call_async(request); rclpy.spin_until_future_complete(node, future);"
+    " answer = future.result()"
+)
+OWN = ", callback_group=MutuallyExclusiveCallbackGroup()"
+POOL = """
+executor = MultiThreadedExecutor(4)
+executor.add_node(node)
+client = node.create_client(AddTwoInts, "twice", callback_group=ReentrantCallbackGroup())
+future = client.call_async(REQUEST)
+executor.spin_until_future_complete(future, 3)
+print(future.result())
+executor.shutdown()
+"""
+HANGS = {
+    "call, one thread": RELAY.format(wait=CALL, group=OWN) + "ask('twice')",
+    "call, one group of a pool": RELAY.format(wait=CALL, group="") + POOL,
+    "call, the server's group of a pool": RELAY.format(wait=CALL, group=OWN) + POOL,
+    "spin, one group": RELAY.format(wait=SPIN, group="") + "ask('twice')",
+}
+
+
+@pytest.mark.parametrize("name", HANGS)
+def test_a_callback_that_waits_for_its_own_end_is_refused_and_the_circle_drawn(run, name):
+    code, _, err = run(HEAD + HANGS[name])
+    [line] = [each for each in told(err) if "hang here for ever" in each]
+    assert all(part in line for part in ("twice()", "/add", "async def"))
+    assert (code, "WouldDeadlock" in err) == (1, True)
+
+
+def test_like_ros_a_call_in_a_callback_hangs(ros, monkeypatch):
+    monkeypatch.setenv("TASKRPC_LIKE_ROS", "1")
+    program = ros(HEAD + RELAY.format(wait=CALL, group=OWN) + "ask('twice'); print('over')")
+    program.wait_for("begins")
+    with pytest.raises(Exception, match="timed out"):
+        program._process.wait(timeout=2)
+    assert program.out == "begins\n"
+
+
+def test_a_call_in_a_callback_of_a_pool_with_groups_of_their_own_is_fine(run):
+    source = RELAY.format(wait=CALL, group=OWN).replace('"add", add', f'"add", add{OWN}')
+    code, out, err = run(HEAD + source + POOL)
+    assert (code, out.endswith("sum=6)\n"), told(err)) == (0, True, [])
+
+
+def test_a_call_whose_answer_nobody_takes_is_completed_and_told(run):
+    source = """
+node.create_service(AddTwoInts, "add", add)
+threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
+print(Node("m").create_client(AddTwoInts, "add").call(REQUEST).sum)
+"""
+    code, out, err = run(HEAD + source)
+    assert (code, out) == (0, "3\n")
+    assert ["no other thread spins /m" in line for line in told(err)] == [True]
+
+
+def test_a_future_of_a_node_that_nobody_spins_is_told_at_the_end(run):
+    source = "print(node.create_client(AddTwoInts, 'add').call_async(REQUEST).result())"
+    _, out, err = run(HEAD + source)
+    assert out == "None\n"
+    assert ["nobody spins /n" in line for line in told(err)] == [True]
+
+
+def test_an_answer_that_a_waiting_coroutine_keeps_away_is_told(run):
+    source = RELAY.format(wait="answer = await inner.call_async(request)", group="")
+    _, _, err = run(HEAD + source.replace("def twice", "async def twice") + "ask('twice', 4.5)")
+    assert ["twice() holds while it awaits" in line for line in told(err)] == [True]
+
+
+def test_a_callback_that_does_not_return_is_told_with_its_line(run):
+    source = """
+def slow():
+    time.sleep(7)  # here
+    rclpy.shutdown()
+node.create_timer(0.01, slow)
+rclpy.spin(node)
+"""
+    _, _, err = run(HEAD + source)
+    [line] = told(err)
+    assert "slow() of /n has not returned for 5 s (program.py:" in line
+    assert "time.sleep(7)  # here" in line
+
+
+def test_a_dead_server_is_told_and_like_ros_its_call_never_ends(ros, run, monkeypatch):
+    server = HEAD + (
+        "import os\nnode.create_service(AddTwoInts, 'add', lambda *_: os._exit(3))\n"
+        "print('ready', flush=True)\nrclpy.spin(node)"
+    )
+    client = HEAD.replace('Node("n")', 'Node("caller")') + (
+        "node.create_client(AddTwoInts, 'add').wait_for_service()\nprint(ask('add').done())"
+    )
+    for like, done, lines in (("0", "True\n", 1), ("1", "False\n", 0)):
+        monkeypatch.setenv("TASKRPC_LIKE_ROS", like)
+        ros(server, name="server.py").wait_for("ready")
+        _, out, err = run(client)
+        assert (out, len(told(err))) == (done, lines)
