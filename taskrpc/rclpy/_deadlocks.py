@@ -62,7 +62,7 @@ def _server_obstacle(client: Client[Any, Any], callback: Callback) -> str:
     """As `_obstacle`, of a request to a service in the callback's own group."""
     for node in callback.executor.get_nodes():
         for service in node.services:
-            if service.srv_name == client.srv_name:
+            if service.service_name == client.service_name:
                 return _held_group(service.callback_group, callback, "the server")
     return ""
 

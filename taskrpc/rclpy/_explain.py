@@ -25,20 +25,20 @@ def like_ros() -> bool:
 
 def would_hang(client: Client[Any, Any], callback: Callback, why: str) -> str:
     """`Client.call` in a callback, which keeps the answer from being taken; the whole sentence."""
-    cycle = f"{name_of(callback)} -> {client.srv_name} -> {why} -> {name_of(callback)}"
+    cycle = f"{name_of(callback)} -> {client.service_name} -> {why} -> {name_of(callback)}"
     sentence = f"hang here for ever: Client.call in a callback waits in a circle: {cycle}"
     fix = "; make the callback `async def` and `await client.call_async(request)`, with the client"
     fix += " in a ReentrantCallbackGroup (or give it that group and spin a MultiThreadedExecutor)"
-    tell(("hang", name_of(callback), client.srv_name), sentence + fix)
+    tell(("hang", name_of(callback), client.service_name), sentence + fix)
     return f"ROS 2 would {sentence}{fix}"
 
 
 def would_wait_in_vain(client: Client[Any, Any], callback: Callback, seconds: float) -> None:
     """`Client.call` with a timeout, in a callback that keeps the answer from being taken."""
     tell(
-        ("hang", name_of(callback), client.srv_name),
+        ("hang", name_of(callback), client.service_name),
         f"wait {seconds:g} s here in vain, as we do: {name_of(callback)} keeps the answer of"
-        f" {client.srv_name} from being taken; make it `async def` and"
+        f" {client.service_name} from being taken; make it `async def` and"
         " `await client.call_async(request)`, with the client in a ReentrantCallbackGroup",
     )
 
@@ -46,7 +46,7 @@ def would_wait_in_vain(client: Client[Any, Any], callback: Callback, seconds: fl
 def spun_in_vain(client: Client[Any, Any], callback: Callback, why: str) -> str:
     """A spin in a callback for an answer that cannot be taken meanwhile; the whole sentence."""
     sentence = (
-        f"hang here for ever: {name_of(callback)} spins until {client.srv_name} has answered, but"
+        f"hang here for ever: {name_of(callback)} spins until {client.service_name} has answered, but"
         f" the answer waits for {why}, held by {name_of(callback)}; make the callback `async def`"
         " and `await` the future instead of spinning, with the client in a ReentrantCallbackGroup"
     )
@@ -67,7 +67,7 @@ def went_deaf(node: Any, callback: Callback) -> None:
 def answered_nothing(service: Service[Any, Any], problem: str) -> None:
     """A service callback returned something that is no response."""
     tell(
-        ("response", service.srv_name),
+        ("response", service.service_name),
         f"never answer this call, and tell nobody why (a bare TypeError): {problem}",
     )
 
@@ -75,7 +75,7 @@ def answered_nothing(service: Service[Any, Any], problem: str) -> None:
 def raised(service: Service[Any, Any], problem: str) -> None:
     """A service callback raised: the caller is told here."""
     tell(
-        ("raised", service.srv_name),
+        ("raised", service.service_name),
         f"leave the caller waiting for ever: {problem}; catch it, and say so in the response",
     )
 
@@ -83,8 +83,8 @@ def raised(service: Service[Any, Any], problem: str) -> None:
 def failed(client: Client[Any, Any], error: BaseException) -> None:
     """A call ended with an error, which a future in ROS never has."""
     tell(
-        ("failed", client.srv_name, type(error)),
-        f"never complete this future: the call of {client.srv_name} failed ({error}); wait with"
+        ("failed", client.service_name, type(error)),
+        f"never complete this future: the call of {client.service_name} failed ({error}); wait with"
         " a timeout there, as spin_until_future_complete(node, future, timeout_sec=...)",
     )
 
@@ -93,7 +93,7 @@ def nobody_spun(client: Client[Any, Any]) -> None:
     """`Client.call` while nobody takes its answer: it is taken all the same."""
     tell(
         ("unspun", shown(client._node)),
-        f"hang here for ever: Client.call of {client.srv_name} waits for an answer that nobody"
+        f"hang here for ever: Client.call of {client.service_name} waits for an answer that nobody"
         f" takes, as no other thread spins {shown(client._node)}; use call_async and"
         " rclpy.spin_until_future_complete(node, future)",
     )
@@ -112,8 +112,8 @@ def two_servers(service: str, *, refused: bool) -> None:
 def too_many(service: Service[Any, Any], depth: int) -> None:
     """More requests wait than ROS keeps."""
     tell(
-        ("depth", service.srv_name),
-        f"drop the oldest of more than {depth} requests that wait for {service.srv_name}, and"
+        ("depth", service.service_name),
+        f"drop the oldest of more than {depth} requests that wait for {service.service_name}, and"
         f" never answer it; keep at most {depth} calls in flight",
     )
 
@@ -130,7 +130,7 @@ def name_of(callback: Callback) -> str:
         return "a task or done callback"
     function = getattr(entity, "callback", None)
     function = getattr(function, "__qualname__", type(entity).__name__)
-    service = getattr(entity, "srv_name", "")
+    service = getattr(entity, "service_name", "")
     offered = f" (service {service})" if service else ""
     return f"{function}(){offered} of {shown(entity._node)}"
 

@@ -49,7 +49,7 @@ def watch(node: Node) -> None:
 
 def ends(node: Node) -> None:
     """Tell of calls of a node that nobody ever spun, at its end."""
-    pending = sorted({client.srv_name for client in node.clients if client._pending})
+    pending = sorted({client.service_name for client in node.clients if client._pending})
     if pending and node.executor is None:
         _tell_unspun(node, f"the future of a call of {', '.join(pending)}")
 
@@ -89,14 +89,14 @@ def _waits(node: Node) -> Iterator[tuple[tuple[object, ...], float, Any]]:
     for client in list(node.clients):
         if client._answers and not busy:
             yield from _untaken(
-                client, client._answers, f"the future of a call of {client.srv_name}"
+                client, client._answers, f"the future of a call of {client.service_name}"
             )
         if client._outbox.waits and not client._native.is_known():
             what: tuple[object, ...] = ("unoffered", client)
             yield what, _SOON, lambda client=client: _tell_unoffered(client)
     for service in list(node.services):
         if service._calls and not busy:
-            yield from _untaken(service, service._calls, f"a request for {service.srv_name}")
+            yield from _untaken(service, service._calls, f"a request for {service.service_name}")
 
 
 def _untaken(
@@ -133,8 +133,8 @@ def _tell_unspun(node: Node, thing: str) -> None:
 
 def _tell_unoffered(client: Any) -> None:
     _explain.tell(
-        ("unoffered", client.srv_name),
-        f"lose this request and wait for ever: nobody offers {client.srv_name}; call"
+        ("unoffered", client.service_name),
+        f"lose this request and wait for ever: nobody offers {client.service_name}; call"
         " client.wait_for_service() first, and look at `taskrpc service list` (here the request"
         " is sent once somebody does)",
     )

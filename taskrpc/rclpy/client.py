@@ -135,7 +135,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         try:
             return self._outbox.send(request, tell)
         except InvalidRequest as error:
-            return self._outbox.send(wrapped_or_refused(request, self.srv_name, error), tell)
+            return self._outbox.send(wrapped_or_refused(request, self._full_name, error), tell)
 
     def get_pending_request(self, sequence_number: int) -> Future[SrvResponseT]:
         """The future of a request that has no answer yet; raises KeyError for any other."""
