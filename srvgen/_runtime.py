@@ -280,7 +280,8 @@ class NumericArray(_Elements[Number]):
     __hash__ = None
 
     def __repr__(self) -> str:
-        return f"{type(self).__name__}({self.tolist()})"
+        # As ROS prints it: there, too, programs see a plain array.
+        return repr(array(self._CODE, self))
 
     def __copy__(self) -> Self:
         return _new(type(self), self._CODE, self)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 import weakref
 from collections.abc import Sequence
 from types import TracebackType
@@ -220,6 +221,12 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
             return full
         remap = self._rclpy_remapping.service if is_service else self._rclpy_remapping.topic
         return remap(full, self._rclpy_namespace, self._rclpy_name)
+
+
+for _mixin in Node.__mro__[1:-1]:
+    for _method in vars(_mixin).values():
+        if inspect.isfunction(_method):  # so that errors and tracebacks name a Node's methods
+            _method.__qualname__ = f"Node.{_method.__name__}"
 
 
 __getattr__ = names_of(

@@ -67,8 +67,7 @@ class Publisher(Generic[MsgT]):
         self.handle.check()
         message: Any = from_cdr(self.msg_type, msg) if isinstance(msg, bytes) else msg
         if not isinstance(message, self.msg_type):
-            expected = self.msg_type.__name__
-            raise TypeError(f"Expected {expected}, got {type(message).__name__}")
+            raise TypeError(f"Expected {self.msg_type}, got {type(message)}")
         self._native.publish(message)
 
     def get_subscription_count(self) -> int:

@@ -283,3 +283,8 @@ def test_a_program_may_use_names_for_its_own_that_rclpy_leaves_free(world):
     assert world.answer(client.call_async(Trigger.Request())).success
     assert [getattr(node, name) for name in PLAIN] == PLAIN
     node.destroy_node()
+
+
+def test_an_error_about_arguments_names_the_method_as_ros_does():
+    with pytest.raises(TypeError, match=r"^Node\.create_publisher\(\) missing 1 required"):
+        Node.create_publisher(None, None, "topic")

@@ -322,7 +322,7 @@ def test_arrays_compare_copy_pickle_and_print(cls):
         assert (type(twin), twin) == (cls, values)
         twin.append(4)
     assert values == [1, 2, 3]
-    assert repr(values) == f"{cls.__name__}({values.tolist()})"
+    assert repr(values) == f"array({cls._CODE!r}, {values.tolist()})"
     assert values.itemsize * 8 == int(cls.__name__.strip("IUFointaryAl") or 0)
 
 
