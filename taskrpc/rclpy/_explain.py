@@ -45,9 +45,10 @@ def would_wait_in_vain(client: Client[Any, Any], callback: Callback, seconds: fl
 
 def spun_in_vain(client: Client[Any, Any], callback: Callback, why: str) -> str:
     """A spin in a callback for an answer that cannot be taken meanwhile; the whole sentence."""
+    name = name_of(callback)
     sentence = (
-        f"hang here for ever: {name_of(callback)} spins until {client.service_name} has answered,"
-        f" but the answer waits for {why}, held by {name_of(callback)}; make the callback `async def`"
+        f"hang here for ever: {name} spins until {client.service_name} has answered, but the answer"
+        f" waits for {why}, held by {name}; make the callback `async def`"
         " and `await` the future instead of spinning, with the client in a ReentrantCallbackGroup"
     )
     tell(("spin", name_of(callback)), sentence)
