@@ -116,7 +116,7 @@ def _untaken(
 def _tell_held(entity: Any, holder: Any, thing: str) -> None:
     name = getattr(getattr(holder, "callback", None), "__qualname__", type(holder).__name__)
     _explain.tell(
-        ("held", entity, holder),
+        ("held", entity.service_name, name),
         f"wait here for ever: {thing} of {shown(entity._node)} needs the callback group that"
         f" {name}() holds while it awaits something; give the client, or that callback, a"
         " ReentrantCallbackGroup",

@@ -237,3 +237,17 @@ def test_a_dead_server_is_told_and_like_ros_its_call_never_ends(ros, run, monkey
         ros(server, name="server.py").wait_for("ready")
         _, out, err = run(client)
         assert (out, len(told(err))) == (done, lines)
+
+
+def test_a_name_that_another_program_offers_is_refused_and_like_ros_offered_twice(
+    ros, run, monkeypatch
+):
+    server = "node.create_service(AddTwoInts, 'add', add)\nprint('ready', flush=True)\n"
+    for like, code, lines in (("0", 1, 1), ("1", 0, 0)):
+        monkeypatch.setenv("TASKRPC_LIKE_ROS", like)
+        first = ros(HEAD + server + "rclpy.spin(node)", name="server.py")
+        first.wait_for("ready")
+        second, out, err = run(HEAD + server)
+        assert (second, "ready" in out, "NameInUse" in err) == (code, code == 0, code == 1)
+        assert len([line for line in told(err) if "both servers of /add" in line]) == lines
+        first.kill()
