@@ -24,13 +24,17 @@ def pytest_addoption(parser):
 
 @pytest.hookimpl(tryfirst=True)
 def pytest_cmdline_main(config):
-    """The plain `pytest` uses the cores; whatever is picked runs here, where a debugger sees it."""
+    """What is not picked uses the cores; what is picked runs here, where a debugger sees it.
+
+    The large sizes run here as well: they measure.
+    """
     if "PYTEST_XDIST_WORKER" in os.environ:  # one of those processes must never start more of them
         return
     option = config.option
     picked = option.keyword or option.usepdb or option.trace or option.capture == "no"
-    plain = config.args_source is config.ArgsSource.TESTPATHS and option.markexpr == "not faults"
-    if plain and not picked and getattr(option, "numprocesses", 0) is None and not option.tx:
+    whole = config.args_source is config.ArgsSource.TESTPATHS and not option.soak
+    whole &= option.markexpr in ("not faults", "faults")
+    if whole and not picked and getattr(option, "numprocesses", 0) is None and not option.tx:
         option.numprocesses = min(os.cpu_count() or 1, MOST_PROCESSES)
         option.dist = "worksteal"
 

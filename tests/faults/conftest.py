@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-
 import pytest
 
 from tests.faults.harness import Bug, Counts, PromiseBroken
@@ -52,8 +50,7 @@ def _judged(bug):
 @pytest.fixture
 def large(request):
     """Whether the large size is wanted; planted bugs are seen at the small one."""
-    soak = request.config.getoption("soak") or os.environ.get("TASKRPC_SOAK") == "1"
-    return soak and planted(request.node) is None
+    return request.config.getoption("soak") and planted(request.node) is None
 
 
 @pytest.fixture
