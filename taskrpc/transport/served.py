@@ -55,7 +55,7 @@ class ServedCall(IncomingCall, eq=False):
             # Large answers are not collected: the caller that does not read them must be noticed.
             if size >= LARGE:
                 connection.flush()
-                connection.unread.answered(self.service, connection)
+                connection.unread.answered(self.service, connection, size)
             elif not connection.in_turn:
                 connection.flush_soon()
 

@@ -7,6 +7,7 @@ answers begin no calls for anybody until some are read, or those who read nothin
 
 from __future__ import annotations
 
+from collections import deque
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -24,14 +25,18 @@ class Unread:
         """Whether there are too many."""
         self._total = 0
         self._sizes: dict[ServingConnection, int] = {}
+        self._answers: dict[ServingConnection, deque[tuple[int, int]]] = {}
+        """Where the large answers begin and end in what was written."""
         self._large: set[str] = set()
         """Services that have given a large answer."""
         self._waiting: dict[ServingConnection, None] = {}
         """Those that hold calls back, in order."""
 
-    def answered(self, service: str, connection: ServingConnection) -> None:
-        """A service gave a large answer."""
+    def answered(self, service: str, connection: ServingConnection, size: int) -> None:
+        """A service gave a large answer of so many bytes."""
         self._large.add(service)
+        end = connection.written
+        self._answers.setdefault(connection, deque()).append((end - size, end))
         self.measure(connection)
 
     def forbids(self, service: str) -> bool:
@@ -46,6 +51,8 @@ class Unread:
         """Look how much one caller has not read."""
         transport = connection.transport
         size = 0 if transport is None else transport.get_write_buffer_size()
+        if connection in self._answers:
+            size += self._still_held(connection, size)
         self._total += size - self._sizes.pop(connection, 0)
         if size:
             self._sizes[connection] = size
@@ -59,7 +66,21 @@ class Unread:
     def left(self, connection: ServingConnection) -> None:
         """A connection is gone."""
         self._waiting.pop(connection, None)
+        self._answers.pop(connection, None)
         self.measure(connection)
+
+    def _still_held(self, connection: ServingConnection, unread: int) -> int:
+        """The bytes of an answer that were sent, and are held until its last one is.
+
+        Since Python 3.12 asyncio keeps all of what it was given, and counts only what is left.
+        """
+        answers, sent = self._answers[connection], connection.written - unread
+        while answers and answers[0][1] <= sent:
+            answers.popleft()
+        if not answers:
+            del self._answers[connection]
+            return 0
+        return max(0, sent - answers[0][0])
 
     def _judge(self) -> None:
         if self._total > MAX_UNREAD:
