@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 from taskrpc.testing import VirtualTimeLoop
+from tests.faults.harness import HAPPENED
 
 MOST_PROCESSES = 4
 """More than these gain little: the longest tests wait for programs that they start."""
@@ -44,6 +45,18 @@ def pytest_asyncio_loop_factories(config, item):
     if item.get_closest_marker("real_time"):
         return {"real": asyncio.SelectorEventLoop}
     return {"virtual": VirtualTimeLoop}
+
+
+def pytest_terminal_summary(terminalreporter):
+    """Tell what really happened in the fault harnesses; their processes have no terminal."""
+    reports = [
+        report for kind in ("passed", "failed") for report in terminalreporter.getreports(kind)
+    ]
+    told = [(each, dict(each.user_properties)) for each in reports if each.when == "call"]
+    if told := [(each.location[2], said[HAPPENED]) for each, said in told if HAPPENED in said]:
+        terminalreporter.section("what happened in the fault harnesses")
+        for name, counts in told:
+            terminalreporter.line(f"{name}: {counts}")
 
 
 def pytest_collection_finish():

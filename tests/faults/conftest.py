@@ -4,11 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.faults.harness import Bug, Counts, PromiseBroken
+from tests.faults.harness import HAPPENED, Bug, Counts, PromiseBroken
 from tests.faults.programs import Programs
-
-HAPPENED = "what happened"
-"""Under which name a report has the counts: it may come from another process."""
 
 
 def pytest_generate_tests(metafunc):
@@ -72,15 +69,3 @@ def seed(request):
 def counts():
     """Counts what happens in this test."""
     return Counts()
-
-
-def pytest_terminal_summary(terminalreporter):
-    """Tell what really happened."""
-    reports = [
-        report for kind in ("passed", "failed") for report in terminalreporter.getreports(kind)
-    ]
-    told = [(each, dict(each.user_properties)) for each in reports if each.when == "call"]
-    if told := [(each.location[2], said[HAPPENED]) for each, said in told if HAPPENED in said]:
-        terminalreporter.section("what happened in the fault harnesses")
-        for name, counts in told:
-            terminalreporter.line(f"{name}: {counts}")

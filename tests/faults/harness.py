@@ -18,6 +18,9 @@ from typing import Any, Protocol
 
 import pytest
 
+HAPPENED = "what happened"
+"""Under which name a test's report has its counts: it may come from another process."""
+
 
 class Counts(collections.Counter[str]):
     """How often each thing happened; told at the end of the run."""
