@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
+from taskrpc.errors import NameInUse
+
 from .callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from .client import Client
 from .clock import Clock
@@ -175,9 +177,13 @@ class NodeEntities:
         check_is_valid_srv_type(srv_type)
         name = self.resolve_service_name(srv_name)
         group = self._rclpy_group(callback_group)
-        service: Service[Any, Any] = Service(
-            self._rclpy_as_node(), srv_type, name, callback, group, qos_profile
-        )
+        service: Service[Any, Any]
+        try:
+            service = Service(self._rclpy_as_node(), srv_type, name, callback, group, qos_profile)
+        except NameInUse as error:
+            # Its way through us would hide the end, which is all that matters to whoever started
+            # a program twice. And nothing here can join.
+            raise NameInUse(str(error).partition(", or join it")[0]) from None
         service.srv_name = srv_name
         return self._rclpy_added(self._rclpy_services, service, group)
 

@@ -390,3 +390,13 @@ def test_a_server_in_each_style_answers_and_ends_with_ctrl_c(ros, run, style):
         "[WARN] [T] [adder]: adding 1 and 2",
     ]
     assert "Traceback" not in server.err
+
+
+def test_a_server_that_is_started_twice_says_so_in_the_last_of_few_lines(adder, run):
+    code, out, err = run(SERVER, name="again.py")
+    assert (code, out) == (1, "")
+    assert len(err.splitlines()) <= 12
+    last = err.splitlines()[-1]
+    assert "NameInUse: /add is already offered by adder.py (pid " in last
+    assert last.endswith("; end it with `taskrpc stop " + last.rpartition(" ")[2])
+    assert "join" not in last
