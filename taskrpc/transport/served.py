@@ -52,10 +52,8 @@ class ServedCall(IncomingCall, eq=False):
             raise self._too_large(size)
         spent = int((connection.host.now() - self.arrived) * 1e6 + 0.5)
         if session.respond(self.call_id, body, spent):
-            # Large answers are not collected: the caller that does not read them must be noticed.
             if size >= LARGE:
-                connection.flush()
-                connection.unread.answered(self.service, connection, size)
+                connection.answered_at_length(self.service, size)
             elif not connection.in_turn:
                 connection.flush_soon()
 

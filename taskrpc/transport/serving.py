@@ -126,6 +126,17 @@ class ServingConnection(Connection):
         if self.subscriber is not None:
             self.subscriber.caught_up()
 
+    def answered_at_length(self, service: str, size: int) -> None:
+        """Send a large answer at once: a caller that does not read it must be noticed."""
+        transport = self.transport
+        if transport is not None and transport.is_closing():
+            # We are about to hear of the end; until then asyncio would log each attempt.
+            self.writing_paused = True
+            self.session.take()
+        else:
+            self.flush()
+            self.unread.answered(service, self, size)
+
     def must_wait(self, call: ServedCall) -> bool:
         """Whether a call may not begin yet, since too many answers are unread."""
         return self.writing_paused or self.unread.forbids(call.service)

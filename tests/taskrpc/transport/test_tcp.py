@@ -11,7 +11,7 @@ import pytest
 
 import taskrpc
 from taskrpc.transport.tcp import TcpNetwork, domain_id, environment_peers, split_place
-from tests.taskrpc.transport.helpers import Add, Gate, add, ask, outcome, until
+from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask, outcome, until
 
 pytestmark = pytest.mark.real_time
 
@@ -342,6 +342,30 @@ async def test_a_caller_that_ignores_the_farewell_does_not_hold_a_node_up():
     assert asyncio.get_running_loop().time() - began < 1.9
     assert await reader.read() == b""
     writer.close()
+
+
+async def test_answers_to_a_caller_that_has_just_gone_are_not_logged_one_by_one(caplog):
+    """asyncio has a line for each attempt; of a thousand callers they fill a disk, or a pipe."""
+    opened, started = asyncio.Event(), []
+
+    async def big(request, response):
+        started.append(request)
+        await opened.wait()
+        response.message = "x" * (1 << 20)
+        return response
+
+    async with offering() as server:
+        server.create_service(Text, "big", big, concurrency=20)
+        async with taskrpc.Node("client", peers=[server.address]) as node:
+            client = node.create_client(Text, "big")
+            calls = [client.call_async(Text.Request()) for _ in range(20)]
+            await until(lambda: len(started) == 20)
+            transport = client._channel._connection.transport
+            transport.get_extra_info("socket").shutdown(socket.SHUT_RDWR)
+            opened.set()  # before the server hears of the end
+            await asyncio.gather(*map(outcome, calls))
+            await until(lambda: not server._transport._served)
+    assert "socket.send() raised" not in caplog.text
 
 
 def test_loops_that_have_ended_are_not_kept_alive():
