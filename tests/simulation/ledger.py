@@ -17,6 +17,9 @@ LATE = 0.02
 PROMPT = 0.2
 """Seconds in which the end of a server is heard of: what was on its way comes before."""
 
+NOTICED = 1.0 + PROMPT
+"""Seconds in which a server ends the connections of who was revoked: it looks each second."""
+
 INSIDE = "the server's inside"
 """What a callback's exception says, and no caller may read."""
 
@@ -96,6 +99,7 @@ class Ledger:
         self.orders = Orders(self)
         self.network_happened: collections.Counter[str] = collections.Counter()
         self._troubles = 0
+        self._accounts_settle = 0.0
         self.runs: collections.Counter[tuple[int, str]] = collections.Counter()
         self._tell = tell
         self._loop = asyncio.get_running_loop()
@@ -146,6 +150,8 @@ class Ledger:
 
     def drains(self, server: str, until: float) -> None:
         """A server is told to end, but to wait for its calls; nothing troubles the network."""
+        if self.now() < self._accounts_settle:
+            return
         for request in self._running_on(server):
             # Whatever had cut its caller off before has ended it by now.
             has_settled = request.started[-1] < self.now() - PROMPT
@@ -164,6 +170,11 @@ class Ledger:
         self._troubles += 1
         for request in self.requests.values():
             request.hears_by = math.inf
+
+    def account_changed(self) -> None:
+        """Some callers may be cut off, though not at once."""
+        self.troubled()
+        self._accounts_settle = self.now() + NOTICED
 
     def _running_on(self, server: str) -> list[Request]:
         return [each for each in self.requests.values() if each.runs_on == server]

@@ -191,7 +191,7 @@ class World:
             changed = replace(account, role=role)
             self._ledger.counts["changes of role"] += role is not account.role
         self._ledger.note(f"now {changed}")
-        self._ledger.troubled()
+        self._ledger.account_changed()
         self.accounts.change(changed)
 
     async def _leap(self):
