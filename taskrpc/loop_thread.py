@@ -66,6 +66,24 @@ class LoopThread:
         """Run a plain function on the loop without waiting."""
         self._loop.call_soon_threadsafe(action)
 
+    def settle(self, turns: int, patience: float) -> None:
+        """Let the loop go round so often, for `patience` seconds at most.
+
+        What is under way inside this process has arrived then.
+        """
+        there = threading.Lock()
+        there.acquire()
+
+        def turn(left: int) -> None:
+            if left:
+                self._loop.call_soon(turn, left - 1)
+            else:
+                there.release()
+
+        if self._pid == os.getpid() and threading.current_thread() is not self._thread:
+            self._loop.call_soon_threadsafe(turn, turns)
+            there.acquire(timeout=patience)
+
     def refuse_without_loop(self, what: str) -> None:
         """Raise WouldDeadlock where nobody would answer: after a fork, and at the program's end."""
         if self._pid == _ENDED:

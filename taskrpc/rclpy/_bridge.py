@@ -14,12 +14,19 @@ from ._explain import like_ros, two_servers
 
 if TYPE_CHECKING:
     from taskrpc.deferred import DeferredCall, DeferredService
+    from taskrpc.loop_thread import LoopThread
     from taskrpc.qos import QoS
     from taskrpc.sync_topics import Publisher, Subscription
     from taskrpc.transport.base import OnMismatch
     from taskrpc.transport.entries import Entry
 
 T = TypeVar("T")
+
+_TURNS = 4
+"""Turns of the loop within which a callback's answer, the longest way, is back in this process:
+it is taken over, written, read and told."""
+_PATIENCE = 0.05
+"""Seconds after which a busy loop is not waited for."""
 
 Take = Callable[["DeferredCall"], object]
 """Takes a call, on the loop's thread."""
@@ -28,12 +35,15 @@ Take = Callable[["DeferredCall"], object]
 class Bridge:
     """A native node and the loop that it lives on; every rclpy node has one."""
 
+    running: ClassVar[LoopThread | None] = None
+    """The loop, once there was a node."""
+
     def __init__(self, name: str, namespace: str, domain_id: int) -> None:
         self.native = sync.Node(name, namespace=namespace)
         self.domain_id = domain_id
         self._inner = self.native._node
         self._inner._domain = domain_id
-        self._loop = self.native._loop
+        self._loop = Bridge.running = self.native._loop
         self.run(self._inner.start())
 
     @property
@@ -93,6 +103,12 @@ class Bridge:
         """Leave the network; nothing to do where the program's end was first."""
         with contextlib.suppress(WouldDeadlock):
             self.native.destroy()
+
+
+def settle() -> None:
+    """Wait a moment, until what this program has sent to itself has arrived."""
+    if Bridge.running is not None:
+        Bridge.running.settle(_TURNS, _PATIENCE)
 
 
 class NativeClient:

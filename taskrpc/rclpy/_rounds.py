@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
+from ._bridge import settle
 from ._entity import Entity
 from ._sleep import Sleep
 from .context import Context
@@ -58,8 +59,16 @@ class Rounds:
     _youngest_first: ClassVar[bool] = True
     """The order of tasks that are ready at the same time: ROS's Jazzy takes the youngest first."""
 
+    _heeds_groups: ClassVar[bool] = True
+    """Whether callback groups decide what may run; else a callback that awaits holds up nobody."""
+
     def __init__(self, *, context: Context | None = None) -> None:
         self._context = get_default_context() if context is None else context
+        if self._context.handle is None:
+            raise RuntimeError(
+                "Context must be initialized before an executor can be created: rclpy.init() comes"
+                " first"
+            )
         self._nodes: dict[Node, None] = {}
         self._nodes_lock = threading.RLock()
         self._sleep = Sleep()
@@ -78,7 +87,7 @@ class Rounds:
         if entity._executor_event:
             return False
         group = entity.callback_group
-        return group is None or group.can_execute(entity)
+        return group is None or not self._heeds_groups or group.can_execute(entity)
 
     def _next(
         self,
@@ -93,7 +102,7 @@ class Rounds:
         if isinstance(timeout, TimeoutObject):
             timeout = timeout.timeout
         self._unpark()
-        end = None
+        end, settled = None, timeout != 0
         while not self._is_shutdown and not condition():
             if (work := self._take_from_round(nodes)) is not None:
                 return work
@@ -107,7 +116,11 @@ class Rounds:
             if end is not None:
                 rest = end - time.perf_counter()
                 if rest <= 0:
-                    return None
+                    if settled:
+                        return None
+                    settle()  # without waiting, only what is here already would be found
+                    settled = True
+                    continue
                 left = rest if due is None else min(due, rest)
             self._sleep.until_ended(seen, left)
         return None

@@ -137,9 +137,9 @@ def spin_until_future_complete(
     """Run the node's callbacks until the future is done, `timeout_sec` seconds at most."""
     executor = get_global_executor() if executor is None else executor
     check_spin(executor, future, timeout_sec)
-    check_deaf(executor, node)
+    added = executor.add_node(node)
     try:
-        executor.add_node(node)
         executor.spin_until_future_complete(future, timeout_sec)
     finally:
-        executor.remove_node(node)
+        if added:  # in a callback the spin around it goes on with the node
+            executor.remove_node(node)

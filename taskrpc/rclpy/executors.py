@@ -12,6 +12,7 @@ from concurrent.futures import ThreadPoolExecutor
 from types import CoroutineType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
+from ._bridge import settle
 from ._deadlocks import check_spin
 from ._entity import Entity
 from ._rounds import ExternalShutdownException, Rounds, Timeout, TimeoutObject, Work, never
@@ -121,12 +122,7 @@ class Executor(Rounds):
         future._when_done(self._notify)
         end = None if timeout_sec is None or timeout_sec < 0 else time.perf_counter() + timeout_sec
         left = None if end is None else TimeoutObject(timeout_sec or 0)
-        while (
-            not future._done
-            and not future._cancelled
-            and self._context.ok()
-            and not self._is_shutdown
-        ):
+        while not future._is_over() and self._context.ok() and not self._is_shutdown:
             self.spin_once_until_future_complete(future, left)
             if end is not None and left is not None:
                 left.timeout = end - time.perf_counter()
@@ -199,7 +195,7 @@ class Executor(Rounds):
             self._run_entity(entity)
 
     def _run_entity(self, entity: Entity) -> None:
-        group = entity.callback_group
+        group = entity.callback_group if self._heeds_groups else None
         if group is not None and not group.beginning_execution(entity):
             entity._executor_event = False
             return
@@ -239,7 +235,7 @@ class Executor(Rounds):
         return True
 
     def _coroutine_ended(self, entity: Entity) -> None:
-        if entity.callback_group is not None:
+        if entity.callback_group is not None and self._heeds_groups:
             entity.callback_group.ending_execution(entity)
         self._notify()
 
@@ -268,13 +264,15 @@ class SingleThreadedExecutor(Executor):
         """Wait at most `timeout_sec` seconds for something to arrive, and run one callback."""
         if (work := self._next(timeout_sec)) is not None:
             self._run(work)
+            if timeout_sec == 0:
+                settle()  # what the callback sent has arrived, as far as it is for this program
 
     def spin_once_until_future_complete(
         self, future: Future[Any], timeout_sec: Timeout = None
     ) -> None:
         """As `spin_once`, but wait no longer when the future is done."""
         future._when_done(self._notify)
-        if (work := self._next(timeout_sec, None, future.done)) is not None:
+        if (work := self._next(timeout_sec, None, future._is_over)) is not None:
             self._run(work)
 
 
@@ -307,7 +305,7 @@ class MultiThreadedExecutor(Executor):
     ) -> None:
         """As `spin_once`, but wait no longer when the future is done."""
         future._when_done(self._notify)
-        self._spin_once(timeout_sec, future.done)
+        self._spin_once(timeout_sec, future._is_over)
 
     def shutdown(self, timeout_sec: float | None = None, *, wait_for_threads: bool = True) -> bool:
         """Run no more callbacks, and wait for those that run (not when called by one of them)."""
@@ -332,9 +330,11 @@ class MultiThreadedExecutor(Executor):
             work[1]._executor_event = True
         try:
             self._executor.submit(self._work, work)
-        except RuntimeError:
-            if not self._is_shutdown:  # by another thread, after the work was chosen
+        except RuntimeError as error:
+            if _POOL_ENDED not in str(error):
                 raise
+            # By another thread, after the work was chosen; or the program ends around a daemon.
+            self._is_shutdown = True
 
     def _work(self, work: Work) -> None:
         """One piece of work on a thread of the pool."""
@@ -345,6 +345,10 @@ class MultiThreadedExecutor(Executor):
             self._failures.append(error)
         finally:
             self._notify()
+
+
+_POOL_ENDED = "cannot schedule new futures"
+"""What a pool says that was shut down, or whose interpreter is ending."""
 
 
 def _processors() -> int:

@@ -119,6 +119,10 @@ class Future(Generic[T]):
             self._callbacks.remove(callback)
             return True
 
+    def _is_over(self) -> bool:
+        """Whether nobody need wait for it: it is done, or was given up."""
+        return self._done or self._cancelled
+
     def _set_executor(self, executor: Executor | None) -> None:
         """Have the done callbacks run by this executor."""
         self._executor = _none if executor is None else weakref.ref(executor)

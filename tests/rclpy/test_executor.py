@@ -349,6 +349,50 @@ def test_spinning_many_times_for_one_future_leaves_one_waiter(executor):
     assert len(future._waiters) == 1
 
 
+@pytest.mark.real_time
+@pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
+def test_a_future_given_up_by_another_thread_ends_the_spinning(context, kind):
+    with kind(context=context) as executor:
+        future = Future()
+        threading.Timer(0.02, future.cancel).start()
+        executor.spin_until_future_complete(future)
+        assert future.cancelled()
+
+
+# The events executor
+
+
+@pytest.fixture
+def events(context, fake):
+    with EventsExecutor(context=context) as events:
+        events.add_node(fake)
+        yield events
+
+
+def test_in_the_events_executor_a_callback_that_awaits_holds_up_no_other(events, fake):
+    future, seen = Future(), []
+
+    async def wait():
+        seen.append(await future)
+
+    fake.guard(wait).trigger()
+    fake.guard(lambda: future.set_result("answer")).trigger()
+    events.spin_until_future_complete(Future(), 0)
+    assert seen == ["answer"]
+    assert fake.group.can_execute(fake.guards[0])
+
+
+def test_the_events_executor_runs_all_that_is_there_before_its_timeout_ends_it(events, fake):
+    seen = []
+    later = fake.guard(lambda: seen.append("later"))
+    fake.guard(lambda: (seen.append("first"), later.trigger())).trigger()
+    events.spin_until_future_complete(Future(), 0)
+    assert seen == ["first", "later"]
+    later.trigger()
+    events.spin_until_future_complete(future := events.create_task(lambda: 3), 0)
+    assert future.result() == 3
+
+
 # Nodes
 
 
@@ -423,6 +467,18 @@ def test_a_sleeping_executor_is_woken_by_what_arrives_and_by_a_node(context, fak
 
 
 # Ends
+
+
+def test_an_executor_needs_a_context_that_was_initialised():
+    with pytest.raises(RuntimeError, match="must be initialized before an executor"):
+        SingleThreadedExecutor(context=Context())
+
+
+def test_a_pool_whose_threads_are_gone_ends_its_spinning(pool, fake):
+    """So they are at the program's end, while a daemon thread spins."""
+    pool._executor.shutdown()
+    fake.guard(lambda: None).trigger()
+    pool.spin()
 
 
 @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])

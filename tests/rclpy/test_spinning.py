@@ -19,6 +19,7 @@ from taskrpc.rclpy.future import Future
 from taskrpc.rclpy.waitable import Waitable
 
 AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
+Empty = srvgen.load("std_msgs/msg/Empty")
 
 pytestmark = pytest.mark.real_time
 
@@ -105,6 +106,43 @@ def test_a_service_awaits_another_one_in_a_reentrant_group(node):
     future = client.call_async(AddTwoInts.Request(a=1, b=2))
     rclpy.spin_until_future_complete(node, future, timeout_sec=5)
     assert future.result().sum == 6
+
+
+def test_a_callback_that_spins_until_a_call_is_answered_leaves_its_node_with_the_outer_spin(node):
+    group = ReentrantCallbackGroup()
+    node.create_service(AddTwoInts, "add", lambda request, response: response, callback_group=group)
+    client = node.create_client(AddTwoInts, "add", callback_group=group)
+    assert client.wait_for_service(5)
+    answered = []
+
+    def callback():
+        future = client.call_async(AddTwoInts.Request())
+        rclpy.spin_until_future_complete(node, future, timeout_sec=5)
+        answered.append(future.done())
+        if len(answered) == 2:
+            rclpy.shutdown()
+
+    node.create_timer(0.001, callback)
+    rclpy.spin(node)
+    assert answered == [True, True]
+
+
+def test_spinning_once_without_waiting_serves_what_the_program_itself_has_just_sent(node):
+    calls, answers, seen = [], [], []
+    node.create_service(AddTwoInts, "add", lambda request, answer: calls.append(1) or answer)
+    client = node.create_client(AddTwoInts, "add")
+    node.create_subscription(Empty, "news", seen.append, 10)
+    publisher = node.create_publisher(Empty, "news", 10)
+    assert client.wait_for_service(5)
+    while not publisher.get_subscription_count():
+        rclpy.spin_once(node, timeout_sec=0.01)
+    publisher.publish(Empty())
+    rclpy.spin_once(node, timeout_sec=0)
+    assert seen == [Empty()]
+    client.handle.set_on_new_response_callback(answers.append)
+    client.call_async(AddTwoInts.Request())
+    rclpy.spin_once(node, timeout_sec=0)
+    assert (calls, answers) == ([1], [1])
 
 
 def test_a_task_that_waits_goes_on_when_another_node_is_spun(node):
