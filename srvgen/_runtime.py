@@ -309,6 +309,22 @@ Int64Array = _array_class("q", to_int64)
 Uint64Array = _array_class("Q", to_uint64)
 Float32Array = _array_class("f", to_float32)
 Float64Array = _array_class("d", to_float64)
+_ARRAYS: dict[str, type[NumericArray[Any]]] = {
+    one._CONVERT.__name__.removeprefix("to_"): one
+    for one in (
+        Int8Array,
+        Uint8Array,
+        Int16Array,
+        Uint16Array,
+        Int32Array,
+        Uint32Array,
+        Int64Array,
+        Uint64Array,
+        Float32Array,
+        Float64Array,
+    )
+}
+_ARRAYS["char"] = Uint8Array
 
 # Messages carry arrays as raw bytes, which msgspec decodes without calling Python; `_check` makes
 # the arrays. Type checkers are told what a program sees.
@@ -430,6 +446,7 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
     def __init_subclass__(cls) -> None:
         cls._WIDTH = len(cls._FIELDS)
         cls._fields_and_field_types = {name: _rosidl_type(type_) for name, type_ in cls._FIELDS}
+        _take_arrays_when_set(cls)
 
     def _check(self) -> None:
         """Bring every field to its exact type, or raise FieldError."""
@@ -460,6 +477,51 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
             return NotImplemented
         names = self.__struct_fields__
         return all(_are_equal(getattr(self, name), getattr(other, name)) for name in names)
+
+
+def _take_arrays_when_set(cls: type[Message]) -> None:
+    """Have fields of numbers hold arrays from the moment when they are set, as programs see in ROS.
+
+    What does not fit stays as it is until the check, which knows the whole path to it.
+    """
+    taken = []
+    for name, type_ in cls._FIELDS:
+        element, bracket, _ = type_.partition("[")
+        if bracket and (array_class := _ARRAYS.get(element)):
+            attribute = name if name in cls.__dict__ else f"{name}_"
+            slot = cls.__dict__[attribute]
+            taken.append((slot.__get__, slot.__set__, array_class))
+            setattr(cls, attribute, property(slot.__get__, _array_setter(slot, array_class)))
+    if not taken:
+        return
+
+    def take(message: Message) -> None:
+        for get, put, array_class in taken:
+            values = get(message)
+            # Bytes are what a decoder puts there; the check that follows makes arrays of them.
+            if type(values) is not array_class and type(values) is not bytes:
+                put(message, _array_if_it_fits(array_class, values))
+
+    # What msgspec calls whenever a message was made.
+    cls.__post_init__ = take  # type: ignore[attr-defined]
+
+
+def _array_setter(slot: Any, array_class: type[NumericArray[Any]]) -> Callable[[Any, Any], None]:
+    put = slot.__set__
+
+    def set_array(message: Any, values: Any) -> None:
+        if type(values) is not array_class:
+            values = _array_if_it_fits(array_class, values)
+        put(message, values)
+
+    return set_array
+
+
+def _array_if_it_fits(array_class: type[NumericArray[Any]], values: Any) -> Any:
+    try:
+        return array_class.of(values, "")
+    except FieldError:
+        return values
 
 
 def _are_equal(one: Any, other: Any) -> bool:

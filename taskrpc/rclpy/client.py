@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 from taskrpc.errors import InvalidRequest
 
 from ._deadlocks import check_call
+from ._detached import detached
 from ._elsewhere import names_of
 from ._endpoints import gid_of
 from ._entity import Entity
@@ -110,6 +111,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         if not isinstance(request, self.srv_type.Request):
             raise TypeError(self._expected(request))
         self.handle.check()
+        request = detached(request)
         future: Future[SrvResponseT] = Future()
         with self._lock:
             self._numbers += 1

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 from srvgen import from_cdr
 
+from ._detached import detached
 from ._elsewhere import names_of
 from ._endpoints import forget, remember
 from .callback_groups import CallbackGroup
@@ -68,7 +69,7 @@ class Publisher(Generic[MsgT]):
         message: Any = from_cdr(self.msg_type, msg) if isinstance(msg, bytes) else msg
         if not isinstance(message, self.msg_type):
             raise TypeError(f"Expected {self.msg_type}, got {type(message)}")
-        self._native.publish(message)
+        self._native.publish(detached(message))
 
     def get_subscription_count(self) -> int:
         """How many subscriptions read it."""

@@ -6,12 +6,16 @@ from typing import Any, TypeVar
 
 from srvgen import from_cdr, to_cdr
 
+from ._detached import detached
+from .type_support import check_for_type_support
+
 T = TypeVar("T")
 
 
 def serialize_message(message: Any) -> bytes:
-    """A message as CDR, with its header of four bytes."""
-    return to_cdr(message)
+    """A message as CDR, with its header of four bytes; AttributeError for what is no message."""
+    check_for_type_support(type(message))
+    return to_cdr(detached(message))
 
 
 def deserialize_message(serialized_message: bytes, message_type: type[T]) -> T:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 from taskrpc.errors import Code, HandlerFailed, InvalidRequest, WouldDeadlock
 
 from . import _explain
+from ._detached import detached
 from ._elsewhere import names_of
 from ._endpoints import gid_of
 from ._entity import Entity
@@ -172,6 +173,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
             _explain.answered_nothing(self, problem)
             call.fail(HandlerFailed(Code.INTERNAL, problem))
             raise TypeError(problem)
+        response = detached(response)
         try:
             self._send(call, response)
         except InvalidRequest as error:

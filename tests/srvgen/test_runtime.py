@@ -192,6 +192,37 @@ def test_every_kind_of_sequence_becomes_the_array_class(given_):
     assert image == [1, 2]
 
 
+@pytest.mark.parametrize(
+    "given_",
+    [[1, 2], (1, 2), range(1, 3), bytearray(b"\1\2"), iter([1, 2])],
+    ids=lambda one: type(one).__name__,
+)
+def test_numbers_are_the_fields_array_from_the_moment_when_they_are_set(given_):
+    message = Everything()
+    message.image = given_
+    assert repr(message.image) == "array('B', [1, 2])"
+    message.image.append(3)
+    assert message.image == [1, 2, 3]
+    assert type(Everything(image=[1, 2]).image) is _runtime.Uint8Array
+
+
+def test_what_an_array_cannot_hold_stays_as_it_was_set_until_the_check():
+    for values in ([1, "x"], [300], 5, None, "ab"):
+        message = Everything(image=values)
+        assert message.image is values
+        message.image = values
+        assert message.image is values
+        with pytest.raises(FieldError, match=r"^image"):
+            message._check()
+
+
+def test_a_list_that_was_set_is_no_longer_the_messages():
+    values = [1, 2]
+    message = Everything(image=values)
+    values.append(3)
+    assert message.image == [1, 2]
+
+
 def test_numpy_arrays_and_numbers_are_taken_whatever_their_element_type():
     numpy = pytest.importorskip("numpy")
     for dtype in ("int8", "int32", "int64", "uint16", ">i4", "float32", "float16", "float64"):
