@@ -81,6 +81,16 @@ def raised(service: Service[Any, Any], problem: str) -> None:
     )
 
 
+def swallowed(node: Any, callback: str, error: Exception) -> None:
+    """A lifecycle node's callback raised, which counts as TransitionCallbackReturn.ERROR."""
+    what = f"{type(error).__name__}: {error}"
+    tell(
+        ("swallowed", shown(node), callback),
+        f"say nothing here: {callback} of {shown(node)} raised {what}; it counts as"
+        " TransitionCallbackReturn.ERROR",
+    )
+
+
 def failed(client: Client[Any, Any], error: BaseException) -> None:
     """A call ended with an error, which a future in ROS never has."""
     tell(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ._arguments import parse
+from ._transitions import TransitionCallbackReturnType
 from .clock_type import ClockType
 from .exceptions import (
     InvalidHandle,
@@ -26,6 +27,7 @@ __all__ = [
     "RCLInvalidROSArgsError",
     "SignalHandlerOptions",
     "TimerCancelledError",
+    "TransitionCallbackReturnType",
     "UnknownROSArgsError",
     "UnsupportedEventTypeError",
     "rclpy_get_rmw_implementation_identifier",

@@ -1,0 +1,21 @@
+"""Nodes whose work is set up, begun, ended and cleaned up step by step, on request of others."""
+
+from .._transitions import TransitionCallbackReturnType as TransitionCallbackReturn
+from .managed_entity import ManagedEntity, SimpleManagedEntity
+from .node import LifecycleNode, LifecycleNodeMixin, LifecycleState
+from .publisher import LifecyclePublisher
+
+Node = LifecycleNode
+NodeMixin = LifecycleNodeMixin
+State = LifecycleState
+Publisher = LifecyclePublisher
+
+__all__ = [
+    "LifecycleNode",
+    "LifecycleNodeMixin",
+    "LifecyclePublisher",
+    "LifecycleState",
+    "ManagedEntity",
+    "SimpleManagedEntity",
+    "TransitionCallbackReturn",
+]

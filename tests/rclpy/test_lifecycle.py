@@ -1,0 +1,281 @@
+"""Lifecycle nodes: steps on request, what callbacks return leads on, publishers that wait."""
+
+import pytest
+
+import srvgen
+from taskrpc.rclpy import _explain
+from taskrpc.rclpy._transitions import STATES, TRANSITIONS, LifecycleStateMachine
+from taskrpc.rclpy.exceptions import RCLError
+from taskrpc.rclpy.impl.implementation_singleton import rclpy_implementation
+from taskrpc.rclpy.lifecycle import (
+    LifecycleNode,
+    LifecycleState,
+    Node,
+    SimpleManagedEntity,
+    State,
+    TransitionCallbackReturn,
+)
+from taskrpc.rclpy.publisher import Publisher
+from tests.rclpy.living import context_of, living
+
+SUCCESS, FAILURE = TransitionCallbackReturn.SUCCESS, TransitionCallbackReturn.FAILURE
+ERROR = TransitionCallbackReturn.ERROR
+String = srvgen.load("std_msgs/msg/String")
+ChangeState = srvgen.load("lifecycle_msgs/srv/ChangeState")
+GetState = srvgen.load("lifecycle_msgs/srv/GetState")
+GetAvailableStates = srvgen.load("lifecycle_msgs/srv/GetAvailableStates")
+GetAvailableTransitions = srvgen.load("lifecycle_msgs/srv/GetAvailableTransitions")
+TransitionEvent = srvgen.load("lifecycle_msgs/msg/TransitionEvent")
+Transition = srvgen.load("lifecycle_msgs/msg/Transition")
+StateMessage = srvgen.load("lifecycle_msgs/msg/State")
+
+
+@pytest.fixture
+def quiet():
+    with context_of() as context:
+        yield lambda cls=LifecycleNode, **settings: cls(
+            "robot", context=context, enable_communication_interface=False, **settings
+        )
+
+
+def stands(node):
+    return node._state_machine.current_state[1]
+
+
+# --- the machine, which knows no node -------------------------------------------------------------
+
+
+def machine():
+    told, refused = [], []
+    return LifecycleStateMachine(told.append, refused.append), told, refused
+
+
+def test_numbers_and_names_are_those_of_the_messages():
+    numbers = {f"{one.id}" for one in TRANSITIONS}
+    assert len(numbers) == len(TRANSITIONS)
+    for state in STATES:
+        kind = "TRANSITION_STATE" if state.id >= 10 else "PRIMARY_STATE"
+        assert getattr(StateMessage, f"{kind}_{state.label.upper()}") == state.id
+    for one in TRANSITIONS:
+        name = one.label.upper()
+        if one.label == "shutdown":
+            name = f"{one.start.label.upper()}_SHUTDOWN"
+        elif one.label.startswith("transition_"):
+            steps = {
+                "CLEANINGUP": "CLEANUP",
+                "SHUTTINGDOWN": "SHUTDOWN",
+                "ERRORPROCESSING": "ERROR",
+            }
+            at = one.start.label.upper()
+            at = steps.get(at) or at.removesuffix("ING") + "E"
+            name = f"ON_{at}_{name.removeprefix('TRANSITION_')}"
+        assert getattr(Transition, f"TRANSITION_{name}") == one.id
+    for what in TransitionCallbackReturn:
+        assert getattr(Transition, f"TRANSITION_CALLBACK_{what.name}") == int(what)
+
+
+def test_only_steps_from_where_it_stands_are_possible():
+    steps, told, refused = machine()
+    assert steps.initialized
+    assert [one.label for one in steps.available_transitions] == ["configure", "shutdown"]
+    with pytest.raises(RCLError, match="Transition is not registered"):
+        steps.trigger_transition_by_id(3, True)
+    assert refused == ["No transition matching 3 found for current state unconfigured"]
+    assert steps.get_transition_by_label("shutdown") == 5
+    with pytest.raises(RCLError, match="label 'fly'"):
+        steps.get_transition_by_label("fly")
+    steps.trigger_transition_by_label("configure", False)
+    assert told == []
+    steps.trigger_transition_by_label("transition_success", True)
+    assert steps.current_state == (2, "inactive")
+    assert [one.goal.label for one in told] == ["inactive"]
+
+
+# --- callbacks ------------------------------------------------------------------------------------
+
+
+def test_a_node_goes_through_its_life(quiet):
+    node = quiet()
+    for _ in range(3):
+        assert node.trigger_configure() is SUCCESS
+        assert stands(node) == "inactive"
+        assert node.trigger_activate() is SUCCESS
+        assert stands(node) == "active"
+        assert node.trigger_deactivate() is SUCCESS
+        assert node.trigger_cleanup() is SUCCESS
+        assert stands(node) == "unconfigured"
+    for wrong in (node.trigger_activate, node.trigger_deactivate, node.trigger_cleanup):
+        with pytest.raises(RCLError):
+            wrong()
+    assert node.trigger_shutdown() is SUCCESS
+    assert stands(node) == "finalized"
+    with pytest.raises(RCLError):
+        node.trigger_shutdown()
+
+
+@pytest.mark.parametrize("before", [[], ["configure"], ["configure", "activate"]])
+def test_a_node_can_be_shut_down_from_every_state_where_it_rests(quiet, before):
+    node = quiet()
+    for step in before:
+        getattr(node, f"trigger_{step}")()
+    assert node.trigger_shutdown() is SUCCESS
+    assert stands(node) == "finalized"
+
+
+@pytest.mark.parametrize(
+    ("step", "on_error", "ends"),
+    [
+        (FAILURE, SUCCESS, "unconfigured"),
+        (ERROR, SUCCESS, "unconfigured"),
+        (ERROR, FAILURE, "finalized"),
+        (ERROR, ERROR, "finalized"),
+    ],
+)
+def test_what_callbacks_return_leads_on(quiet, step, on_error, ends):
+    seen = []
+
+    class Robot(LifecycleNode):
+        def on_configure(self, state):
+            seen.append(state)
+            return step
+
+        def on_error(self, state):
+            seen.append(state)
+            return on_error
+
+    node = quiet(Robot)
+    assert node.trigger_configure() is step
+    assert stands(node) == ends
+    assert set(seen) == {LifecycleState(label="unconfigured", state_id=1)}
+    assert len(seen) == (2 if step is ERROR else 1)
+
+
+def test_a_callback_that_raises_is_an_error_and_it_is_told(quiet, capsys, monkeypatch):
+    class Robot(LifecycleNode):
+        def on_configure(self):
+            return SUCCESS
+
+    monkeypatch.setattr(_explain, "_told", set())
+    assert quiet(Robot).trigger_configure() is ERROR
+    said = capsys.readouterr().err
+    assert said.startswith(
+        "[taskrpc] ROS 2 would say nothing here: on_configure of /robot raised T"
+    )
+
+
+def test_a_callback_that_returns_nothing_is_named(quiet):
+    class Robot(LifecycleNode):
+        def on_configure(self, state):
+            pass
+
+    with pytest.raises(AttributeError, match="on_configure returned None"):
+        quiet(Robot).trigger_configure()
+
+
+# --- what is managed ------------------------------------------------------------------------------
+
+
+def test_a_lifecycle_publisher_is_silent_until_its_node_is_active(quiet, monkeypatch):
+    published = []
+    node = quiet()
+    monkeypatch.setattr(Publisher, "publish", lambda self, message: published.append(message))
+    publisher = node.create_lifecycle_publisher(String, "talk", 10)
+    publisher.publish(String(data="asleep"))
+    node.trigger_configure()
+    node.trigger_activate()
+    assert publisher.is_activated
+    publisher.publish(String(data="awake"))
+    node.trigger_deactivate()
+    publisher.publish(String(data="asleep again"))
+    assert [message.data for message in published] == ["awake"]
+    assert node.destroy_lifecycle_publisher(publisher)
+    with pytest.raises(TypeError, match="publisher_class"):
+        node.create_lifecycle_publisher(String, "talk", 10, publisher_class=Publisher)
+
+
+def test_what_is_managed_is_told_and_may_refuse(quiet):
+    class Arm(SimpleManagedEntity):
+        asleep = 0
+
+        def on_configure(self, state):
+            return FAILURE
+
+        @SimpleManagedEntity.when_enabled(when_not_enabled=lambda: setattr(Arm, "asleep", 1))
+        def move(self):
+            raise AssertionError("it is not active")
+
+    node, arm = quiet(), Arm()
+    node.add_managed_entity(arm)
+    assert node.trigger_configure() is FAILURE
+    assert stands(node) == "unconfigured"
+    arm.move()
+    assert arm.asleep
+    with pytest.raises(TypeError, match="ManagedEntity"):
+        node.add_managed_entity("arm")
+
+
+def test_what_is_managed_must_return_a_verdict(quiet, capsys):
+    class Arm(SimpleManagedEntity):
+        def on_configure(self, state):
+            return True
+
+    node = quiet()
+    node.add_managed_entity(Arm())
+    assert node.trigger_configure() is ERROR
+    assert "on_configure() return value of class" in capsys.readouterr().err
+
+
+# --- on the network -------------------------------------------------------------------------------
+
+
+@pytest.mark.real_time
+def test_others_ask_for_steps_and_are_told_of_them():
+    events = []
+    with living() as world:
+        node = Node("robot", context=world.context)
+        world.executor.add_node(node)
+        other = world.node("operator")
+        other.create_subscription(
+            TransitionEvent,
+            "robot/transition_event",
+            lambda event: events.append((event.start_state.label, event.goal_state.label)),
+            10,
+        )
+
+        def ask(srv_type, name, **fields):
+            client = other.create_client(srv_type, f"/robot/{name}")
+            assert client.wait_for_service(5.0)
+            return world.answer(client.call_async(srv_type.Request(**fields)))
+
+        assert ask(GetState, "get_state").current_state.label == "unconfigured"
+        assert ask(ChangeState, "change_state", transition=Transition(id=1)).success
+        assert ask(ChangeState, "change_state", transition=Transition(label="activate")).success
+        assert not ask(ChangeState, "change_state", transition=Transition(label="fly")).success
+        assert ask(GetState, "get_state").current_state == StateMessage(id=3, label="active")
+        states = ask(GetAvailableStates, "get_available_states").available_states
+        assert [(one.id, one.label) for one in states] == list(STATES)
+        possible = ask(GetAvailableTransitions, "get_available_transitions").available_transitions
+        assert [one.transition.label for one in possible] == ["deactivate", "shutdown"]
+        graph = ask(GetAvailableTransitions, "get_transition_graph").available_transitions
+        assert [one.transition.id for one in graph] == [one.id for one in TRANSITIONS]
+        world.spin_until(lambda: len(events) == 4)
+    assert events == [
+        ("unconfigured", "configuring"),
+        ("configuring", "inactive"),
+        ("inactive", "activating"),
+        ("activating", "active"),
+    ]
+
+
+def test_without_an_interface_there_is_no_service(quiet):
+    node = quiet()
+    assert not hasattr(node, "_service_change_state")
+    assert not [one for one in node.services if "state" in one.service_name]
+    with pytest.raises(TypeError, match="expected True or False, got 'no'"):
+        LifecycleNode("robot", context=node.context, enable_communication_interface="no")
+
+
+def test_programs_find_the_names_where_ros_has_them():
+    assert State is LifecycleState
+    assert rclpy_implementation.TransitionCallbackReturnType is TransitionCallbackReturn
+    assert repr(SUCCESS) == "<TransitionCallbackReturnType.SUCCESS: 97>"
