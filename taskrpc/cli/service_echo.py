@@ -11,11 +11,11 @@ import yaml
 import srvgen
 from taskrpc.cli import graph, shells
 from taskrpc.cli.command import Exit, NotFound, goes_on, hinted
-from taskrpc.cli.message_text import Cut, csv_of, plain
 from taskrpc.cli.remote import remote_of
 from taskrpc.cli.service_types import service_type_name
 from taskrpc.cli.topic_graph import topics
 from taskrpc.qos import QoS
+from taskrpc.ros.message_text import Cut, csv_of, plain
 
 if TYPE_CHECKING:
     import argparse

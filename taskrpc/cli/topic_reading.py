@@ -12,12 +12,12 @@ from typing import TYPE_CHECKING, Any
 import srvgen
 from taskrpc.cli import graph, shells
 from taskrpc.cli.command import Exit, NotFound, goes_on, hinted
-from taskrpc.cli.message_text import Cut, csv_of, yaml_of
 from taskrpc.cli.remote import Remote, remote_of
 from taskrpc.cli.topic_graph import Topic, topics
 from taskrpc.cli.topic_pub import message_class
 from taskrpc.cli.topic_qos import qos_to_subscribe
 from taskrpc.errors import InvalidRequest
+from taskrpc.ros.message_text import Cut, csv_of, yaml_of
 
 if TYPE_CHECKING:
     import argparse

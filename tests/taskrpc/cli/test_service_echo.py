@@ -8,8 +8,8 @@ import pytest
 
 import srvgen
 from taskrpc.cli.main import main
-from taskrpc.cli.message_text import Cut, csv_of
 from taskrpc.cli.service_echo import event_text
+from taskrpc.ros.message_text import Cut, csv_of
 
 PROGRAM = """
 import rclpy

@@ -11,7 +11,7 @@ import pytest
 
 import srvgen
 from taskrpc.cli.main import main
-from taskrpc.cli.message_text import Cut, csv_of, yaml_of
+from taskrpc.ros.message_text import Cut, csv_of, yaml_of
 
 String = srvgen.load("std_msgs/msg/String")
 Pose = srvgen.load("geometry_msgs/msg/PoseStamped")
