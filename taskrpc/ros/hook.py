@@ -21,6 +21,9 @@ _HOMES = {
 }
 """What is imported under ROS's names, and where it lies; real ones go before, but for rclpy."""
 
+_WATCHER = "_taskrpc_ros"
+"""What an enabled environment imports at its start (`start.py` under a name of its own)."""
+
 
 def install(*folders: Path | str) -> None:
     """Let this process import `rclpy` and interface packages from now on.
@@ -29,6 +32,8 @@ def install(*folders: Path | str) -> None:
         folders: where to look for packages of definitions first, such as the script's own folder;
             where it is in a workspace, the packages of that are found, too.
     """
+    if (watcher := sys.modules.get(_WATCHER)) is not None:
+        vars(watcher)["_over"] = True  # it would find ours again, and take it for somebody else's
     starts = [Path(folder).resolve() for folder in folders]
     srvgen.install_import_hook(*starts, *workspace.roots(*starts))
     _neighbours.starts = list(dict.fromkeys([*starts, *_neighbours.starts]))

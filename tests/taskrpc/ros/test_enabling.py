@@ -90,6 +90,19 @@ def test_a_file_of_a_workspace_finds_its_neighbours(enabled, tmp_path):
     assert enabled.run(str(script)) == (0, "second\n", "")
 
 
+def test_taskrpc_run_finds_the_same_neighbours_there(enabled, tmp_path):
+    for package in ("demo", "demo_interfaces"):
+        (tmp_path / "src" / package).mkdir(parents=True)
+        manifest = tmp_path / "src" / package / "package.xml"
+        manifest.write_text(f"<package><name>{package}</name></package>")
+    (tmp_path / "src" / "demo_interfaces" / "srv").mkdir()
+    (tmp_path / "src" / "demo_interfaces" / "srv" / "Count.srv").write_text("---\nint32 total\n")
+    node = tmp_path / "src" / "demo" / "node.py"
+    node.write_text("from demo_interfaces.srv import Count\nprint(Count.Response())")
+    answer = "demo_interfaces.srv.Count_Response(total=0)\n"
+    assert enabled.run("-m", "taskrpc", "run", str(node)) == (0, answer, "")
+
+
 def test_pytest_runs_tests_of_nodes(enabled, tmp_path):
     folder = tmp_path / "course" / "tests"
     (folder / "my_things" / "msg").mkdir(parents=True)
