@@ -119,10 +119,10 @@ class Executor(Rounds):
     ) -> None:
         """Run callbacks until the future is done or cancelled, `timeout_sec` seconds at most."""
         check_spin(self, future, timeout_sec)
-        future._when_done(self._notify)
+        is_over = self._wake_for(future)
         end = None if timeout_sec is None or timeout_sec < 0 else time.perf_counter() + timeout_sec
         left = None if end is None else TimeoutObject(timeout_sec or 0)
-        while not future._is_over() and self._context.ok() and not self._is_shutdown:
+        while not is_over() and self._context.ok() and not self._is_shutdown:
             self.spin_once_until_future_complete(future, left)
             if end is not None and left is not None:
                 left.timeout = end - time.perf_counter()
@@ -185,6 +185,14 @@ class Executor(Rounds):
         """`wait_for_ready_callbacks` again and again."""
         while True:
             yield self.wait_for_ready_callbacks(timeout_sec, nodes, condition)
+
+    def _wake_for(self, future: Any) -> Callable[[], bool]:
+        """Be woken when the future is over, also one of another kind; asks whether it is."""
+        if isinstance(future, Future):
+            future._when_done(self._notify)
+            return future._is_over
+        future.add_done_callback(lambda _: self._notify())
+        return lambda: bool(future.done() or future.cancelled())
 
     def _run(self, work: Work) -> None:
         """Run one piece of work to its end or its first `await`; raises what it raises."""
@@ -271,8 +279,7 @@ class SingleThreadedExecutor(Executor):
         self, future: Future[Any], timeout_sec: Timeout = None
     ) -> None:
         """As `spin_once`, but wait no longer when the future is done."""
-        future._when_done(self._notify)
-        if (work := self._next(timeout_sec, None, future._is_over)) is not None:
+        if (work := self._next(timeout_sec, None, self._wake_for(future))) is not None:
             self._run(work)
 
 
@@ -304,8 +311,7 @@ class MultiThreadedExecutor(Executor):
         self, future: Future[Any], timeout_sec: Timeout = None
     ) -> None:
         """As `spin_once`, but wait no longer when the future is done."""
-        future._when_done(self._notify)
-        self._spin_once(timeout_sec, future._is_over)
+        self._spin_once(timeout_sec, self._wake_for(future))
 
     def shutdown(self, timeout_sec: float | None = None, *, wait_for_threads: bool = True) -> bool:
         """Run no more callbacks, and wait for those that run (not when called by one of them)."""

@@ -341,6 +341,17 @@ def test_the_timeout_ends_the_spinning_not_before_its_time(executor, fake):
     assert time.perf_counter() - begin >= 0.05
 
 
+def test_spinning_is_for_any_future_and_refuses_what_is_none(executor):
+    from concurrent.futures import Future as Other
+
+    other = Other()
+    executor.create_task(other.set_result, 3)
+    executor.spin_until_future_complete(other, timeout_sec=10)
+    assert other.result(0) == 3
+    with pytest.raises(AttributeError, match="'list' object has no attribute 'add_done_callback'"):
+        executor.spin_until_future_complete([])
+
+
 def test_spinning_many_times_for_one_future_leaves_one_waiter(executor):
     future = Future()
     for _ in range(10):
