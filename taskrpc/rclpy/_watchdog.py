@@ -27,7 +27,9 @@ _PERIOD = 1.0
 _SOON = 2.0
 """Seconds after which it is told of what cannot end, or hardly."""
 _LATE = 5.0
-"""Seconds after which it is told of what may only be slow."""
+"""Seconds after which it is told of what may only be late."""
+_STUCK = 30.0
+"""Seconds after which a callback has not only much to do."""
 _LIBRARIES = (str(Path(__file__).parents[1]), sysconfig.get_path("stdlib"))
 
 _nodes: weakref.WeakSet[Node] = weakref.WeakSet()
@@ -49,7 +51,7 @@ def watch(node: Node) -> None:
 
 def ends(node: Node) -> None:
     """Tell of calls of a node that nobody ever spun, at its end."""
-    pending = sorted({client.service_name for client in node.clients if client._pending})
+    pending = sorted({client.service_name for client in node.clients if _is_heeded(client)})
     if pending and node.executor is None:
         _tell_unspun(node, f"the future of a call of {', '.join(pending)}")
 
@@ -74,7 +76,7 @@ class _Look:
         """Tell of what was there for long enough, and forget what is gone."""
         now = time.monotonic()
         for thread, callback in list(running.items()):
-            if now - callback.since >= _LATE:
+            if now - callback.since >= _STUCK:
                 _tell_stuck(thread, callback)
         found = {what: (patience, say) for node in nodes for what, patience, say in _waits(node)}
         self._seen = {what: self._seen.get(what, now) for what in found}
@@ -88,29 +90,64 @@ def _waits(node: Node) -> Iterator[tuple[tuple[object, ...], float, Any]]:
     busy = is_busy(node.executor)
     for client in list(node.clients):
         if client._answers and not busy:
-            yield from _untaken(
-                client, client._answers, f"the future of a call of {client.service_name}"
-            )
+            yield from _untaken_answer(client)
         if client._outbox.waits and not client._native.is_known():
             what: tuple[object, ...] = ("unoffered", client)
             yield what, _SOON, lambda client=client: _tell_unoffered(client)
     for service in list(node.services):
         if service._calls and not busy:
-            yield from _untaken(service, service._calls, f"a request for {service.service_name}")
+            yield from _untaken_request(service)
 
 
-def _untaken(
-    entity: Any, arrived: Any, thing: str
-) -> Iterator[tuple[tuple[object, ...], float, Any]]:
+def _untaken_answer(client: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
     try:
-        what = ("untaken", entity, id(arrived[0]))
+        number = client._answers[0][0]
+        future = client._pending[number]
+    except LookupError:  # taken meanwhile
+        return
+    what = ("untaken", client, number)
+    thing = f"the future of a call of {client.service_name}"
+    holder = _holder(client)
+    if holder is None:
+        if future._heeded:
+            yield what, _LATE, lambda: _tell_unspun(client._node, thing)
+    elif future._awaited_by is not None and future._awaited_by._entity is holder:
+        yield what, _SOON, lambda: _tell_held(client, holder, thing)
+
+
+def _untaken_request(service: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
+    try:
+        what = ("untaken", service, id(service._calls[0]))
     except IndexError:
         return
-    holder = getattr(entity.callback_group, "_active_entity", None)
-    if holder is not None:
-        yield what, _SOON, lambda: _tell_held(entity, holder, thing)
-    else:
-        yield what, _LATE, lambda: _tell_unspun(entity._node, thing)
+    thing = f"a request for {service.service_name}"
+    holder = _holder(service)
+    if holder is None:
+        yield what, _LATE, lambda: _tell_unspun(service._node, thing)
+    elif _awaits(service._node, holder, service.service_name):
+        yield what, _SOON, lambda: _tell_held(service, holder, thing)
+
+
+def _holder(entity: Any) -> Any:
+    """Whose callback keeps the entity's group while it awaits something; None if none does."""
+    return getattr(entity.callback_group, "_active_entity", None)
+
+
+def _awaits(node: Any, holder: Any, service: str) -> bool:
+    """Whether the callback of `holder` awaits an answer of the service, by its node's client."""
+    futures = [
+        future
+        for client in list(node.clients)
+        if client.service_name == service
+        for future in list(client._pending.values())
+    ]
+    tasks = [future._awaited_by for future in futures]
+    return any(task is not None and task._entity is holder for task in tasks)
+
+
+def _is_heeded(client: Any) -> bool:
+    """Whether the program ever looked at what the client's calls came to: it may not want to."""
+    return any(future._heeded for future in list(client._pending.values()))
 
 
 def _tell_held(entity: Any, holder: Any, thing: str) -> None:
@@ -148,7 +185,7 @@ def _tell_stuck(thread: int, callback: Callback) -> None:
     _explain.tell(
         ("stuck", _explain.name_of(callback)),
         f"run no other callback {whom}meanwhile: {_explain.name_of(callback)} has not returned for"
-        f" {_LATE:g} s{where}; let callbacks return soon: a timer, or a MultiThreadedExecutor",
+        f" {_STUCK:g} s{where}; let callbacks return soon: a timer, or a MultiThreadedExecutor",
     )
 
 

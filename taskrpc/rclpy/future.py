@@ -32,6 +32,8 @@ class Future(Generic[T]):
         self._callbacks: list[Callable[[Any], Any]] = []
         self._waiters: list[Callable[[], object]] = []
         self._lock = threading.Lock()
+        self._heeded = False
+        self._awaited_by: Any = None
         self._executor: Callable[[], Executor | None] = _none
         if executor is not None:
             self._set_executor(executor)
@@ -43,6 +45,7 @@ class Future(Generic[T]):
             )
 
     def __await__(self) -> Generator[Any, None, T | None]:
+        self._heeded = True
         while not self._done:
             if (step := running_steps.get(threading.get_ident())) is not None:
                 step.awaited = self
@@ -66,10 +69,12 @@ class Future(Generic[T]):
 
     def done(self) -> bool:
         """Whether a result or an exception is there."""
+        self._heeded = True
         return self._done
 
     def result(self) -> T | None:
         """The result; None while there is none. Raises the exception that came instead."""
+        self._heeded = True
         if self._exception is not None:
             self._exception_fetched = True
             raise self._exception
@@ -77,6 +82,7 @@ class Future(Generic[T]):
 
     def exception(self) -> BaseException | None:
         """The exception that came instead of a result, if one did."""
+        self._heeded = True
         self._exception_fetched = True
         return self._exception
 
@@ -102,6 +108,7 @@ class Future(Generic[T]):
 
         It runs on the executor's thread where there is an executor.
         """
+        self._heeded = True
         with self._lock:
             if not self._done:
                 self._callbacks.append(callback)

@@ -118,6 +118,7 @@ class Task(Future[T]):
         if executor is None:
             return
         if awaited is not None:
+            awaited._awaited_by = self
             awaited._when_done(lambda: executor._resume(self))
         else:  # a bare yield: the next round
             executor._resume(self)

@@ -206,6 +206,35 @@ def test_a_future_of_a_node_that_nobody_spins_is_told_at_the_end(run):
     assert ["nobody spins /n" in line for line in told(err)] == [True]
 
 
+def test_a_call_whose_end_the_program_does_not_ask_for_is_not_told_of(run):
+    offer = 'node.create_service(AddTwoInts, "add", add)\n'
+    call = "node.create_client(AddTwoInts, 'add').call_async(REQUEST)\nprint('sent')"
+    assert run(HEAD + offer + call) == (0, "sent\n", "")
+
+
+def test_who_waits_for_a_coroutine_that_awaits_something_else_is_not_told_of_a_circle(run):
+    source = """
+def slept(seconds):
+    future = rclpy.Future()
+    node.create_timer(seconds, lambda: future.set_result(None), ReentrantCallbackGroup())
+    return future
+
+
+async def slow(request, response):
+    await slept(3.5)
+    return add(request, response)
+
+
+node.create_service(AddTwoInts, "slow", slow)
+client = node.create_client(AddTwoInts, "slow", callback_group=ReentrantCallbackGroup())
+futures = [client.call_async(REQUEST) for _ in range(2)]
+for future in futures:
+    rclpy.spin_until_future_complete(node, future)
+    print(future.result().sum)
+"""
+    assert run(HEAD + source) == (0, "3\n3\n", "")
+
+
 def test_an_answer_that_a_waiting_coroutine_keeps_away_is_told(run):
     source = RELAY.format(wait="answer = await inner.call_async(request)", group="")
     _, _, err = run(HEAD + source.replace("def twice", "async def twice") + "ask('twice', 4.5)")
@@ -214,16 +243,18 @@ def test_an_answer_that_a_waiting_coroutine_keeps_away_is_told(run):
 
 def test_a_callback_that_does_not_return_is_told_with_its_line(run):
     source = """
+import rclpy._watchdog
+rclpy._watchdog._STUCK = 1
 def slow():
-    time.sleep(7)  # here
+    time.sleep(3)  # here
     rclpy.shutdown()
 node.create_timer(0.01, slow)
 rclpy.spin(node)
 """
     _, _, err = run(HEAD + source)
     [line] = told(err)
-    assert "slow() of /n has not returned for 5 s (program.py:" in line
-    assert "time.sleep(7)  # here" in line
+    assert "slow() of /n has not returned for 1 s (program.py:" in line
+    assert "time.sleep(3)  # here" in line
 
 
 def test_a_dead_server_is_told_and_like_ros_its_call_never_ends(ros, run, monkeypatch):
