@@ -98,7 +98,7 @@ class _InterfaceFinder(MetaPathFinder):
         for name in _names(package, kind):
             if module_name(name) == module:
                 return ModuleSpec(fullname, _ModuleLoader(f"{package}/{kind}/{name}"))
-        if module.startswith("_") or not _is_importing() or self._real(fullname, path) is not None:
+        if module.startswith("_") or not is_importing() or self._real(fullname, path) is not None:
             return None
         if module in _names(package, kind):
             where = f"it is a class: from {package}.{kind} import {module}"
@@ -123,7 +123,7 @@ class _Guesser(MetaPathFinder):
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
         package, _, rest = fullname.partition(".")
-        if not _is_importing():
+        if not is_importing():
             return None
         if rest and _is_ours(package):
             for kind in KINDS:
@@ -212,7 +212,7 @@ def _spec(fullname: str, loader: Loader, real: ModuleSpec | None) -> ModuleSpec:
     return spec
 
 
-def _is_importing() -> bool:
+def is_importing() -> bool:
     """Whether a finder is asked by an `import`, which may be told what is wrong.
 
     Others only ask whether there is such a module (`importlib.util.find_spec`), and must be told

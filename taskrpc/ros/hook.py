@@ -12,6 +12,7 @@ from types import ModuleType
 
 import srvgen
 from taskrpc.ros import workspace
+from taskrpc.ros.absent import AbsentFinder, of_ros, of_ros_or_interfaces
 
 _OURS = Path(__file__).resolve().parent.parent
 _HOMES = {
@@ -41,7 +42,8 @@ def install(*folders: Path | str) -> None:
         # In front: whoever asks for it here wants ours, also beside a folder named `rclpy`.
         sys.meta_path.insert(0, _finder)
         # Behind Python's own, before the one that guesses what was misspelt.
-        sys.meta_path.insert(_behind_python(), _neighbours)
+        sys.meta_path[_behind_python() : _behind_python()] = [_neighbours, _absent]
+        sys.meta_path.append(_nowhere)
 
 
 def real_rclpy() -> str:
@@ -96,3 +98,5 @@ class _NeighbourFinder(MetaPathFinder):
 
 _finder = _OurFinder()
 _neighbours = _NeighbourFinder()
+_absent = AbsentFinder(of_ros)
+_nowhere = AbsentFinder(of_ros_or_interfaces)

@@ -15,7 +15,16 @@ if TYPE_CHECKING:
 
 _KINDS = ("srv", "msg", "action")
 _MANIFESTS = ("package.xml", "setup.py")
-_NAMES = ("rclpy", "ament_index_python", "rosidl_runtime_py")
+_NAMES = (
+    "rclpy",
+    "ament_index_python",
+    "rosidl_runtime_py",
+    # Not there, and the hook says why.
+    "cv_bridge",
+    "launch",
+    "launch_ros",
+    "tf2_ros",
+)
 
 _over = False
 _bundled = ""

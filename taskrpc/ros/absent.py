@@ -1,0 +1,80 @@
+"""Says in one line what of ROS is not here, when a program imports it."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Sequence
+from importlib.abc import MetaPathFinder
+from importlib.machinery import ModuleSpec
+from types import ModuleType
+
+from srvgen.importer import is_importing
+
+_LAUNCH = "there are no launch files; start each program by itself, with `taskrpc run`"
+_TF2 = "there are no transforms"
+_IMAGES = "`numpy.asarray(image.data)` views the bytes of an Image without copying"
+_COMMANDS = "`taskrpc service`, `topic`, `node`, `param` and `interface` are its commands"
+_NONE = "only a real ROS 2 has it"
+
+_PYTHON = {
+    **dict.fromkeys("launch launch_ros launch_xml launch_yaml launch_testing".split(), _LAUNCH),
+    **dict.fromkeys(
+        "tf2_ros tf2_py tf2_geometry_msgs tf2_sensor_msgs tf_transformations".split(), _TF2
+    ),
+    **dict.fromkeys("cv_bridge image_geometry".split(), _IMAGES),
+    **dict.fromkeys("ros2cli ros2node ros2param ros2pkg ros2service ros2topic".split(), _COMMANDS),
+    **dict.fromkeys(
+        "message_filters moveit moveit_commander nav2_simple_commander rosbag2_py"
+        " rosidl_generator_py rosidl_parser rpyutils rqt_gui_py sensor_msgs_py".split(),
+        _NONE,
+    ),
+}
+"""Python packages of ROS, with what to do instead."""
+
+_INTERFACES = frozenset(
+    "action_tutorials_interfaces actuator_msgs ackermann_msgs composition_interfaces control_msgs"
+    " controller_manager_msgs custom_interfaces gazebo_msgs geographic_msgs graph_msgs"
+    " irobot_create_msgs logging_demo map_msgs moveit_msgs nav2_msgs object_recognition_msgs"
+    " octomap_msgs pcl_msgs pendulum_msgs ros_gz_interfaces rosbag2_interfaces statistics_msgs"
+    " stereo_msgs tutorial_interfaces velodyne_msgs vision_msgs".split()
+)
+_LIKE_INTERFACES = re.compile(r"\w+_(interfaces?|msgs?|srvs?)")
+
+
+def of_ros(name: str) -> str:
+    """What to say of a package that ROS has and taskrpc has not; "" for any other."""
+    if hint := _PYTHON.get(name):
+        return f"it is a package of ROS 2 that taskrpc does not have: {hint}"
+    return _where_interfaces_are(name) if name in _INTERFACES else ""
+
+
+def of_ros_or_interfaces(name: str) -> str:
+    """As `of_ros`, and what to say of a package that by its name has interfaces."""
+    return of_ros(name) or (_where_interfaces_are(name) if _LIKE_INTERFACES.fullmatch(name) else "")
+
+
+def _where_interfaces_are(name: str) -> str:
+    return (
+        f"if it has interfaces, put its folder (with {name}/srv, {name}/msg) beside the program,"
+        " or name the folder above it in TASKRPC_INTERFACE_PATH"
+    )
+
+
+class AbsentFinder(MetaPathFinder):
+    """Finds nothing; but an `import` that nobody can serve learns why."""
+
+    def __init__(self, reason: Callable[[str], str]) -> None:
+        self._reason = reason
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        """Raise ModuleNotFoundError with the reason, where there is one; None otherwise."""
+        if "." in fullname or not (reason := self._reason(fullname)):
+            return None
+        # Not where another finder asks, which looks on.
+        asked_by_python = "importlib._bootstrap" in sys._getframe(1).f_code.co_filename
+        if asked_by_python and is_importing():
+            raise ModuleNotFoundError(f"No module named {fullname!r}; {reason}", name=fullname)
+        return None

@@ -1,0 +1,64 @@
+"""An import of what ROS has and taskrpc has not fails in one line that helps."""
+
+import importlib.util
+import sys
+
+import pytest
+
+from srvgen import importer
+from taskrpc.ros import hook
+
+
+@pytest.fixture
+def hooked(tmp_path, monkeypatch):
+    monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
+    importer.uninstall_import_hook()
+    for ours in (hook._finder, hook._neighbours, hook._absent, hook._nowhere):
+        while ours in sys.meta_path:
+            sys.meta_path.remove(ours)
+    hook.install(tmp_path)
+    yield
+    importer.uninstall_import_hook()
+
+
+@pytest.mark.usefixtures("hooked")
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        (
+            "launch",
+            "it is a package of ROS 2 that taskrpc does not have: there are no launch files;",
+        ),
+        ("tf2_ros.buffer", "that taskrpc does not have: there are no transforms"),
+        ("cv_bridge", "`numpy.asarray(image.data)` views the bytes"),
+        ("nav2_msgs.srv", "put its folder (with nav2_msgs/srv, nav2_msgs/msg) beside the program"),
+        ("grocery_interfaces", "or name the folder above it in TASKRPC_INTERFACE_PATH"),
+        ("exampel_interfaces", "did you mean example_interfaces?"),
+    ],
+)
+def test_an_import_says_what_is_missing_and_what_helps(name, said):
+    with pytest.raises(ModuleNotFoundError) as caught:
+        __import__(name)
+    package = name.partition(".")[0]
+    assert str(caught.value).startswith(f"No module named '{package}'; ")
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+    assert caught.value.name == package
+
+
+@pytest.mark.usefixtures("hooked")
+def test_what_is_there_is_imported():
+    for name in ("shape_msgs.msg", "std_msgs.msg", "rosidl_runtime_py.convert"):
+        assert __import__(name)
+
+
+@pytest.mark.usefixtures("hooked")
+def test_who_only_asks_is_told_that_there_is_none():
+    assert importlib.util.find_spec("launch") is None
+    assert importlib.util.find_spec("grocery_interfaces") is None
+
+
+@pytest.mark.usefixtures("hooked")
+def test_other_packages_are_missing_as_everywhere():
+    with pytest.raises(ModuleNotFoundError, match=r"^No module named 'grocery_shop'$"):
+        __import__("grocery_shop")
