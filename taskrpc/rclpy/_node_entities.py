@@ -156,6 +156,7 @@ class NodeEntities:
         """A client of a service."""
         check_is_valid_srv_type(srv_type)
         name = self.resolve_service_name(srv_name)
+        qos_profile.get_c_qos_profile()  # a number is no profile here
         group = self._rclpy_group(callback_group)
         client: Client[Any, Any] = Client(self._rclpy_as_node(), srv_type, name, qos_profile, group)
         client.srv_name = srv_name
@@ -176,6 +177,7 @@ class NodeEntities:
         """
         check_is_valid_srv_type(srv_type)
         name = self.resolve_service_name(srv_name)
+        qos_profile.get_c_qos_profile()
         group = self._rclpy_group(callback_group)
         service: Service[Any, Any]
         try:

@@ -20,6 +20,11 @@ class ParameterCallbacks:
         self._on_set_parameters_callbacks: list[OnSetCallback] = []
         self._post_set_parameters_callbacks: list[PostSetCallback] = []
 
+    @property
+    def _parameters_callbacks(self) -> list[OnSetCallback]:
+        """Those that allow or refuse, by the name that ROS 2 Humble has for them."""
+        return self._on_set_parameters_callbacks
+
     def add_pre_set_parameters_callback(self, callback: PreSetCallback) -> None:
         """Have what is to be set go through a callback, before it is checked.
 

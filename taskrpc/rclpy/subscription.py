@@ -193,8 +193,10 @@ def _callback_type(callback: Callable[..., Any]) -> Subscription.CallbackType:
     """By how many arguments it takes."""
     try:
         signature = inspect.signature(callback)
-    except (TypeError, ValueError):  # some built-in functions tell nothing of themselves
+    except ValueError:  # some built-in functions tell nothing of themselves
         return Subscription.CallbackType.MessageOnly
+    except TypeError:  # nothing that can be called
+        signature = inspect.Signature()
     for count, kind in ((1, "MessageOnly"), (2, "WithMessageInfo")):
         try:
             signature.bind(*range(count))

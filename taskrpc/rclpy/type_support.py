@@ -18,8 +18,14 @@ SrvTypeRequest, SrvTypeResponse = SrvRequestT, SrvResponseT
 
 def check_for_type_support(msg_or_srv_type: Any) -> None:
     """Raise AttributeError for what is no interface at all."""
-    if hasattr(msg_or_srv_type, "_HASH"):
+    if isinstance(msg_or_srv_type, type) and hasattr(msg_or_srv_type, "_HASH"):
         return
+    if hasattr(msg_or_srv_type, "_HASH"):
+        kind = type(msg_or_srv_type).__name__
+        raise AttributeError(
+            f"'{kind}' object has no attribute '_TYPE_SUPPORT'."
+            f" Expected the class {kind}, without () behind it"
+        )
     if isinstance(msg_or_srv_type, type) and hasattr(msg_or_srv_type, "_TYPE_SUPPORT"):
         raise NoTypeSupportImportedException
     kind = getattr(msg_or_srv_type, "__name__", repr(msg_or_srv_type))

@@ -177,6 +177,14 @@ def test_wrong_options_and_messages_are_refused():
         logger.info(5)
 
 
+def test_nothing_and_bytes_are_logged_as_c_prints_them(capsys):
+    logger = get_logger("n")
+    assert logger.info(None)
+    assert logger.info("Zoë".encode())
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.partition("[n]: ")[2] for line in lines] == ["(null)", "Zoë"]
+
+
 def test_a_console_of_another_code_page_shows_what_it_can(capsys, monkeypatch):
     import io
     import sys

@@ -242,6 +242,15 @@ def test_what_is_no_type_is_refused(world):
         node.create_subscription(Trigger, "chatter", print, 10)
     with pytest.raises(RuntimeError, match="expected a service type, got the message String"):
         node.create_client(String, "go")
+    with pytest.raises(AttributeError, match=r"'String' object .* Expected the class String"):
+        node.create_publisher(String(), "chatter", 10)
+
+
+@pytest.mark.parametrize("make", ["create_client", "create_service"])
+def test_services_have_profiles_and_no_depths(world, make):
+    settings = {"callback": print} if make == "create_service" else {}
+    with pytest.raises(AttributeError, match="'int' object has no attribute 'get_c_qos_profile'"):
+        getattr(world.node(), make)(Trigger, "go", qos_profile=10, **settings)
 
 
 def test_two_contexts_of_other_domains_do_not_see_each_other():

@@ -247,6 +247,7 @@ def test_callbacks_change_allow_and_are_told(node):
 
     node.declare_parameter("a", 0)
     node.add_on_set_parameters_callback(allow_even)
+    assert allow_even in node._parameters_callbacks
     node.add_post_set_parameters_callback(lambda all_set: told.extend(p.value for p in all_set))
     assert node.try_set(a=3).reason == "odd"
     node.add_pre_set_parameters_callback(double)

@@ -123,7 +123,9 @@ class RcutilsLogger:
         return self.log(message, LoggingSeverity.FATAL, **options)
 
 
-def _emit(severity: LoggingSeverity, name: str, message: str, caller: CallerId) -> None:
+def _emit(severity: LoggingSeverity, name: str, message: object, caller: CallerId) -> None:
+    if message is None or isinstance(message, (bytes, bytearray)):
+        message = _as_c_takes_it(message)
     if not isinstance(message, str):
         raise TypeError(
             "rclpy_logging_rcutils_log(): incompatible function arguments: expected a str as the"
@@ -133,6 +135,11 @@ def _emit(severity: LoggingSeverity, name: str, message: str, caller: CallerId) 
         function, file, line, _ = caller
         path = os.path.abspath(file)
         log_output.log(Record(severity, name, message, time.time_ns(), function, path, line))
+
+
+def _as_c_takes_it(message: bytes | bytearray | None) -> str:
+    """What ROS prints of a message that is no text, and that C takes for one."""
+    return "(null)" if message is None else message.decode(errors="backslashreplace")
 
 
 def _caller() -> CallerId:
