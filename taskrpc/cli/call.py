@@ -48,7 +48,7 @@ def run(options: argparse.Namespace) -> int:
     if options.stdin:
         if request:
             raise UsageError("--stdin: expected no request on the command line, got one too")
-        request = [_standard_input()]
+        request = [standard_input()]
     import asyncio
 
     from taskrpc.cli.calling import Plan, perform
@@ -124,7 +124,7 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     add("--transport", choices=["tcp"], default="tcp", help="How the call travels (tcp)")
 
 
-def _standard_input() -> str:
+def standard_input() -> str:
     """What is piped in: UTF-8, or the UTF-16 that some Windows tools write."""
     data = sys.stdin.buffer.read()
     is_utf16 = data.startswith((b"\xff\xfe", b"\xfe\xff"))

@@ -14,6 +14,7 @@ from taskrpc.cli.command import Exit, NotFound, goes_on, hinted
 from taskrpc.cli.remote import remote_of
 from taskrpc.cli.service_types import service_type_name
 from taskrpc.cli.topic_graph import topics
+from taskrpc.cli.topic_reading import Feed
 from taskrpc.qos import QoS
 from taskrpc.ros.message_text import Cut, csv_of, plain
 
@@ -81,9 +82,10 @@ async def _echo(options: argparse.Namespace) -> None:
             print(_silent(name), file=sys.stderr, flush=True)
         reliable = bool(publishers) and all(each.reliable for each in publishers)
         qos = QoS(_DEPTH, "reliable" if reliable else "best_effort", "volatile")
-        node.create_subscription(cls.Event, topic, show, qos)
+        feed = Feed(show)
+        node.create_subscription(cls.Event, topic, feed.take, qos)
         goes_on()
-        await asyncio.Event().wait()
+        await feed.wait()
 
 
 def _service_type(given: str, name: str, entries: Iterable[Entry]) -> Any:

@@ -9,7 +9,8 @@ from importlib import import_module
 from taskrpc.cli.parsing import Commands, Parser, add_command, add_group, number, whole
 
 _LOOKING = "taskrpc.cli.topic_graph"
-_READING = "taskrpc.cli.topic_reading"
+_ECHO = "taskrpc.cli.topic_echo"
+_MEASURES = "taskrpc.cli.topic_measures"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -84,13 +85,13 @@ def _add_info(commands: Commands) -> None:
 def _add_echo(commands: Commands) -> None:
     from taskrpc.cli.topic_qos import add_qos
 
-    parser = _add(commands, "echo", "Output messages from a topic", _READING, "echo")
+    parser = _add(commands, "echo", "Output messages from a topic", _ECHO, "echo")
     what = "Type of the message (e.g. 'std_msgs/msg/String')"
     parser.add_argument("message_type", nargs="?", default="", help=what)
     what = "Output all values separated by commas (e.g. for plotting)"
     parser.add_argument("--csv", action="store_true", help=what)
     what = "Output one field only (e.g. 'pose.position')"
-    parser.add_argument("--field", metavar="FIELD", default="", help=what)
+    parser.add_argument("--field", metavar="FIELD", help=what)
     what = "Output all of long texts and arrays"
     parser.add_argument("-f", "--full-length", action="store_true", help=what)
     what = "Characters and elements that are output at most (128)"
@@ -101,8 +102,13 @@ def _add_echo(commands: Commands) -> None:
     parser.add_argument("--no-str", action="store_true", help="Do not output what is in texts")
     what = "Output each message in one line"
     parser.add_argument("--flow-style", action="store_true", help=what)
+    parser.add_argument("--raw", action="store_true", help="Output the bytes that ROS would send")
+    what = "Output messages for which a Python expression is true; m is the message"
+    parser.add_argument("--filter", metavar="EXPR", help=what)
+    what = "Output before each message when it came, and its number"
+    parser.add_argument("-i", "--include-message-info", action="store_true", help=what)
     parser.add_argument("--once", action="store_true", help="Output one message and exit")
-    what = "Exit after so many seconds without a message, if --once is given"
+    what = "Exit after so many seconds; with --once and no message by then, with exit code 1"
     parser.add_argument(
         "--timeout", metavar="S", type=number("above 0", lambda n: n > 0), help=what
     )
@@ -120,6 +126,10 @@ def _add_pub(commands: Commands) -> None:
     what = "The message as YAML (\"{data: 'hello'}\") or as FIELD=VALUE; left out: the default one"
     parser.add_argument("values", nargs="*", metavar="values", help=what)
     parser.mixed = True
+    what = "Read the message from standard input"
+    parser.add_argument("--stdin", action="store_true", help=what)
+    what = "Read messages from a file, a YAML document each, and publish one after the other"
+    parser.add_argument("--yaml-file", metavar="FILE", help=what)
     positive = number("above 0", lambda n: n > 0)
     what = "Messages a second (1)"
     parser.add_argument("-r", "--rate", metavar="N", type=positive, default=1.0, help=what)
@@ -144,17 +154,30 @@ def _add_pub(commands: Commands) -> None:
 
 def _add_hz(commands: Commands) -> None:
     what = "Print the average receiving rate"
-    _add_window(_add(commands, "hz", what, _READING, "hz"), 10_000)
+    parser = _add(commands, "hz", what, _MEASURES, "hz", topic="")
+    _add_topics(parser)
+    _add_window(parser, 10_000)
+    what = "Measure messages for which a Python expression is true; m is the message"
+    parser.add_argument("--filter", metavar="EXPR", help=what)
+    what = "as in ros2; changes nothing, since time is not simulated here"
+    parser.add_argument("--wall-time", action="store_true", help=what)
 
 
 def _add_bw(commands: Commands) -> None:
     what = "Display the bandwidth that a topic uses"
-    _add_window(_add(commands, "bw", what, _READING, "bw"), 100)
+    parser = _add(commands, "bw", what, _MEASURES, "bw", topic="")
+    _add_topics(parser)
+    _add_window(parser, 100)
 
 
 def _add_delay(commands: Commands) -> None:
     what = "Display the delay of a topic's messages by the time stamps in their headers"
-    _add_window(_add(commands, "delay", what, _READING, "delay"), 10_000)
+    _add_window(_add(commands, "delay", what, _MEASURES, "delay"), 10_000)
+
+
+def _add_topics(parser: Parser) -> None:
+    what = "Name of the topic (e.g. '/chatter'); several are compared in a table"
+    parser.add_argument("topic_names", metavar="topic_name", nargs="+", help=what)
 
 
 def _add_window(parser: Parser, messages: int) -> None:

@@ -8,14 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 import srvgen
 from taskrpc.cli import shells
-from taskrpc.cli.command import Exit, NotFound, goes_on
+from taskrpc.cli.command import Exit, NotFound, UsageError, goes_on
 from taskrpc.cli.remote import remote_of
 from taskrpc.cli.topic_graph import message_type_name
+from taskrpc.cli.topic_messages import Template, documents
 from taskrpc.cli.topic_qos import qos_to_publish
-from taskrpc.cli.values import build_request
 
 if TYPE_CHECKING:
     import argparse
+    from collections.abc import Sequence
 
     from taskrpc.topic import Publisher
 
@@ -26,9 +27,26 @@ _TELL = 10
 
 def run(options: argparse.Namespace) -> int:
     """Publish what the options say."""
-    message = build_request(message_class(options.message_type), options.values)
-    asyncio.run(_publish(options, message))
+    cls = message_class(options.message_type)
+    templates = [Template(cls, values) for values in _given(options)]
+    asyncio.run(_publish(options, templates))
     return Exit.DONE
+
+
+def _given(options: argparse.Namespace) -> list[list[str]]:
+    """The values of each message, from wherever the command line says."""
+    if not options.stdin and not options.yaml_file:
+        return [options.values]
+    if options.values or (options.stdin and options.yaml_file):
+        raise UsageError("expected one of values, --stdin and --yaml-file, got several")
+    if options.stdin:
+        from taskrpc.cli.call import standard_input
+
+        return [[standard_input()]]
+    found = documents(options.yaml_file)
+    if not found:
+        raise UsageError(f"expected messages in {options.yaml_file}, got none")
+    return [[text] for text in found]
 
 
 def message_class(type_name: str) -> Any:
@@ -44,16 +62,16 @@ def message_class(type_name: str) -> Any:
     return found
 
 
-async def _publish(options: argparse.Namespace, message: Any) -> None:
+async def _publish(options: argparse.Namespace, templates: Sequence[Template]) -> None:
     topic = shells.expanded(options.topic_name, kind="topic name")
     remote = remote_of(options)
     async with remote.node(name=options.node_name or "") as node:
-        publisher = node.create_publisher(type(message), topic, qos_to_publish(options))
+        publisher = node.create_publisher(templates[0].cls, topic, qos_to_publish(options))
         times = 1 if options.once else options.times
         await _wait_for_readers(options, publisher, 1 if times else 0)
         print("publisher: beginning loop", flush=True)
         goes_on()
-        await _loop(options, publisher, message, times)
+        await _loop(options, publisher, templates, times)
         await asyncio.sleep(options.keep_alive)
 
 
@@ -76,11 +94,12 @@ async def _wait_for_readers(options: argparse.Namespace, publisher: Publisher, l
 
 
 async def _loop(
-    options: argparse.Namespace, publisher: Publisher, message: Any, times: int
+    options: argparse.Namespace, publisher: Publisher, templates: Sequence[Template], times: int
 ) -> None:
     loop = asyncio.get_running_loop()
     began, every = loop.time(), options.print
-    for number in itertools.count(1):
+    for number, template in enumerate(itertools.cycle(templates), 1):
+        message = template.message()
         if every and number % every == 0:
             print(f"publishing #{number}: {message!r}\n", flush=True)
         publisher.publish(message)

@@ -23,6 +23,9 @@ _PROFILES: dict[str, Profile] = {
     "action_status_default": (1, "reliable", "transient_local"),
 }
 _KEEP_ALL = 2**31 - 1
+_DEFAULT = "system_default"
+_OPEN = (_DEFAULT, "best_available")
+"""What leaves a policy to the profile, or to who is there."""
 
 
 def add_qos(parser: argparse.ArgumentParser) -> None:
@@ -34,11 +37,21 @@ def add_qos(parser: argparse.ArgumentParser) -> None:
 
     parser.add_argument("--qos-depth", metavar="N", type=whole(1, _KEEP_ALL), help=what)
     what = "Whether all messages are kept, or the last ones"
-    parser.add_argument("--qos-history", choices=["keep_last", "keep_all"], help=what)
+    _add_policy(parser, "history", what, "keep_last", "keep_all")
     what = "Whether what is lost is sent again"
-    parser.add_argument("--qos-reliability", choices=["best_effort", "reliable"], help=what)
+    _add_policy(parser, "reliability", what, "best_effort", "reliable", "best_available")
     what = "Whether latecomers get the last messages"
-    parser.add_argument("--qos-durability", choices=["transient_local", "volatile"], help=what)
+    _add_policy(parser, "durability", what, "transient_local", "volatile", "best_available")
+    what = "as in ros2; changes nothing, since a program that ends is known to have ended"
+    _add_policy(parser, "liveliness", what, "automatic", "manual_by_topic")
+    parser.add_argument(
+        "--qos-liveliness-lease-duration-seconds", metavar="S", type=float, help=what
+    )
+
+
+def _add_policy(parser: argparse.ArgumentParser, policy: str, what: str, *choices: str) -> None:
+    known = [_DEFAULT, *choices]
+    parser.add_argument(f"--qos-{policy}", choices=known, default=_DEFAULT, help=what)
 
 
 def qos_to_publish(options: argparse.Namespace) -> QoS:
@@ -68,6 +81,6 @@ def _over(options: argparse.Namespace, default: Profile) -> QoS:
         depth = _KEEP_ALL
     return QoS(
         options.qos_depth or depth,
-        options.qos_reliability or reliability,
-        options.qos_durability or durability,
+        reliability if options.qos_reliability in _OPEN else options.qos_reliability,
+        durability if options.qos_durability in _OPEN else options.qos_durability,
     )

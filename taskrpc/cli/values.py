@@ -34,8 +34,38 @@ def build_request(cls: Any, values: Sequence[str]) -> Any:
 
     Raises InvalidRequest.
     """
+    return from_fields(cls, read_fields(cls, values))
+
+
+def from_fields(cls: Any, fields: dict[str, Any]) -> Any:
+    """A message of this class with these fields. Raises InvalidRequest."""
     try:
-        return from_builtins(cls, _read(cls, values))
+        return from_builtins(cls, fields)
+    except FieldError as error:
+        raise _stray(cls, fields) or not_populated(error) from None
+
+
+def _stray(cls: Any, fields: dict[str, Any]) -> InvalidRequest | None:
+    """The error of the first field that is not there, in ros2's words; None where all are."""
+    from srvgen.names import did_you_mean
+
+    known = [name for name, _ in cls._FIELDS]
+    for name, value in fields.items():
+        if name not in known:
+            problem = f"'{cls.__name__}' object has no attribute '{name}'"
+            has = f"{cls.__name__} has {', '.join(known) or 'no fields'}"
+            similar = did_you_mean(name, known)
+            return hinted(not_populated(problem), f"{has}; {similar}" if similar else has)
+        nested = cls._NESTED.get(name)
+        if nested is not None and isinstance(value, dict) and (error := _stray(nested, value)):
+            return error
+    return None
+
+
+def read_fields(cls: Any, values: Sequence[str]) -> dict[str, Any]:
+    """What a command line says of the fields of a message. Raises InvalidRequest."""
+    try:
+        return _read(cls, values)
     except FieldError as error:
         raise not_populated(error) from None
 

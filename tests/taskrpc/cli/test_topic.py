@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import io
 import json
 import re
 import subprocess
 import sys
+import time
 
 import pytest
 
 import srvgen
 from taskrpc.cli.main import main
+from taskrpc.cli.topic_measures import Rate, _text
+from taskrpc.cli.topic_messages import Template, documents
+from taskrpc.cli.topic_reading import condition
+from taskrpc.errors import TaskRpcError
 from taskrpc.ros.message_text import Cut, csv_of, yaml_of
 
 String = srvgen.load("std_msgs/msg/String")
 Pose = srvgen.load("geometry_msgs/msg/PoseStamped")
 Covariance = srvgen.load("geometry_msgs/msg/PoseWithCovariance")
 Image = srvgen.load("sensor_msgs/msg/Image")
+Reference = srvgen.load("sensor_msgs/msg/TimeReference")
 
 TALKER = """
 import sys
@@ -274,3 +281,119 @@ def test_topics_of_a_program_elsewhere_need_its_secret(run, monkeypatch, tmp_pat
         monkeypatch.setenv("TASKRPC_TOKEN", "a secret of sixteen")
         assert run("list", *place)[1] == "/state\n"
         assert run("echo", "/state", "--once", *place)[1] == "data: ready\n---\n"
+
+
+# What `pub` sends
+
+
+def test_auto_and_now_are_the_time_of_each_message():
+    before = time.time_ns()
+    template = Template(Reference, ['{header: "auto", time_ref: "now", source: "dumy"}'])
+    for _ in range(2):
+        message = template.message()
+        for stamp in (message.header.stamp, message.time_ref):
+            now = stamp.sec * 10**9 + stamp.nanosec
+            assert before <= now <= time.time_ns()
+            before = now - 1
+    assert (message.header.frame_id, message.source) == ("", "dumy")
+
+
+def test_time_stamps_in_messages_within_and_in_arrays():
+    markers = srvgen.load("visualization_msgs/msg/MarkerArray")
+    template = Template(markers, ["{markers: [{header: auto}, {header: {frame_id: map}}]}"])
+    first, second = template.message().markers
+    assert first.header.stamp.sec > 0
+    assert (second.header.stamp.sec, second.header.frame_id) == (0, "map")
+    assert Template(Pose, ["header=auto"]).message().header.stamp.sec > 0
+    assert Template(String, ["{data: auto}"]).message() == String(data="auto")
+
+
+def test_a_file_has_a_document_for_each_message(tmp_path):
+    path = tmp_path / "messages.yaml"
+    path.write_text("data: one\n---\n# nothing\n---\n{data: two}\n", "utf-8")
+    texts = documents(str(path))
+    assert [Template(String, [text]).message().data for text in texts] == ["one", "two"]
+    path.write_text("data: [\n", "utf-8")
+    with pytest.raises(TaskRpcError, match="is not valid YAML: "):
+        documents(str(path))
+    with pytest.raises(TaskRpcError, match="cannot read "):
+        documents(str(tmp_path / "nowhere"))
+
+
+@real_time
+def test_pub_reads_messages_from_elsewhere(talker, run, tmp_path, monkeypatch):
+    path = tmp_path / "messages.yaml"
+    path.write_text("data: one\n---\ndata: two\n", "utf-8")
+    rate = ("-r", "1000", "-p", "0")
+    assert (
+        run("pub", "-t", "3", *rate, "/heard", "std_msgs/String", "--yaml-file", str(path))[0] == 0
+    )
+    assert [talker.stdout.readline() for _ in range(3)] == ["one\n", "two\n", "one\n"]
+    monkeypatch.setattr(sys, "stdin", io.TextIOWrapper(io.BytesIO(b"data: piped")))
+    assert run("pub", "--once", "/heard", "std_msgs/String", "--stdin")[0] == 0
+    assert talker.stdout.readline() == "piped\n"
+    path.write_text("---\n", "utf-8")
+    for argv, expected in (
+        (("--stdin", "data=1"), "expected one of values, --stdin and --yaml-file, got several"),
+        (("--yaml-file", str(path)), f"expected messages in {path}, got none"),
+    ):
+        code, _, err = run("pub", "/heard", "std_msgs/String", *argv)
+        assert (code, err) == (2, f"{expected}\n")
+
+
+# What `echo` and `hz` leave out, and what they add
+
+
+@real_time
+def test_echo_of_some_messages(talker, run):
+    assert (
+        run("echo", "/state", "--once", "--filter", "m.data == 'ready'")[1] == "data: ready\n---\n"
+    )
+    code, out, _ = run("echo", "/state", "--timeout", "0.2", "--filter", "m.data == 'busy'")
+    assert (code, out) == (0, "")
+    filtered = ("--field", "data", "--filter", "m.endswith('y')")
+    assert run("echo", "/state", "--once", *filtered)[1] == "ready\n---\n"
+    code, _, err = run("echo", "/state", "--filter", "m.nope > 1")
+    assert code == 1
+    assert err.startswith("--filter: AttributeError: ")
+    code, _, err = run("echo", "/state", "--filter", "m.data ==")
+    assert code == 2
+    assert err.startswith("--filter: expected a Python expression about m, the message; ")
+    assert run("echo", "/state", "--field", ".") == (2, "", "Invalid field value '.'\n")
+
+
+@real_time
+def test_echo_of_bytes_and_of_what_is_known_beside_a_message(talker, run):
+    assert run("echo", "/state", "--once", "--raw")[1] == (
+        "b'\\x00\\x01\\x00\\x00\\x06\\x00\\x00\\x00ready\\x00'\n---\n"
+    )
+    out = run("echo", "/state", "--once", "-i")[1]
+    assert out.startswith("publication_sequence_number: 1\nreceived_timestamp: ")
+    assert out.endswith("---\ndata: ready\n---\n")
+    assert run("echo", "/state", "--once", "-i", "--csv")[1].endswith(",ready\n")
+
+
+@real_time
+@pytest.mark.skipif(sys.platform == "win32", reason="a closed pipe is another error there")
+def test_a_reader_that_goes_ends_echo_in_silence(talker):
+    command = [sys.executable, "-u", "-m", "taskrpc", "topic", "echo", "/chatter"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == b""
+    assert process.returncode == 0
+
+
+def test_several_topics_are_compared_in_a_table():
+    rates = {name: Rate(10, condition("m > 0")) for name in ("/a", "/longer", "/silent")}
+    for measure, spans in zip(rates.values(), ([0.5, 0.25], [1.0], []), strict=True):
+        measure._spans.extend(spans)
+        measure._last = 1.0
+        measure.take(-1)
+    assert _text(rates) == (
+        " topic     rate   min_delta   max_delta   std_dev   window\n"
+        "==========================================================\n"
+        "/a        2.667   0.250       0.500       0.12500   2     \n"
+        "/longer   1.000   1.000       1.000       0.00000   1     \n"
+    )
+    assert _text(rates) == "no new messages"
