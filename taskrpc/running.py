@@ -27,13 +27,23 @@ class Runner:
 
     An exception is logged and ends nothing. A plain callback runs on the event loop, or in a thread
     of its own with `threaded`.
+
+    Raises TypeError for one that cannot be called with a value for each name in `takes`.
     """
 
     def __init__(
-        self, callback: Callback, what: str, *, threaded: bool, idle: Callable[[], object]
+        self,
+        callback: Callback,
+        what: str,
+        *takes: str,
+        threaded: bool,
+        idle: Callable[[], object],
     ) -> None:
+        _check(callback, what, takes)
         self.busy = False
         """Whether a call runs."""
+        self.spent = 0.0
+        """Seconds that plain calls have kept the loop since this was last set to 0."""
         self._callback = callback
         self._what = what
         self._idle = idle
@@ -64,12 +74,14 @@ class Runner:
             pass
         except BaseException as error:
             self._raised(error)
-        self._held(self._loop.time() - began)
+        seconds = self._loop.time() - began
+        self.spent += seconds
+        self._held(seconds)
         self.busy = False
 
     def close(self) -> None:
-        """Stop the call that runs; there will be no other."""
-        if self._job is not None:
+        """Stop the call that runs, unless it is the one that says so; there will be no other."""
+        if self._job is not None and self._job is not asyncio.current_task():
             self._job.cancel()
         self._stepper.close()
         if self._threads is not None:
@@ -102,6 +114,21 @@ class Runner:
                 self._what,
                 seconds,
             )
+
+
+def _check(callback: Callback, what: str, takes: tuple[str, ...]) -> None:
+    wanted = f"{what}: expected a function that takes {', '.join(takes) or 'nothing'}"
+    if not callable(callback):
+        raise TypeError(f"{wanted}, got {callback!r}")
+    try:
+        signature = inspect.signature(callback)
+    except (TypeError, ValueError):  # some built-in functions tell nothing of themselves
+        return
+    try:
+        signature.bind(*takes)
+    except TypeError as error:
+        name = getattr(callback, "__qualname__", repr(callback))
+        raise TypeError(f"{wanted}, got {name}{signature}: {error}") from None
 
 
 def _thread(what: str) -> DaemonThreads:

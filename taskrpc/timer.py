@@ -56,7 +56,10 @@ class Timer:
             self._handle = self._loop.call_at(self._due, self._tick)
 
     def destroy(self) -> None:
-        """Stop for ever; a call that runs in the event loop is cancelled."""
+        """Stop for ever.
+
+        A call that runs in the event loop is cancelled, unless it is the one that says so.
+        """
         self.cancel()
         self._destroyed = True
         self._runner.close()

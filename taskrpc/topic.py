@@ -24,6 +24,11 @@ log = logging.getLogger("taskrpc.topics")
 MOST_HANDED = 256
 """Messages that other threads have published and the event loop has not sent yet; whoever
 publishes more waits for it."""
+A_TURN = 0.01
+"""Seconds that the plain callback of a subscription gets at once; then all else has its turn, and
+what waits beyond the depth is dropped."""
+MOST_TOLD = 100
+"""Lines of one subscription about messages that are not valid."""
 _SLICE = 0.1
 """Seconds of one wait: on Windows Ctrl-C does not reach a longer one before its end."""
 
@@ -60,8 +65,7 @@ class Publisher:
         Raises InvalidRequest for a message of another type, a value that does not fit its field, or
         more than 16 MiB; TaskRpcError once the publisher is destroyed.
         """
-        if self._destroyed:
-            raise TaskRpcError(f"the publisher of {self.topic_name} is destroyed")
+        self._refuse_destroyed()
         body = self._publication.encode(message)
         if threading.get_ident() == self._thread:
             self._publication.publish(body)
@@ -98,10 +102,15 @@ class Publisher:
     def destroy(self) -> None:
         """Publish no more."""
         if not self._destroyed:
+            with self._room:
+                self._destroyed = True
             self._send_handed()
-            self._destroyed = True
             self._publication.close()
             self._forget(self)
+
+    def _refuse_destroyed(self) -> None:
+        if self._destroyed:
+            raise TaskRpcError(f"the publisher of {self.topic_name} is destroyed")
 
     def _count_into(self, topics: dict[str, TopicStatus]) -> None:
         """Add what it has done to its topic's counts."""
@@ -115,6 +124,7 @@ class Publisher:
         with self._room:
             while len(self._handed) >= MOST_HANDED and not self._destroyed:
                 self._room.wait(_SLICE)
+            self._refuse_destroyed()
             self._handed.append(body)
             if len(self._handed) == 1:
                 self._loop.call_soon_threadsafe(self._send_handed)
@@ -123,15 +133,15 @@ class Publisher:
         with self._room:
             handed, self._handed = self._handed, []
             self._room.notify_all()
-        if not self._destroyed:
-            for body in handed:
-                self._publication.publish(body)
+        for body in handed:
+            self._publication.publish(body)
 
 
 class Subscription:
     """Calls its callback with each message of a topic; made by `Node.create_subscription`.
 
-    One call at a time, in order. While one runs, the last `depth` messages wait.
+    One call at a time, in order. While one runs, the last `depth` messages wait. Plain callbacks
+    get a part of each turn of the event loop; what they do not manage waits, too.
     """
 
     def __init__(
@@ -157,12 +167,14 @@ class Subscription:
         self._forget = forget
         self._loop = asyncio.get_running_loop()
         self._runner = Runner(
-            callback, f"the callback of {name}", threaded=threaded, idle=self._run
+            callback, f"the callback of {name}", "a message", threaded=threaded, idle=self._run
         )
         self._waiting: deque[bytes] = deque()
         self._planned = False
         self._destroyed = False
         self._running = False
+        self._read = 0
+        self._invalid = 0
         self._reception = transport.reception(
             named(msg_type, name, node, qos), msg_type, self._arrived, on_mismatch
         )
@@ -177,7 +189,10 @@ class Subscription:
         return self._reception.lost
 
     def destroy(self) -> None:
-        """Want no more messages; a callback that runs in the event loop is cancelled."""
+        """Want no more messages.
+
+        A callback that runs in the event loop is cancelled, unless it is the one that says so.
+        """
         if not self._destroyed:
             self._destroyed = True
             self._waiting.clear()
@@ -193,34 +208,55 @@ class Subscription:
         status.lost_waiting += self.dropped
         status.publishers += self.get_publisher_count()
 
-    def _arrived(self, body: bytes, later: bool) -> None:
+    def _arrived(self, body: bytes, read: int) -> None:
         self.received += 1
         if len(self._waiting) >= self.qos.depth:
             self._waiting.popleft()
             self.dropped += 1
         self._waiting.append(body)
-        if not later:
-            self._run()
-        elif not self._planned:
+        if not read:
+            self._plan()
+            return
+        if read != self._read:
+            self._read = read
+            self._runner.spent = 0.0
+        self._run()
+
+    def _plan(self) -> None:
+        if not self._planned:
             self._planned = True
-            self._loop.call_soon(self._run)
+            self._loop.call_soon(self._run_planned)
+
+    def _run_planned(self) -> None:
+        self._planned = False
+        self._runner.spent = 0.0
+        self._run()
 
     def _run(self) -> None:
-        self._planned = False
-        if self._running:  # the callback itself let a message come
+        if self._running or self._planned:  # the callback itself let a message come
             return
         self._running = True
+        left = len(self._waiting)  # a callback may publish what it gets, for ever
         try:
-            while self._waiting and not self._runner.busy and not self._destroyed:
+            while left and self._can_run and self._runner.spent < A_TURN:
+                left -= 1
                 self._take(self._waiting.popleft())
         finally:
             self._running = False
+            if self._can_run:
+                self._plan()
+
+    @property
+    def _can_run(self) -> bool:
+        return bool(self._waiting) and not self._runner.busy and not self._destroyed
 
     def _take(self, body: bytes) -> None:
         try:
             message = self._reception.decode(body)
         except InvalidRequest as error:
-            log.error("a message of %s is not valid: %s", self.topic_name, error)
+            self._invalid += 1
+            if self._invalid <= MOST_TOLD:
+                log.error("a message of %s is not valid: %s", self.topic_name, error)
         else:
             self._runner.run(message)
 

@@ -207,6 +207,10 @@ class Channel(Protocol):
 OnMismatch: TypeAlias = Callable[[str], object]
 """Told, on the loop, what stands between: `TYPE`, `RELIABILITY` or `DURABILITY`."""
 
+Deliver: TypeAlias = Callable[[bytes, int], object]
+"""Gets each message, and a number that those have in common which came with one read; 0 for those
+that this very process is in the midst of publishing."""
+
 
 class Publication(Protocol):
     """A publisher's way to the subscriptions of its topic."""
@@ -294,14 +298,10 @@ class Transport(Protocol):
         self,
         named: TopicEndpoint,
         msg_type: Any,
-        deliver: Callable[[bytes, bool], object],
+        deliver: Deliver,
         on_mismatch: OnMismatch | None = None,
     ) -> Reception:
-        """A way to subscribe for a node.
-
-        `deliver(body, later)` gets each message; `later` says that it comes from this very process,
-        in the midst of publishing it.
-        """
+        """A way to subscribe for a node."""
 
     async def graph(self) -> list[Entry]:
         """Every process that can be seen: its nodes, and what they have."""

@@ -239,7 +239,7 @@ class CallingConnection(Connection):
 
     def _published(self, event: Published) -> None:
         if self.link is not None:
-            self.link.published(event)
+            self.link.published(event, self.received)
 
     serves = False
     handlers: ClassVar = {

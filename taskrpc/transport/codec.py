@@ -185,4 +185,6 @@ def _invalid(error: ValueError) -> InvalidRequest:
 
 
 def _type_of(message: object) -> str:
+    if isinstance(message, type):
+        return f"the class {message.__name__} itself; write {message.__name__}()"
     return str(getattr(type(message), "_TYPE", type(message).__name__))

@@ -87,7 +87,7 @@ class Endpoint:
         platform.keep_freed_memory(DEFAULT_LIMITS.body)
         self.address = ""
         self.holders = 1
-        self._id = os.urandom(16)
+        self.id = os.urandom(16)
         self.call_numbers = itertools.count(1)
         self.counting = Counting()
         self.unread = Unread()
@@ -204,7 +204,7 @@ class Endpoint:
     def traffic(self) -> tuple[str, Connections, Connections]:
         """Which endpoint this is, and what it has accepted and dialled."""
         dialled = self._calls.counts(self.dialler.connections)
-        return self._id.hex(), self._called.counts(self._served), dialled
+        return self.id.hex(), self._called.counts(self._served), dialled
 
     # Transport: ends
 
@@ -305,7 +305,7 @@ class Endpoint:
 
     def _identity(self, token: bytes, name: str) -> Identity:
         nonce = os.urandom(16)
-        return Identity(self._id, nonce, token, self.network.domain, name)
+        return Identity(self.id, nonce, token, self.network.domain, name)
 
     def _vouch(self, connection: Connection) -> None:
         served = isinstance(connection, ServingConnection)

@@ -18,7 +18,7 @@ from taskrpc.transport.base import OnMismatch
 from taskrpc.transport.codec import codec_of
 from taskrpc.wire import topics as wire
 from taskrpc.wire.events import SubscribeReceived
-from taskrpc.wire.frames import LARGE
+from taskrpc.wire.frames import HEADER, LARGE
 from taskrpc.wire.messages import DEFAULT_LIMITS, Publishing, TopicEndpoint
 
 if TYPE_CHECKING:
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("taskrpc.topics")
 
-MAX_SUBSCRIPTIONS = 4096
-"""Subscriptions that one connection may have."""
 MOST_TOLD = 100
 """Warnings of one publisher: peers can make up any number of mismatches."""
 MAX_OWED = 32 * 1024 * 1024
@@ -133,6 +131,7 @@ class Feed:
         self._subscriber = subscriber
         self._subscription_id = subscription_id
         self.waiting: deque[tuple[int, bytes]] = deque()
+        """As long as there is something, it is among the subscriber's `feeds_behind`."""
 
     def send(self, sequence: int, body: bytes) -> None:
         """Send a message, or keep it until the other process reads."""
@@ -154,6 +153,7 @@ class Feed:
     def drop_waiting(self) -> None:
         """Nobody wants what waits any more."""
         self._subscriber.owed -= sum(len(body) for _, body in self.waiting)
+        self._subscriber.feeds_behind.pop(self, None)
         self.waiting.clear()
 
     def _write(self, sequence: int, body: bytes) -> None:
@@ -162,7 +162,7 @@ class Feed:
     def _keep(self, sequence: int, body: bytes) -> None:
         subscriber, waiting = self._subscriber, self.waiting
         if not waiting:
-            subscriber.feeds_behind.append(self)
+            subscriber.feeds_behind[self] = None
         depth = self._publication.named.depth
         room = MAX_OWED - len(body)
         while waiting and (len(waiting) >= depth or subscriber.owed > room):
@@ -218,7 +218,7 @@ class Subscriber:
         self.connection = connection
         self.owed = 0
         """Bytes that wait for it to read."""
-        self.feeds_behind: deque[Feed] = deque()
+        self.feeds_behind: dict[Feed, None] = {}
         """Those with something that waits, in order."""
         self._topics = topics
         self._subscriptions: dict[int, RemoteSubscription] = {}
@@ -232,10 +232,12 @@ class Subscriber:
 
     def subscribe(self, event: SubscribeReceived) -> None:
         """It wants a topic's messages."""
-        number = event.subscription_id
-        if number in self._subscriptions or len(self._subscriptions) >= MAX_SUBSCRIPTIONS:
-            problem = f"subscription {number} is there already, or one of {MAX_SUBSCRIPTIONS}"
-            self.connection.refuse(ProtocolError(problem))
+        number, connection, most = event.subscription_id, self.connection, wire.MAX_SUBSCRIPTIONS
+        if number in self._subscriptions or len(self._subscriptions) >= most:
+            problem = f"subscription {number} is there already, or one of {most}"
+            owner, text = connection.owner, "closed the connection from %s: %s"
+            owner.refusals.warning(owner.loop.time(), text, connection.peer_name, problem)
+            connection.refuse(ProtocolError(problem))
             return
         subscription = RemoteSubscription(self, number, event.wanted)
         self._subscriptions[number] = subscription
@@ -257,7 +259,7 @@ class Subscriber:
         """Send a message: the first of a turn at once, what follows it together."""
         connection = self.connection
         wire.publish(connection.session, number, publisher, sequence, body)
-        self._unwritten += len(body)
+        self._unwritten += HEADER.size + len(body)
         if self._unwritten >= LARGE or not (self._has_written or connection.in_turn):
             self._flush()
         if not self._has_written:
@@ -265,12 +267,21 @@ class Subscriber:
             connection.owner.loop.call_soon(self._turn_over)
 
     def caught_up(self) -> None:
-        """It has read: send what waits, each publisher's in turn."""
+        """It has read: hear what it has to say, then send what waits."""
+        # Two turns, between which the loop looks at the sockets: sent at once, the messages of a
+        # flood would pause the reading again, and nobody would hear a call or a farewell.
+        loop = self.connection.owner.loop
+        if self.feeds_behind:
+            loop.call_soon(loop.call_soon, self._send_waiting)
+
+    def _send_waiting(self) -> None:
+        """Each publisher's in turn."""
         behind = self.feeds_behind
         while behind and not self.connection.writing_paused:
-            feed = behind.popleft()
-            if feed.waiting and feed.send_waiting():
-                behind.append(feed)
+            feed = next(iter(behind))
+            del behind[feed]
+            if feed.send_waiting():
+                behind[feed] = None
             self._flush()
 
     def _turn_over(self) -> None:

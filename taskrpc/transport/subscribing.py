@@ -13,9 +13,9 @@ from collections.abc import Callable, Iterable
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
-from taskrpc.errors import ConnectionLost, TaskRpcError
+from taskrpc.errors import ConnectionLost, ProtocolError, TaskRpcError
 from taskrpc.retry import reconnect_delay
-from taskrpc.transport.base import OnMismatch
+from taskrpc.transport.base import Deliver, OnMismatch
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.network import Address
 from taskrpc.wire import topics as wire
@@ -29,6 +29,8 @@ if TYPE_CHECKING:
 
 MOST_TOLD = 100
 """Warnings of one subscription: peers can make up any number of mismatches."""
+STEADY = 1.0
+"""Seconds after which a connection that is lost is dialled again at once."""
 _HALF = wire.SEQUENCE_MASK // 2
 """Counts wrap around: a message that is further ahead is one of before."""
 
@@ -36,11 +38,7 @@ log = logging.getLogger("taskrpc.topics")
 
 
 class Reception:
-    """One subscription, seen from the wire.
-
-    `deliver(body, later)` gets each message; `later` says that it comes from this very process, in
-    the midst of publishing it.
-    """
+    """One subscription, seen from the wire."""
 
     def __init__(
         self,
@@ -48,7 +46,7 @@ class Reception:
         named: TopicEndpoint,
         msg_type: Any,
         number: int,
-        deliver: Callable[[bytes, bool], object],
+        deliver: Deliver,
         on_mismatch: OnMismatch | None = None,
     ) -> None:
         self.named = named
@@ -72,10 +70,10 @@ class Reception:
 
     def arrived_here(self, publication: Publication, sequence: int, body: bytes) -> None:
         """A publisher of this process sent a message."""
-        self._deliver(body, True)
+        self._deliver(body, 0)
 
-    def arrived(self, link: Link, event: Published) -> None:
-        """A message came."""
+    def arrived(self, link: Link, event: Published, read: int) -> None:
+        """A message came, with others of the same read."""
         source = (link.peer_id, event.publisher)
         last = self._sequences.get(source)
         if last is not None and (missed := (event.sequence - last - 1) & wire.SEQUENCE_MASK):
@@ -83,7 +81,7 @@ class Reception:
                 return
             self.lost += missed
         self._sequences[source] = event.sequence
-        self._deliver(event.body, False)
+        self._deliver(event.body, read)
 
     def announced(self, link: Link, publishers: list[Publishing]) -> None:
         """A process has said who publishes the topic there."""
@@ -147,14 +145,21 @@ class Link:
         """Those that want something of that process."""
         self._home = home
         self._connection: CallingConnection | None = None
+        self._is_answered = self._has_too_many = False
+        self._mute = home.id
+        """A program that is not asked: ourselves, by another address, or one without topics."""
         self._task = home.loop.create_task(self._keep())
 
     def want(self, receptions: Iterable[Reception]) -> None:
         """Subscribe, now or as soon as there is a connection."""
         for each in receptions:
-            if each.number not in self.receptions:
-                self.receptions[each.number] = each
-                self._subscribe(each)
+            if each.number in self.receptions:
+                continue
+            if len(self.receptions) >= wire.MAX_SUBSCRIPTIONS:
+                self._tell_of_too_many(each)
+                return
+            self.receptions[each.number] = each
+            self._subscribe(each)
 
     def forget(self, reception: Reception) -> None:
         """Unsubscribe."""
@@ -163,15 +168,16 @@ class Link:
 
     def publishers_told(self, event: PublishersTold) -> None:
         """The process has said who publishes a topic there."""
+        self._is_answered = True
         reception = self.receptions.get(event.subscription_id)
         if reception is not None:
             reception.announced(self, event.publishers)
 
-    def published(self, event: Published) -> None:
-        """A message came."""
+    def published(self, event: Published, read: int) -> None:
+        """A message came, with others of the same read."""
         reception = self.receptions.get(event.subscription_id)
         if reception is not None:
-            reception.arrived(self, event)
+            reception.arrived(self, event, read)
 
     @property
     def is_connected(self) -> bool:
@@ -189,7 +195,7 @@ class Link:
         return self._task
 
     async def _keep(self) -> None:
-        failures, said = 0, ""
+        loop, failures, said = self._home.loop, 0, ""
         while True:
             try:
                 connection = await self._home.dialler.connection(self.address, None)
@@ -198,12 +204,15 @@ class Link:
                     said = str(error)
                     is_away = isinstance(error, ConnectionLost)  # and may come at any time
                     log.log(logging.DEBUG if is_away else logging.WARNING, "%s", error)
-                await asyncio.sleep(reconnect_delay(failures, random.random()))
-                failures += 1
             else:
-                failures, said = 0, ""
+                said, began = "", loop.time()
                 await self._use(connection)
                 self._home.news.pulse()  # perhaps it is dialled in vain from now on
+                if loop.time() - began >= STEADY:
+                    failures = 0
+                    continue
+            await asyncio.sleep(reconnect_delay(failures, random.random()))
+            failures += 1
 
     async def _use(self, connection: CallingConnection) -> None:
         """Have a connection until it ends."""
@@ -211,6 +220,7 @@ class Link:
             self._forget_counts()
         self.peer_id, self._connection = connection.peer_id, connection
         connection.link = self
+        self._is_answered = False
         try:
             for reception in self.receptions.values():
                 self._subscribe(reception)
@@ -219,13 +229,30 @@ class Link:
             self._connection = None
             for reception in self.receptions.values():
                 reception.forget(self)
+        if isinstance(connection.why_closed, ProtocolError) and not self._is_answered:
+            self._mute = self.peer_id  # or calls to it would break off, too
+            log.warning(
+                "%s has no topics: it ended the connection when it was asked for one (%s)",
+                self.address.place,
+                connection.why_closed,
+            )
 
     def _forget_counts(self) -> None:
         for reception in self.receptions.values():
             reception.forget_counts(lambda peer_id, _: peer_id == self.peer_id)
 
+    def _tell_of_too_many(self, first: Reception) -> None:
+        if not self._has_too_many:
+            self._has_too_many = True
+            log.warning(
+                "%s has %d subscriptions of this program, the most it takes; %s is one more",
+                self.address.place,
+                len(self.receptions),
+                first.named.name,
+            )
+
     def _subscribe(self, reception: Reception) -> None:
-        if self._connection is not None:
+        if self._connection is not None and self.peer_id != self._mute:
             number, wanted = reception.number, reception.named
             self._connection.say(lambda session: wire.subscribe(session, number, wanted))
 

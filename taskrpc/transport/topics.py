@@ -7,13 +7,14 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from taskrpc.access import Role
-from taskrpc.transport.base import OnMismatch
+from taskrpc.transport.base import Deliver, OnMismatch
 from taskrpc.transport.dialling import Dialler
 from taskrpc.transport.entries import Change
 from taskrpc.transport.network import Network
 from taskrpc.transport.news import News
 from taskrpc.transport.publishing import Publication, RemoteSubscription, Subscriber
 from taskrpc.transport.subscribing import Link, Reception
+from taskrpc.wire import topics as wire
 from taskrpc.wire.messages import TopicEndpoint
 
 if TYPE_CHECKING:
@@ -25,6 +26,8 @@ _Item = TypeVar("_Item")
 class Home(Protocol):
     """What the topics of an endpoint need of it."""
 
+    id: bytes
+    """What its callers know it by, and those whom it calls."""
     loop: asyncio.AbstractEventLoop
     network: Network
     dialler: Dialler
@@ -64,14 +67,21 @@ class Topics:
     ) -> Publication:
         """A new publisher's way to its subscriptions."""
         self._home.publish(Change(publisher=named))
-        self._publishers += 1
-        number = self._publishers & 0xFFFF
+        number = self._number_for(named.name)
         each = Publication(self, named, msg_type, number, role, on_mismatch)
         _put(self._publications, named.name, each)
         for reception in self._receptions.get(named.name, ()):
             self._match_here(each, reception)
         self._announce(named.name)
         return each
+
+    def _number_for(self, topic: str) -> int:
+        """One that no other publisher of the topic has, and none had lately."""
+        taken = {each.number for each in self._publications.get(topic, ())}
+        while True:
+            self._publishers = (self._publishers + 1) & wire.PUBLISHER_MASK
+            if self._publishers not in taken:
+                return self._publishers
 
     def publication_closed(self, publication: Publication) -> None:
         """A publisher is gone."""
@@ -117,7 +127,7 @@ class Topics:
         self,
         named: TopicEndpoint,
         msg_type: Any,
-        deliver: Callable[[bytes, bool], object],
+        deliver: Deliver,
         on_mismatch: OnMismatch | None = None,
     ) -> Reception:
         """A new subscription's way to the publishers of its topic."""

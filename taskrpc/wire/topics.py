@@ -28,6 +28,9 @@ _SUBSCRIBE, _UNSUBSCRIBE = int(FrameType.SUBSCRIBE), int(FrameType.UNSUBSCRIBE)
 _PUBLISH = int(FrameType.PUBLISH)
 
 SEQUENCE_MASK = 0xFFFFFFFF
+PUBLISHER_MASK = 0xFFFF
+MAX_SUBSCRIPTIONS = 4096
+"""Subscriptions that one connection may have."""
 
 Mismatch: TypeAlias = Literal["TYPE", "RELIABILITY", "DURABILITY"]
 """What stands between a publisher and a subscription of the same topic."""

@@ -31,7 +31,7 @@ BUFFERS = 200_000
 def keeps_whatever_comes(patch):
     def keep(self, sequence, body):
         if not self.waiting:
-            self._subscriber.feeds_behind.append(self)
+            self._subscriber.feeds_behind[self] = None
         self.waiting.append((sequence, body))
         self._subscriber.owed += len(body)
 
