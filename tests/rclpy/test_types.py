@@ -3,7 +3,7 @@
 import pytest
 
 import srvgen
-from taskrpc.rclpy import type_support
+from taskrpc.rclpy import action, type_support
 from taskrpc.rclpy.action import ActionClient, ActionServer
 from taskrpc.rclpy.exceptions import NoTypeSupportImportedException
 from taskrpc.rclpy.topic_endpoint_info import TopicEndpointInfo, TopicEndpointTypeEnum
@@ -41,10 +41,27 @@ def test_only_interfaces_are_taken_for_types():
         type_support.check_is_valid_srv_type(String)
 
 
-@pytest.mark.parametrize("make", [ActionClient, ActionServer])
-def test_an_action_is_refused_with_what_to_use_instead(make):
-    with pytest.raises(NotImplementedError, match="no actions yet; use a service"):
-        make(None, None, "fibonacci", execute_callback=print)
+def test_a_program_with_actions_is_told_once_and_goes_on_until_it_uses_one(capsys, fake, context):
+    for _ in range(2):
+        client = ActionClient(fake, None, "turn")
+        server = ActionServer(fake, None, "turn", print, goal_callback=print)
+    error = capsys.readouterr().err
+    assert [line.split(" does nothing here: ")[0] for line in error.splitlines()] == [
+        "[taskrpc] ActionClient('turn')",
+        "[taskrpc] ActionServer('turn')",
+    ]
+    server.register_execute_callback(print)
+    assert (client.server_is_ready(), client.wait_for_server(timeout_sec=0.01)) == (False, False)
+    for use in (client.wait_for_server, lambda: client.send_goal_async(None)):
+        with pytest.raises(NotImplementedError, match="no actions yet; use a service"):
+            use()
+    client.destroy()
+    server.destroy()
+
+
+def test_modules_of_actions_have_the_names_that_programs_import_from_them():
+    status = srvgen.load("action_msgs/msg/GoalStatus")
+    assert action.client.GoalStatus is action.server.GoalStatus is status
 
 
 def test_an_entry_takes_plain_data_for_its_fields():

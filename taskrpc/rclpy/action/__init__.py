@@ -1,4 +1,4 @@
-"""Actions: not yet. The names can be imported, so that programs can be read and checked."""
+"""Actions: not yet. Programs that have some beside services run, and are told what lacks."""
 
 from .client import ActionClient
 from .server import ActionServer, CancelResponse, GoalResponse

@@ -2,22 +2,63 @@
 
 from __future__ import annotations
 
+import sys
+import time
 from typing import Any, NoReturn
+
+from .._elsewhere import names_of
+
+_INSTEAD = (
+    "taskrpc has no actions yet; use a service for the goal and a topic for its feedback,"
+    " or the task server (`taskrpc-server`)"
+)
+_A_MOMENT = 0.1
+_told: set[str] = set()
 
 
 def refuse(what: str) -> NoReturn:
     """Say that there are no actions, and what does the same."""
-    raise NotImplementedError(
-        f"{what}: taskrpc has no actions yet; use a service for the goal and a topic for its"
-        " feedback, or the task server (`taskrpc-server`)"
-    )
+    raise NotImplementedError(f"{what}: {_INSTEAD}")
+
+
+def lacks(what: str) -> None:
+    """Say so once, and go on: a program may have more than its actions."""
+    if what not in _told and sys.stderr is not None:
+        _told.add(what)
+        print(f"[taskrpc] {what} does nothing here: {_INSTEAD}", file=sys.stderr, flush=True)
 
 
 class ActionClient:
-    """Would send goals to an action server."""
+    """Would send goals to an action server; here there never is one."""
 
     def __init__(self, node: Any, action_type: Any, action_name: str, **settings: Any) -> None:
-        refuse(f"ActionClient({action_name!r})")
+        self._node = node
+        self._name = f"ActionClient({action_name!r})"
+        lacks(self._name)
+
+    def server_is_ready(self) -> bool:
+        """Whether there is an action server: no."""
+        return False
+
+    def wait_for_server(self, timeout_sec: float | None = None) -> bool:
+        """Wait in vain for `timeout_sec` seconds; raises NotImplementedError without a timeout."""
+        if timeout_sec is None or timeout_sec < 0:
+            refuse(f"{self._name}.wait_for_server()")
+        end = time.monotonic() + timeout_sec
+        while (left := end - time.monotonic()) > 0 and self._node.context.ok():
+            time.sleep(min(left, _A_MOMENT))
+        return False
+
+    def send_goal(self, goal: Any, **settings: Any) -> NoReturn:
+        """Would send a goal and wait for its result; raises NotImplementedError."""
+        refuse(f"{self._name}.send_goal()")
+
+    def send_goal_async(self, goal: Any, **settings: Any) -> NoReturn:
+        """Would send a goal; raises NotImplementedError."""
+        refuse(f"{self._name}.send_goal_async()")
+
+    def destroy(self) -> None:
+        """Nothing: there is nothing to give up."""
 
 
 class ClientGoalHandle:
@@ -25,3 +66,15 @@ class ClientGoalHandle:
 
     def __init__(self, *args: Any) -> None:
         refuse("ClientGoalHandle")
+
+
+__getattr__ = names_of(
+    __name__,
+    __package__,
+    {
+        "action_msgs/msg": "GoalStatus",
+        "action_msgs/srv": "CancelGoal",
+        "unique_identifier_msgs/msg": "UUID",
+        "..future": "Future",
+    },
+)

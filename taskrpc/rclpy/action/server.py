@@ -6,7 +6,8 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
-from .client import refuse
+from .._elsewhere import names_of
+from .client import lacks, refuse
 
 
 class GoalResponse(Enum):
@@ -24,7 +25,7 @@ class CancelResponse(Enum):
 
 
 class ActionServer:
-    """Would work on goals of action clients."""
+    """Would work on goals of action clients; here none come."""
 
     def __init__(
         self,
@@ -34,7 +35,22 @@ class ActionServer:
         execute_callback: Callable[..., Any],
         **settings: Any,
     ) -> None:
-        refuse(f"ActionServer({action_name!r})")
+        lacks(f"ActionServer({action_name!r})")
+
+    def register_handle_accepted_callback(self, callback: Callable[..., Any] | None) -> None:
+        """Nothing: no goal comes."""
+
+    def register_goal_callback(self, callback: Callable[..., Any] | None) -> None:
+        """Nothing: no goal comes."""
+
+    def register_cancel_callback(self, callback: Callable[..., Any] | None) -> None:
+        """Nothing: no goal comes."""
+
+    def register_execute_callback(self, callback: Callable[..., Any]) -> None:
+        """Nothing: no goal comes."""
+
+    def destroy(self) -> None:
+        """Nothing: there is nothing to give up."""
 
 
 class ServerGoalHandle:
@@ -42,3 +58,8 @@ class ServerGoalHandle:
 
     def __init__(self, *args: Any) -> None:
         refuse("ServerGoalHandle")
+
+
+__getattr__ = names_of(
+    __name__, __package__, {"action_msgs/msg": "GoalInfo GoalStatus", "..future": "Future"}
+)
