@@ -6,7 +6,7 @@ import inspect
 import weakref
 from collections.abc import Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from taskrpc import names
 from taskrpc.errors import InvalidName
@@ -21,6 +21,7 @@ from ._node_graph import NodeGraph
 from ._node_parameters import NodeParameters
 from ._remapping import Remapping
 from ._rosout import Rosout
+from .callback_groups import CallbackGroup
 from .clock import Clock, ROSClock
 from .context import Context
 from .exceptions import NotInitializedException
@@ -39,6 +40,21 @@ from .validate_node_name import validate_node_name
 
 if TYPE_CHECKING:
     from .executors import Executor
+
+
+class _Unset:
+    """Stands for an attribute of a node until `Node.__init__` sets it."""
+
+    def __set_name__(self, owner: type[object], name: str) -> None:
+        self._name = name
+
+    def __get__(self, node: object | None, owner: type[object]) -> Any:
+        if node is None:
+            return self
+        raise AttributeError(
+            f"{type(node).__name__!r} object has no attribute {self._name!r};"
+            " call super().__init__('a_name') before anything else of the node"
+        )
 
 
 class Node(NodeEntities, NodeGraph, NodeParameters):
@@ -79,7 +95,7 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         NodeEntities.__init__(self)
         self._context = get_default_context() if context is None else context
         self._rclpy_bridge: Bridge
-        self._rclpy_executor: weakref.ReferenceType[Executor] | None = None
+        self._rclpy_executor = None
         if not self._context.ok():
             raise NotInitializedException("cannot create node")
         given = [parse(cli_args)] if cli_args is not None else []
@@ -117,6 +133,15 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         namespace = self._rclpy_remapping.namespace(namespace, self._rclpy_name)
         self._rclpy_bridge = Bridge(self._rclpy_name, namespace, self._context.get_domain_id())
         self._rclpy_namespace = self._rclpy_bridge.namespace
+
+    # The first of these is what a program meets that does too much before `super().__init__`.
+    _rclpy_handle: Handle = _Unset()  # type: ignore[assignment]
+    _rclpy_executor: Any = _Unset()
+    _default_callback_group: CallbackGroup = _Unset()  # type: ignore[assignment]
+    _parameters: dict[str, Parameter] = _Unset()  # type: ignore[assignment]
+    _parameter_overrides: dict[str, Parameter] = _Unset()  # type: ignore[assignment]
+    _logger: RcutilsLogger = _Unset()  # type: ignore[assignment]
+    _clock: Clock = _Unset()  # type: ignore[assignment]
 
     # What it is
 

@@ -297,3 +297,21 @@ def test_a_program_may_use_names_for_its_own_that_rclpy_leaves_free(world):
 def test_an_error_about_arguments_names_the_method_as_ros_does():
     with pytest.raises(TypeError, match=r"^Node\.create_publisher\(\) missing 1 required"):
         Node.create_publisher(None, None, "topic")
+
+
+def test_a_node_whose_init_comes_too_late_says_so():
+    class Robot(Node):
+        def __init__(self):
+            self.create_service(Trigger, "go", print)
+            super().__init__("robot")
+
+    with pytest.raises(AttributeError, match=r"'Robot' object has .*; call super\(\).__init__"):
+        Robot()
+
+
+def test_a_misspelt_method_is_missing_as_everywhere(world):
+    with pytest.raises(
+        AttributeError, match=r"^'Node' object has no attribute 'get_loger'$"
+    ) as told:
+        _ = world.node().get_loger
+    assert told.value.name == "get_loger"
