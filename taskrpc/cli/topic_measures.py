@@ -59,7 +59,7 @@ async def _measure(options: argparse.Namespace, measures: Sequence[Measure]) -> 
 
 
 def _hand_over(feed: Feed, take: Callable[[Any], None], message: Any) -> None:
-    feed.take((take, message))
+    feed.take_at_once((take, message))
 
 
 def _text(told: dict[str, Measure]) -> str:

@@ -12,6 +12,7 @@ from taskrpc.cli.remote import Remote, remote_of
 from taskrpc.cli.topic_graph import Topic, topics
 from taskrpc.cli.topic_pub import message_class
 from taskrpc.cli.topic_qos import qos_to_subscribe
+from taskrpc.daemons import DaemonThreads
 from taskrpc.errors import InvalidRequest
 
 if TYPE_CHECKING:
@@ -28,22 +29,30 @@ class Feed:
 
     def __init__(self, action: Callable[[Any], object]) -> None:
         self._action = action
+        self._threads = DaemonThreads(1, "taskrpc output")
+        self._loop = asyncio.get_running_loop()
         self._done = asyncio.Event()
+        self._over = False
         self._problem: BaseException | None = None
 
-    def take(self, message: Any) -> None:
+    async def take(self, message: Any) -> None:
+        """Hand a message over, on a thread: to print waits where the reader is slow."""
+        await self._loop.run_in_executor(self._threads, self.take_at_once, message)
+
+    def take_at_once(self, message: Any) -> None:
         """Hand a message over."""
-        if self._done.is_set():
+        if self._over:
             return
         try:
             self._action(message)
         except Exception as error:  # the reader of our output has gone, for example
             self._problem = error
-            self._done.set()
+            self.stop()
 
     def stop(self) -> None:
-        """Want no more messages."""
-        self._done.set()
+        """Want no more messages; from any thread."""
+        self._over = True
+        self._loop.call_soon_threadsafe(self._done.set)
 
     async def wait(self, timeout: float | None = None) -> bool:
         """Wait for the end; False where the time is over first. Raises what the action raised."""
@@ -83,7 +92,7 @@ async def subscribed(
     options: argparse.Namespace,
     node: Node,
     name: str,
-    callback: Callable[[Any], None],
+    callback: Callable[[Any], object],
     *,
     wait: bool,
 ) -> Subscription:
