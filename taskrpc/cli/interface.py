@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from typing import TYPE_CHECKING, Any
 
 from srvgen.search import Search
-from taskrpc.cli.command import Exit, NotFound, hinted
+from taskrpc.cli.command import Exit, NotFound, UsageError, hinted
 from taskrpc.cli.parsing import Commands, add_command, add_group, print_names
 
 if TYPE_CHECKING:
@@ -56,7 +57,8 @@ def _add_proto(commands: Commands) -> None:
 
 def _add_show(commands: Commands) -> None:
     parser = add_command(commands, "show", "Output the interface definition")
-    parser.add_argument("type", help="Type to show (e.g. 'example_interfaces/srv/AddTwoInts')")
+    what = "Type to show (e.g. 'example_interfaces/srv/AddTwoInts'); - reads it from standard input"
+    parser.add_argument("type", help=what)
     which = parser.add_mutually_exclusive_group()
     what = "Show all comments, those of nested types too"
     which.add_argument("--all-comments", action="store_true", help=what)
@@ -142,10 +144,17 @@ def _show(options: argparse.Namespace) -> int:
     from srvgen.show import show
 
     search = Search()
-    name = search.resolve_name(options.type)
+    name = search.resolve_name(_piped() if options.type == "-" else options.type)
     owner = str(name._replace(name=search.find(str(name)).stem))
     search.closure(owner)
     comments: Comments = "all" if options.all_comments else "none" if options.no_comments else "own"
     for line in show(owner, lambda one: (search.text(one), search.load(one)), comments=comments):
         print(line)
     return Exit.DONE
+
+
+def _piped() -> str:
+    """A type that another command tells, such as `taskrpc topic type /chatter`."""
+    if sys.stdin.isatty():
+        raise UsageError("expected a type on standard input, as of taskrpc topic type NAME | …")
+    return sys.stdin.readline().strip()

@@ -10,16 +10,14 @@ from taskrpc.cli.command import NotFound, hinted
 from taskrpc.node import Node
 from taskrpc.transport.entries import Entry
 
-PATIENCE = 5.0
-"""Seconds that a node gets to answer."""
-
 
 class ParamServices:
     """Calls the parameter services of one node (its fully qualified name)."""
 
-    def __init__(self, node: Node, owner: str) -> None:
+    def __init__(self, node: Node, owner: str, patience: float) -> None:
         self._node = node
         self._owner = owner
+        self._patience = patience
 
     async def names(self, prefixes: Iterable[str] = ()) -> list[str]:
         """The names of all parameters, or of those below the prefixes, sorted."""
@@ -41,9 +39,16 @@ class ParamServices:
         answer = await self._call("SetParameters", "set_parameters", parameters=parameters)
         return list(answer.results)
 
+    async def set_together(self, parameters: list[Any]) -> Any:
+        """Set all parameters or none; a SetParametersResult message."""
+        answer = await self._call(
+            "SetParametersAtomically", "set_parameters_atomically", parameters=parameters
+        )
+        return answer.result
+
     async def _call(self, type_name: str, verb: str, **fields: Any) -> Any:
         srv_type = srvgen.load(f"rcl_interfaces/srv/{type_name}")
-        client = self._node.create_client(srv_type, f"{self._owner}/{verb}", timeout=PATIENCE)
+        client = self._node.create_client(srv_type, f"{self._owner}/{verb}", timeout=self._patience)
         try:
             return await client.call(srv_type.Request(**fields))
         finally:

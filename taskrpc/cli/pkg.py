@@ -17,6 +17,8 @@ def configure(parser: argparse.ArgumentParser) -> None:
     command = add_command(commands, "executables", what)
     what = "Name of the package (all of the workspace here)"
     command.add_argument("package_name", nargs="?", help=what)
+    what = "Show where each executable is defined"
+    command.add_argument("--full-path", action="store_true", help=what)
     command.set_defaults(run=_executables)
     command = add_command(commands, "list", "Output a list of available packages")
     command.set_defaults(run=_list)
@@ -66,14 +68,15 @@ def _list(_: argparse.Namespace) -> int:
 
 
 def _executables(options: argparse.Namespace) -> int:
-    from taskrpc.ros.executables import entry_points
+    from taskrpc.ros.executables import entry_points, installed_scripts
 
     here = _here()
     if options.package_name and options.package_name not in here:
-        raise _unknown("Unknown package", options.package_name)
+        raise _unknown(f"Package '{options.package_name}' not found", options.package_name)
     for package in [options.package_name] if options.package_name else sorted(here):
-        for name in sorted(entry_points(here[package])):
-            print(f"{package} {name}")
+        folder = here[package]
+        for name in sorted({*entry_points(folder), *installed_scripts(folder)}):
+            print(folder / name if options.full_path else f"{package} {name}")
     return Exit.DONE
 
 
@@ -89,7 +92,8 @@ def _xml(options: argparse.Namespace) -> int:
 
     path = _folder(options.package_name) / "package.xml"
     if not path.is_file():
-        raise NotFound(f"Package not found: '{options.package_name}' has no package.xml here")
+        problem = f"{options.package_name} has no package.xml here"
+        raise hinted(NotFound("Package not found"), problem)
     text = path.read_text(encoding="utf-8")
     if options.tag is None:
         print(text.rstrip("\n"))
@@ -127,4 +131,4 @@ def _unknown(problem: str, name: str) -> NotFound:
     from srvgen.search import Search
 
     hint = did_you_mean(name, sorted({*_here(), *Search().packages()}))
-    return hinted(NotFound(f"{problem}: '{name}'"), hint)
+    return hinted(NotFound(problem), hint)

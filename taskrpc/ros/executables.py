@@ -11,6 +11,10 @@ from configparser import Error as ConfigError
 from pathlib import Path
 from typing import Any
 
+_PROGRAMS = re.compile(
+    r"\binstall\s*\(\s*PROGRAMS\s(?P<files>[^()]*?)\sDESTINATION\s+\S+(?:\s+RENAME\s+(?P<name>[^\s)]+))?",
+    re.IGNORECASE,
+)
 _SCRIPT_FOLDERS = ("scripts", "nodes", "src", "bin", "")
 
 
@@ -23,14 +27,37 @@ def entry_points(package: Path) -> dict[str, str]:
     return found
 
 
+def installed_scripts(package: Path) -> dict[str, Path]:
+    """The executables of a CMake package that are Python files: names, and the file of each."""
+    try:
+        text = (package / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return {}
+    found = {}
+    for command in _PROGRAMS.finditer(re.sub(r"#.*", "", text)):
+        for word in command["files"].replace('"', " ").split():
+            path = package / _expanded(word, package.name)
+            if path.is_file() and _is_python(path):
+                found[command["name"] or path.name] = path
+    return found
+
+
 def script(package: Path, name: str) -> Path | None:
     """A file that a CMake package would install as an executable of this name."""
+    if (installed := installed_scripts(package).get(name)) is not None:
+        return installed
     folders = [package / folder for folder in _SCRIPT_FOLDERS] + [package / package.name]
     for folder in folders:
         path = folder / name
         if path.is_file() and _is_python(path):
             return path
     return None
+
+
+def _expanded(word: str, package: str) -> str:
+    """A path of a CMakeLists.txt, from the package's folder."""
+    word = word.replace("${CMAKE_CURRENT_SOURCE_DIR}/", "").replace("${PROJECT_SOURCE_DIR}/", "")
+    return word.replace("${PROJECT_NAME}", package)
 
 
 def _is_python(path: Path) -> bool:

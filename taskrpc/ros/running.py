@@ -64,16 +64,22 @@ def run_executable(package: str, name: str, arguments: Sequence[str]) -> int:
 
     folder = workspace.packages(Path.cwd()).get(package)
     if folder is None:
-        where = "a package.xml of that name in the workspace here"
-        raise TaskRpcError(f"Package '{package}' not found: expected {where}, {Path.cwd()}")
+        where = f"expected a package.xml of that name in the workspace here, {Path.cwd()}"
+        raise _with_hint(TaskRpcError(f"Package '{package}' not found"), where)
     targets = executables.entry_points(folder)
     if name in targets:
         _prepare(folder, [str(folder / name), *arguments])
         return _ended(lambda: _call(targets[name]))
     if (script := executables.script(folder, name)) is not None:
         return run_script(script, arguments)
-    known = ", ".join(sorted(targets)) or "no entry points in setup.py"
-    raise TaskRpcError(f"No executable found: {package} has {known}, got '{name}'")
+    known = ", ".join(sorted({*targets, *executables.installed_scripts(folder)}))
+    has = known or "no entry points in setup.py"
+    raise _with_hint(TaskRpcError("No executable found"), f"{package} has {has}; got '{name}'")
+
+
+def _with_hint(error: TaskRpcError, hint: str) -> TaskRpcError:
+    error.add_note(hint)
+    return error
 
 
 def _call(target: str) -> NoReturn:

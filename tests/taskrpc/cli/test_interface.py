@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 
 import pytest
@@ -106,3 +107,9 @@ def test_an_unknown_type_is_one_message(run, verb, name):
     assert (code, out) == (1, "")
     assert err
     assert "Traceback" not in err
+
+
+def test_show_reads_a_type_that_is_piped_in(capsys, monkeypatch):
+    monkeypatch.setattr("sys.stdin", io.StringIO("example_interfaces/srv/AddTwoInts\n"))
+    assert main(["interface", "show", "-", "--no-comments"]) == 0
+    assert capsys.readouterr().out == "int64 a\nint64 b\n---\nint64 sum\n"

@@ -82,7 +82,7 @@ def test_get_says_of_what_type_the_value_is(param):
     assert param("get", "/talker", "nam") == (
         1,
         "",
-        "Parameter not set\n  hint: did you mean name?\n",
+        "Parameter not set.\n  hint: did you mean name?\n",
     )
 
 
@@ -94,12 +94,29 @@ def test_set_says_whether_and_why_not(param):
     assert err.startswith("Setting parameter failed: Parameter count out of range.")
 
 
+def test_set_of_several_tells_of_each_or_of_all(param):
+    code, out, err = param("set", "/talker", "speed", "-3.5", "count", "11", "name", "eve")
+    assert code == 1
+    assert out == "speed: Set parameter successful\nname: Set parameter successful\n"
+    assert err.startswith("count: Setting parameter failed: Parameter count out of range.")
+    assert param("get", "/talker", "speed")[1] == "Double value is: -3.5\n"
+    code, out, err = param("set", "/talker", "--atomic", "name", "bob", "count", "11")
+    assert (code, out) == (1, "")
+    assert err.startswith("Setting parameters atomically failed: Parameter count out of range.")
+    assert param("get", "/talker", "name")[1] == "String value is: eve\n"
+    together = ("set", "/talker", "--atomic", "name", "bob", "speed", "2.5")
+    assert param(*together) == (0, "Set parameters atomically successful\n", "")
+    code, _, err = param("set", "/talker", "name")
+    assert code == 2
+    assert err.endswith("name value [name value ...]. Got 1 argument(s).\n")
+
+
 def test_describe_has_the_description_and_what_is_allowed(param):
     assert param("describe", "/talker", "count", "speed", "fixed") == (
         0,
         "Parameter name: count\n  Type: integer\n"
         "  Constraints:\n    Min value: 0\n    Max value: 10\n    Step: 1\n"
-        "Parameter name: speed\n  Type: double\n  Description: m/s\n"
+        "Parameter name: speed\n  Type: double\n  Description: m/s\n  Constraints:\n"
         "Parameter name: fixed\n  Type: boolean\n  Constraints:\n    Read only: true\n",
         "",
     )
@@ -109,6 +126,7 @@ def test_what_was_dumped_can_be_loaded(param, tmp_path):
     code, out, _ = param("dump", "/talker")
     assert code == 0
     assert out.startswith("/talker:\n  ros__parameters:\n    count: 5\n    fixed: true\n")
+    assert out.endswith("    use_sim_time: false\n\n")
     file = tmp_path / "talker.yaml"
     fixed = ("fixed", "start_type")
     lines = [line for line in out.splitlines(True) if not line.strip().startswith(fixed)]
@@ -126,9 +144,39 @@ def test_delete_refuses_what_the_node_refuses(param):
     assert err.startswith("Deleting parameter failed: ")
 
 
+def test_describe_of_what_is_not_there_is_told(param):
+    assert param("describe", "/talker", "count", "nam") == (
+        1,
+        "",
+        "Unknown parameter 'nam' of /talker\n  hint: did you mean name?\n",
+    )
+
+
+def test_an_expression_matches_from_the_beginning(param):
+    assert param("list", "--filter", "ame") == (0, "", "")
+    assert param("list", "--filter", "n.me") == (0, "/talker:\n  name\n", "")
+    code, _, err = param("list", "--filter", "(")
+    assert code == 2
+    assert "expected a regular expression, got '('" in err
+
+
 @pytest.mark.parametrize("arguments", [("list", "/talkr"), ("get", "/talkr", "name")])
 def test_an_unknown_node_is_told_with_what_may_be_meant(param, arguments):
     assert param(*arguments) == (1, "", "Node not found\n  hint: did you mean /talker?\n")
+
+
+def test_a_file_that_is_no_yaml_is_told_in_a_line(param, tmp_path):
+    file = tmp_path / "talker.yaml"
+    file.write_text("$ ros2 param dump /talker\n/talker:\n  ros__parameters:\n")
+    code, out, err = param("load", "/talker", str(file))
+    assert (code, out) == (1, "")
+    assert err.startswith(f"{file} is not valid YAML: mapping values are not allowed here in ")
+    assert err.count("\n") == 1
+
+
+def test_a_node_may_be_waited_for(param):
+    code, _, err = param("get", "/nobody", "x", "--timeout", "0.2")
+    assert (code, err) == (1, "Node not found\n")
 
 
 def test_a_file_that_is_not_there_is_told_in_a_line(param):

@@ -141,12 +141,44 @@ def test_packages_of_the_workspace_are_shown(pkg, tmp_path):
     assert {"my_package", "std_srvs"} <= set(listed)
 
 
-@pytest.mark.parametrize("verb", ["prefix", "xml", "executables"])
-def test_an_unknown_package_is_told_with_what_resembles_it(pkg, verb):
-    code, out, err = pkg(verb, "std_srv")
-    assert (code, out) == (1, "")
-    assert "ackage" in err
-    assert "'std_srv'\n  hint: did you mean std_srvs?" in err
+@pytest.mark.parametrize(
+    ("verb", "said"),
+    [
+        ("prefix", "Package not found"),
+        ("xml", "Package not found"),
+        ("executables", "Package 'std_srv' not found"),
+    ],
+)
+def test_an_unknown_package_is_told_with_what_resembles_it(pkg, verb, said):
+    assert pkg(verb, "std_srv") == (1, "", f"{said}\n  hint: did you mean std_srvs?\n")
+
+
+def test_executables_of_a_cmake_package_are_the_programs_that_it_installs(pkg, tmp_path):
+    pkg("create", "lamp")
+    scripts = tmp_path / "lamp" / "scripts"
+    scripts.mkdir()
+    for name in ("shine.py", "glow", "helper.py", "data.txt"):
+        (scripts / name).write_text("#!/usr/bin/env python3\nprint(__name__)\n")
+    (scripts / "data.txt").write_text("no program\n")
+    cmake = tmp_path / "lamp" / "CMakeLists.txt"
+    cmake.write_text(
+        cmake.read_text()
+        + "install(PROGRAMS\n  scripts/shine.py # the first\n"
+        + '  "${CMAKE_CURRENT_SOURCE_DIR}/scripts/glow" scripts/data.txt\n'
+        + "  DESTINATION lib/${PROJECT_NAME}\n)\n"
+        + "# install(PROGRAMS scripts/helper.py DESTINATION x)\n"
+        + "install(PROGRAMS scripts/helper.py DESTINATION lib/${PROJECT_NAME} RENAME help)\n"
+    )
+    assert pkg("executables", "lamp")[1] == "lamp glow\nlamp help\nlamp shine.py\n"
+    assert pkg("executables", "--full-path")[1].splitlines()[0] == str(tmp_path / "lamp" / "glow")
+    done = subprocess.run(
+        [sys.executable, "-m", "taskrpc", "run", "lamp", "help"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert (done.stdout, done.stderr) == ("__main__\n", "")
 
 
 def test_a_tag_that_is_not_there_is_told(pkg):
