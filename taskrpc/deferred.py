@@ -19,6 +19,9 @@ if TYPE_CHECKING:
     from taskrpc.observer import Observer, ServiceStatus
 
 
+_NOT_OPEN = object()
+
+
 class DeferredCall:
     """One call: `request`, and exactly one of `reply` and `fail` to end it, from any thread."""
 
@@ -44,8 +47,13 @@ class DeferredCall:
 
         Raises InvalidRequest for a response that cannot be sent; the call is still open then.
         """
-        body = self._service.encode(response)
-        self._service.loop.call_soon_threadsafe(self._replied, response, body)
+        service = self._service
+        body = service.encode(response)
+        # Where more are to be answered, the loop writes many answers at once.
+        if service.is_last and self._call.reply_in_thread(body):
+            service.done(self._call)
+        else:
+            service.loop.call_soon_threadsafe(self._replied, response, body)
 
     def fail(self, error: TaskRpcError) -> None:
         """Answer with an error."""
@@ -89,7 +97,7 @@ class DeferredService:
         self.finished: asyncio.Future[None] = self.loop.create_future()
         """Done once the service is destroyed and has answered its last call."""
         self._take = take
-        self._open: dict[IncomingCall, None] = {}
+        self._open: dict[IncomingCall, object] = {}
         self._destroyed = False
         self._transport = transport
         self._offer = Offer(
@@ -118,15 +126,21 @@ class DeferredService:
         """How many calls run and wait."""
         from taskrpc.observer import ServiceStatus  # few programs ask
 
-        running = sum(call.started for call in self._open)
-        return ServiceStatus(self.service_name, running, len(self._open) - running, None)
+        calls = list(self._open)
+        running = sum(call.started for call in calls)
+        return ServiceStatus(self.service_name, running, len(calls) - running, None)
+
+    @property
+    def is_last(self) -> bool:
+        """Whether no more than one call is open."""
+        return len(self._open) <= 1
 
     def done(self, call: IncomingCall) -> bool:
-        """Forget a call that is being answered; False where it was already."""
-        if call not in self._open:
+        """Forget a call that is being answered; False where it was already. From any thread."""
+        if self._open.pop(call, _NOT_OPEN) is _NOT_OPEN:
             return False
-        del self._open[call]
-        self._finish_if_idle()
+        if self._destroyed:
+            self.loop.call_soon_threadsafe(self._finish_if_idle)
         return True
 
     def _arrived(self, call: IncomingCall) -> None:

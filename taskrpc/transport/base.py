@@ -51,6 +51,10 @@ class IncomingCall(CallInfo, eq=False):
         """
         raise NotImplementedError
 
+    def reply_in_thread(self, body: bytes) -> bool:
+        """Answer from another thread than the loop's; False where only the loop can."""
+        return False
+
     def fail(self, error: TaskRpcError) -> None:
         """Answer with an error."""
         raise NotImplementedError

@@ -23,6 +23,7 @@ from taskrpc.errors import (
 )
 from taskrpc.transport.about import this_process
 from taskrpc.transport.admission import Admission
+from taskrpc.transport.answering import ThreadedServing
 from taskrpc.transport.base import Offer
 from taskrpc.transport.calling import CallingConnection
 from taskrpc.transport.channel import RemoteChannel
@@ -78,6 +79,7 @@ class Endpoint:
     ) -> None:
         self.keepalive = keepalive
         self._calling = ThreadedConnection if threads else CallingConnection
+        self._serving = ThreadedServing if threads else ServingConnection
         self.loop = asyncio.get_running_loop()
         self.now = clock_of(self.loop)
         self.network = network
@@ -301,7 +303,7 @@ class Endpoint:
             if self._ticker is None:  # nobody was here to look after
                 book.look()
             me = msgspec.structs.replace(me, accounts=book.now, today=time.time())
-        return ServingConnection(self, me)
+        return self._serving(self, me)
 
     def _identity(self, token: bytes, name: str) -> Identity:
         nonce = os.urandom(16)

@@ -34,6 +34,10 @@ class ObservedCall(ServedCall, eq=False):
         super().reply(response, body)
         self._end(Code.OK)
 
+    def reply_in_thread(self, body: bytes) -> bool:
+        """Only the loop can: observers are told on its thread."""
+        return False
+
     def fail(self, error: TaskRpcError) -> None:
         """Answer with an error."""
         super().fail(error)

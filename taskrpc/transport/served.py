@@ -57,6 +57,10 @@ class ServedCall(IncomingCall, eq=False):
             elif not connection.in_turn:
                 connection.flush_soon()
 
+    def reply_in_thread(self, body: bytes) -> bool:
+        """Answer from another thread than the loop's; False where only the loop can."""
+        return self.connection.answer_in_thread(self, body)
+
     def fail(self, error: TaskRpcError) -> None:
         """Answer with an error."""
         if self.connection.session.fail(self.call_id, error):

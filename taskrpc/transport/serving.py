@@ -137,6 +137,10 @@ class ServingConnection(Connection):
             self.flush()
             self.unread.answered(service, self, size)
 
+    def answer_in_thread(self, call: ServedCall, body: bytes) -> bool:
+        """Answer a call from another thread than the loop's; False where only the loop can."""
+        return False
+
     def must_wait(self, call: ServedCall) -> bool:
         """Whether a call may not begin yet, since too many answers are unread."""
         return self.writing_paused or self.unread.forbids(call.service)

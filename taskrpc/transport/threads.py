@@ -8,7 +8,6 @@ loop takes too; only the answer comes by the loop, which wakes the caller direct
 from __future__ import annotations
 
 import asyncio
-import socket
 import threading
 import time
 from collections.abc import Callable, Iterable
@@ -18,6 +17,7 @@ from taskrpc import platform
 from taskrpc.transport.base import Tell
 from taskrpc.transport.calling import CallingConnection, OpenCall, time_left
 from taskrpc.transport.connection import Owner
+from taskrpc.transport.thread_socket import ThreadSocket
 from taskrpc.wire.frames import LARGE, NO_DEADLINE
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Resolve
@@ -133,13 +133,12 @@ class Told:
 class ThreadedConnection(CallingConnection):
     """A calling connection of an event loop whose nodes are used by other threads."""
 
-    __slots__ = ("_mine", "_rest_is_written", "_socket")
+    __slots__ = ("_here", "_mine")
 
     def __init__(self, owner: Owner, me: Identity, on_advertised: Callable[[], object]) -> None:
-        self._mine = threading.RLock()
+        self._here = ThreadSocket()
+        self._mine = self._here.lock
         """Held by whoever touches the session, or writes."""
-        self._socket: socket.socket | None = None
-        self._rest_is_written = True
         super().__init__(owner, me, on_advertised)
 
     def begin_in_thread(self, call: OpenCall) -> bool:
@@ -152,7 +151,7 @@ class ThreadedConnection(CallingConnection):
             call.call_id = session.request(call, call.method, call.body, left)
             if call.call_id >= LAST_CALL_ID:
                 self.epoch += 1
-            self._write_here(b"".join(session.take()))
+            self._here.write(self, b"".join(session.take()))
         if deadline is not None and deadline < self.look_before:
             self.owner.loop.call_soon_threadsafe(self.watch, deadline)
         return True
@@ -161,17 +160,13 @@ class ThreadedConnection(CallingConnection):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The transport is there."""
-        found = transport.get_extra_info("socket")
-        if found is not None and transport.get_extra_info("sslcontext") is None:
-            self._socket = found.dup()
+        self._here.open(transport)
         super().connection_made(transport)
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The transport is gone."""
         with self._mine:
-            if self._socket is not None:
-                self._socket.close()
-                self._socket = None
+            self._here.close()
             super().connection_lost(exc)
 
     def buffer_updated(self, nbytes: int) -> None:
@@ -219,41 +214,20 @@ class ThreadedConnection(CallingConnection):
     def flush(self) -> None:
         """Write what the session has to say, unless an earlier rest must go first."""
         with self._mine:
-            if self._rest_is_written:
+            if self._here.is_whole:
                 super().flush()
 
     def _is_free(self, size: int) -> bool:
         """Whether a request may be written here and now: nothing waits to go before it."""
         session, transport = self.session, self.transport
         return (
-            self._socket is not None
+            self._here.is_open
             and transport is not None
             and size < LARGE
             and size <= session.body_limit
-            and self._rest_is_written
+            and self._here.is_whole
             and not self.holds_back
             and not session.out
             and session.can_send(size)
             and not transport.get_write_buffer_size()
         )
-
-    def _write_here(self, data: bytes) -> None:
-        assert self._socket is not None
-        self.count_written(len(data))
-        sent = 0
-        try:
-            sent = self._socket.send(data)
-        except BlockingIOError:
-            pass
-        except OSError:
-            return  # the loop is about to learn that the connection is gone
-        if sent < len(data):
-            self._rest_is_written = False
-            self.owner.loop.call_soon_threadsafe(self._write_rest, data[sent:])
-
-    def _write_rest(self, rest: bytes) -> None:
-        with self._mine:
-            self._rest_is_written = True
-            if self.transport is not None:
-                self.transport.write(rest)
-            self.flush()

@@ -153,7 +153,7 @@ class Session(Link):
 
     def open_tickets(self) -> list[Any]:
         """The tickets of all calls that are in flight and not given up."""
-        calls = self.open_calls.values()
+        calls = list(self.open_calls.values())  # another thread may answer one meanwhile
         tickets = [call[0] for call in calls] if self.is_client else [call.ticket for call in calls]
         return [ticket for ticket in tickets if ticket is not None]
 
@@ -181,6 +181,25 @@ class Session(Link):
         else:
             self.send(_RESPONSE, 0, 0, call_id, server_time, body)
         return True
+
+    def answer_beside(
+        self, call_id: int, body: bytes, server_time: int
+    ) -> tuple[bytes, int] | None:
+        """The answer to a call as a frame, for another thread to write beside `out`.
+
+        Also the size of its request, for `freed` to be told of on the session's own thread. None
+        for a call that has its answer. The body is smaller than LARGE.
+        """
+        request = self.open_calls.pop(call_id, None)
+        if request is None:
+            return None
+        arg = min(server_time, LONGEST_TIME)
+        header = _pack(SIZE_OF_EMPTY + len(body), _RESPONSE, 0, 0, call_id, arg)
+        return header + body, request.size
+
+    def freed(self, size: int) -> None:
+        """A request of so many bytes was answered beside `out`."""
+        self.bytes_in_flight -= size
 
     def fail(self, call_id: int, error: TaskRpcError) -> bool:
         """Answer a call with an error; False when it has its answer."""

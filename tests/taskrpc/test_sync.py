@@ -210,8 +210,8 @@ def test_what_the_socket_does_not_take_at_once_is_sent_by_the_loop(node, takes):
     node.create_service(AddTwoInts, "add", add, concurrency=4)
     client = node.create_client(AddTwoInts, "add")
     assert client.wait_for_service(timeout=5)
-    connection = client._inner._channel._connection
-    connection._socket = stingy = Stingy(connection._socket, takes)
+    here = client._inner._channel._connection._here
+    here._socket = stingy = Stingy(here._socket, takes)
     with ThreadPoolExecutor(8) as threads:
         sums = threads.map(lambda n: client.call(AddTwoInts.Request(a=n, b=n)).sum, range(300))
         assert list(sums) == [2 * n for n in range(300)]
@@ -222,8 +222,8 @@ def test_a_caller_writes_to_the_socket_itself(node):
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
     assert client.wait_for_service(timeout=5)
-    connection = client._inner._channel._connection
-    connection._socket = stingy = Stingy(connection._socket, 10**6)
+    here = client._inner._channel._connection._here
+    here._socket = stingy = Stingy(here._socket, 10**6)
     for n in range(20):
         assert client.call(AddTwoInts.Request(a=n, b=n)).sum == 2 * n
     assert stingy.asked == 20

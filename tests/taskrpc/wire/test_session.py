@@ -57,6 +57,19 @@ def test_a_call_is_answered(piece):
     assert pair.client.in_flight == pair.server.in_flight == 0
 
 
+def test_an_answer_may_go_out_beside_what_the_session_says():
+    pair = open_pair()
+    call_id = pair.client.request("ticket", 3, b"question", NO_DEADLINE)
+    pair.deliver(pair.server)
+    frame, size = pair.server.answer_beside(call_id, b"answer", LONGEST_TIME + 1)
+    assert not pair.server.out
+    assert receive(pair.client, frame) == [Answered("ticket", b"answer", LONGEST_TIME)]
+    assert (size, pair.server.bytes_in_flight, pair.server.in_flight) == (8, 8, 0)
+    pair.server.freed(size)
+    assert pair.server.bytes_in_flight == 0
+    assert pair.server.answer_beside(call_id, b"again", 0) is None
+
+
 def test_a_call_fails_with_the_servers_error():
     pair = open_pair()
     call_id = pair.client.request("ticket", 3, b"", NO_DEADLINE)

@@ -104,15 +104,20 @@ class Talk(RuleBasedStateMachine):
     # What the server's owner does
 
     @precondition(lambda self: not all(self.begun.values()))
-    @rule(data=st.data(), size=sizes, error=st.booleans())
-    def answer(self, data, size, error):
+    @rule(data=st.data(), size=sizes, how=st.sampled_from(["respond", "fail", "beside"]))
+    def answer(self, data, size, how):
         serving = [call for call, done in self.begun.items() if not done]
         call = data.draw(st.sampled_from(serving))
         self.begun[call] = True
-        if error:
-            self.pair.server.fail(call, TaskRpcError(f"no {call}"))
+        server = self.pair.server
+        if how == "fail":
+            server.fail(call, TaskRpcError(f"no {call}"))
+        elif how == "beside" and size < LARGE and server.state is State.OPEN:
+            frame, freed = server.answer_beside(call, bytes(size), call)
+            server.freed(freed)
+            self.pair.wire[self.pair.client] += frame
         else:
-            self.pair.server.respond(call, bytes(size), call)
+            server.respond(call, bytes(size), call)
 
     @precondition(lambda self: any(self.begun.values()))
     @rule(data=st.data())
