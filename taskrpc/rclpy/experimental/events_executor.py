@@ -25,7 +25,8 @@ class EventsExecutor(SingleThreadedExecutor):
         What is there by then is still run, also what follows from it.
         """
         super().spin_until_future_complete(future, timeout_sec)
-        while not future._is_over() and self._context.ok():
-            if (work := self._next(0, None, future._is_over)) is None:
+        is_over = self._wake_for(future)
+        while not is_over() and self._context.ok():
+            if (work := self._next(0, None, is_over)) is None:
                 return
             self._run(work)
