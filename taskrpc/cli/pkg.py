@@ -32,10 +32,17 @@ def _add_create(commands: Commands) -> None:
     command = add_command(commands, "create", "Create a new ROS 2 package")
     command.add_argument("package_name", help="The package name")
     add = command.add_argument
-    add("--package-format", type=int, default=3, choices=[2, 3], help="The package.xml format")
+    add(
+        "--package-format",
+        "--package_format",
+        type=int,
+        default=3,
+        choices=[2, 3],
+        help="The package.xml format",
+    )
     what = "The description given in the package.xml"
     add("--description", default="TODO: Package description", help=what)
-    what = "The license attached to this package"
+    what = "The license attached to this package; ? lists those that ROS 2's tools know"
     add("--license", default="TODO: License declaration", help=what)
     what = "Directory where to create the package directory"
     add("--destination-directory", default=".", help=what)
@@ -46,6 +53,7 @@ def _add_create(commands: Commands) -> None:
     add("--maintainer-email", help="Email address of the maintainer of this package")
     add("--maintainer-name", help="Name of the maintainer of this package")
     add("--node-name", default="", help="Name of the empty executable")
+    add("--library-name", default="", help="Name of the empty library")
     command.set_defaults(run=_create)
 
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import os
 import re
+import sys
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from taskrpc.cli.command import Exit
 from taskrpc.colcon.cmake_package import cmake_files
+from taskrpc.colcon.licenses import KNOWN, license_text
 from taskrpc.colcon.manifest import Manifest, checked_name
 from taskrpc.colcon.python_package import hello_node, python_files
 from taskrpc.colcon.writing import maintainer, write
@@ -17,47 +19,45 @@ from taskrpc.errors import TaskRpcError
 if TYPE_CHECKING:
     from argparse import Namespace
 
-_LICENSES = (
-    "Apache-2.0",
-    "BSL-1.0",
-    "BSD-2.0",
-    "BSD-2-Clause",
-    "BSD-3-Clause",
-    "GPL-3.0-only",
-    "LGPL-2.1-only",
-    "LGPL-3.0-only",
-    "MIT",
-    "MIT-0",
-)
-
 
 def create(options: Namespace) -> Exit:
     """Write the package that the options say; raises TaskRpcError where it cannot be."""
+    if options.license == "?":
+        print("Supported licenses:\n" + "\n".join(KNOWN))
+        return Exit.DONE
     package = _manifest(options)
-    node = _checked_node(options.node_name)
+    library = _checked_word("library-name", options.library_name)
+    node = _checked_word("node-name", options.node_name)
     folder = os.path.join(options.destination_directory, package.name)
     if os.path.exists(folder):
         raise TaskRpcError(
             f"Aborted! The directory already exists: {folder}; either remove it or choose a"
             " different destination directory or package name"
         )
-    _tell(package, options, node)
+    if node and node == library:
+        node = f"{node}_node"
+        print("[WARNING] node name can not be equal to the library name", file=sys.stderr)
+        print(f"[WARNING] renaming node to {node}", file=sys.stderr)
+    _tell(package, options, node, library)
     if package.build_type == "ament_python":
-        _write_python(package, folder, node)
+        _write_python(package, folder, node, library)
     else:
-        _write_cmake(package, folder, node)
-    print(_about_license(package.license))
+        _write_cmake(package, folder, node, library)
+    _write_license(package, folder)
     return Exit.DONE
 
 
-def _about_license(license_: str) -> str:
-    if license_ in _LICENSES:
-        return "\n[WARNING]: no LICENSE file has been created: put the license's text there."
-    return (
-        f"\n[WARNING]: Unknown license '{license_}'.  This has been set in the package.xml, but"
-        " no LICENSE file has been created.\n"
-        "It is recommended to use one of these license identifiers:\n" + "\n".join(_LICENSES)
-    )
+def _write_license(package: Manifest, folder: str) -> None:
+    if text := license_text(package.license, package.maintainer):
+        write(Path(folder, "LICENSE"), text)
+    elif package.license in KNOWN:
+        print("\n[WARNING]: no LICENSE file has been created: put the license's text there.")
+    else:
+        print(
+            f"\n[WARNING]: Unknown license '{package.license}'.  This has been set in the"
+            " package.xml, but no LICENSE file has been created.\n"
+            "It is recommended to use one of the ament license identifiers:\n" + "\n".join(KNOWN)
+        )
 
 
 def _manifest(options: Namespace) -> Manifest:
@@ -83,14 +83,14 @@ def _manifest(options: Namespace) -> Manifest:
     )
 
 
-def _checked_node(name: str) -> str:
+def _checked_word(option: str, name: str) -> str:
     if name and re.fullmatch(r"[A-Za-z_]\w*", name, flags=re.ASCII) is None:
         rule = "letters, digits and underscores, not a digit first"
-        raise TaskRpcError(f"expected {rule} as --node-name, got {name!r}")
+        raise TaskRpcError(f"expected {rule} as --{option}, got {name!r}")
     return name
 
 
-def _tell(package: Manifest, options: Namespace, node: str) -> None:
+def _tell(package: Manifest, options: Namespace, node: str, library: str) -> None:
     print("going to create a new package")
     print(f"package name: {package.name}")
     print(f"destination directory: {os.path.abspath(options.destination_directory)}")
@@ -103,9 +103,11 @@ def _tell(package: Manifest, options: Namespace, node: str) -> None:
     print(f"dependencies: {list(package.depends)}")
     if node:
         print(f"node_name: {node}")
+    if library:
+        print(f"library_name: {library}")
 
 
-def _write_python(package: Manifest, folder: str, node: str) -> None:
+def _write_python(package: Manifest, folder: str, node: str, library: str) -> None:
     name = package.name
     files = python_files(package, {node: f"{name}.{node}:main"} if node else {})
     _make_folder(folder)
@@ -120,10 +122,14 @@ def _write_python(package: Manifest, folder: str, node: str) -> None:
     if node:
         path = f"{name}/{node}.py"
         _create(folder, {path: hello_node(name)}, path)
+    if library:
+        _make_folder(folder, os.path.join(name, library))
+        path = f"{name}/{library}/__init__.py"
+        _create(folder, {path: ""}, path)
 
 
-def _write_cmake(package: Manifest, folder: str, node: str) -> None:
-    files = cmake_files(package, node)
+def _write_cmake(package: Manifest, folder: str, node: str, library: str) -> None:
+    files = cmake_files(package, node, library)
     _make_folder(folder)
     _create(folder, files, "package.xml")
     print("creating source and include folder")
@@ -132,6 +138,10 @@ def _write_cmake(package: Manifest, folder: str, node: str) -> None:
     _create(folder, files, "CMakeLists.txt")
     if node:
         _create(folder, files, f"src/{node}.cpp")
+    if library:
+        headers = f"include/{package.name}"
+        _create(folder, files, f"{headers}/{library}.hpp", f"src/{library}.cpp")
+        _create(folder, files, f"{headers}/visibility_control.h")
 
 
 def _make_folder(folder: str, inner: str = "") -> None:

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
+from taskrpc.colcon.cpp_library import class_name, library_sources
 from taskrpc.colcon.manifest import Manifest, package_xml
 
 _BEGINNING = """cmake_minimum_required(VERSION 3.8)
@@ -21,6 +23,26 @@ target_compile_features({node} PUBLIC c_std_99 cxx_std_17)
 {needs}install(TARGETS {node}
   DESTINATION lib/${{PROJECT_NAME}})
 """
+_LIBRARY = """add_library({library} src/{library}.cpp)
+add_library(${{PROJECT_NAME}}::{library} ALIAS {library})
+target_compile_features({library} PUBLIC c_std_99 cxx_std_17)
+target_include_directories({library} PUBLIC
+  $<BUILD_INTERFACE:${{CMAKE_CURRENT_SOURCE_DIR}}/include>
+  $<INSTALL_INTERFACE:include/${{PROJECT_NAME}}>)
+{needs}# Whoever builds the library exports its symbols; whoever uses it imports them (Windows).
+target_compile_definitions({library} PRIVATE "{shouted}_BUILDING_LIBRARY")
+install(DIRECTORY include/
+  DESTINATION include/${{PROJECT_NAME}})
+install(TARGETS {library}
+  EXPORT export_${{PROJECT_NAME}}
+  ARCHIVE DESTINATION lib
+  LIBRARY DESTINATION lib
+  RUNTIME DESTINATION bin)
+"""
+_EXPORTED = """ament_export_include_directories("include/${{PROJECT_NAME}}")
+ament_export_libraries({library})
+ament_export_targets(export_${{PROJECT_NAME}})
+"""
 _TESTS = """if(BUILD_TESTING)
   find_package(ament_lint_auto REQUIRED)
   # Both need what a new package does not have yet: a copyright notice, a git repository.
@@ -31,18 +53,33 @@ endif()
 """
 
 
-def cmake_files(package: Manifest, node: str = "") -> dict[str, str]:
-    """The files of a package, with a C++ program where it is named; paths from its folder."""
-    needs = ["ament_cmake", *package.depends]
+def cmake_files(package: Manifest, node: str = "", library: str = "") -> dict[str, str]:
+    """The files of a package, with a C++ program and library where named; paths from its folder."""
+    needs = ["ament_cmake_ros" if library else "ament_cmake", *package.depends]
+    if library:
+        package = replace(package, buildtool="ament_cmake_ros")
     parts = [_BEGINNING.format(name=package.name), _found(needs)]
+    end = ["ament_package()\n"]
     files = {"package.xml": package_xml(package)}
+    if library:
+        uses = _uses(package, library)
+        shouted = package.name.upper()
+        parts.append(_LIBRARY.format(library=library, needs=uses, shouted=shouted))
+        end.insert(0, _EXPORTED.format(library=library))
+        files |= library_sources(package.name, library)
     if node:
-        linked = "".join(f"  {name}\n" for name in package.depends)
-        uses = f"ament_target_dependencies({node}\n{linked})\n" if linked else ""
+        uses = _uses(package, node)
+        if library:
+            uses += f"target_link_libraries({node} {library})\n"
         parts.append(_EXECUTABLE.format(node=node, needs=uses))
-        files[f"src/{node}.cpp"] = _hello(package.name)
-    files["CMakeLists.txt"] = "\n".join([*parts, _TESTS, "ament_package()\n"])
+        files[f"src/{node}.cpp"] = _hello(package.name, library)
+    files["CMakeLists.txt"] = "\n".join([*parts, _TESTS, *end])
     return files
+
+
+def _uses(package: Manifest, target: str) -> str:
+    linked = "".join(f"  {name}\n" for name in package.depends)
+    return f"ament_target_dependencies({target}\n{linked})\n" if linked else ""
 
 
 def interface_files(package: Manifest, definitions: Sequence[str]) -> dict[str, str]:
@@ -70,8 +107,12 @@ def _found(packages: Iterable[str]) -> str:
     return "".join(f"find_package({name} REQUIRED)\n" for name in packages)
 
 
-def _hello(package: str) -> str:
+def _hello(package: str, library: str) -> str:
+    included, used = "", ""
+    if library:
+        included = f'#include "{package}/{library}.hpp"\n'
+        used = f"  {package}::{class_name(library)} unused;\n  (void)unused;\n"
     return (
-        "#include <cstdio>\n\nint main()\n{\n"
+        f"#include <cstdio>\n{included}\nint main()\n{{\n{used}"
         f'  std::printf("hello world {package} package\\n");\n  return 0;\n}}\n'
     )

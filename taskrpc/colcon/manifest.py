@@ -30,6 +30,8 @@ class Manifest:
     format: int = 3
     depends: tuple[str, ...] = ()
     exec_depends: tuple[str, ...] = ()
+    buildtool: str = "ament_cmake"
+    """What an ament_cmake package is built with."""
     has_interfaces: bool = False
     """Whether messages, services and actions are generated from it."""
     is_linted: bool = True
@@ -68,7 +70,7 @@ def _facts(package: Manifest) -> list[str]:
 
 def _needs(package: Manifest) -> Iterator[list[str]]:
     if package.build_type == "ament_cmake":
-        yield [_tag("buildtool_depend", "ament_cmake")]
+        yield [_tag("buildtool_depend", package.buildtool)]
     yield [_tag("depend", name) for name in package.depends]
     if package.has_interfaces:
         yield [

@@ -1,6 +1,7 @@
 """`taskrpc pkg` makes and shows packages as `ros2 pkg` does."""
 
 import os
+import shutil
 import subprocess
 import sys
 from xml.etree import ElementTree
@@ -72,6 +73,7 @@ def test_a_created_python_package_has_what_ament_wants(pkg, tmp_path):
     assert root.findtext("export/build_type") == "ament_python"
     files = {str(p.relative_to(tmp_path)) for p in tmp_path.rglob("*") if p.is_file()}
     assert {each.replace(os.sep, "/") for each in files} == {
+        "my_package/LICENSE",
         "my_package/package.xml",
         "my_package/setup.py",
         "my_package/setup.cfg",
@@ -112,9 +114,73 @@ def test_a_created_cmake_package_finds_and_links_what_it_depends_on(pkg, tmp_pat
     assert pkg("create", "lamp")[2].startswith("Aborted! The directory already exists: ")
 
 
+def test_a_created_library_is_built_exported_and_linked(pkg, tmp_path):
+    both = ("--node-name", "shine", "--library-name", "bright_light")
+    code, out, err = pkg("create", "lamp", "--license", "Apache-2.0", *both)
+    assert (code, err) == (0, "")
+    told = [line.replace(os.sep, "/") for line in out.splitlines()]
+    assert told[10:12] == ["node_name: shine", "library_name: bright_light"]
+    assert told[-4:] == [
+        "creating ./lamp/src/shine.cpp",
+        "creating ./lamp/include/lamp/bright_light.hpp",
+        "creating ./lamp/src/bright_light.cpp",
+        "creating ./lamp/include/lamp/visibility_control.h",
+    ]
+    cmake = (tmp_path / "lamp" / "CMakeLists.txt").read_text()
+    for line in (
+        "find_package(ament_cmake_ros REQUIRED)",
+        "add_library(bright_light src/bright_light.cpp)",
+        "target_link_libraries(shine bright_light)",
+        "ament_export_targets(export_${PROJECT_NAME})",
+    ):
+        assert f"{line}\n" in cmake
+    root = ElementTree.parse(tmp_path / "lamp" / "package.xml").getroot()
+    assert [each.text for each in root.findall("buildtool_depend")] == ["ament_cmake_ros"]
+    assert (tmp_path / "lamp" / "LICENSE").read_text().lstrip().startswith("Apache License")
+    assert "class BrightLight\n" in (tmp_path / "lamp/include/lamp/bright_light.hpp").read_text()
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="no C++ compiler is here")
+def test_created_cpp_sources_compile(pkg, tmp_path):
+    pkg("create", "lamp", "--node-name", "shine", "--library-name", "bright_light")
+    sources = [str(path) for path in (tmp_path / "lamp" / "src").iterdir()]
+    command = ["g++", "-fsyntax-only", "-Wall", "-Werror", f"-I{tmp_path / 'lamp' / 'include'}"]
+    done = subprocess.run([*command, *sources], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
+def test_a_created_python_library_is_a_package_within(pkg, tmp_path):
+    kind = ("--build-type", "ament_python", "--license", "MIT", "--maintainer-name", "Ana")
+    code, _, err = pkg("create", "lamp", *kind, "--node-name", "light", "--library-name", "light")
+    assert (code, err) == (
+        0,
+        "[WARNING] node name can not be equal to the library name\n"
+        "[WARNING] renaming node to light_node\n",
+    )
+    assert (tmp_path / "lamp" / "lamp" / "light" / "__init__.py").is_file()
+    assert (tmp_path / "lamp" / "lamp" / "light_node.py").is_file()
+    holder = (tmp_path / "lamp" / "LICENSE").read_text().splitlines()[0]
+    assert holder.startswith("Copyright (c) 20")
+    assert holder.endswith(" Ana")
+
+
+def test_licenses(pkg, tmp_path):
+    code, out, _ = pkg("create", "x", "--license", "?")
+    assert (code, out.splitlines()[:2]) == (0, ["Supported licenses:", "Apache-2.0"])
+    assert not (tmp_path / "x").exists()
+    for name in ("MIT-0", "BSD-2-Clause", "BSD-3-Clause", "BSL-1.0"):
+        package = f"p{name.lower().replace('-', '_').replace('.', '_')}"
+        assert "WARNING" not in pkg("create", package, "--license", name)[1]
+        assert "AS IS" in (tmp_path / package / "LICENSE").read_text()
+    out = pkg("create", "free", "--license", "GPL-3.0-only")[1]
+    assert out.endswith("no LICENSE file has been created: put the license's text there.\n")
+    assert not (tmp_path / "free" / "LICENSE").exists()
+
+
 @pytest.mark.parametrize(
     ("arguments", "problem"),
     [
+        (["lamp", "--library-name", "1st"], "as --library-name, got '1st'"),
         (["My-Package"], "as the name of a package, got 'My-Package'"),
         (["test", "--build-type", "ament_python"], "packages can't be named 'test'"),
         (["lamp", "--node-name", "a b"], "as --node-name, got 'a b'"),
