@@ -67,19 +67,20 @@ def init(
 def get_global_executor() -> Executor:
     """The executor of `spin`, `spin_once` and `spin_until_future_complete`."""
     global _executor
-    if _executor is None:
-        from .executors import SingleThreadedExecutor
+    if (known := _executor) is not None:
+        return known
+    from .executors import SingleThreadedExecutor
 
-        executor = _executor = SingleThreadedExecutor()
+    executor = _executor = SingleThreadedExecutor()
 
-        def reset() -> None:
-            global _executor
-            executor.shutdown()
-            if _executor is executor:
-                _executor = None
+    def reset() -> None:
+        global _executor
+        executor.shutdown()
+        if _executor is executor:
+            _executor = None
 
-        executor.context.on_shutdown(reset)
-    return _executor
+    executor.context.on_shutdown(reset)  # at once, where a signal came meanwhile
+    return executor
 
 
 def shutdown(*, context: Context | None = None, uninstall_handlers: bool | None = None) -> None:

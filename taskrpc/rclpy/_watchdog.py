@@ -52,7 +52,7 @@ def watch(node: Node) -> None:
 def ends(node: Node) -> None:
     """Tell of calls of a node that nobody ever spun, at its end."""
     pending = sorted({client.service_name for client in node.clients if _is_heeded(client)})
-    if pending and node.executor is None:
+    if pending and node.executor is None and not node.context._interrupted:
         _tell_unspun(node, f"the future of a call of {', '.join(pending)}")
 
 

@@ -57,6 +57,7 @@ class Context:
         self._callbacks: list[Callable[[], Callable[[], Any] | None]] = []
         self._handle: ContextHandle | None = None
         self._by_signal = False
+        self._interrupted = False
         self._domain_id = 0
         self._nodes: list[weakref.ReferenceType[Node]] = []
         self._sleeps: weakref.WeakSet[Sleep] = weakref.WeakSet()
@@ -174,7 +175,7 @@ class Context:
     def _end_by_signal(self) -> None:
         """End it as far as a signal handler may: no lock is taken, no callback called."""
         if self._handle is not None and self._handle._ok:
-            self._by_signal = True
+            self._by_signal = self._interrupted = True
             self._handle._ok = False
             for sleep in _all(self._sleeps):
                 sleep.end()

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import _weakrefset
 import enum
+import functools
 import signal
 import sys
 import threading
+import weakref
 from types import FrameType, TracebackType
 from typing import Any
 
 from . import context as _context
+from ._reminder import reminder
 
 
 class SignalHandlerOptions(enum.IntEnum):
@@ -24,6 +28,13 @@ class SignalHandlerOptions(enum.IntEnum):
 _handled = SignalHandlerOptions.NO
 _before: dict[int, Any] = {}
 
+_SOON = frozenset({"__enter__", "__exit__", "_acquire_restore", "_release_save", "_is_owned"})
+"""What `threading` does around a lock, where an exception would leave it locked for ever."""
+_BOOKKEEPING = ("<frozen importlib", weakref.__file__, _weakrefset.__file__)
+"""Code in which an exception would be printed and forgotten, or leave an import locked."""
+_MOST_PUT_OFF = 20
+_put_off = 0
+
 
 def install_signal_handlers(options: SignalHandlerOptions = SignalHandlerOptions.ALL) -> None:
     """Let the signals end every context; without effect outside of the main thread."""
@@ -35,6 +46,8 @@ def install_signal_handlers(options: SignalHandlerOptions = SignalHandlerOptions
         _install(signal.SIGINT)
     if options & SignalHandlerOptions.SIGTERM:
         _install(signal.SIGTERM)
+    if _before:
+        reminder().begin()
 
 
 def get_current_signal_handlers_options() -> SignalHandlerOptions:
@@ -51,6 +64,8 @@ def uninstall_signal_handlers() -> None:
     for number, before in _before.items():
         if signal.getsignal(number) is _handle:
             signal.signal(number, before)
+    if _before:
+        reminder().end()
     _before.clear()
 
 
@@ -59,15 +74,37 @@ def _install(number: int) -> None:
     if before is not _handle:
         _before[number] = before
         signal.signal(number, _handle)
+        reminder().numbers.add(number)
+        _end_quietly()
 
 
 def _handle(number: int, frame: FrameType | None) -> None:
     before = _before.get(number)
+    if number == signal.SIGINT and _is_put_off(frame):
+        return
+    reminder().heeded()
     _context.end_all_by_signal()
     if number == signal.SIGINT:
         _end_in_one_line()
     if callable(before):
         before(number, frame)  # Python's own raises KeyboardInterrupt
+
+
+def _is_put_off(frame: FrameType | None) -> bool:
+    """Whether an exception now would do harm or be lost; the signal comes again in a moment."""
+    global _put_off
+    if frame is None or _put_off >= _MOST_PUT_OFF or not _is_delicate(frame):
+        _put_off = 0
+        return False
+    _put_off += 1
+    return reminder().waits()
+
+
+def _is_delicate(frame: FrameType) -> bool:
+    code = frame.f_code
+    if code.co_filename == threading.__file__:
+        return code.co_name in _SOON
+    return code.co_name == "__del__" or code.co_filename.startswith(_BOOKKEEPING)
 
 
 def _end_in_one_line() -> None:
@@ -83,3 +120,20 @@ def _end_in_one_line() -> None:
             others(kind, error, traceback)
 
     sys.excepthook = tell
+
+
+@functools.cache
+def _end_quietly() -> None:
+    """Have nothing told of Ctrl-C while Python ends, where no program could catch it."""
+    others = sys.unraisablehook
+
+    def tell(unraisable: sys.UnraisableHookArgs) -> None:
+        if not (issubclass(unraisable.exc_type, KeyboardInterrupt) and _python_ends()):
+            others(unraisable)
+
+    sys.unraisablehook = tell
+
+
+def _python_ends() -> bool:
+    main = threading.main_thread()
+    return not main.is_alive() or getattr(threading, "_SHUTTING_DOWN", False)

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import contextlib
+import functools
 import signal
 import subprocess
 import sys
 import textwrap
+import threading
 import time
 from pathlib import Path
+from types import SimpleNamespace
+from unittest.mock import Mock
 
 import pytest
 
 from taskrpc import rclpy
 from taskrpc.rclpy import signals, utilities
 from taskrpc.rclpy.exceptions import RCLError
+from taskrpc.rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from taskrpc.rclpy.signals import SignalHandlerOptions
 
 
@@ -222,3 +228,86 @@ def test_modules_are_imported_where_they_are_named():
 def test_what_carries_the_calls_has_a_name():
     name = rclpy.get_rmw_implementation_identifier()
     assert rclpy.get_available_rmw_implementations() == {name}
+
+
+@pytest.fixture
+def up():
+    rclpy.init(args=[])
+
+
+@contextlib.contextmanager
+def within_seconds(seconds):
+    begin = time.monotonic()
+    yield
+    assert time.monotonic() - begin < seconds
+
+
+def signalled_elsewhere(number):
+    """The signal, noted while the main thread is about to wait: another thread receives it."""
+    threading.Timer(0.1, signal.raise_signal, (number,)).start()
+
+
+@pytest.mark.real_time
+@not_on_windows
+def test_ctrl_c_that_comes_just_before_a_wait_ends_it(up):
+    signalled_elsewhere(signal.SIGINT)
+    with within_seconds(5), pytest.raises(KeyboardInterrupt):
+        time.sleep(10)
+
+
+@pytest.mark.real_time
+@not_on_windows
+@pytest.mark.parametrize(
+    ("number", "error"),
+    [(signal.SIGINT, KeyboardInterrupt), (signal.SIGTERM, ExternalShutdownException)],
+)
+def test_a_signal_that_comes_just_before_an_executor_waits_ends_the_spinning(up, number, error):
+    executor = SingleThreadedExecutor()
+    signalled_elsewhere(number)
+    with within_seconds(5), pytest.raises(error):
+        executor.spin_once(timeout_sec=10)
+    assert not rclpy.ok()
+
+
+@pytest.mark.real_time
+def test_ctrl_c_where_nobody_could_catch_it_comes_again_a_moment_later(up):
+    class Gone:
+        def __del__(self):
+            signal.raise_signal(signal.SIGINT)
+            gone.append(True)
+
+    gone = []
+    with pytest.raises(KeyboardInterrupt):
+        let_go_and_wait(Gone)
+    assert gone == [True]
+
+
+def let_go_and_wait(kind):
+    kind()
+    time.sleep(10)
+
+
+@pytest.mark.real_time
+def test_ctrl_c_leaves_no_lock_locked(up):
+    """It comes in `Condition.__enter__`, after the lock was acquired."""
+
+    interrupt = functools.partial(signal.raise_signal, signal.SIGINT)
+    lock = SimpleNamespace(acquire=None, release=None, __enter__=interrupt, __exit__=Mock())
+    with pytest.raises(KeyboardInterrupt):
+        lock_and_wait(threading.Condition(lock))
+    lock.__exit__.assert_called_once()
+
+
+def lock_and_wait(condition):
+    with condition:
+        pass
+    time.sleep(10)
+
+
+@pytest.mark.real_time
+@not_on_windows
+def test_the_signal_is_heeded_once(up):
+    for _ in range(3):
+        with pytest.raises(KeyboardInterrupt):
+            signal.raise_signal(signal.SIGINT)
+    time.sleep(0.3)  # would raise once more

@@ -1,5 +1,7 @@
 """Where ROS 2 hangs in silence we say so in one line; with --like-ros we do what ROS 2 does."""
 
+import sys
+
 import pytest
 
 pytestmark = pytest.mark.real_time
@@ -233,6 +235,14 @@ for future in futures:
     print(future.result().sum)
 """
     assert run(HEAD + source) == (0, "3\n3\n", "")
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no process gets just a Ctrl-C there")
+def test_a_program_that_ctrl_c_ended_before_it_could_spin_is_not_blamed(ros):
+    source = "future = node.create_client(AddTwoInts, 'add').call_async(REQUEST)\nprint('up')\n"
+    program = ros(HEAD + source + "time.sleep(30)\nrclpy.spin(node)")
+    program.wait_for("up")
+    assert (program.interrupt(), program.err) == (130, "KeyboardInterrupt\n")
 
 
 def test_an_answer_that_a_waiting_coroutine_keeps_away_is_told(run):

@@ -80,12 +80,13 @@ def test_an_exception_shows_the_program_and_nothing_of_us(run):
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no process gets just a Ctrl-C there")
 def test_ctrl_c_is_one_line_and_130_unless_the_program_catches_it(tmp_path):
+    start = "import rclpy, time\nrclpy.init()\nnode = rclpy.create_node('n')\n"
+    up = "print(1, flush=True)"
     for source, code, error in (
-        ("rclpy.spin(node)", 130, "KeyboardInterrupt\n"),
-        ("import time; time.sleep(60)", 130, "KeyboardInterrupt\n"),
-        ("try: rclpy.spin(node)\nexcept KeyboardInterrupt: pass\nrclpy.shutdown()", 0, ""),
+        (f"{up}; rclpy.spin(node)", 130, "KeyboardInterrupt\n"),
+        (f"{up}; time.sleep(60)", 130, "KeyboardInterrupt\n"),
+        (f"try: {up}; rclpy.spin(node)\nexcept KeyboardInterrupt: rclpy.shutdown()", 0, ""),
     ):
-        start = "import rclpy\nrclpy.init()\nnode = rclpy.create_node('n')\nprint(1, flush=True)\n"
         (tmp_path / "program.py").write_text(start + source)
         command = [sys.executable, "-m", "taskrpc", "run", str(tmp_path / "program.py")]
         with subprocess.Popen(command, stdout=-1, stderr=-1, text=True) as process:
@@ -93,6 +94,24 @@ def test_ctrl_c_is_one_line_and_130_unless_the_program_catches_it(tmp_path):
             process.send_signal(signal.SIGINT)
             assert process.communicate(timeout=30) == ("", error)
         assert process.returncode == code
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no process gets just a Ctrl-C there")
+def test_a_second_ctrl_c_ends_the_end_without_a_word(tmp_path):
+    source = (
+        "import rclpy, atexit, time\n"
+        "def end():\n    print(2, flush=True)\n    time.sleep(60)\n"
+        "atexit.register(end)\n"
+        "rclpy.init()\nnode = rclpy.create_node('n')\nprint(1, flush=True)\nrclpy.spin(node)\n"
+    )
+    (tmp_path / "program.py").write_text(source)
+    command = [sys.executable, "-m", "taskrpc", "run", str(tmp_path / "program.py")]
+    with subprocess.Popen(command, stdout=-1, stderr=-1, text=True) as process:
+        for line in ("1\n", "2\n"):
+            assert process.stdout.readline() == line
+            process.send_signal(signal.SIGINT)
+        assert process.communicate(timeout=30) == ("", "KeyboardInterrupt\n")
+    assert process.returncode == 130
 
 
 def test_a_program_that_is_not_there_is_told_in_a_line(run):
