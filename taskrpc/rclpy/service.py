@@ -199,7 +199,9 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
             return
         what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
         problem = f"the callback of {self._full_name} raised {what}"
-        if isinstance(error, Exception) and not isinstance(error, WouldDeadlock):
+        # A program that is ending already, which the callback noticed, needs no advice.
+        of_itself = isinstance(error, Exception) and self._node.context.ok()
+        if of_itself and not isinstance(error, WouldDeadlock):
             _explain.raised(self, problem)
         call.fail(HandlerFailed(Code.INTERNAL, problem))
 

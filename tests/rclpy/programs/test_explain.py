@@ -208,6 +208,21 @@ def test_a_future_of_a_node_that_nobody_spins_is_told_at_the_end(run):
     assert ["nobody spins /n" in line for line in told(err)] == [True]
 
 
+def test_a_callback_that_the_program_s_end_interrupts_is_not_told_of(run):
+    source = """
+from rclpy.executors import ExternalShutdownException
+def interrupted(request, response):
+    rclpy.shutdown()
+    raise ExternalShutdownException
+node.create_service(AddTwoInts, "add", interrupted)
+try:
+    ask("add")
+except ExternalShutdownException:
+    print("over")
+"""
+    assert run(HEAD + source) == (0, "over\n", "")
+
+
 def test_a_call_whose_end_the_program_does_not_ask_for_is_not_told_of(run):
     offer = 'node.create_service(AddTwoInts, "add", add)\n'
     call = "node.create_client(AddTwoInts, 'add').call_async(REQUEST)\nprint('sent')"
