@@ -13,8 +13,10 @@ from taskrpc.qos import QoS, qos_of
 from taskrpc.transport.base import OnMismatch, Transport
 
 if TYPE_CHECKING:
-    from taskrpc.observer import TopicStatus
+    from taskrpc.introspection import IntrospectionState
+    from taskrpc.observer import Observer, TopicStatus
     from taskrpc.running import Callback
+    from taskrpc.service import Service
     from taskrpc.timer import Timer
     from taskrpc.topic import Publisher, Subscription
 
@@ -29,11 +31,13 @@ class NodeTopics:
 
     _name: str
     _namespace: str
+    _observer: Observer | None
 
     def __init__(self) -> None:
         self._parts: dict[_Part, None] = {}
         self._topics_before: dict[str, TopicStatus] = {}
         """What those have done that are gone."""
+        self._events: dict[Service, Publisher] = {}
 
     @abstractmethod
     def get_fully_qualified_name(self) -> str:
@@ -125,6 +129,39 @@ class NodeTopics:
         timer = Timer(period, callback, threaded=threaded, forget=self._forget_part)
         self._parts[timer] = None
         return timer
+
+    def configure_introspection(
+        self, service: Service, state: IntrospectionState, qos: QoS | int = 100
+    ) -> None:
+        """Tell each call of this node's service on the topic `SERVICE/_service_event`.
+
+        With `metadata` that a request came and its response went, when, and whose it was; with
+        `contents` the messages, too; no longer with `off`. `taskrpc service echo` shows it. Where
+        the node has accounts, subscribers need the role operate. A service that tells nothing pays
+        nothing for this.
+
+        Raises CannotListen.
+        """
+        from taskrpc.introspection import SUFFIX, ServiceEvents  # few services tell of themselves
+        from taskrpc.observer import Observers
+
+        if state not in ("off", "metadata", "contents"):
+            raise ValueError(f"state: expected 'off', 'metadata' or 'contents', got {state!r}")
+        self._stop_events(service)
+        if state == "off":
+            service.observe(self._observer)
+            return
+        topic, role = f"{service.service_name}{SUFFIX}", Role.OPERATE
+        srv_type: Any = service.srv_type
+        publisher = self.create_publisher(srv_type.Event, topic, qos, role=role)
+        self._events[service] = publisher
+        events = ServiceEvents(publisher, srv_type, contents=state == "contents")
+        service.observe(Observers(self._observer, events) if self._observer else events)
+        service.finished.add_done_callback(lambda _: self._stop_events(service))
+
+    def _stop_events(self, service: Service) -> None:
+        if (publisher := self._events.pop(service, None)) is not None:
+            publisher.destroy()
 
     def _destroy_parts(self) -> None:
         for part in list(self._parts):

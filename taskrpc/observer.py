@@ -127,6 +127,9 @@ class Observer:
     def call_began(self, call: CallInfo) -> None:
         """A call arrived at one of the node's services; it may have to wait for its turn."""
 
+    def call_answered(self, call: CallInfo, response: Any) -> None:
+        """A call gets its response; `call_ended` follows."""
+
     def call_ended(self, call: CallInfo, code: Code, seconds: float) -> None:
         """A call has its answer, `seconds` after it arrived.
 
@@ -162,6 +165,11 @@ class Observers(Observer):
         """A call arrived."""
         for each in self._observers:
             told(each.call_began, call)
+
+    def call_answered(self, call: CallInfo, response: Any) -> None:
+        """A call gets its response."""
+        for each in self._observers:
+            told(each.call_answered, call, response)
 
     def call_ended(self, call: CallInfo, code: Code, seconds: float) -> None:
         """A call has its answer."""

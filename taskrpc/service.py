@@ -11,6 +11,8 @@ from collections.abc import Awaitable, Callable, Hashable
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+import msgspec
+
 from taskrpc.access import Role
 from taskrpc.callinfo import Denied, answering
 from taskrpc.deadline import TICK
@@ -131,6 +133,14 @@ class Service:
         self._transport.withdraw(self._offer)
         self._destroyed = True
         self._finish_if_idle()
+
+    def observe(self, observer: Observer | None) -> None:
+        """Tell another observer of the calls that come from now on."""
+        if not self._destroyed:
+            self._transport.withdraw(self._offer)
+            # Joined to whoever took the name between these two lines, for a moment free.
+            self._offer = msgspec.structs.replace(self._offer, observer=observer, join=True)
+            self._transport.offer(self._offer)
 
     def status(self) -> ServiceStatus:
         """How many calls run and wait."""

@@ -14,7 +14,9 @@ from taskrpc.qos import QoS
 from taskrpc.transport.base import OnMismatch
 
 if TYPE_CHECKING:
+    from taskrpc.introspection import IntrospectionState
     from taskrpc.running import Callback
+    from taskrpc.service import Service
 
 
 class Publisher:
@@ -161,6 +163,15 @@ class SyncTopics:
             "create_subscription()",
         )
         return Subscription(self._loop, inner)
+
+    def configure_introspection(
+        self, service: Service, state: IntrospectionState, qos: QoS | int = 100
+    ) -> None:
+        """Tell each call of this node's service; as `taskrpc.Node.configure_introspection`."""
+        self._loop.do(
+            lambda: self._node.configure_introspection(service, state, qos),
+            "configure_introspection()",
+        )
 
     def create_timer(self, period: float, callback: Callback, *, threaded: bool = True) -> Timer:
         """Call `callback()` every `period` seconds, in a thread if it is plain."""

@@ -90,6 +90,8 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--join", action="store_true", help="start although another server has the name")
     standby = "wait until the server that uses the database ends, then go on in its place"
     add("--standby", action="store_true", help=standby)
+    events = "what `taskrpc service echo` sees of calls (off)"
+    add("--introspection", choices=["off", "metadata", "contents"], default="off", help=events)
     found = "how soon a caller whose machine is gone is given up: after 8 s, or 2 s (default)"
     add("--keepalive", choices=["default", "robot"], help=found)
     web = "also show /health and /metrics there, by HTTP"
@@ -160,6 +162,7 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> Non
             share=options.share,
             settle=options.settle,
             join=options.join,
+            introspection=options.introspection,
         )
         if watch is not None:  # before the start: monitors shall see that it takes its time
             pages = watch.web(server)

@@ -106,6 +106,8 @@ def _service_type(given: str, name: str, entries: Iterable[Entry]) -> Any:
 
 def _silent(name: str) -> str:
     return (
-        f"note: no program tells of calls of {name} yet: its server or client has to say"
+        f"note: no program tells of calls of {name} yet: its server has to say"
+        ' node.configure_introspection(service, "contents"), taskrpc-server --introspection'
+        " contents, a program of rclpy"
         " configure_introspection(clock, qos, ServiceIntrospectionState.CONTENTS)"
     )

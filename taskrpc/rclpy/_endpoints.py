@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import weakref
 from collections.abc import Iterable
 from typing import Any, TypeAlias
 
+from taskrpc.introspection import gid_of
 from taskrpc.transport.entries import Entry
 
 from .endpoint_info import EndpointTypeEnum, ServiceEndpointInfo, TopicEndpointInfo
@@ -85,11 +85,6 @@ def split(node: str) -> tuple[str, str]:
     """A fully qualified name's name and namespace."""
     namespace, _, name = node.rpartition("/")
     return name, namespace or "/"
-
-
-def gid_of(*parts: object) -> list[int]:
-    """Sixteen numbers that tell one endpoint from every other."""
-    return list(hashlib.sha256("\n".join(map(str, parts)).encode()).digest()[:16])
 
 
 def _topic(entry: Entry, one: Any, kind: EndpointTypeEnum) -> TopicEndpointInfo:

@@ -10,11 +10,11 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 from taskrpc.errors import InvalidRequest
+from taskrpc.introspection import gid_of
 
 from ._deadlocks import check_call
 from ._detached import detached
 from ._elsewhere import names_of
-from ._endpoints import gid_of
 from ._entity import Entity
 from ._explain import failed, like_ros, nobody_spun
 from ._like_ros import wrapped_or_refused

@@ -10,11 +10,11 @@ from types import CoroutineType, TracebackType
 from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
 
 from taskrpc.errors import Code, HandlerFailed, InvalidRequest, WouldDeadlock
+from taskrpc.introspection import gid_of
 
 from . import _explain
 from ._detached import detached
 from ._elsewhere import names_of
-from ._endpoints import gid_of
 from ._entity import Entity
 from ._like_ros import depth_of, wrapped_or_refused
 from .callback_groups import CallbackGroup

@@ -5,15 +5,13 @@ from __future__ import annotations
 from enum import IntEnum
 from typing import TYPE_CHECKING, Any
 
-import srvgen
+from taskrpc.introspection import SUFFIX, service_event
 
 from .qos import QoSProfile
 
 if TYPE_CHECKING:
     from .clock import Clock
     from .node import Node
-
-_SUFFIX = "/_service_event"
 
 
 class ServiceIntrospectionState(IntEnum):
@@ -30,7 +28,7 @@ class Introspection:
     def __init__(self, node: Node, srv_type: Any, service: str) -> None:
         self._node = node
         self._srv_type = srv_type
-        self._topic = f"{service}{_SUFFIX}"
+        self._topic = f"{service}{SUFFIX}"
         self._state = ServiceIntrospectionState.OFF
         self._publisher: Any = None
         self._clock: Clock | None = None
@@ -58,18 +56,9 @@ class Introspection:
         publisher, clock = self._publisher, self._clock
         if publisher is None or clock is None:
             return
-        info_type = srvgen.load("service_msgs/msg/ServiceEventInfo")
-        event = self._srv_type.Event()
-        event.info = info_type(
-            event_type=getattr(info_type, step),
-            stamp=clock.now().to_msg(),
-            client_gid=gid,
-            sequence_number=number,
-        )
-        if self._state is ServiceIntrospectionState.CONTENTS:
-            event.request = [] if request is None else [request]
-            event.response = [] if response is None else [response]
-        publisher.publish(event)
+        told = (request, response) if self._state is ServiceIntrospectionState.CONTENTS else ()
+        stamp = clock.now().nanoseconds
+        publisher.publish(service_event(self._srv_type, step, stamp, gid, number, *told))
 
     def close(self) -> None:
         """Tell nothing more."""

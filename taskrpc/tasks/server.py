@@ -14,6 +14,7 @@ from typing import Any, Self, TypeAlias
 import srvgen
 from taskrpc.callinfo import current_call
 from taskrpc.errors import Code, HandlerError, OutcomeUnknown, StoreError, TaskRpcError, told
+from taskrpc.introspection import IntrospectionState
 from taskrpc.node import Node
 from taskrpc.robot.protocol import Robot
 from taskrpc.service import Service
@@ -76,6 +77,7 @@ class TaskServer:
         service_name: the name of the service that takes tasks.
         keep_ended: how many ended tasks are remembered.
         join: whether to start although another server has the name.
+        introspection: what the services tell of their calls; see `Node.configure_introspection`.
         wall_clock: the time of day, in seconds since 1970.
     """
 
@@ -91,9 +93,11 @@ class TaskServer:
         service_name: str = "robot_task",
         keep_ended: int = 1000,
         join: bool = False,
+        introspection: IntrospectionState = "off",
         wall_clock: Callable[[], float] = time.time,
     ) -> None:
         self._join = join
+        self._introspection = introspection
         self._store = store
         self.manager = TaskManager(
             robot,
@@ -220,6 +224,9 @@ class TaskServer:
             role=ROLES["health"],
         )
         self._services.append(health)
+        if self._introspection != "off":
+            for service in self._services:
+                self._node.configure_introspection(service, self._introspection)
 
     def _guarded(self, handler: _Handler, *, unstored: Code = Code.INTERNAL) -> _Handler:
         """The handler, which tells its caller when the server ends or what the store lacks."""

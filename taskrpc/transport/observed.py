@@ -32,6 +32,8 @@ class ObservedCall(ServedCall, eq=False):
     def reply(self, response: Any, body: bytes | None = None) -> None:
         """Answer with a response message."""
         super().reply(response, body)
+        if not self.ended and (observer := self.route.offer.observer) is not None:
+            told(observer.call_answered, self, response)
         self._end(Code.OK)
 
     def reply_in_thread(self, body: bytes) -> bool:

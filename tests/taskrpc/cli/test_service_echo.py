@@ -91,9 +91,9 @@ def runtime(tmp_path, monkeypatch):
 def start(runtime, tmp_path):
     started = []
 
-    def start(*arguments):
+    def start(*arguments, command=("-m", "taskrpc")):
         process = subprocess.Popen(
-            [sys.executable, "-m", "taskrpc", *arguments],
+            [sys.executable, *command, *arguments],
             cwd=tmp_path,
             env={**os.environ},
             stdout=subprocess.PIPE,
@@ -109,20 +109,35 @@ def start(runtime, tmp_path):
         process.stdout.close()
 
 
+def wait_for_echo(service, capsys):
+    for _ in range(100):
+        capsys.readouterr()
+        main(["topic", "info", f"{service}/_service_event"])
+        if "Subscription count: 1" in capsys.readouterr().out:
+            return
+    pytest.fail("service echo does not subscribe")
+
+
+@pytest.mark.real_time
+def test_calls_of_a_task_server_are_echoed_where_it_was_started_so(start, capsys):
+    told = ("--db", ":memory:", "--introspection", "contents")
+    start(*told, command=("-m", "taskrpc.cli.server"))
+    call = ["service", "call", "/robot_task/pause", "taskrpc_interfaces/srv/PauseTasks"]
+    assert main(call) == 0  # it waits for the server
+    echo = start("service", "echo", "robot_task/pause", "--csv")
+    wait_for_echo("/robot_task/pause", capsys)
+    assert main(call) == 0
+    assert echo.stdout.readline().startswith("1,")
+    assert ",True," in echo.stdout.readline()
+
+
 @pytest.mark.real_time
 def test_calls_of_a_running_program_are_echoed(start, tmp_path, capsys):
     (tmp_path / "adder.py").write_text(PROGRAM)
     assert start("run", "adder.py").stdout.readline() == "up\n"
     echo = start("service", "echo", "add", "--csv")
     call = ["service", "call", "/add", "example_interfaces/srv/AddTwoInts", "{a: 2, b: 3}"]
-    topic = ["topic", "info", "/add/_service_event"]
-    for _ in range(100):
-        capsys.readouterr()
-        main(topic)
-        if "Subscription count: 1" in capsys.readouterr().out:
-            break
-    else:
-        pytest.fail("service echo does not subscribe")
+    wait_for_echo("/add", capsys)
     assert main(call) == 0
     first, second = echo.stdout.readline(), echo.stdout.readline()
     assert first.startswith("1,")

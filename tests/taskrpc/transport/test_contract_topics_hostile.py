@@ -322,7 +322,7 @@ async def test_a_thread_that_waits_to_publish_learns_that_the_publisher_is_gone(
 
     def publish():
         try:
-            for number in range(10):
+            for number in range(3):
                 publisher.publish(Int32(data=number))
         except taskrpc.TaskRpcError as error:
             found.append(error)
