@@ -442,11 +442,13 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
     _NESTED: ClassVar[Mapping[str, type[Any]]] = {}
     _WIDTH: ClassVar[int] = 0
     _fields_and_field_types: ClassVar[dict[str, str]] = {}
+    _check_fields: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
         cls._WIDTH = len(cls._FIELDS)
         cls._fields_and_field_types = {name: _rosidl_type(type_) for name, type_ in cls._FIELDS}
         _take_arrays_when_set(cls)
+        _name_slots_as_rosidl(cls)
 
     def _check(self) -> None:
         """Bring every field to its exact type, or raise FieldError."""
@@ -479,6 +481,20 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
         return all(_are_equal(getattr(self, name), getattr(other, name)) for name in names)
 
 
+def _name_slots_as_rosidl(cls: type[Message]) -> None:
+    """Give fields a second name with an underscore in front: `__slots__` has these in ROS."""
+    slots = [f"_{name}" for name, _ in cls._FIELDS]
+    for (name, _), slot in zip(cls._FIELDS, slots, strict=True):
+        if not hasattr(cls, slot):
+            setattr(cls, slot, cls.__dict__[_attribute(cls, name)])
+    setattr(cls, "__slots__", [*slots, "_check_fields"])  # noqa: B010 - unknown to type checkers
+
+
+def _attribute(cls: type[Message], name: str) -> str:
+    """A field's attribute: its name, unless Python or we need that."""
+    return name if name in cls.__dict__ else f"{name}_"
+
+
 def _take_arrays_when_set(cls: type[Message]) -> None:
     """Have fields of numbers hold arrays from the moment when they are set, as programs see in ROS.
 
@@ -488,7 +504,7 @@ def _take_arrays_when_set(cls: type[Message]) -> None:
     for name, type_ in cls._FIELDS:
         element, bracket, _ = type_.partition("[")
         if bracket and (array_class := _ARRAYS.get(element)):
-            attribute = name if name in cls.__dict__ else f"{name}_"
+            attribute = _attribute(cls, name)
             slot = cls.__dict__[attribute]
             taken.append((slot.__get__, slot.__set__, array_class))
             setattr(cls, attribute, property(slot.__get__, _array_setter(slot, array_class)))

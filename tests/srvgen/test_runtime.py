@@ -206,6 +206,23 @@ def test_numbers_are_the_fields_array_from_the_moment_when_they_are_set(given_):
     assert type(Everything(image=[1, 2]).image) is _runtime.Uint8Array
 
 
+@pytest.mark.parametrize("cls", [Everything, Inner, Awkward], ids=lambda cls: cls.__name__)
+def test_slots_are_named_as_rosidl_names_them(cls):
+    message = cls()
+    slots = [f"_{name}" for name in cls.get_fields_and_field_types()]
+    assert message.__slots__ == [*slots, "_check_fields"]
+    for slot, attribute in zip(slots, cls.__struct_fields__, strict=True):
+        assert getattr(message, slot) == getattr(message, attribute)
+    assert message._check_fields is False
+
+
+def test_a_field_is_set_by_its_slot_too():
+    message = Everything()
+    message._image = [1, 2]
+    assert repr(message.image) == "array('B', [1, 2])"
+    assert copy.copy(message) == message
+
+
 def test_what_an_array_cannot_hold_stays_as_it_was_set_until_the_check():
     for values in ([1, "x"], [300], 5, None, "ab"):
         message = Everything(image=values)
