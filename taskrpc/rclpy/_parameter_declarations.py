@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import srvgen
@@ -12,6 +14,8 @@ from .parameter import Parameter, ParameterValue, parameter_value_to_python
 from .validate_parameter_name import validate_parameter_name
 
 ParameterDescriptor = srvgen.load("rcl_interfaces/msg/ParameterDescriptor")
+
+_HERE = str(Path(__file__).parent)
 
 
 @dataclass
@@ -101,5 +105,13 @@ def _warn_of_a_name_alone(name: str) -> None:
         " (and optionally a descriptor).\n"
         "\t- Pass a name and a parameter type.\n"
         "\t- Pass a name and a descriptor with `dynamic_typing=True",
-        stacklevel=5,
+        stacklevel=_levels_to_the_program(),
     )
+
+
+def _levels_to_the_program() -> int:
+    """How many calls up the program is, seen from the function that warns."""
+    levels, frame = 1, sys._getframe(1)
+    while frame.f_back is not None and frame.f_code.co_filename.startswith(_HERE):
+        levels, frame = levels + 1, frame.f_back
+    return levels

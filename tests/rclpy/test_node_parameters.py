@@ -107,8 +107,10 @@ def test_a_parameter_can_be_declared_by_its_type(node):
 
 
 def test_a_name_alone_is_declared_with_a_warning(node):
-    with pytest.warns(UserWarning, match="'a', declaring a parameter only providing its name"):
+    named = "'a', declaring a parameter only providing its name"
+    with pytest.warns(UserWarning, match=named) as told:
         assert node.declare_parameter("a").value is None
+    assert told[0].filename == __file__, "the program's line is shown"
     assert node.try_set(a=1).successful
     assert node.try_set(a="x").successful
 
