@@ -36,7 +36,7 @@ NOT_RUN = {
     "docs/how-to/reach-another-machine.md": 8,
     "docs/how-to/teach-a-class.md": 6,
     "docs/how-to/run-ros-programs.md": 1,
-    "docs/how-to/paste-ros2-lines.md": 1,
+    "docs/how-to/paste-ros2-lines.md": 2,
     "docs/how-to/take-a-program-to-a-robot.md": 1,
 }
 """Blocks that a test cannot run (virtual environments, other machines), counted for each page."""
@@ -106,7 +106,7 @@ def commands() -> dict[str, dict[str, bool]]:
         **_with_children(srvgen.cli._parser(), "srvgen"),
     }
     for name in main._PURPOSES:
-        found |= _with_children(main._parser(name), "taskrpc", only=name)
+        found |= _with_children(main.parser_of(name), "taskrpc", only=name)
     return {typed: _options(parser) for typed, parser in found.items()}
 
 

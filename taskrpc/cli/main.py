@@ -17,7 +17,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from taskrpc.cli.command import run_main
+from taskrpc.cli.command import UsageError, run_main
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
@@ -33,6 +33,7 @@ _PURPOSES = {
     "param": "Various param related sub-commands",
     "pkg": "Various package related sub-commands",
     "daemon": "Answer as ros2 does about its daemon",
+    "colcon": "Answer as colcon does: packages run here without a build",
     "task": "Submit tasks to the task server and watch them",
     "alias": "Let a shell know ros2",
     "ps": "List the taskrpc processes of this user",
@@ -48,6 +49,19 @@ _PURPOSES = {
     "demo": "Watch a task server, three clients and a robot at work",
 }
 
+_NOT_HERE = {
+    "launch": "start each program by a taskrpc run of its own",
+    "action": "there are no actions yet; services and topics are there",
+    "bag": "nothing is recorded; taskrpc topic echo --csv prints to a file",
+    "lifecycle": "call a node's services, as /NODE/change_state, with taskrpc service call",
+    "component": "start each node by a taskrpc run of its own",
+    "control": "there is no controller manager",
+    "multicast": "programs find each other without multicast; ask taskrpc doctor",
+    "security": "see taskrpc classroom, and taskrpc-server --tls-cert and --token-file",
+    "wtf": "its other name is taskrpc doctor",
+}
+"""Commands of ros2 that are not among ours, and what to do instead."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code."""
@@ -56,13 +70,15 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(arguments: list[str]) -> int:
     command = next((each for each in arguments if not each.startswith("-")), "")
-    options: Namespace = _parser(command).parse_args(arguments)
+    if command in _NOT_HERE:
+        raise UsageError(f"taskrpc has no command '{command}': {_NOT_HERE[command]}")
+    options: Namespace = parser_of(command).parse_args(arguments)
     if options.version:
         return _print_version()
     return int(options.run(options))
 
 
-def _parser(command: str) -> Parser:
+def parser_of(command: str) -> Parser:
     """The parser, with the arguments of the one command that is used."""
     from taskrpc.cli.parsing import Parser, add_command, add_group
 

@@ -160,3 +160,12 @@ def test_in_a_process_that_is_not_the_commands_garbage_is_none_of_its_business(m
     before = command.gc.get_threshold()
     command.goes_on()
     assert command.gc.get_threshold() == before
+
+
+def test_a_command_that_only_ros2_has_is_answered_in_a_line(capsys):
+    assert main(["launch", "turtlesim", "multisim.launch.py"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err) == (
+        "",
+        "taskrpc has no command 'launch': start each program by a taskrpc run of its own\n",
+    )
