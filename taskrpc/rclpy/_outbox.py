@@ -49,6 +49,7 @@ class Outbox:
         self._native = native
         self._codec = codec_of(srv_type.Request)
         self._waiting: deque[Request] = deque()
+        self._sending: asyncio.Task[None] | None = None
         self._closed = False
         _outboxes.add(self)
         _heed_the_end()
@@ -66,7 +67,8 @@ class Outbox:
         # What the program does to the message afterwards must not change the request.
         message = self._codec.decode(self._codec.encode(message))
         request = Request(message, partial(self._ended, message, tell))
-        self._native.bridge.soon(lambda: self._wait(request))
+        self._waiting.append(request)  # here, lest the thread's next request overtakes it
+        self._native.bridge.soon(self._begin)
         return lambda: self._native.bridge.soon(lambda: self._give_up(request))
 
     @property
@@ -94,14 +96,14 @@ class Outbox:
     def _ended(self, message: Any, tell: Tell, response: Any, error: BaseException | None) -> None:
         lost = self._closed or like_ros()
         if isinstance(error, ServiceUnavailable) and not lost:  # it certainly did not run
-            self._wait(Request(message, partial(self._ended, message, tell)))
+            self._waiting.append(Request(message, partial(self._ended, message, tell)))
+            self._begin()
         else:
             tell(response, error)
 
-    def _wait(self, request: Request) -> None:
-        self._waiting.append(request)
-        if len(self._waiting) == 1:
-            task = asyncio.get_running_loop().create_task(self._send_all())
+    def _begin(self) -> None:
+        if self._sending is None or self._sending.done():
+            task = self._sending = asyncio.get_running_loop().create_task(self._send_all())
             _tasks.add(task)  # the loop itself would let it vanish
             task.add_done_callback(_tasks.discard)
 
@@ -110,11 +112,18 @@ class Outbox:
         while self._waiting:
             if not await inner.wait_for_service(None):
                 return  # the client is destroyed
-            while self._waiting and self._native.connected:
-                request = self._waiting.popleft()
-                if not request.given_up:
-                    request.future = future = inner.call_async(request.message, None)
-                    future.add_done_callback(partial(_told, request.tell))
+            with contextlib.suppress(IndexError):  # another thread closed it
+                while self._native.connected:
+                    self._send_first()
+
+    def _send_first(self) -> None:
+        request = self._waiting[0]  # it stays there until it is sent: nothing may overtake it
+        try:
+            if not request.given_up:
+                request.future = future = self._native.inner.call_async(request.message, None)
+                future.add_done_callback(partial(_told, request.tell))
+        finally:
+            self._waiting.popleft()
 
     def _give_up(self, request: Request) -> None:
         request.given_up = True

@@ -5,11 +5,13 @@ import gc
 import subprocess
 import sys
 import threading
+import time
 
 import pytest
 
 import srvgen
 from taskrpc.errors import HandlerFailed, InvalidRequest, OutcomeUnknown
+from taskrpc.rclpy._bridge import NativeClient
 from taskrpc.rclpy.exceptions import InvalidHandle, InvalidServiceNameException
 from tests.rclpy.living import PATIENCE, living, service_of, until
 
@@ -103,6 +105,29 @@ def test_a_request_waits_for_a_server_that_comes_later(world):
     assert not client.service_is_ready()
     world.node("server").create_service(AddTwoInts, "add", add)
     assert [world.answer(first).sum, world.answer(second).sum] == [2, 11]
+
+
+def test_no_request_overtakes_one_that_waits_for_the_connection(world, client, monkeypatch):
+    """The first is sent by the loop, the next by the caller, for whom the connection is there."""
+    world.answer(client.call_async(Request()))
+    came = []
+    service = service_of(next(iter(world.executor.get_nodes())), "/add")
+    monkeypatch.setattr(service, "callback", lambda request, response: came.append(request.a))
+    connected = NativeClient.connected.fget
+    to_the_caller = iter([False])
+
+    def seen(native):
+        here = threading.current_thread() is threading.main_thread()
+        return next(to_the_caller, True) if here else connected(native)
+
+    monkeypatch.setattr(NativeClient, "connected", property(seen))
+    client._native.bridge.soon(lambda: time.sleep(0.05))
+    for number in (1, 2, 3):
+        client.call_async(Request(a=number))
+    for _ in range(3):
+        with contextlib.suppress(TypeError):  # nothing is returned
+            world.spin_until(lambda: len(came) == 3)
+    assert came == [1, 2, 3]
 
 
 def test_waiting_ends_at_the_timeout_and_at_the_shutdown(world):
