@@ -19,7 +19,7 @@ from ._spinning import (
     spin_until_future_complete,
 )
 from .context import Context
-from .signals import SignalHandlerOptions
+from .signals import SignalHandlerOptions, install_signal_handlers, uninstall_signal_handlers
 from .task import Future
 from .utilities import (
     get_available_rmw_implementations,
@@ -40,12 +40,14 @@ __all__ = [
     "get_global_executor",
     "get_rmw_implementation_identifier",
     "init",
+    "install_signal_handlers",
     "ok",
     "shutdown",
     "spin",
     "spin_once",
     "spin_until_future_complete",
     "try_shutdown",
+    "uninstall_signal_handlers",
 ]
 
 _LATER = frozenset(

@@ -42,6 +42,10 @@ if TYPE_CHECKING:
     from .executors import Executor
 
 
+HIDDEN_NODE_PREFIX = "_"
+"""How the names of nodes begin that are not listed unless somebody asks for all."""
+
+
 class _Unset:
     """Stands for an attribute of a node until `Node.__init__` sets it."""
 
@@ -260,7 +264,8 @@ __getattr__ = names_of(
     {
         "rcl_interfaces/msg": "FloatingPointRange IntegerRange ListParametersResult"
         " ParameterDescriptor ParameterEvent SetParametersResult",
-        ".parameter": "ParameterType ParameterValue",
+        "rcl_interfaces/srv": "ListParameters",
+        ".parameter": "PARAMETER_SEPARATOR_STRING ParameterMsg ParameterType ParameterValue",
         ".callback_groups": "CallbackGroup MutuallyExclusiveCallbackGroup ReentrantCallbackGroup",
         ".client": "Client",
         ".service": "Service",
@@ -271,9 +276,20 @@ __getattr__ = names_of(
         ".waitable": "Waitable",
         ".executors": "Executor",
         ".future": "Future",
-        ".exceptions": "InvalidHandle",
+        ".exceptions": "InvalidHandle InvalidParameterTypeException InvalidParameterValueException"
+        " InvalidTopicNameException NodeNameNonExistentError ParameterAlreadyDeclaredException"
+        " ParameterImmutableException ParameterNotDeclaredException"
+        " ParameterUninitializedException",
+        ".qos": "qos_profile_parameter_events qos_profile_services_default",
+        ".constants": "S_TO_NS",
+        ".expand_topic_name": "expand_topic_name",
+        ".topic_endpoint_info": "TopicEndpointInfo",
         ".event_handler": "PublisherEventCallbacks SubscriptionEventCallbacks",
         ".qos_overriding_options": "QoSOverridingOptions",
-        ".type_support": "MsgType SrvType SrvTypeRequest SrvTypeResponse",
+        ".type_support": "MsgType SrvType SrvTypeRequest SrvTypeResponse check_is_valid_msg_type"
+        " check_is_valid_srv_type",
+        ".validate_full_topic_name": "validate_full_topic_name",
+        ".validate_parameter_name": "validate_parameter_name",
+        ".validate_topic_name": "validate_topic_name",
     },
 )

@@ -1,6 +1,7 @@
 """The name by which older programs know `event_handler`."""
 
 from .event_handler import (
+    EventHandler,
     IncompatibleTypeInfo,
     PublisherEventCallbacks,
     QoSDeadlineOfferedInfo,
@@ -16,16 +17,23 @@ from .event_handler import (
     UnsupportedEventTypeError,
 )
 
+QoSEventHandler = EventHandler
+QoSOfferedDeadlineMissedInfo = QoSDeadlineOfferedInfo
+QoSRequestedDeadlineMissedInfo = QoSDeadlineRequestedInfo
+
 __all__ = [
     "IncompatibleTypeInfo",
     "PublisherEventCallbacks",
     "QoSDeadlineOfferedInfo",
     "QoSDeadlineRequestedInfo",
+    "QoSEventHandler",
     "QoSLivelinessChangedInfo",
     "QoSLivelinessLostInfo",
     "QoSMessageLostInfo",
+    "QoSOfferedDeadlineMissedInfo",
     "QoSOfferedIncompatibleQoSInfo",
     "QoSPublisherMatchedInfo",
+    "QoSRequestedDeadlineMissedInfo",
     "QoSRequestedIncompatibleQoSInfo",
     "QoSSubscriptionMatchedInfo",
     "SubscriptionEventCallbacks",

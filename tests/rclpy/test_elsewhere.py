@@ -7,11 +7,12 @@ import pytest
 PLACES = [
     ("node", "Parameter ParameterType ParameterDescriptor SetParametersResult Client Publisher"),
     ("node", "MutuallyExclusiveCallbackGroup QoSProfile Timer Future SrvTypeRequest MsgType"),
+    ("node", "ParameterNotDeclaredException ListParameters TopicEndpointInfo validate_topic_name"),
     ("client", "Future SrvType SrvTypeRequest SrvTypeResponse"),
     ("service", "SrvType SrvTypeRequest SrvTypeResponse"),
     ("publisher", "MsgType"),
     ("subscription", "MsgType"),
-    ("qos_event", "PublisherEventCallbacks QoSRequestedIncompatibleQoSInfo"),
+    ("qos_event", "PublisherEventCallbacks QoSRequestedIncompatibleQoSInfo QoSEventHandler"),
     ("event_handler", "QoSPublisherMatchedInfo QoSSubscriptionMatchedInfo"),
     ("action.client", "ClientGoalHandle"),
     ("action.server", "ServerGoalHandle"),
