@@ -268,7 +268,10 @@ class Client:
         return future.cancel
 
     def _catch_up(self, request: Any, timeout: float | Unset | None) -> None:
-        self._begin(self._behind.popleft(), request, timeout, UNSET, "")
+        try:
+            self._begin(self._behind[0], request, timeout, UNSET, "")
+        finally:
+            self._behind.popleft()  # only now may the caller's thread send by itself again
 
     def destroy(self) -> None:
         """Forget the service."""
