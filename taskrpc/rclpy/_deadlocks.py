@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from .client import Client
     from .executors import Executor
     from .future import Future
+    from .timer import Timer
 
 
 def check_call(client: Client[Any, Any], timeout: float | None) -> None:
@@ -39,6 +40,15 @@ def check_spin(executor: Executor, future: Future[Any], timeout: float | None) -
                 if why := _held_group(client.callback_group, callback, "the answer"):
                     raise WouldDeadlock(_explain.spun_in_vain(client, callback, why))
                 return
+
+
+def check_rate(timer: Timer) -> None:
+    """Raise WouldDeadlock where `Rate.sleep` keeps the only thread that could run its timer."""
+    callback = current_callback()
+    if callback is None or _explain.like_ros():
+        return
+    if callback.executor._one_thread and timer._node in callback.executor._nodes:
+        raise WouldDeadlock(_explain.would_oversleep(callback))
 
 
 def check_deaf(executor: Executor, node: Any) -> None:

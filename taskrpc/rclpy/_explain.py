@@ -55,6 +55,27 @@ def spun_in_vain(client: Client[Any, Any], callback: Callback, why: str) -> str:
     return f"ROS 2 would {sentence}"
 
 
+def would_oversleep(callback: Callback) -> str:
+    """`Rate.sleep` in a callback, on the only thread that could wake it; the whole sentence."""
+    sentence = (
+        f"hang here for ever: Rate.sleep in {name_of(callback)} waits for a timer that only the"
+        " thread could run that sleeps; have a timer of that period call the callback instead, or"
+        " spin a MultiThreadedExecutor"
+    )
+    tell(("rate", name_of(callback)), sentence)
+    return f"ROS 2 would {sentence}"
+
+
+def nobody_woke(node: Any) -> None:
+    """`Rate.sleep` while nobody spins: it ends at its time all the same."""
+    tell(
+        ("unspun rate", shown(node)),
+        f"hang here for ever: Rate.sleep waits for a timer that nobody runs, as no other thread"
+        f" spins {shown(node)}; have one do so: threading.Thread(target=rclpy.spin, args=(node,),"
+        " daemon=True).start() (or sleep by time.sleep)",
+    )
+
+
 def went_deaf(node: Any, callback: Callback) -> None:
     """A spin in a callback, after which the outer spin has the node no more."""
     tell(

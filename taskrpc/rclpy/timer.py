@@ -8,8 +8,11 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any, ClassVar, Self
 
+from ._deadlocks import check_rate
 from ._entity import Entity
+from ._explain import like_ros, nobody_woke
 from ._jumps import ClockChange, TimeJump
+from ._running import is_busy
 from .callback_groups import CallbackGroup
 from .clock import Clock
 from .clock_type import ClockType
@@ -225,6 +228,7 @@ class Rate:
         self._event = threading.Event()
         self._lock = threading.Lock()
         self._num_sleepers = 0
+        self._grace_ns = _GRACE_NS
         self._timer.callback = self._event.set
         context.on_shutdown(self._on_shutdown)
 
@@ -232,14 +236,14 @@ class Rate:
         """Wait for the timer's next call.
 
         Raises ROSInterruptException when the context is shut down, RuntimeError once it is
-        destroyed.
+        destroyed, WouldDeadlock in a callback that keeps the only thread that could run the timer.
         """
         self._check()
+        check_rate(self._timer)
         with self._lock:
             self._num_sleepers += 1
         try:
-            while not self._event.wait(_SLICE):
-                pass
+            self._wait()
         finally:
             with self._lock:
                 self._num_sleepers -= 1
@@ -252,6 +256,29 @@ class Rate:
         """Wake who sleeps, and let nobody sleep any more."""
         self._is_destroyed = True
         self._event.set()
+
+    def _wait(self) -> None:
+        """Wait for the timer's call, which is made here where nobody spins."""
+        while not self._event.wait(self._slice()):
+            if self._is_unspun():
+                if self._grace_ns:
+                    self._grace_ns = 0
+                    nobody_woke(self._timer._node)
+                if (call := self._timer._take()) is not None:
+                    call()
+
+    def _slice(self) -> float:
+        left = self._timer._wait_ns()
+        if self._grace_ns or left is None:
+            return _SLICE
+        return min(_SLICE, max(0, left) * 1e-9)
+
+    def _is_unspun(self) -> bool:
+        """Whether the timer is so late that nobody seems to spin."""
+        left = self._timer._wait_ns()
+        if left is None or left + self._grace_ns > 0 or like_ros():
+            return False
+        return not is_busy(self._timer._node.executor)
 
     def _check(self) -> None:
         if self._is_shutdown:
@@ -269,3 +296,5 @@ class Rate:
 
 _SLICE = 0.1
 """Seconds of one wait: on Windows Ctrl-C does not reach a longer one before its end."""
+_GRACE_NS = 1_000_000_000
+"""By how much a timer is late before nobody seems to spin; none once that was seen."""

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import pytest
 
 import srvgen
 from taskrpc import rclpy
+from taskrpc.errors import WouldDeadlock
+from taskrpc.rclpy import timer as timer_module
 from taskrpc.rclpy.callback_groups import ReentrantCallbackGroup
-from taskrpc.rclpy.exceptions import NotInitializedException
+from taskrpc.rclpy.exceptions import NotInitializedException, ROSInterruptException
 from taskrpc.rclpy.executors import (
     ExternalShutdownException,
     MultiThreadedExecutor,
@@ -216,6 +219,45 @@ def test_a_rate_sleeps_while_another_thread_spins(spinning):
     for _ in range(3):
         rate.sleep()
     assert spinning.destroy_rate(rate)
+
+
+def test_a_rate_in_a_callback_of_the_only_thread_is_refused(node):
+    rate = node.create_rate(100)
+    node.create_timer(0.001, rate.sleep)
+    with pytest.raises(WouldDeadlock, match=r"Rate.sleep in .* waits for a timer that only the"):
+        rclpy.spin(node)
+
+
+def test_a_rate_in_a_callback_of_a_pool_sleeps(node):
+    rate, slept = node.create_rate(100), Future()
+
+    def callback():
+        rate.sleep()
+        slept.set_result(True)
+
+    timer = node.create_timer(0.001, lambda: (timer.cancel(), callback()))
+    with MultiThreadedExecutor(2) as executor:
+        executor.add_node(node)
+        executor.spin_until_future_complete(slept, 5)
+    assert slept.done()
+
+
+def test_a_rate_that_nobody_spins_goes_on_at_its_time_and_says_so_once(node, monkeypatch, capfd):
+    monkeypatch.setattr(timer_module, "_GRACE_NS", 1)
+    rate, begin = node.create_rate(50), time.monotonic()
+    for _ in range(3):
+        rate.sleep()
+    assert 0.06 <= time.monotonic() - begin < 5
+    assert capfd.readouterr().err.count("hang here for ever: Rate.sleep waits for a timer") == 1
+
+
+def test_like_ros_a_rate_that_nobody_spins_sleeps_until_the_end(node, monkeypatch):
+    monkeypatch.setattr(timer_module, "_GRACE_NS", 1)
+    monkeypatch.setattr(timer_module, "like_ros", lambda: True)
+    rate = node.create_rate(100)
+    threading.Timer(0.3, rclpy.shutdown).start()
+    with pytest.raises(ROSInterruptException):
+        rate.sleep()
 
 
 def test_a_blocking_call_beside_the_spinning_thread_is_answered(spinning):
