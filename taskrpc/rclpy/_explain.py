@@ -112,6 +112,15 @@ def swallowed(node: Any, callback: str, error: Exception) -> None:
     )
 
 
+def impossible_step(node: Any, number: int, error: Exception) -> None:
+    """Somebody asked a lifecycle node, by number, for a step that is not possible now."""
+    tell(
+        ("impossible", shown(node)),
+        f"end the spin of {shown(node)} here, with RCLError: somebody asked for the transition"
+        f" {number}, which is not possible now ({error}); ask by label, which is refused",
+    )
+
+
 def failed(client: Client[Any, Any], error: BaseException) -> None:
     """A call ended with an error, which a future in ROS never has."""
     tell(

@@ -267,6 +267,22 @@ def test_others_ask_for_steps_and_are_told_of_them():
     ]
 
 
+@pytest.mark.real_time
+def test_a_step_that_is_not_possible_is_refused_and_the_node_goes_on(capsys, monkeypatch):
+    monkeypatch.setattr(_explain, "_told", set())
+    with living() as world:
+        node = Node("robot", context=world.context)
+        world.executor.add_node(node)
+        client = node.create_client(ChangeState, "~/change_state")
+        request = ChangeState.Request(transition=Transition(id=3))
+        assert not world.answer(client.call_async(request)).success
+        assert stands(node) == "unconfigured"
+        monkeypatch.setattr(_explain, "like_ros", lambda: True)
+        with pytest.raises(RCLError, match="Transition is not registered"):
+            world.answer(client.call_async(request))
+    assert "[taskrpc] ROS 2 would end the spin of /robot here" in capsys.readouterr().err
+
+
 def test_without_an_interface_there_is_no_service(quiet):
     node = quiet()
     assert not hasattr(node, "_service_change_state")

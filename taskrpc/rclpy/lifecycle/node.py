@@ -238,7 +238,12 @@ class LifecycleNodeMixin(ManagedEntity):
             except RCLError:
                 response.success = False
                 return response
-        response.success = self._rclpy_change(number) is TransitionCallbackReturn.SUCCESS
+        try:
+            response.success = self._rclpy_change(number) is TransitionCallbackReturn.SUCCESS
+        except RCLError as error:  # what others ask for must not end this node
+            if _explain.like_ros():
+                raise
+            _explain.impossible_step(self, number, error)
         return response
 
     def _rclpy_on_get_state(self, request: Any, response: Any) -> Any:
