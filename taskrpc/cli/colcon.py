@@ -75,15 +75,15 @@ def _build_one(name: str) -> bool:
 def _problems(package: str) -> list[str]:
     """What is wrong with a package's definitions."""
     import srvgen
-    from srvgen.search import Search
+    from taskrpc.cli import definitions
 
-    search = Search()
+    search = definitions.search()
     if package not in search.packages():
         return []
     problems = []
     for interface in search.interfaces(package):
         try:
-            srvgen.load(interface)
+            definitions.load(interface)
         except srvgen.DefinitionError as error:
             problems.append(str(error))
     return problems

@@ -94,9 +94,9 @@ def _nodes(_: list[str]) -> Names:
 
 
 def _interfaces(kind: str) -> Names:
-    from srvgen.search import Search
+    from taskrpc.cli import definitions
 
-    search = Search()
+    search = definitions.search()
     names = (name for package in search.packages() for name in search.interfaces(package))
     return [name for name in names if f"/{kind}/" in name or not kind]
 
@@ -123,10 +123,10 @@ def _type_of_topic(given: list[str]) -> Names:
 def _packages(_: list[str]) -> Names:
     from pathlib import Path
 
-    from srvgen.search import Search
+    from taskrpc.cli import definitions
     from taskrpc.ros import workspace
 
-    return {*workspace.packages(Path.cwd()), *Search().packages()}
+    return {*workspace.packages(Path.cwd()), *definitions.search().packages()}
 
 
 def _programs(given: list[str]) -> Names:

@@ -7,7 +7,7 @@ import json
 import sys
 from typing import TYPE_CHECKING, Any
 
-from srvgen.search import Search
+from taskrpc.cli import definitions
 from taskrpc.cli.command import Exit, NotFound, UsageError, hinted
 from taskrpc.cli.parsing import Commands, add_command, add_group, print_names
 
@@ -89,7 +89,7 @@ def _add_json(parser: argparse.ArgumentParser) -> None:
 
 
 def _list(options: argparse.Namespace) -> int:
-    search = Search()
+    search = definitions.search()
     found: dict[str, list[str]] = {kind: [] for kind in options.kinds or _HEADINGS}
     for package in search.packages():
         for name in search.interfaces(package):
@@ -104,7 +104,7 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def _package(options: argparse.Namespace) -> int:
-    search = Search()
+    search = definitions.search()
     if options.package_name not in search.packages():
         from srvgen.names import did_you_mean
 
@@ -114,7 +114,7 @@ def _package(options: argparse.Namespace) -> int:
 
 
 def _packages(options: argparse.Namespace) -> int:
-    search = Search()
+    search = definitions.search()
     kinds = set(options.kinds or _HEADINGS)
     found = [
         package
@@ -129,7 +129,7 @@ def _proto(options: argparse.Namespace) -> int:
 
     import srvgen
 
-    found: Any = srvgen.load(options.type)
+    found: Any = definitions.load(options.type)
     cls = getattr(found, "Request", None) or getattr(found, "Goal", None) or found
     fields = srvgen.to_builtins(cls())
     if options.json:
@@ -143,7 +143,7 @@ def _proto(options: argparse.Namespace) -> int:
 def _show(options: argparse.Namespace) -> int:
     from srvgen.show import show
 
-    search = Search()
+    search = definitions.search()
     name = search.resolve_name(_piped() if options.type == "-" else options.type)
     owner = str(name._replace(name=search.find(str(name)).stem))
     search.closure(owner)

@@ -70,9 +70,9 @@ def _create(options: argparse.Namespace) -> int:
 
 
 def _list(_: argparse.Namespace) -> int:
-    from srvgen.search import Search
+    from taskrpc.cli import definitions
 
-    return print_names(sorted({*_here(), *Search().packages()}))
+    return print_names(sorted({*_here(), *definitions.search().packages()}))
 
 
 def _executables(options: argparse.Namespace) -> int:
@@ -118,11 +118,11 @@ def _xml(options: argparse.Namespace) -> int:
 
 
 def _folder(name: str) -> Path:
-    from srvgen.search import Search
+    from taskrpc.cli import definitions
 
     if found := _here().get(name):
         return found
-    folders = Search().packages().get(name)
+    folders = definitions.search().packages().get(name)
     if not folders:
         raise _unknown("Package not found", name)
     return folders[0]
@@ -136,7 +136,7 @@ def _here() -> dict[str, Path]:
 
 def _unknown(problem: str, name: str) -> NotFound:
     from srvgen.names import did_you_mean
-    from srvgen.search import Search
+    from taskrpc.cli import definitions
 
-    hint = did_you_mean(name, sorted({*_here(), *Search().packages()}))
+    hint = did_you_mean(name, sorted({*_here(), *definitions.search().packages()}))
     return hinted(NotFound(problem), hint)

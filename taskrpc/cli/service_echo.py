@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 import srvgen
-from taskrpc.cli import graph, shells
+from taskrpc.cli import definitions, graph, shells
 from taskrpc.cli.command import Exit, NotFound, goes_on, hinted
 from taskrpc.cli.remote import remote_of
 from taskrpc.cli.service_types import service_type_name
@@ -94,7 +94,7 @@ def _service_type(given: str, name: str, entries: Iterable[Entry]) -> Any:
         hint = graph.unknown_service_hint(name, entries, "")
         raise hinted(NotFound(f"Cannot find type for '{name}'"), hint)
     try:
-        found = srvgen.load(service_type_name(types[0]))
+        found = definitions.load(service_type_name(types[0]))
     except srvgen.DefinitionError as error:
         problem = f"The service type '{types[0]}' is invalid"
         raise srvgen.DefinitionError(problem, hint=str(error)) from None

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import srvgen
+from taskrpc.cli import definitions
 
 
 def service_type_name(text: str) -> str:
@@ -19,7 +20,7 @@ def local_service_type(text: str) -> Any:
     Raises DefinitionError, in ros2's words, when there is none.
     """
     try:
-        found = srvgen.load(service_type_name(text))
+        found = definitions.load(service_type_name(text))
     except srvgen.DefinitionError as error:
         raise srvgen.DefinitionError(
             "The passed service type is invalid", hint=str(error)
@@ -34,6 +35,6 @@ def local_service_type(text: str) -> Any:
 def differs_here(cls: Any) -> bool:
     """Whether this machine has another definition of a type than its server."""
     try:
-        return bool(srvgen.load(cls._TYPE)._HASH != cls._HASH)
+        return bool(definitions.load(cls._TYPE)._HASH != cls._HASH)
     except srvgen.DefinitionError:
         return False

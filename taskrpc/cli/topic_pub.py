@@ -7,7 +7,7 @@ import itertools
 from typing import TYPE_CHECKING, Any
 
 import srvgen
-from taskrpc.cli import shells
+from taskrpc.cli import definitions, shells
 from taskrpc.cli.command import Exit, NotFound, UsageError, goes_on
 from taskrpc.cli.remote import remote_of
 from taskrpc.cli.topic_graph import message_type_name
@@ -52,7 +52,7 @@ def _given(options: argparse.Namespace) -> list[list[str]]:
 def message_class(type_name: str) -> Any:
     """The class of a message type that this machine has a definition of. Raises DefinitionError."""
     try:
-        found = srvgen.load(message_type_name(type_name))
+        found = definitions.load(message_type_name(type_name))
     except srvgen.DefinitionError as error:
         problem = "The passed message type is invalid"
         raise srvgen.DefinitionError(problem, hint=str(error)) from None

@@ -27,6 +27,15 @@ def entry_points(package: Path) -> dict[str, str]:
     return found
 
 
+def source_folder(package: Path) -> Path:
+    """The folder that a package's Python packages are in: its own, or one such as `src` in it."""
+    for read in (_folder_of_setup_py, _folder_of_setup_cfg):
+        folder = package / read(package)
+        if folder != package and folder.is_dir():
+            return folder
+    return package
+
+
 def installed_scripts(package: Path) -> dict[str, Path]:
     """The executables of a CMake package that are Python files: names, and the file of each."""
     try:
@@ -69,6 +78,19 @@ def _is_python(path: Path) -> bool:
 
 
 def _of_setup_py(package: Path) -> Iterator[tuple[str, str]]:
+    for value in _keywords(package, "entry_points"):
+        yield from _pairs(value)
+
+
+def _folder_of_setup_py(package: Path) -> str:
+    for value in _keywords(package, "package_dir"):
+        if isinstance(value, dict):
+            return str(value.get("", ""))
+    return ""
+
+
+def _keywords(package: Path, name: str) -> Iterator[Any]:
+    """What `setup.py` gives for a keyword, as far as that is texts put together."""
     try:
         tree = ast.parse((package / "setup.py").read_bytes())
     except (OSError, SyntaxError, ValueError):
@@ -78,18 +100,29 @@ def _of_setup_py(package: Path) -> Iterator[tuple[str, str]]:
         if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
             known.setdefault(node.targets[0].id, _value(node.value, known))
     for node in ast.walk(tree):
-        if isinstance(node, ast.keyword) and node.arg == "entry_points":
-            yield from _pairs(_value(node.value, known))
+        if isinstance(node, ast.keyword) and node.arg == name:
+            yield _value(node.value, known)
 
 
 def _of_setup_cfg(package: Path) -> Iterator[tuple[str, str]]:
+    config = _setup_cfg(package)
+    if config.has_section("options.entry_points"):
+        yield from _pairs(dict(config["options.entry_points"]))
+
+
+def _folder_of_setup_cfg(package: Path) -> str:
+    given = _setup_cfg(package).get("options", "package_dir", fallback="")
+    found = re.search(r"^\s*=\s*(\S+)", given, flags=re.MULTILINE)
+    return found[1] if found else ""
+
+
+def _setup_cfg(package: Path) -> ConfigParser:
     config = ConfigParser(interpolation=None)
     try:
         config.read(package / "setup.cfg", encoding="utf-8")
     except (ConfigError, UnicodeDecodeError):
-        return
-    if config.has_section("options.entry_points"):
-        yield from _pairs(dict(config["options.entry_points"]))
+        return ConfigParser()
+    return config
 
 
 def _of_pyproject(package: Path) -> Iterator[tuple[str, str]]:
@@ -97,7 +130,9 @@ def _of_pyproject(package: Path) -> Iterator[tuple[str, str]]:
         settings = tomllib.loads((package / "pyproject.toml").read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return
-    scripts = settings.get("project", {}).get("scripts", {})
+    project = settings.get("project", {})
+    others = project.get("entry-points", {}).get("console_scripts", {})
+    scripts = {**others, **project.get("scripts", {})}
     yield from ((name, target) for name, target in scripts.items() if isinstance(target, str))
 
 

@@ -91,9 +91,12 @@ class _NeighbourFinder(MetaPathFinder):
         if "." in fullname:
             return None
         folder = workspace.packages(*self.starts).get(fullname)
-        if folder is None or not (folder / fullname / "__init__.py").is_file():
+        if folder is None:
             return None
-        return _package(fullname, folder / fullname)
+        from taskrpc.ros.executables import source_folder
+
+        inner = source_folder(folder) / fullname
+        return _package(fullname, inner) if (inner / "__init__.py").is_file() else None
 
 
 _finder = _OurFinder()

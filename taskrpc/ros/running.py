@@ -68,7 +68,7 @@ def run_executable(package: str, name: str, arguments: Sequence[str]) -> int:
         raise _with_hint(TaskRpcError(f"Package '{package}' not found"), where)
     targets = executables.entry_points(folder)
     if name in targets:
-        _prepare(folder, [str(folder / name), *arguments])
+        _prepare(executables.source_folder(folder), [str(folder / name), *arguments])
         return _ended(lambda: _call(targets[name]))
     if (script := executables.script(folder, name)) is not None:
         return run_script(script, arguments)

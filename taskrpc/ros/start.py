@@ -26,6 +26,9 @@ _NAMES = (
     "tf2_ros",
 )
 
+_MOST = 100
+"""Names in a folder that are looked at: a workspace has few."""
+
 _over = False
 _bundled = ""
 
@@ -75,7 +78,7 @@ def _may_be_known(name: "str") -> "bool":
     if name in _NAMES or os.path.isdir(os.path.join(_folder_of_bundled(), name)):
         return True
     places = _places()
-    if any(_is_in_a_package(place) for place in places):
+    if any(_is_in_a_package(place) or _has_packages(place) for place in places):
         return True
     roots = [os.path.join(place, "src") for place in places]
     roots += os.environ.get("TASKRPC_INTERFACE_PATH", "").split(os.pathsep)
@@ -95,6 +98,23 @@ def _is_in_a_package(folder: "str") -> "bool":
             return False
         folder = above
     return True
+
+
+def _has_packages(folder: "str") -> "bool":
+    """Whether it is a workspace: packages of ROS in `src`, or in folders there."""
+    level = [os.path.join(folder, "src")]
+    for _ in range(2):
+        level = [os.path.join(each, name) for each in level for name in _names_in(each)]
+        if any(os.path.isfile(os.path.join(each, _MANIFESTS[0])) for each in level):
+            return True
+    return False
+
+
+def _names_in(folder: "str") -> "list[str]":
+    try:
+        return os.listdir(folder)[:_MOST]
+    except OSError:
+        return []
 
 
 def _folder_of_bundled() -> "str":

@@ -62,8 +62,11 @@ def _tops(start: Path) -> Iterator[Path]:
     elif start.is_dir():
         if (start / "src").is_dir():
             yield start / "src"
-        elif start.name == "src" or any(one.is_file() for one in start.glob(f"*/{MANIFEST}")):
+        elif start.name == "src":
             yield start
+        elif any(one.is_file() for one in start.glob(f"*/{MANIFEST}")):
+            source = [folder for folder in start.parents if folder.name == "src"]
+            yield source[0] if source else start
 
 
 @cache  # a program asks for every module that it cannot import

@@ -113,3 +113,20 @@ def test_show_reads_a_type_that_is_piped_in(capsys, monkeypatch):
     monkeypatch.setattr("sys.stdin", io.StringIO("example_interfaces/srv/AddTwoInts\n"))
     assert main(["interface", "show", "-", "--no-comments"]) == 0
     assert capsys.readouterr().out == "int64 a\nint64 b\n---\nint64 sum\n"
+
+
+@pytest.mark.parametrize("folder", [".", "src", "src/things", "src/nodes"])
+def test_definitions_are_found_from_everywhere_in_a_workspace(
+    capsys, tmp_path, monkeypatch, folder
+):
+    for name in ("things/own_things", "nodes"):
+        package = tmp_path / "src" / name
+        package.mkdir(parents=True)
+        (package / "package.xml").write_text(f"<package><name>{package.name}</name></package>")
+    definition = tmp_path / "src" / "things" / "own_things" / "msg" / "Dot.msg"
+    definition.parent.mkdir()
+    definition.write_text("int32 x\n")
+    monkeypatch.chdir(tmp_path / folder)
+    assert main(["interface", "show", "own_things/msg/Dot"]) == 0
+    assert main(["interface", "proto", "own_things/msg/Dot", "--no-quotes"]) == 0
+    assert capsys.readouterr().out == "int32 x\nx: 0\n"

@@ -88,6 +88,9 @@ def test_a_file_of_a_workspace_finds_its_neighbours(enabled, tmp_path):
     script = tmp_path / "ws" / "src" / "first" / "first" / "main.py"
     script.write_text("import second\nprint(second.name)\n")
     assert enabled.run(str(script)) == (0, "second\n", "")
+    enabled.cwd = tmp_path / "ws"  # where ROS would have installed them
+    assert enabled.run("-m", "second.__init__") == (0, "", "")
+    assert enabled.run("-c", "import first, second; print(first.name)") == (0, "first\n", "")
 
 
 def test_taskrpc_run_finds_the_same_neighbours_there(enabled, tmp_path):

@@ -190,3 +190,22 @@ def test_a_package_or_executable_that_is_not_there_is_told_in_a_line(workspace):
         code, out, error = workspace(*arguments)
         assert (code, out, error.count("\n")) == (1, "", start.count("\n") + 1)
         assert error.startswith(start)
+
+
+def test_a_package_whose_sources_lie_in_a_folder_of_its_own_runs(workspace, tmp_path):
+    package = tmp_path / "ws" / "src" / "inner"
+    (package / "src" / "inner").mkdir(parents=True)
+    (package / "package.xml").write_text("<package><name>inner</name></package>")
+    (package / "setup.py").write_text(
+        "setup(package_dir={'': 'src'},"
+        " entry_points={'console_scripts': ['tell = inner.tell:main']})"
+    )
+    (package / "src" / "inner" / "__init__.py").touch()
+    (package / "src" / "inner" / "tell.py").write_text(
+        "from inner import __name__ as own\nfrom my_things.srv import Ask\n"
+        "def main(): print(own, Ask.Request(a=1))\n"
+    )
+    (tmp_path / "ws/src/nodes/nodes/ask.py").write_text("import inner.tell\ninner.tell.main()\n")
+    said = "inner my_things.srv.Ask_Request(a=1)\n"
+    assert workspace("inner", "tell") == (0, said, "")
+    assert workspace("src/nodes/nodes/ask.py") == (0, said, "")

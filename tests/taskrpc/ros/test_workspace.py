@@ -28,6 +28,11 @@ def test_packages_are_found_from_the_workspace_its_src_a_package_and_a_file(make
     assert workspace.roots(ws) == [ws / "src", ws / "src" / "group", ws / "src" / "group" / "deep"]
 
 
+def test_packages_are_found_from_a_folder_of_packages_in_src(make):
+    ws = make("one", "group/two")
+    assert sorted(workspace.packages(ws / "src" / "group")) == ["one", "two"]
+
+
 def test_without_a_workspace_there_are_none(tmp_path):
     assert workspace.packages(tmp_path, tmp_path / "gone") == {}
 
@@ -84,8 +89,27 @@ def test_entry_points_of_setup_cfg_and_pyproject_count_too(tmp_path):
     (tmp_path / "setup.cfg").write_text(
         "[options.entry_points]\nconsole_scripts =\n  a = pkg.a:main\n"
     )
-    (tmp_path / "pyproject.toml").write_text("[project.scripts]\nb = 'pkg.b:main'\n")
-    assert executables.entry_points(tmp_path) == {"a": "pkg.a:main", "b": "pkg.b:main"}
+    (tmp_path / "pyproject.toml").write_text(
+        "[project.scripts]\nb = 'pkg.b:main'\n"
+        "[project.entry-points.console_scripts]\nc = 'pkg.c:main'\n"
+    )
+    found = {name: f"pkg.{name}:main" for name in "abc"}
+    assert executables.entry_points(tmp_path) == found
+
+
+@pytest.mark.parametrize(
+    ("setup_py", "setup_cfg"),
+    [
+        ("setup(package_dir={'': 'src'})", ""),
+        ("setup()", "[options]\npackages = find:\npackage_dir =\n    = src\n"),
+    ],
+)
+def test_python_packages_may_lie_in_a_folder_of_their_package(tmp_path, setup_py, setup_cfg):
+    (tmp_path / "setup.py").write_text(setup_py)
+    (tmp_path / "setup.cfg").write_text(setup_cfg)
+    assert executables.source_folder(tmp_path) == tmp_path
+    (tmp_path / "src").mkdir()
+    assert executables.source_folder(tmp_path) == tmp_path / "src"
 
 
 @pytest.mark.parametrize("text", ["def (", "entry_points = 1", "setup(entry_points=read())", "\0"])
