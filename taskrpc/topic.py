@@ -184,6 +184,15 @@ class Subscription:
         return self._reception.matched
 
     @property
+    def on_matched(self) -> Callable[[], object]:
+        """Set it to be called, on the event loop, when other publishers match."""
+        return self._reception.on_matched
+
+    @on_matched.setter
+    def on_matched(self, action: Callable[[], object]) -> None:
+        self._reception.on_matched = action
+
+    @property
     def lost(self) -> int:
         """Messages that were published and did not come."""
         return self._reception.lost

@@ -141,6 +141,10 @@ class NativePublisher:
         self.get_subscription_count = publisher.get_subscription_count
         self._publisher = publisher
 
+    def watch_matches(self, tell: Callable[[int], object]) -> None:
+        """Have this told, on the loop's thread, how many subscriptions match, now and always."""
+        _watch(self._publisher, self.get_subscription_count, tell)
+
     def close(self) -> None:
         """Publish no more."""
         with contextlib.suppress(WouldDeadlock):
@@ -154,10 +158,27 @@ class NativeSubscription:
         self.get_publisher_count = subscription.get_publisher_count
         self._subscription = subscription
 
+    def watch_matches(self, tell: Callable[[int], object]) -> None:
+        """Have this told, on the loop's thread, how many publishers match, now and always."""
+        _watch(self._subscription, self.get_publisher_count, tell)
+
     def close(self) -> None:
         """Want no more messages."""
         with contextlib.suppress(WouldDeadlock):
             self._subscription.destroy()
+
+
+def _watch(
+    endpoint: Publisher | Subscription, count: Callable[[], int], tell: Callable[[int], object]
+) -> None:
+    def changed() -> None:
+        tell(count())
+
+    def begin() -> None:
+        endpoint._inner.on_matched = changed
+        changed()
+
+    endpoint._loop.soon(begin)
 
 
 class Offered:

@@ -1,6 +1,6 @@
-"""What programs want to know of a topic's service: above all, of whom it does not understand.
+"""What programs want to know of a topic's service: who matches, and whom it does not understand.
 
-Deadlines, leases, losses and matches are not watched by this layer; a program that asks for them
+Deadlines, leases and losses are not watched by this layer; a program that asks for them
 runs as on a network where nothing of the kind happens, and is told so once in its log.
 """
 
@@ -30,11 +30,12 @@ from .qos import QoSPolicyKind
 from .waitable import Waitable
 
 if TYPE_CHECKING:
+    from ._bridge import NativePublisher, NativeSubscription
     from .node import Node
 
 Callback = Callable[[Any], Any] | None
 
-_REPORTED = ("incompatible_qos", "incompatible_type")
+_REPORTED = ("incompatible_qos", "incompatible_type", "matched")
 
 
 @dataclasses.dataclass(kw_only=True)
@@ -107,6 +108,9 @@ class Events:
         )
         self.handlers: list[EventHandler] = []
         self._logs = callbacks.use_default_callbacks
+        self._matched_info = QoSSubscriptionMatchedInfo if subscribes else QoSPublisherMatchedInfo
+        self._matches = 0
+        self._matched = self._handler(group, callbacks.matched)
         self._qos = self._handler(group, callbacks.incompatible_qos)
         self._type = self._handler(group, callbacks.incompatible_type)
         asked = [one.name for one in dataclasses.fields(callbacks) if one.name not in _REPORTED]
@@ -132,6 +136,26 @@ class Events:
                 last_policy_kind=QoSPolicyKind[what],
             )
         handler.happened(event)
+
+    def watch(self, native: NativePublisher | NativeSubscription) -> None:
+        """Have matches told, where somebody asks for them."""
+        if self._matched is not None:
+            native.watch_matches(self._matches_are)
+
+    def _matches_are(self, count: int) -> None:
+        """So many of the others match; called on the loop's thread."""
+        change, self._matches = count - self._matches, count
+        if self._matched is None or not change:
+            return
+        more = max(0, change)
+        self._matched.total += more
+        event = self._matched_info(
+            total_count=self._matched.total,
+            total_count_change=more,
+            current_count=count,
+            current_count_change=change,
+        )
+        self._matched.happened(event)
 
     @contextlib.contextmanager
     def kept(self) -> Iterator[None]:

@@ -45,6 +45,8 @@ class Publisher(Generic[MsgT]):
         mismatch = None if events is None else events.mismatch
         native = qos_profile._native()
         self._native = node._rclpy_bridge.publisher(msg_type, topic, native, mismatch)
+        if events is not None:
+            events.watch(self._native)
         node_name = node.get_fully_qualified_name()
         remember(self, EndpointTypeEnum.PUBLISHER, node_name, topic, qos_profile)
 

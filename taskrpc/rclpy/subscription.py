@@ -75,6 +75,8 @@ class Subscription(Entity, Generic[MsgT]):
         self._native = node._rclpy_bridge.subscription(
             msg_type, topic, self._came, native, mismatch
         )
+        if events is not None:
+            events.watch(self._native)
         node_name = node.get_fully_qualified_name()
         remember(self, EndpointTypeEnum.SUBSCRIPTION, node_name, topic, qos_profile)
 

@@ -262,6 +262,9 @@ class Reception(Protocol):
     def lost(self) -> int:
         """Messages that they sent and that did not come."""
 
+    on_matched: Callable[[], object]
+    """Called on the loop when other publishers match."""
+
     def close(self) -> None:
         """Want no more messages."""
 

@@ -56,6 +56,8 @@ class Reception:
         """Those that it gets messages from, by link and number."""
         self.lost = 0
         """Messages that publishers sent and that did not come."""
+        self.on_matched: Callable[[], object] = _nothing
+        """Called in a turn of its own when other publishers match."""
         self._topics = topics
         self._deliver = deliver
         self._on_mismatch = on_mismatch
@@ -67,6 +69,10 @@ class Reception:
     def matched(self) -> int:
         """How many publishers there are."""
         return len(self.publishers)
+
+    def matches_changed(self) -> None:
+        """Say that it has other publishers than before."""
+        self._topics.soon(self.on_matched)
 
     def arrived_here(self, publication: Publication, sequence: int, body: bytes) -> None:
         """A publisher of this process sent a message."""
@@ -91,11 +97,13 @@ class Reception:
         for each in publishers:
             if self._matches(each):
                 self.publishers[link, each.number] = each.publisher
+        self.matches_changed()
 
     def forget(self, link: Link) -> None:
         """A process publishes nothing any more, or says anew what it does."""
         for source in [each for each in self.publishers if each[0] is link]:
             del self.publishers[source]
+            self.matches_changed()
 
     def forget_counts(self, of: Callable[[bytes, int], bool]) -> None:
         """Forget what came last of publishers that are gone for good."""
@@ -255,6 +263,10 @@ class Link:
         if self._connection is not None and self.peer_id != self._mute:
             number, wanted = reception.number, reception.named
             self._connection.say(lambda session: wire.subscribe(session, number, wanted))
+
+
+def _nothing() -> None:
+    """Nobody wants to know."""
 
 
 def _unmatched(publisher: TopicEndpoint, wanted: TopicEndpoint, mismatch: str) -> str:

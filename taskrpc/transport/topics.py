@@ -89,6 +89,7 @@ class Topics:
         if _drop(self._publications, named.name, publication):
             for reception in publication.local:
                 del reception.publishers[publication, 0]
+                reception.matches_changed()
             for feed in publication.feeds.values():
                 feed.drop_waiting()
             self._home.publish(Change(publisher=named, gone=True))
@@ -178,6 +179,7 @@ class Topics:
         publication.local[reception] = None
         publication.matches_changed()
         reception.publishers[publication, 0] = publication.named
+        reception.matches_changed()
         if reception.named.latched and publication.latched is not None:
             for sequence, body in list(publication.latched)[-reception.named.depth :]:
                 reception.arrived_here(publication, sequence, body)

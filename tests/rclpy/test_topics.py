@@ -5,7 +5,12 @@ import threading
 import pytest
 
 import srvgen
-from taskrpc.rclpy.event_handler import IncompatibleTypeInfo, QoSRequestedIncompatibleQoSInfo
+from taskrpc.rclpy.event_handler import (
+    IncompatibleTypeInfo,
+    QoSPublisherMatchedInfo,
+    QoSRequestedIncompatibleQoSInfo,
+    QoSSubscriptionMatchedInfo,
+)
 from taskrpc.rclpy.qos import QoSPolicyKind, qos_profile_sensor_data
 from taskrpc.rclpy.qos_event import PublisherEventCallbacks, SubscriptionEventCallbacks
 from taskrpc.rclpy.serialization import deserialize_message, serialize_message
@@ -145,6 +150,34 @@ def test_who_asks_for_events_that_are_not_reported_is_told_so(node, capfd):
     node.create_subscription(String, "talk", print, 10, event_callbacks=events)
     told = "taskrpc does not report these events of /talk: deadline, message_lost"
     assert told in capfd.readouterr().err
+
+
+def test_matches_are_events_of_both_sides(world, node):
+    told = []
+    events = PublisherEventCallbacks(matched=told.append)
+    publisher = node.create_publisher(String, "talk", 10, event_callbacks=events)
+    one = node.create_subscription(String, "talk", print, 10)
+    world.spin_until(lambda: told)
+    events = SubscriptionEventCallbacks(matched=lambda info: told.append(("subscription", info)))
+    with node.create_subscription(String, "talk", print, 10, event_callbacks=events):
+        world.spin_until(lambda: len(told) == 3)
+    node.destroy_subscription(one)
+    world.spin_until(lambda: len(told) == 5)
+    told.remove(("subscription", QoSSubscriptionMatchedInfo(**counts(1, 1, 1, 1))))
+    assert told == [
+        QoSPublisherMatchedInfo(**counts(*each))
+        for each in ((1, 1, 1, 1), (2, 1, 2, 1), (2, 0, 1, -1), (2, 0, 0, -1))
+    ]
+    assert len(publisher.event_handlers) == 1
+
+
+def counts(total, more, current, change):
+    return {
+        "total_count": total,
+        "total_count_change": more,
+        "current_count": current,
+        "current_count_change": change,
+    }
 
 
 def until_said(capfd, text):

@@ -51,6 +51,22 @@ async def test_it_makes_no_difference_who_comes_first(net):
     assert numbers(got) == [7]
 
 
+@pytest.mark.parametrize("reader", ["talker", "listener"])
+async def test_both_sides_are_told_when_others_match_and_when_they_are_gone(net, reader):
+    """Whether they are in one endpoint or in two."""
+    nodes = {name: await net.node(name) for name in ("talker", "listener")}
+    told = []
+    subscription = nodes[reader].create_subscription(Int32, "counts", print)
+    subscription.on_matched = lambda: told.append(subscription.get_publisher_count())
+    publisher = nodes["talker"].create_publisher(Int32, "counts")
+    publisher.on_matched = lambda: told.append(-publisher.get_subscription_count())
+    await until(lambda: {1, -1} <= set(told))
+    told.clear()
+    publisher.destroy()
+    await until(lambda: told)
+    assert set(told) == {0}
+
+
 async def test_many_publishers_feed_many_subscriptions(net):
     got = [[] for _ in range(6)]
     listeners = [await net.node(f"listener{number}") for number in range(3)]
