@@ -101,7 +101,7 @@ class Publication:
 
     def matches_changed(self) -> None:
         """Say that it has other subscriptions than before."""
-        self._topics.soon(self.on_matched)
+        self._topics.soon(lambda: self.on_matched())  # which may be set in this turn
 
     def refuses(self, wanted: TopicEndpoint, subscriber: str) -> bool:
         """Whether a subscription does not match; says so, once for each."""

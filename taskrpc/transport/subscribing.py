@@ -72,7 +72,7 @@ class Reception:
 
     def matches_changed(self) -> None:
         """Say that it has other publishers than before."""
-        self._topics.soon(self.on_matched)
+        self._topics.soon(lambda: self.on_matched())  # which may be set in this turn
 
     def arrived_here(self, publication: Publication, sequence: int, body: bytes) -> None:
         """A publisher of this process sent a message."""
