@@ -9,6 +9,10 @@ from pathlib import Path
 from taskrpc.cli.command import Exit
 from taskrpc.cli.parsing import add_command, add_group
 
+TYPE_CHECKING = False  # typing itself is heavy
+if TYPE_CHECKING:
+    from taskrpc.colcon.export import Exported
+
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give the parser of `taskrpc export` its commands."""
@@ -31,15 +35,24 @@ def _colcon(options: argparse.Namespace) -> int:
         print(f"made {name}: {folder}")
     for note in done.notes:
         print(f"note: {note}")
-    package = done.package or next(iter(done.folders))
     print("on a computer with ROS 2:")
-    for line in _commands(options.out, package, sorted(done.executables)):
+    for line in _commands(options.out, _last(done)):
         print(f"  {line}")
     return Exit.DONE
 
 
-def _commands(out: str, package: str, executables: list[str]) -> list[str]:
-    last = f"ros2 run {package} {executables[0]}" if executables else f"ros2 pkg xml {package}"
+def _last(done: Exported) -> str:
+    """A command that shows that the workspace is built."""
+    from taskrpc.ros.executables import entry_points, installed_scripts
+
+    for package, folder in done.folders.items():
+        found = {*entry_points(folder), *installed_scripts(folder)}
+        if found:
+            return f"ros2 run {package} {min(found)}"
+    return f"ros2 pkg xml {next(iter(done.folders))}"
+
+
+def _commands(out: str, last: str) -> list[str]:
     return [
         f"cd {shlex.quote(out)}",
         "source /opt/ros/$ROS_DISTRO/setup.bash",

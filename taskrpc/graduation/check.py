@@ -15,9 +15,10 @@ from taskrpc.colcon import programs
 from taskrpc.colcon.dependencies import OURS, needs_of
 from taskrpc.errors import TaskRpcError
 from taskrpc.graduation.answering import answering
+from taskrpc.graduation.building import building
 from taskrpc.graduation.extensions import extensions
 from taskrpc.graduation.lifetime import lifetime
-from taskrpc.graduation.package import declared, dependencies, entry_point
+from taskrpc.graduation.package import NO_MANIFEST, declared, dependencies, entry_point
 from taskrpc.graduation.program import Finding, Program, imports
 from taskrpc.graduation.values import values
 from taskrpc.graduation.waiting import waiting
@@ -42,11 +43,15 @@ def check(path: Path) -> list[Place]:
     Raises TaskRpcError for a file that cannot be read.
     """
     files = [path] if path.is_file() else sorted(_files(path))
-    if not files:
+    packages: dict[Path, list[Path]] = {}
+    if path.is_dir():
+        here = path.resolve()
+        inner = workspace.packages(here).values()
+        packages = {each: [] for each in inner if each.is_relative_to(here)}
+    if not files and not packages:
         raise TaskRpcError(f"expected a Python file or a folder that has some, got {path}")
     read = {file: _read(file) for file in files}
     found = [Place(file, one) for file in files for one in _of_program(file, read[file])]
-    packages: dict[Path, list[Path]] = {}
     for file in files:
         if (package := workspace.package_of(file.resolve())) is not None:
             packages.setdefault(package, []).append(file)
@@ -93,15 +98,19 @@ def _definition(search: Search, name: str) -> Definition | None:
 
 def _of_package(package: Path, own: dict[Path, Program]) -> list[Place]:
     manifest = package / workspace.MANIFEST
+    if not manifest.is_file():
+        return [Place(package / "setup.py", NO_MANIFEST)]
     try:
-        known = declared(manifest.read_text(encoding="utf-8"))
+        text = manifest.read_text(encoding="utf-8")
+        known = declared(text)
+        found = [Place(path, one) for path, one in building(package, text)]
     except (OSError, ValueError, ParseError) as error:
         raise TaskRpcError(f"cannot read {manifest}: {error}") from None
     wanted = {name.partition(".")[0] for one in own.values() for name, _ in imports(one.tree)}
     beside = {path.stem for path in own} | {package.name} | OURS
     interfaces = {*Search([*workspace.roots(package)]).packages(), *workspace.packages(package)}
     needs = needs_of(wanted, interfaces, beside)
-    found = [Place(manifest, one) for one in dependencies(needs.packages, known)]
+    found += [Place(manifest, one) for one in dependencies(needs.packages, known)]
     if not (package / "setup.py").is_file():
         return found
     targets = executables.entry_points(package)

@@ -10,6 +10,15 @@ from taskrpc.graduation.program import Finding, Program, at
 
 _DEPENDS = ("depend", "exec_depend", "build_depend", "run_depend", "test_depend")
 
+NO_MANIFEST = Finding(
+    1,
+    1,
+    "there is no package.xml beside it",
+    "colcon builds no package of ROS 2 from it",
+    "add one, as taskrpc pkg create writes it",
+)
+"""What is said of a package with a `setup.py` only."""
+
 
 def declared(manifest: str) -> set[str]:
     """The packages that a `package.xml` names; raises ParseError where it is not XML."""

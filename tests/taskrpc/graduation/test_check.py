@@ -283,6 +283,73 @@ def test_a_package_is_asked_for_its_dependencies_and_entry_points(tmp_path, monk
     assert "adder.two has a main and no entry point in setup.py; ros2 run does" in told[2]
 
 
+@pytest.fixture
+def packages(tmp_path, monkeypatch, capsys):
+    """A Python package and one of definitions, that colcon builds; asks graduate about them."""
+    monkeypatch.chdir(tmp_path)
+    main(["pkg", "create", "adder", "--build-type", "ament_python", "--node-name", "one"])
+    (tmp_path / "things" / "srv").mkdir(parents=True)
+    (tmp_path / "things" / "srv" / "Ask.srv").write_text("---\n")
+    main(["export", "colcon", "ws", "--from", "."])
+    capsys.readouterr()
+
+    def ask():
+        code = main(["graduate", "ws/src"])
+        lines = capsys.readouterr().out.splitlines()
+        assert code == (lines != ["nothing found that a real ROS 2 would do differently"])
+        return lines
+
+    ask.folder = tmp_path / "ws" / "src"
+    return ask
+
+
+def test_what_was_created_and_exported_can_be_built(packages):
+    assert packages() == ["nothing found that a real ROS 2 would do differently"]
+
+
+@pytest.mark.parametrize(
+    ("path", "old", "new", "said"),
+    [
+        ("adder/setup.py", None, "", "an ament_python package without setup.py; colcon cannot"),
+        ("adder/setup.cfg", "install_scripts", "x", "setup.cfg does not say where executables"),
+        ("adder/resource/adder", None, "", "there is no file resource/adder; ros2 does not know"),
+        ("adder/package.xml", "<build_type>ament_python</build_type>", "", "there is no build_"),
+        ("adder/package.xml", None, "", "there is no package.xml beside it; colcon builds no"),
+        ("adder/launch/all.launch.py", "", "x = 1", "the folder launch is not installed; get_"),
+        ("things/CMakeLists.txt", '"srv/Ask.srv"', "", "srv/Ask.srv is not built; its import is"),
+        ("things/srv/New.srv", "", "---", "srv/New.srv is not built; its import is an Import"),
+        ("things/package.xml", "rosidl_interface_packages", "x", "a package of definitions that"),
+        ("things/scripts/ask.py", "", "x = 1", "scripts/ask.py is not installed; ros2 run does"),
+    ],
+)
+def test_what_colcon_or_ros2_would_miss_is_told(packages, path, old, new, said):
+    file = packages.folder / path
+    if old is None:
+        file.unlink()
+    else:
+        file.parent.mkdir(exist_ok=True)
+        text = file.read_text() if file.exists() else ""
+        file.write_text(text.replace(old, new) if old else new)
+    (told,) = packages()
+    assert f":1:1: {said}" in told
+
+
+def test_scripts_and_folders_that_cmake_installs_are_fine(packages):
+    things = packages.folder / "things"
+    (things / "scripts").mkdir()
+    (things / "config").mkdir()
+    (things / "scripts" / "ask.py").write_text("x = 1\n")
+    (things / "config" / "a.yaml").write_text("x: 1\n")
+    text = (things / "CMakeLists.txt").read_text()
+    for line in (
+        "install(DIRECTORY scripts config DESTINATION share/${PROJECT_NAME})",
+        "install(PROGRAMS scripts/ask.py DESTINATION lib/x)\n"
+        "install(DIRECTORY config DESTINATION x)",
+    ):
+        (things / "CMakeLists.txt").write_text(f"{text}{line}\n")
+        assert packages() == ["nothing found that a real ROS 2 would do differently"]
+
+
 @pytest.mark.parametrize("text", [None, "def (:\n"])
 def test_what_cannot_be_read_is_one_sentence_and_exits_2(tmp_path, capsys, text):
     path = tmp_path / "p.py"
