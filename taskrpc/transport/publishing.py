@@ -101,7 +101,10 @@ class Publication:
 
     def matches_changed(self) -> None:
         """Say that it has other subscriptions than before."""
-        self._topics.soon(lambda: self.on_matched())  # which may be set in this turn
+        self._topics.soon(self._tell_of_matches)
+
+    def _tell_of_matches(self) -> None:
+        self.on_matched()  # asked for only now: it may have been set in the turn of the match
 
     def refuses(self, wanted: TopicEndpoint, subscriber: str) -> bool:
         """Whether a subscription does not match; says so, once for each."""

@@ -72,7 +72,10 @@ class Reception:
 
     def matches_changed(self) -> None:
         """Say that it has other publishers than before."""
-        self._topics.soon(lambda: self.on_matched())  # which may be set in this turn
+        self._topics.soon(self._tell_of_matches)
+
+    def _tell_of_matches(self) -> None:
+        self.on_matched()  # asked for only now: it may have been set in the turn of the match
 
     def arrived_here(self, publication: Publication, sequence: int, body: bytes) -> None:
         """A publisher of this process sent a message."""
