@@ -56,6 +56,8 @@ class Publication:
         self.local: dict[Reception, None] = {}
         self.on_matched: Callable[[], object] = _nothing
         """Called in a turn of its own when other subscriptions match."""
+        self.is_announced = False
+        """Whether subscriptions know of it; they shall before its first message."""
         self.sent = 0
         self.lost = 0
         """Messages that did not reach a subscription, since it did not read or takes no such size;
@@ -85,6 +87,8 @@ class Publication:
 
     def publish(self, body: bytes) -> None:
         """Send an encoded message to all subscriptions."""
+        if not self.is_announced:
+            self._topics.announce_changed()
         self.sent += 1
         sequence = self.sent & wire.SEQUENCE_MASK
         if self.latched is not None:
@@ -186,18 +190,15 @@ class RemoteSubscription:
     def announce(self, publications: list[Publication]) -> None:
         """Tell it who publishes its topic here, and match it with those that it can have."""
         connection = self.subscriber.connection
-        told = []
-        for each in publications:
-            refusal = self._refusal(each)
-            told.append(Publishing(each.number, each.named, refusal))
+        told = [Publishing(each.number, each.named, self._refusal(each)) for each in publications]
         wire.announce(connection.session, self.number, told)
         connection.flush_soon()
-        for each, said in zip(publications, told, strict=True):
-            matches = not said.refusal and not each.refuses(self.wanted, connection.peer_name)
-            if matches and self not in each.feeds:
-                self._feed(each)
 
-    def _feed(self, publication: Publication) -> None:
+    def match(self, publication: Publication) -> None:
+        """Feed it from a publisher, if it can have that one."""
+        where = self.subscriber.connection.peer_name
+        if self._refusal(publication) or publication.refuses(self.wanted, where):
+            return
         feed = publication.feeds[self] = Feed(publication, self.subscriber, self.number)
         publication.matches_changed()
         if self.wanted.latched and publication.latched is not None:

@@ -49,6 +49,7 @@ class Topics:
         self._links: dict[str, Link] = {}
         self._numbers = 0
         self._publishers = 0
+        self._changed: dict[str, None] = {}
         self._search: asyncio.Task[None] | None = None
         self._will_look = False
 
@@ -72,16 +73,19 @@ class Topics:
         _put(self._publications, named.name, each)
         for reception in self._receptions.get(named.name, ()):
             self._match_here(each, reception)
-        self._announce(named.name)
+        for subscription in self._wanted.get(named.name, ()):
+            subscription.match(each)
+        self._announce_soon(named.name)
         return each
 
     def _number_for(self, topic: str) -> int:
         """One that no other publisher of the topic has, and none had lately."""
-        taken = {each.number for each in self._publications.get(topic, ())}
-        while True:
-            self._publishers = (self._publishers + 1) & wire.PUBLISHER_MASK
-            if self._publishers not in taken:
-                return self._publishers
+        self._publishers += 1
+        if self._publishers > wire.PUBLISHER_MASK:
+            taken = {each.number for each in self._publications.get(topic, ())}
+            while self._publishers & wire.PUBLISHER_MASK in taken:
+                self._publishers += 1
+        return self._publishers & wire.PUBLISHER_MASK
 
     def publication_closed(self, publication: Publication) -> None:
         """A publisher is gone."""
@@ -93,7 +97,7 @@ class Topics:
             for feed in publication.feeds.values():
                 feed.drop_waiting()
             self._home.publish(Change(publisher=named, gone=True))
-            self._announce(named.name)
+            self._announce_soon(named.name)
 
     def subscriber_of(self, connection: ServingConnection) -> Subscriber:
         """What the caller of a connection has subscribed to."""
@@ -105,7 +109,10 @@ class Topics:
         """Another process wants a topic."""
         topic = subscription.wanted.name
         _put(self._wanted, topic, subscription)
-        subscription.announce(list(self._publications.get(topic, ())))
+        publications = list(self._publications.get(topic, ()))
+        subscription.announce(publications)
+        for each in publications:
+            subscription.match(each)
 
     def unsubscribed(self, subscription: RemoteSubscription) -> None:
         """Another process wants a topic no more."""
@@ -117,10 +124,21 @@ class Topics:
                 feed.drop_waiting()
                 publication.matches_changed()
 
-    def _announce(self, topic: str) -> None:
-        publications = list(self._publications.get(topic, ()))
-        for subscription in self._wanted.get(topic, ()):
-            subscription.announce(publications)
+    def _announce_soon(self, topic: str) -> None:
+        """Once, however many publishers come and go in one turn."""
+        if not self._changed:
+            self.soon(self.announce_changed)
+        self._changed[topic] = None
+
+    def announce_changed(self) -> None:
+        """Tell subscriptions of other processes who publishes their topics now."""
+        changed, self._changed = self._changed, {}
+        for topic in changed:
+            publications = list(self._publications.get(topic, ()))
+            for each in publications:
+                each.is_announced = True
+            for subscription in self._wanted.get(topic, ()):
+                subscription.announce(publications)
 
     # Subscriptions
 

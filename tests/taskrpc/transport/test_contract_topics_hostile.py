@@ -336,3 +336,32 @@ async def test_a_thread_that_waits_to_publish_learns_that_the_publisher_is_gone(
     assert "is destroyed" in str(found)
     assert publisher.sent == 2
     assert await outcome(asyncio.sleep(0)) is None
+
+
+async def test_many_publishers_of_one_turn_are_told_together_and_before_their_messages(net):
+    talker, listener = await net.node("talker"), await net.node("listener")
+    known = []
+
+    def hear(message):
+        known.append((message.data, subscription.get_publisher_count()))
+
+    first = talker.create_publisher(Int32, "counts")
+    subscription = listener.create_subscription(Int32, "counts", hear)
+    await until(subscription.get_publisher_count)
+    told = []
+    reception = subscription._reception
+    announced = reception.announced
+    reception.announced = lambda link, publishers: [
+        told.append(len(publishers)),
+        announced(link, publishers),
+    ]
+    more = [talker.create_publisher(Int32, "counts") for _ in range(200)]
+    await until(lambda: subscription.get_publisher_count() == 201)
+    assert told == [201]
+    for each in more:
+        each.destroy()
+    last = talker.create_publisher(Int32, "counts")
+    last.publish(Int32(data=7))
+    await until(lambda: known)
+    assert known == [(7, 2)]
+    assert (first.get_subscription_count(), last.get_subscription_count()) == (1, 1)
