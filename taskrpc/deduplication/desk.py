@@ -87,13 +87,13 @@ class OnceDesk:
 
     def arrived(self, call: IncomingCall) -> None:
         """Do with a call what its number says."""
-        shared, claim, now = self._shared, call.claim, 0.0
+        shared, claim, now = self._shared, call.claim, call.arrived
         if claim is not None:  # else the caller does not count: at most once
             ledger, clock = shared.ledger, shared.clock
             if ledger is None or clock is None:
                 self._wait_for_store(call)
                 return
-            now = clock.now()
+            now += clock.offset
             if now >= shared.expires:
                 self._expire(ledger, now)
             verdict = ledger.decide(call.principal, claim, now)
@@ -114,9 +114,9 @@ class OnceDesk:
             None,  # on_cancel
             False,  # started
             claim,
+            now,
             self,
             [call],
-            now,
         )
         call.on_cancel = run.left
         if claim is not None:
@@ -128,13 +128,11 @@ class OnceDesk:
     def commit(
         self,
         run: Run,
-        body: bytes,
-        code: int,
+        completion: Completion | None,
         effect: Any,
         error: TaskRpcError | None = None,
     ) -> None:
         """Store an effect and the completion, then answer, with the error if there is one."""
-        completion = run.completed(body, code)
         if completion is None and effect is None:
             self.done(run, None, error)
             return
@@ -147,7 +145,12 @@ class OnceDesk:
                 raise
             return
         if storing is None:  # as `done` does: most stores are as quick
-            self._shared.end(run, completion)
+            ledger, claim = self._shared.ledger, run.claim
+            if completion is None or claim is None or claim.run is not run or ledger is None:
+                self._shared.end(run, completion)
+            else:
+                claim.run = None
+                ledger.completed(completion, claim)
             run.tell(error)
             return
         with contextlib.suppress(StopIteration):  # it did not have to wait

@@ -7,7 +7,7 @@ would run again.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from taskrpc.wire.ledger import LEASE
 from taskrpc.wire.once import Completion
@@ -18,22 +18,17 @@ the clock, and no leap alone may end a lease."""
 
 
 class LeaseClock:
-    """Seconds, about those since 1970.
+    """Tells an instant by seconds, about those since 1970.
 
-    It goes on behind the newest of a store's completions, then as `ticks` does.
+    It goes on behind the newest of a store's completions, then as another clock does that shows
+    `ticks` now.
     """
 
-    def __init__(
-        self, completions: Iterable[Completion], wall: float, ticks: Callable[[], float]
-    ) -> None:
+    def __init__(self, completions: Iterable[Completion], wall: float, ticks: float) -> None:
         newest = max(completions, key=lambda each: each.at, default=None)
         start = wall
         if newest is not None:
             down = wall - (newest.wall or newest.at)
             start = newest.at + min(max(0.0, down), DOWN_AT_MOST)
-        self._ticks = ticks
-        self._offset = start - ticks()
-
-    def now(self) -> float:
-        """The instant."""
-        return self._offset + self._ticks()
+        self.offset = start - ticks
+        """To be added to what the other clock shows."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Hashable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, final
 
 import msgspec
 
@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from taskrpc.deduplication.desk import OnceDesk
 
 
+@final
 class Effect(msgspec.Struct):
     """What a handler of an exactly-once service returns where its store is to do something.
 
@@ -27,13 +28,14 @@ class Effect(msgspec.Struct):
 
 
 class Run(IncomingCall, eq=False):
-    """One run of a request; it takes the place of the call that began it."""
+    """One run of a request; it takes the place of the call that began it.
+
+    When that `arrived`, where it has a number, is told by the store's clock.
+    """
 
     desk: OnceDesk
     callers: list[IncomingCall]
     """Who waits for the answer."""
-    arrived: float
-    """On the store's clock."""
     completion: Completion | None = None
     """Once the transaction has begun: what it remembers."""
     refused: bool = False
@@ -87,7 +89,7 @@ class Run(IncomingCall, eq=False):
     def reply(self, response: Any, body: bytes | None = None) -> None:
         """Store the effect and the completion, then answer everybody."""
         effect, desk = None, self.desk
-        if isinstance(response, Effect):
+        if response.__class__ is Effect:  # final, and isinstance costs more than the rest here
             response, effect = response.response, response.effect
         if self.completion is not None:  # the handler has stored both itself
             self.response, self.body = response, self.completion.answer
@@ -98,7 +100,7 @@ class Run(IncomingCall, eq=False):
         if self.refused and effect is None:
             desk.refused(self)
         else:
-            desk.commit(self, body, 0, effect)
+            desk.commit(self, self.completed(body, 0), effect)
 
     def fail(self, error: TaskRpcError) -> None:
         """Answer everybody with an error; one of the handler's own is remembered as an answer."""
@@ -112,7 +114,8 @@ class Run(IncomingCall, eq=False):
         elif isinstance(error, HandlerFailed) and not error.not_executed and self.claim is not None:
             # As it travels: it need not be text. And with the code 0 it would be a response.
             body = error.message.encode("utf-8", "backslashreplace")
-            self.desk.commit(self, body, int(error.code or Code.UNKNOWN), None, error)
+            completion = self.completed(body, int(error.code or Code.UNKNOWN))
+            self.desk.commit(self, completion, None, error)
         else:
             self.desk.undone(self, error)
 

@@ -80,16 +80,18 @@ class Shared:
 
         Returns whether this is its first end, and its request had a number.
         """
+        claim = run.claim
+        if claim is not None:
+            if claim.run is run:
+                claim.run = None
+            else:  # it had its end before, and the ledger need not have it any more
+                claim = None
         if completion is not None:
             if self.ledger is not None:
-                self.ledger.completed(completion)
+                self.ledger.completed(completion, claim)
             else:
                 self._meanwhile.append(completion)
-        claim = run.claim
-        if claim is None or claim.run is not run:
-            return False
-        claim.run = None
-        return True
+        return claim is not None
 
     def end_without_trace(self, run: Run) -> None:
         """A run has left nothing behind: sent again, its request is new."""
@@ -113,8 +115,8 @@ class Shared:
         if self._opening is not asyncio.current_task():
             return  # it was read before somebody asked to read it anew
         if self.clock is None:
-            ticks = clock_of(asyncio.get_running_loop())
-            self.clock = LeaseClock(remembered.completions, time.time(), ticks)
+            now = clock_of(asyncio.get_running_loop())()
+            self.clock = LeaseClock(remembered.completions, time.time(), now)
         self.ledger = ledger = Ledger((*remembered.completions, *self._meanwhile))
         self._meanwhile = []
         for principal, claim in self._before.all_running() if self._before else ():

@@ -32,26 +32,32 @@ class KeptCompletions:
             for client in forgotten:
                 self._by_client.pop(client, None)
         if completion is not None:
-            self._new.append(completion)
-            if len(self._new) >= _MOST_NEW or len(completion.answer) >= _LARGE:
+            new = self._new
+            new.append(completion)
+            if len(new) >= _MOST_NEW or len(completion.answer) >= _LARGE:
                 self._enter()
 
     def _enter(self) -> None:
         new, self._new = self._new, []
         firsts: dict[Client, int] = {}
-        unsettled: list[tuple[Client, Completion]] = []
+        unsettled: list[Completion] = []
+        principal, client, first = "", b"", 0
         for completion in reversed(new):
-            client = (completion.principal, completion.client)
-            first = firsts.get(client, 0)
+            same = completion.client == client and completion.principal == principal
+            if same and completion.sequence < first:  # as most are
+                continue
+            principal, client = who = completion.principal, completion.client
+            first = firsts.get(who, 0)
             if completion.first_incomplete > first:
-                firsts[client] = completion.first_incomplete
+                first = firsts[who] = completion.first_incomplete
             elif completion.sequence < first:
                 continue
-            unsettled.append((client, completion))
-        for client, first in firsts.items():
-            known = self._by_client.setdefault(client, {})
+            unsettled.append(completion)
+        for who, first in firsts.items():
+            known = self._by_client.setdefault(who, {})
             for number in [each for each in known if each < first]:
                 del known[number]
-        for client, completion in reversed(unsettled):
-            if completion.sequence >= firsts[client]:
-                self._by_client[client][completion.sequence] = completion
+        for completion in reversed(unsettled):
+            who = completion.principal, completion.client
+            if completion.sequence >= firsts[who]:
+                self._by_client[who][completion.sequence] = completion

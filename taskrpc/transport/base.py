@@ -43,6 +43,8 @@ class IncomingCall(CallInfo, eq=False):
     """Set by whoever runs the call: until then it certainly did not run."""
     claim: Claim | None
     """The request's number, where its client counts because the service is exactly-once."""
+    arrived: float
+    """The instant when it was read, on the loop's clock."""
 
     def reply(self, response: Any, body: bytes | None = None) -> None:
         """Answer with a response message; `body` is the same, encoded by its `Codec`, if known.

@@ -40,7 +40,6 @@ class ServedCall(IncomingCall, eq=False):
     connection: ServingConnection
     route: Route
     call_id: int
-    arrived: float
 
     def reply(self, response: Any, body: bytes | None = None) -> None:
         """Answer with a response message."""

@@ -263,10 +263,10 @@ class ServingConnection(Connection):
             None,  # on_cancel
             False,  # started
             claim,
+            now,
             self,
             route,
             event.call_id,
-            now,
         )
         if self.writing_paused or self.unread.pressed:
             self._serve(call)

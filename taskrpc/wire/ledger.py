@@ -129,27 +129,40 @@ class Ledger:
         known = self._clients.get(client)
         if known is None:
             return self._met(client, claim, now)
-        sequence, first, settled = claim.sequence, claim.first_incomplete, 0
-        if sequence < known.first_incomplete:
+        sequence, first, begin = claim.sequence, claim.first_incomplete, known.first_incomplete
+        if sequence < begin:
             return _STALE
-        if first > known.first_incomplete:
-            settled = known.settle(first)
+        requests, sizes, more = known.requests, self._sizes, 0
+        if first > begin:
+            done = requests.get(begin)
+            if first == begin + 1 and done.__class__ is Completion:
+                # As `settle` does. So it is nearly always, and a call would cost half as much as
+                # to decide.
+                del requests[begin]
+                known.first_incomplete = first
+                more = -PER_REQUEST - len(done.answer)
+            else:
+                more = -known.settle(first)
         known.used = now
         if now - known.placed > _PLACE_KEPT:
             self._place_last(client, known)
-        requests, sizes = known.requests, self._sizes
         # Charged once, not for each: most requests settle the one before.
-        self.size -= settled
-        sizes[principal] -= settled
+        taken = self.size + more
+        theirs = sizes[principal] + more
+        verdict = _NEW
         if sequence in requests:
-            return _again(requests[sequence], claim)
+            verdict = _again(requests[sequence], claim)
         # No share is set apart for each: nobody knows how many accounts will come.
-        if len(requests) >= self._most_open or self._memory - self.size <= sizes[principal]:
-            return _FULL
-        requests[sequence] = claim
-        self.size += PER_REQUEST
-        sizes[principal] += PER_REQUEST
-        return _NEW
+        elif len(requests) >= self._most_open or self._memory - taken <= theirs:
+            verdict = _FULL
+        else:
+            requests[sequence] = claim
+            claim.known = known
+            taken += PER_REQUEST
+            theirs += PER_REQUEST
+        self.size = taken
+        sizes[principal] = theirs
+        return verdict
 
     def _met(self, client: Client, claim: Claim, now: float) -> Verdict:
         """What to do with a request of a client that is not known."""
@@ -165,8 +178,10 @@ class Ledger:
     def runs(self, principal: str, claim: Claim, now: float) -> None:
         """A request runs that was decided to run, be it by an earlier ledger."""
         known = self._known((principal, claim.client), now)
+        claim.known = None
         if claim.sequence not in known.requests:
             known.requests[claim.sequence] = claim
+            claim.known = known
             self._charge(principal, PER_REQUEST)
 
     def answer(self, principal: str, claim: Claim) -> Completion:
@@ -190,21 +205,29 @@ class Ledger:
             if isinstance(each, Claim)
         ]
 
-    def completed(self, completion: Completion) -> None:
-        """A request is done, and its completion stored."""
+    def completed(self, completion: Completion, claim: Claim | None = None) -> None:
+        """A request is done, and its completion stored; `claim` is what has run, where that did."""
+        sequence = completion.sequence
+        if claim is None or (known := claim.known) is None:
+            self._enter(completion)
+            return
+        claim.known = None
+        if sequence < known.first_incomplete:
+            self._enter(completion)
+            return
+        known.requests[sequence] = completion  # in the claim's place: only the answer is more
+        more = len(completion.answer)
+        self.size += more
+        self._sizes[completion.principal] += more
+
+    def _enter(self, completion: Completion) -> None:
         principal, sequence = completion.principal, completion.sequence
-        known = self._clients.get((principal, completion.client))
-        if known is None:
-            known = self._known((principal, completion.client), completion.at)
+        known = self._known((principal, completion.client), completion.at)
         more, requests = 0, known.requests
         if completion.first_incomplete > known.first_incomplete:
             more = -known.settle(completion.first_incomplete)
         if sequence >= known.first_incomplete:
-            found = requests.get(sequence)
-            if found.__class__ is Claim:  # as nearly always: only the answer is more
-                more += len(completion.answer)
-            else:
-                more += _size(completion) - _size(found)
+            more += _size(completion) - _size(requests.get(sequence))
             requests[sequence] = completion
         else:
             more -= _size(requests.pop(sequence, None))
@@ -214,6 +237,7 @@ class Ledger:
     def abandoned(self, principal: str, claim: Claim) -> None:
         """A request did not run after all: sent again, it is new."""
         client = (principal, claim.client)
+        claim.known = None
         known = self._clients.get(client)
         if known is not None:
             if known.requests.get(claim.sequence) is claim:

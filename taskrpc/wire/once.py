@@ -19,6 +19,8 @@ from taskrpc.errors import ProtocolError
 OPEN_PER_CLIENT = 1024
 """Requests of one client that it has not yet reported as settled."""
 
+_MOST_BEHIND = OPEN_PER_CLIENT // 2
+
 _SHORT = 16
 """Bytes of a message that is its own fingerprint: to hash it would cost a tenth of the rest."""
 
@@ -54,6 +56,8 @@ class Claim(msgspec.Struct, eq=False):
     """Tells a repeated request from another one under the same number."""
     run: Any = None
     """What runs it, as long as something does."""
+    known: Any = None
+    """Where the server's ledger has it, as long as it runs."""
 
 
 def claims_for(service: str) -> Callable[[bytes], tuple[Claim, bytes]]:
@@ -160,7 +164,8 @@ class Numbers:
         its first open number."""
         self._next = 1
         self._first = 1
-        self._open: dict[int, None] = {}  # rising
+        self._settled: set[int] = set()
+        """What is settled above the first that is not."""
 
     def take(self) -> int:
         """The number of the next request; `settle` it in the end."""
@@ -169,9 +174,16 @@ class Numbers:
 
     def settle(self, sequence: int) -> None:
         """Nobody waits for a request's answer any more."""
-        self._open.pop(sequence, None)
-        if sequence == self._first:
-            self._first = next(iter(self._open), self._next)
+        if sequence != self._first:
+            if sequence > self._first:
+                self._settled.add(sequence)
+            return
+        sequence += 1
+        if settled := self._settled:
+            while sequence in settled:
+                settled.remove(sequence)
+                sequence += 1
+        self._first = sequence
 
     def number(self, sequence: int) -> Number:
         """What a request that is not settled carries now."""
@@ -179,9 +191,8 @@ class Numbers:
 
     def take_for(self, body: bytes) -> tuple[int, bytes]:
         """Take the next number; returns it, and a request's body behind it."""
-        sequence = self._next
+        sequence, first = self._next, self._first
         self._next = sequence + 1
-        self._open[sequence] = None
-        if sequence - self._first >= OPEN_PER_CLIENT // 2:
+        if sequence - first >= _MOST_BEHIND:
             self.is_over = True
-        return sequence, _pack(self.client, sequence, self._first) + body
+        return sequence, _pack(self.client, sequence, first) + body

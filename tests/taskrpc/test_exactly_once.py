@@ -754,8 +754,9 @@ class Clock:
         lab.service._desk._shared.clock = self
         self.seconds = 1000.0
 
-    def now(self):
-        return self.seconds
+    @property
+    def offset(self):
+        return self.seconds - asyncio.get_running_loop().time()
 
 
 async def test_a_client_whose_lease_has_ended_is_forgotten_by_the_store_too():

@@ -275,3 +275,51 @@ def test_what_an_account_had_counts_after_a_restart_until_its_lease_ends():
     assert send(ledger, Number(ME, 1, 1), principal="bob", now=9.0) is Verdict.NEW
     assert len(ledger.expire(10.0)) == 2
     assert send(ledger, Number(ME, 1, 1), principal="ada", now=10.0) is Verdict.NEW
+
+
+steps = st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 2), st.binary(max_size=3))
+
+
+@settings(max_examples=200, deadline=None)
+@given(work=st.lists(steps, max_size=30))
+def test_it_makes_no_difference_whether_the_claim_that_ran_is_at_hand(work):
+    quick, plain = Ledger(open_per_client=4), Ledger(open_per_client=4)
+    running, first = [], 1
+    for ahead, settled, ended, answer in work:
+        first += settled
+        number = Number(ME, first + ahead, first)
+        claims = claim(number), claim(number)
+        verdict = quick.decide("", claims[0], 0.0)
+        assert plain.decide("", claims[1], 0.0) is verdict
+        if verdict is Verdict.NEW:
+            running.append((number, claims[0]))
+        for _ in range(min(ended, len(running))):
+            number, came = running.pop()
+            done = completion(number, answer=answer)
+            quick.completed(done, came)
+            plain.completed(done)
+        assert quick.size == plain.size
+
+
+def test_a_run_that_ends_in_the_next_ledger_is_done_there():
+    before, number = Ledger(), Number(ME, 1, 1)
+    came = claim(number)
+    before.decide("", came, 0.0)
+    after = Ledger()
+    after.runs("", came, 0.0)
+    done = completion(number, answer=b"42")
+    after.completed(done, came)
+    assert send(before, number) is Verdict.ATTACH
+    assert send(after, number) is Verdict.DONE
+    assert after.size == Ledger([done]).size
+
+
+def test_a_run_that_was_stored_before_its_ledger_was_read_is_done_once():
+    number = Number(ME, 1, 1)
+    came, done = claim(number), completion(number, answer=b"42")
+    Ledger().decide("", came, 0.0)
+    after = Ledger([done])
+    after.runs("", came, 0.0)
+    after.completed(done, came)
+    assert send(after, number) is Verdict.DONE
+    assert after.size == Ledger([done]).size

@@ -73,3 +73,14 @@ def test_a_client_that_has_left_an_old_number_open_counts_on_as_another():
         latest = numbers.take()
         numbers.settle(latest)
     assert OPEN_PER_CLIENT // 2 <= latest < OPEN_PER_CLIENT
+
+
+def test_what_is_settled_twice_or_out_of_turn_counts_once():
+    numbers = Numbers(ME)
+    taken = [numbers.take() for _ in range(4)]
+    for each in (3, 1, 1, 3, 2):
+        numbers.settle(each)
+    assert numbers.number(taken[3]) == Number(ME, 4, 4)
+    numbers.settle(4)
+    numbers.settle(4)
+    assert numbers.number(numbers.take()) == Number(ME, 5, 5)
