@@ -86,7 +86,7 @@ class Service:
         self._concurrency = concurrency
         self._running = 0
         self._waiting: Turns[IncomingCall] = Turns()
-        self._jobs: dict[asyncio.Future[Any], tuple[IncomingCall, float]] = {}
+        self._jobs: dict[IncomingCall, tuple[asyncio.Future[Any], float]] = {}
         self._durations: deque[float] = deque(maxlen=MEASURED)
         """Seconds of the latest calls, measured while others wait."""
         self._loop = asyncio.get_running_loop()
@@ -154,7 +154,7 @@ class Service:
         self.destroy()
         while self._waiting.count:
             self._waiting.take().fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))
-        for job, (call, _) in list(self._jobs.items()):
+        for call, (job, _) in list(self._jobs.items()):
             call.cancel()
             call.fail(OutcomeUnknown("the server was shut down while it ran this call"))
             # A thread runs on; but nobody may wait for it, least of all a loop that has ended.
@@ -224,8 +224,14 @@ class Service:
         return True
 
     def _run_async(self, call: IncomingCall, result: Awaitable[Any], began: float) -> bool:
-        """Run an awaitable; returns whether a task carries it on."""
-        # A future may be the answer to several calls, each of which needs a task of its own.
+        """Run an awaitable; returns whether it needs more time."""
+        if isinstance(result, asyncio.Future) and result.get_loop() is self._loop:
+            if result.done():
+                self._returned(call, result.result())
+                return False
+            call.on_cancel = result.cancel
+            self._await(result, call, began)
+            return True
         coroutine = result if inspect.iscoroutine(result) else _awaited(result)
         try:
             job = self._stepper.step(partial(answering.set, call), coroutine)
@@ -248,11 +254,11 @@ class Service:
         self._await(job, call, began)
 
     def _await(self, job: asyncio.Future[Any], call: IncomingCall, began: float) -> None:
-        self._jobs[job] = call, began
-        job.add_done_callback(self._job_done)
+        self._jobs[call] = job, began
+        job.add_done_callback(partial(self._job_done, call))
 
-    def _job_done(self, done: asyncio.Future[Any]) -> None:
-        call, began = self._jobs.pop(done)
+    def _job_done(self, call: IncomingCall, done: asyncio.Future[Any]) -> None:
+        _, began = self._jobs.pop(call)
         call.on_cancel = None  # the job has the call in its context: left to each other, both stay
         if done.cancelled():
             if call.cancelled:

@@ -7,6 +7,7 @@ import contextlib
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from itertools import islice
+from typing import TypeAlias
 
 import msgspec
 
@@ -15,6 +16,9 @@ from taskrpc.tasks.board import Board
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.store import TaskStore
 from taskrpc.wire.once import Client, Completion
+
+Then: TypeAlias = Callable[[BaseException | None], object]
+"""Learns that something is stored, or of the error if it is not."""
 
 
 class TaskBook:
@@ -97,15 +101,27 @@ class TaskBook:
             StoreError: nothing was stored and nothing announced.
             OutcomeUnknown: nothing was announced; the next server will know what was stored.
         """
-        forgotten = self._surplus(tasks)
         # Callbacks, and a future of the caller's own, which he may cancel: a task and a shield
         # before it would take five turns of the loop for each change.
+        saved = asyncio.get_running_loop().create_future()
+        then = partial(settle, saved)
+        self.save_then(then, *tasks, completion=completion, clients=clients, undo=undo)
+        return saved
+
+    def save_then(
+        self,
+        then: Then,
+        *tasks: Task,
+        completion: Completion | None = None,
+        clients: Sequence[Client] = (),
+        undo: Callable[[], object] = lambda: None,
+    ) -> None:
+        """Do as `save` does and call back at its end, with what it raises, or None."""
+        forgotten = self._surplus(tasks)
         commit = asyncio.ensure_future(self._store.apply(tasks, forgotten, completion, clients))
         for task in tasks:
             self._commits[task.task_id] = commit
-        saved = asyncio.get_running_loop().create_future()
-        commit.add_done_callback(partial(self._committed, saved, tasks, forgotten, undo))
-        return saved
+        commit.add_done_callback(partial(self._committed, then, tasks, forgotten, undo))
 
     async def remember_pause(self, paused: bool) -> None:
         """Store whether the queue stands still; raises StoreError."""
@@ -155,7 +171,7 @@ class TaskBook:
 
     def _committed(
         self,
-        saved: asyncio.Future[None],
+        then: Then,
         tasks: tuple[Task, ...],
         forgotten: list[int],
         undo: Callable[[], object],
@@ -171,14 +187,7 @@ class TaskBook:
         elif isinstance(error, TaskRpcError):
             self._problem = told(error)
             undo()
-        if saved.done():
-            return  # nobody waits any more
-        if error is None:
-            saved.set_result(None)
-        elif commit.cancelled():
-            saved.cancel()
-        else:
-            saved.set_exception(error)
+        then(error)
 
     def _know(self, tasks: tuple[Task, ...], forgotten: list[int]) -> None:
         for task_id in forgotten:
@@ -205,3 +214,15 @@ class TaskBook:
         busy = {*self._commits, *(task.task_id for task in tasks)}
         idle = (task_id for task_id in self._ended if task_id not in busy)
         return list(islice(idle, max(0, len(self._ended) + len(ending) - self._keep_ended)))
+
+
+def settle(saved: asyncio.Future[None], error: BaseException | None) -> None:
+    """Let whoever awaits a future know of an end, as `save_then` tells it."""
+    if saved.done():
+        return  # nobody waits any more
+    if error is None:
+        saved.set_result(None)
+    elif isinstance(error, asyncio.CancelledError):
+        saved.cancel()
+    else:
+        saved.set_exception(error)

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.robot.protocol import Pose, Robot, TargetError
 from taskrpc.tasks.answers import Answer, Resumed, again, by, priority_refusal, shown, unstored
 from taskrpc.tasks.board import Board
-from taskrpc.tasks.book import TaskBook
+from taskrpc.tasks.book import TaskBook, Then, settle
 from taskrpc.tasks.guard import RobotGuard, checked_plan, sentence
 from taskrpc.tasks.model import EstimateChange, State, Task
 from taskrpc.tasks.queue import TaskQueue
@@ -173,6 +175,37 @@ class TaskManager:
             StoreError: it could not be stored, and so was not queued.
             OutcomeUnknown: it was not queued, but the next server may find it stored.
         """
+        stored = asyncio.get_running_loop().create_future()
+        answer = self.submit_then(
+            partial(settle, stored),
+            task_type,
+            target,
+            priority,
+            client=client,
+            account=account,
+            machine=machine,
+            completing=completing,
+        )
+        if answer.success:
+            await stored
+        return answer
+
+    def submit_then(
+        self,
+        then: Then,
+        task_type: str,
+        target: str,
+        priority: int,
+        *,
+        client: str = "",
+        account: str = "",
+        machine: str = "",
+        completing: Completing | None = None,
+    ) -> Answer:
+        """Do as `submit` does, and call back when the task is stored, with what it raises, or None.
+
+        Returns the answer, which holds from then on; a refusal at once, and nobody is called back.
+        """
         if refusal := self._refusal(task_type, target, priority, account, machine):
             return Answer(False, refusal)
         task = Task(
@@ -185,16 +218,20 @@ class TaskManager:
             client=client,
             machine=machine if account else "",
         )
-        answer = await self._accept(task, completing)
-        _log.info(
-            "Task %d queued: %s to %s (priority: %d)",
-            task.task_id,
-            task_type,
-            target,
-            priority,
-            extra={"task": task.task_id},
-        )
-        return answer
+
+        def stored(error: BaseException | None) -> None:
+            if error is None:
+                _log.info(
+                    "Task %d queued: %s to %s (priority: %d)",
+                    task.task_id,
+                    task_type,
+                    target,
+                    priority,
+                    extra={"task": task.task_id},
+                )
+            then(error)
+
+        return self._accept(stored, task, completing)
 
     async def cancel(self, task_id: int, *, client: str = "") -> Answer:
         """Call a task off, whether it waits or runs."""
@@ -263,7 +300,11 @@ class TaskManager:
         if refusal := self._refusal(task.task_type, task.target, task.priority):
             return Answer(False, refusal)
         arrival = task.arrival if resume else self.book.new_arrival()
-        return await self._accept(task.requeued(self._wall_clock(), arrival))
+        stored = asyncio.get_running_loop().create_future()
+        requeued = task.requeued(self._wall_clock(), arrival)
+        answer = self._accept(partial(settle, stored), requeued)
+        await stored
+        return answer
 
     async def pause(self) -> Answer:
         """Halt the robot in mid-task and begin no other."""
@@ -328,7 +369,7 @@ class TaskManager:
             account = f"{account} at {machine}"
         return f"Share full: {waiting} tasks of {account} wait, and no more of one account may"
 
-    async def _accept(self, task: Task, completing: Completing | None = None) -> Answer:
+    def _accept(self, then: Then, task: Task, completing: Completing | None = None) -> Answer:
         self.reckon()
         accepted = self._timetable.accept(task, self._worker.now())
         answer = self._queued(accepted)
@@ -339,10 +380,10 @@ class TaskManager:
 
         try:
             completion = completing(answer) if completing else None
+            self.book.save_then(then, accepted, completion=completion, undo=undo)
         except TaskRpcError:
             undo()
             raise
-        await self.book.save(accepted, completion=completion, undo=undo)
         return answer
 
     async def _call_off(self, task_id: int, reason: str) -> Answer:

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import functools
 import logging
 import time
 from collections.abc import Awaitable, Callable
+from functools import partial, wraps
 from types import TracebackType
 from typing import Any, Self, TypeAlias
 
@@ -185,7 +185,7 @@ class TaskServer:
         submit = self._node.create_service(
             self._types["submit"],
             self._service_name,
-            self._guarded(self.submit, unstored=Code.UNAVAILABLE),  # nothing was done
+            self.submit,
             exactly_once=self._completions,
             join=self._join,
         )
@@ -228,42 +228,57 @@ class TaskServer:
             for service in self._services:
                 self._node.configure_introspection(service, self._introspection)
 
-    def _guarded(self, handler: _Handler, *, unstored: Code = Code.INTERNAL) -> _Handler:
+    def _guarded(self, handler: _Handler) -> _Handler:
         """The handler, which tells its caller when the server ends or what the store lacks."""
 
-        @functools.wraps(handler)
+        @wraps(handler)
         async def guarded(request: Any, response: Any) -> Any:
             if not self._started.is_set():
                 await self._started.wait()
-            if self.manager.is_closed:  # the store is, too; and nothing was done
-                raise HandlerError(Code.UNAVAILABLE, "the task server is ending")
+            self._refuse_at_end()
             try:
                 return await handler(request, response)
-            except StoreError as error:
-                raise _failed(unstored, error) from error
-            except OutcomeUnknown as error:
-                raise _failed(Code.OUTCOME_UNKNOWN, error) from error
+            except (StoreError, OutcomeUnknown) as error:
+                raise _failed(Code.INTERNAL, error) from error
 
         return guarded
 
+    def _refuse_at_end(self) -> None:
+        if self.manager.is_closed:  # the store is, too; and nothing was done
+            raise HandlerError(Code.UNAVAILABLE, "the task server is ending")
+
     # The handlers: `request` and `response` are the service's own messages
 
-    async def submit(self, request: Any, response: Any) -> Any:
-        """Queue a task; see RobotTask.srv."""
+    def submit(self, request: Any, response: Any) -> Any:
+        """Queue a task; see RobotTask.srv. Returns the response, or what yields it."""
+        if not self._started.is_set():
+            return self._submit_once_started(request, response)
+        self._refuse_at_end()
         client, account, machine = submitter()
-        answer = await self.manager.submit(
-            request.task_type,
-            request.target,
-            request.priority,
-            client=client,
-            account=account,
-            machine=machine,
-            completing=lambda answer: _completed(_answered(response, answer)),
-        )
+        # No coroutine: for each that waits for the disk a task would be made.
+        queued = asyncio.get_running_loop().create_future()
+        try:
+            answer = self.manager.submit_then(
+                partial(_tell_queued, queued, response),
+                request.task_type,
+                request.target,
+                request.priority,
+                client=client,
+                account=account,
+                machine=machine,
+                completing=lambda answer: _completed(_answered(response, answer)),
+            )
+        except (StoreError, OutcomeUnknown) as error:
+            raise _failed(Code.UNAVAILABLE, error) from error
         if answer.success:
-            return response  # it was filled in to be stored
+            return queued
         _nothing_done()
         return _answered(response, answer)
+
+    async def _submit_once_started(self, request: Any, response: Any) -> Any:
+        await self._started.wait()
+        answer = self.submit(request, response)
+        return await answer if isinstance(answer, asyncio.Future) else answer
 
     async def list_tasks(self, request: Any, response: Any) -> Any:
         """List tasks in the order of run; see ListTasks.srv."""
@@ -359,10 +374,25 @@ class TaskServer:
         return self._messages.task_info(task, self.manager.estimate(task.task_id))
 
 
-def _failed(code: Code, error: TaskRpcError) -> HandlerError:
+def _failed(unstored: Code, error: TaskRpcError) -> HandlerError:
     """What the caller is told of a store that failed; the log has the whole of it."""
     _log.error("%s", error)
+    code = Code.OUTCOME_UNKNOWN if isinstance(error, OutcomeUnknown) else unstored
     return HandlerError(code, told(error))
+
+
+def _tell_queued(queued: asyncio.Future[Any], response: Any, error: BaseException | None) -> None:
+    """A task is stored, for which the response was filled in, or is not."""
+    if queued.done():
+        return  # nobody waits any more
+    if error is None:
+        queued.set_result(response)
+    elif isinstance(error, StoreError | OutcomeUnknown):
+        queued.set_exception(_failed(Code.UNAVAILABLE, error))  # nothing was done, or who knows
+    elif isinstance(error, asyncio.CancelledError):
+        queued.cancel()
+    else:
+        queued.set_exception(error)
 
 
 def _answered(response: Any, answer: Answer) -> Any:

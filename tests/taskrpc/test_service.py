@@ -4,6 +4,7 @@ import asyncio
 import gc
 import random
 import time
+from functools import partial
 
 import pytest
 from hypothesis import given, settings
@@ -41,9 +42,8 @@ class Fake(IncomingCall, eq=False):
 def FakeCall(number, deadline=None):
     clock = asyncio.get_running_loop().time
     request = Add.Request(a=number)
-    return Fake(
-        "/x", "/me", "", Role.ADMIN, number, deadline, clock, False, request, None, False, None, []
-    )
+    who = "/x", "/me", "", Role.ADMIN, number, deadline, clock
+    return Fake(*who, False, request, None, False, None, clock(), [])
 
 
 def service(callback, **options):
@@ -255,6 +255,42 @@ async def test_one_future_may_be_the_answer_to_several_calls():
     made.destroy()
     await made.finished
     assert [call.ends for call in calls] == [[answer]] * 4
+
+
+@pytest.mark.parametrize("is_done", [False, True])
+async def test_a_future_that_fails_is_a_callback_that_raises(is_done):
+    loop = asyncio.get_running_loop()
+    failing = loop.create_future()
+    fail = partial(failing.set_exception, taskrpc.HandlerError(taskrpc.Code.ABORTED, "too heavy"))
+    transport, made = service(lambda request, response: failing)
+    call = FakeCall(1)
+    if is_done:
+        fail()
+    transport.serve(call)
+    if not is_done:
+        assert not call.ends
+        fail()
+    made.destroy()
+    await made.finished
+    [end] = call.ends
+    assert (end.code, end.message) == (taskrpc.Code.ABORTED, "too heavy")
+
+
+async def test_a_call_that_is_given_up_cancels_its_future_and_leaves_its_place():
+    loop = asyncio.get_running_loop()
+    futures = [loop.create_future() for _ in range(2)]
+    transport, made = service(lambda request, response: futures[request.a])
+    calls = [FakeCall(n) for n in range(2)]
+    for call in calls:
+        transport.serve(call)
+    calls[0].cancel()
+    await asyncio.sleep(1)
+    assert futures[0].cancelled()
+    futures[1].set_result(answer := Add.Response(sum=7))
+    made.destroy()
+    await made.finished
+    assert [len(call.ends) for call in calls] == [1, 1]
+    assert calls[1].ends == [answer]
 
 
 @pytest.mark.parametrize("later", [False, True])
