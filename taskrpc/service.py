@@ -7,7 +7,7 @@ import contextvars
 import inspect
 import logging
 from collections import deque
-from collections.abc import Awaitable, Callable, Hashable
+from collections.abc import Awaitable, Callable, Coroutine, Hashable
 from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
@@ -225,14 +225,18 @@ class Service:
 
     def _run_async(self, call: IncomingCall, result: Awaitable[Any], began: float) -> bool:
         """Run an awaitable; returns whether it needs more time."""
-        if isinstance(result, asyncio.Future) and result.get_loop() is self._loop:
+        coroutine: Coroutine[Any, Any, Any]
+        if inspect.iscoroutine(result):
+            coroutine = result
+        elif isinstance(result, asyncio.Future) and result.get_loop() is self._loop:
             if result.done():
                 self._returned(call, result.result())
                 return False
             call.on_cancel = result.cancel
             self._await(result, call, began)
             return True
-        coroutine = result if inspect.iscoroutine(result) else _awaited(result)
+        else:
+            coroutine = _awaited(result)
         try:
             job = self._stepper.step(partial(answering.set, call), coroutine)
         except StopIteration as done:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, TypeVar
 
 import msgspec
@@ -25,7 +25,7 @@ class Damaged(Exception):
 
 def with_checksum(record: bytes, *key: int | str) -> tuple[int, str]:
     """The checksum of a record and of the key that names it, and the record's text."""
-    return zlib.crc32(record, _key_sum(key)), record.decode()
+    return zlib.crc32(record, _key_sum(map(str, key))), record.decode()
 
 
 def read_records(
@@ -54,13 +54,13 @@ def _intact(row: tuple[Any, ...], table: str, columns: tuple[str, ...]) -> bytes
     if not isinstance(record, bytes):
         problem = f"expected a text, found {type(record).__name__}"
         raise Damaged(table, problem, _where(row, columns))
-    if zlib.crc32(record, _key_sum(key)) != checksum:
+    if zlib.crc32(record, _key_sum(map(_text, key))) != checksum:
         raise Damaged(table, "the checksum does not match", _where(row, columns))
     return record
 
 
-def _key_sum(key: Sequence[Any]) -> int:
-    return zlib.crc32(" ".join(map(_text, key)).encode())
+def _key_sum(key: Iterable[str]) -> int:
+    return zlib.crc32(" ".join(key).encode())
 
 
 def _where(row: tuple[Any, ...], columns: tuple[str, ...]) -> str:

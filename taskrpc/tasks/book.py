@@ -118,7 +118,11 @@ class TaskBook:
     ) -> None:
         """Do as `save` does and call back at its end, with what it raises, or None."""
         forgotten = self._surplus(tasks)
-        commit = asyncio.ensure_future(self._store.apply(tasks, forgotten, completion, clients))
+        storing = self._store.apply(tasks, forgotten, completion, clients)
+        # Asked here, since `ensure_future` takes five calls to see a future.
+        if not isinstance(storing, asyncio.Future):
+            storing = asyncio.ensure_future(storing)
+        commit = storing
         for task in tasks:
             self._commits[task.task_id] = commit
         commit.add_done_callback(partial(self._committed, then, tasks, forgotten, undo))

@@ -185,7 +185,7 @@ class TaskServer:
         submit = self._node.create_service(
             self._types["submit"],
             self._service_name,
-            self.submit,
+            self._submitted,
             exactly_once=self._completions,
             join=self._join,
         )
@@ -249,11 +249,19 @@ class TaskServer:
 
     # The handlers: `request` and `response` are the service's own messages
 
-    def submit(self, request: Any, response: Any) -> Any:
-        """Queue a task; see RobotTask.srv. Returns the response, or what yields it."""
-        if not self._started.is_set():
-            return self._submit_once_started(request, response)
-        self._refuse_at_end()
+    async def submit(self, request: Any, response: Any) -> Any:
+        """Queue a task; see RobotTask.srv."""
+        answer = self._begin_submit(request, response)
+        return await answer if isinstance(answer, asyncio.Future) else answer
+
+    def _submitted(self, request: Any, response: Any) -> Any:
+        if self._started.is_set():
+            self._refuse_at_end()
+            return self._begin_submit(request, response)
+        return self._guarded(self.submit)(request, response)
+
+    def _begin_submit(self, request: Any, response: Any) -> Any:
+        """Queue a task; returns the response, or a future of it while the task is being stored."""
         client, account, machine = submitter()
         # No coroutine: for each that waits for the disk a task would be made.
         queued = asyncio.get_running_loop().create_future()
@@ -274,11 +282,6 @@ class TaskServer:
             return queued
         _nothing_done()
         return _answered(response, answer)
-
-    async def _submit_once_started(self, request: Any, response: Any) -> Any:
-        await self._started.wait()
-        answer = self.submit(request, response)
-        return await answer if isinstance(answer, asyncio.Future) else answer
 
     async def list_tasks(self, request: Any, response: Any) -> Any:
         """List tasks in the order of run; see ListTasks.srv."""

@@ -45,10 +45,9 @@ def never_answers_what_was_cancelled_in_the_queue(patch):
     patch(Service, "_job_done", _job_done_without_an_answer)
 
 
-def _job_done_without_an_answer(service, job):
-    service._jobs.pop(job)
-    service._running -= 1
-    service._finished()
+def _job_done_without_an_answer(service, call, job):
+    _, began = service._jobs.pop(call)
+    service._stored(began)
 
 
 class Sessions:

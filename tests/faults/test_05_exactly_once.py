@@ -36,17 +36,14 @@ def forget_what_was_done(patch):
 
 
 def acknowledge_before_it_is_stored(patch):
-    save = TaskBook.save
-    begun = set()
+    save = TaskBook.save_then
 
-    async def late(*arguments, **options):
-        await asyncio.sleep(0.05)
-        await save(*arguments, **options)
+    def early(self, then, *tasks, **options):
+        loop = asyncio.get_running_loop()
+        loop.call_later(0.05, lambda: save(self, lambda error: None, *tasks, **options))
+        then(None)
 
-    async def early(*arguments, **options):
-        begun.add(asyncio.create_task(late(*arguments, **options)))
-
-    patch(TaskBook, "save", early)
+    patch(TaskBook, "save_then", early)
 
 
 def lose_the_completions(patch):

@@ -1,6 +1,6 @@
 """The whole system on virtual time, from seeds: kills, restarts, and a network that fails."""
 
-import contextlib
+import asyncio
 import os
 import subprocess
 import sys
@@ -81,22 +81,23 @@ def forget_what_was_done(patch):
 
 
 def accept_tasks_before_the_commit(patch):
-    save = TaskBook.save
+    save = TaskBook.save_then
 
-    async def early(self, *tasks, completion=None, **options):
-        saved = save(self, *tasks, completion=completion, **options)
-        if completion is None:
-            await saved
+    def early(self, then, *tasks, completion=None, **options):
+        late = then if completion is None else lambda error: None
+        save(self, late, *tasks, completion=completion, **options)
+        if completion is not None:
+            then(None)
 
-    patch(TaskBook, "save", early)
+    patch(TaskBook, "save_then", early)
 
 
 def answer_before_the_effect(patch):
     commit = OnceDesk.commit
 
-    def early(self, run, body, code, effect, error=None):
+    def early(self, run, completion, effect, error=None):
         run.tell(error)
-        commit(self, run, body, code, effect, error)
+        commit(self, run, completion, effect, error)
 
     patch(OnceDesk, "commit", early)
 
@@ -174,13 +175,15 @@ def take_an_unknown_commit_for_a_refused_one(patch):
 
 
 def accept_tasks_for_which_there_is_no_room(patch):
-    save = TaskBook.save
+    save = TaskBook.save_then
 
-    async def careless(self, *tasks, **options):
-        with contextlib.suppress(StoreError):
-            await save(self, *tasks, **options)
+    def careless(self, then, *tasks, **options):
+        def told(error):
+            then(None if isinstance(error, StoreError) else error)
 
-    patch(TaskBook, "save", careless)
+        save(self, told, *tasks, **options)
+
+    patch(TaskBook, "save_then", careless)
 
 
 def read_a_store_only_once(patch):
@@ -201,7 +204,10 @@ def leave_their_connections_to_the_revoked(patch):
 
 
 def count_leases_by_the_wall_clock(patch):
-    patch(LeaseClock, "now", lambda clock: time.time())
+    def offset(clock):
+        return time.time() - asyncio.get_running_loop().time()
+
+    patch(LeaseClock, "offset", property(offset, lambda clock, value: None), raising=False)
 
 
 def forget_a_pause_at_the_restart(patch):
