@@ -10,7 +10,8 @@ from importlib.resources import files
 from .closure import Source, closure, full_text
 from .errors import DefinitionError
 from .files import KINDS
-from .model import Definition, MessageDef
+from .model import Definition, Kind, MessageDef
+from .names import names_in_folder
 from .render import GENERATED, render
 from .render_text import text_literal
 from .render_types import module_name
@@ -93,10 +94,14 @@ def runtime_source() -> str:
     return files(__package__).joinpath("_runtime.py").read_text(encoding="utf-8")
 
 
-def exports(package: str, kind: str, names: Sequence[str]) -> str:
+def exports(package: str, kind: Kind, names: Sequence[str]) -> str:
     """The source of the folder module that has all the classes of one kind."""
     lines = [f'"""The {kind} interfaces of {package}, {GENERATED}"""']
     lines += ["# ruff: noqa", ""]
-    lines += sorted(f"from .{module_name(name)} import {name}" for name in names)
-    lines += ["", "__all__ = [", *(f"    {text_literal(name)}," for name in names), "]"]
+    classes = {name: names_in_folder(kind, name) for name in names}
+    lines += sorted(
+        f"from .{module_name(name)} import {', '.join(of)}" for name, of in classes.items()
+    )
+    exported = [one for of in classes.values() for one in of]
+    lines += ["", "__all__ = [", *(f"    {text_literal(one)}," for one in exported), "]"]
     return "\n".join(lines) + "\n"

@@ -14,10 +14,11 @@ from typing import TYPE_CHECKING, Any, NoReturn
 from .errors import DefinitionError
 from .files import KINDS
 from .loader import module_of, search, search_first
-from .names import did_you_mean, is_one_slip, is_package_name
+from .names import did_you_mean, is_one_slip, is_package_name, names_in_folder
 from .render_types import module_name
 
 if TYPE_CHECKING:
+    from .model import Kind
     from .resources import FolderReader
 
 _TOO_SHORT_TO_GUESS = 4
@@ -69,7 +70,7 @@ class _InterfaceFinder(MetaPathFinder):
         match rest:
             case []:
                 return self._package(package)
-            case [kind] if kind in KINDS:
+            case ["msg" | "srv" | "action" as kind]:
                 return self._folder(fullname, path, package, kind)
             case [kind, module] if kind in KINDS and _is_ours(f"{package}.{kind}"):
                 return self._module(fullname, path, package, kind, module)
@@ -84,13 +85,13 @@ class _InterfaceFinder(MetaPathFinder):
         return _spec(package, _PackageLoader(), real)
 
     def _folder(
-        self, fullname: str, path: Sequence[str] | None, package: str, kind: str
+        self, fullname: str, path: Sequence[str] | None, package: str, kind: Kind
     ) -> ModuleSpec | None:
         real = self._real(fullname, path)
         if _is_python(real):
             return None
         names = _names(package, kind)
-        return _spec(fullname, _FolderLoader(names), real) if names else None
+        return _spec(fullname, _FolderLoader(kind, names), real) if names else None
 
     def _module(
         self, fullname: str, path: Sequence[str] | None, package: str, kind: str, module: str
@@ -168,8 +169,9 @@ class _PackageLoader(_InterfaceLoader):
 class _FolderLoader(_PackageLoader):
     """Makes `example_interfaces.srv`, whose classes are loaded when they are asked for."""
 
-    def __init__(self, names: list[str]) -> None:
+    def __init__(self, kind: Kind, names: list[str]) -> None:
         self.names = names
+        self.homes = {one: name for name in names for one in names_in_folder(kind, name)}
 
     def exec_module(self, module: ModuleType) -> None:
         """Let attributes come from the definitions."""
@@ -177,14 +179,15 @@ class _FolderLoader(_PackageLoader):
         folder = module.__name__
 
         def get(attribute: str) -> Any:
-            if attribute not in self.names:
+            if attribute not in self.homes:
                 raise AttributeError(_no_interface(folder, attribute, self.names))
-            home = import_module(f"{folder}.{module_name(attribute)}")
+            home = import_module(f"{folder}.{module_name(self.homes[attribute])}")
             found = getattr(home, attribute)
             setattr(module, attribute, found)
             return found
 
-        module.__dict__.update(__getattr__=get, __all__=self.names, __dir__=lambda: self.names)
+        names = list(self.homes)
+        module.__dict__.update(__getattr__=get, __all__=names, __dir__=lambda: names)
 
 
 class _ModuleLoader(_InterfaceLoader):

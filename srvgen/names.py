@@ -17,6 +17,15 @@ _UNDERSCORES = re.compile("_+")
 _KINDS = frozenset(get_args(Kind))
 # Each is taken off once, in this order, as the official tools do.
 _SECTION_SUFFIXES = ("_Request", "_Response", "_Goal", "_Result", "_Feedback")
+_SERVICE_PARTS = ("_Event", "_Request", "_Response")
+_PARTS: dict[Kind, tuple[str, ...]] = {
+    "msg": (),
+    "srv": _SERVICE_PARTS,
+    "action": tuple(
+        f"_{service}{part}" for service in ("GetResult", "SendGoal") for part in _SERVICE_PARTS
+    ),
+}
+"""What the folder modules of the official tools have beside a class, and nothing more."""
 
 LOWER_RULE = "lower-case letters, digits and single underscores, with a letter first"
 MESSAGE_RULE = "letters and digits, with a capital first"
@@ -32,6 +41,11 @@ class TypeName(NamedTuple):
 
     def __str__(self) -> str:
         return f"{self.package}/{self.kind}/{self.name}"
+
+
+def names_in_folder(kind: Kind, name: str) -> list[str]:
+    """The classes of an interface that its folder module has: `AddTwoInts`, its request, …"""
+    return [name, *(f"{name}{part}" for part in _PARTS[kind])]
 
 
 def is_package_name(name: str) -> bool:

@@ -18,7 +18,8 @@ from .errors import DefinitionError
 from .files import KINDS
 from .generate import exports
 from .implied import references
-from .model import Definition
+from .model import Definition, Kind
+from .names import split_type_name
 from .render import GENERATED, render_stub
 from .render_text import docstring
 from .render_types import module_name
@@ -61,10 +62,10 @@ def whole_packages(
 
 def stubs(definitions: Mapping[str, Definition]) -> dict[str, str]:
     """The stub files for these definitions, by relative path, with the one for srvgen."""
-    folders: dict[tuple[str, str], list[str]] = {}
+    folders: dict[tuple[str, Kind], list[str]] = {}
     output = {"srvgen/__init__.pyi": "\n".join(_srvgen_stub(definitions)) + "\n"}
     for name, definition in definitions.items():
-        package, kind, bare = name.split("/")
+        package, kind, bare = split_type_name(name)
         folders.setdefault((package, kind), []).append(bare)
         output[f"{package}/{kind}/{module_name(bare)}.pyi"] = render_stub(definition)
         output[f"{package}/__init__.pyi"] = f'"""The interfaces of {package}, {GENERATED}"""\n'

@@ -416,8 +416,8 @@ def test_files_that_are_generated_one_by_one_stay_together(run, tmp_path):
     for path in (first, second):
         assert run("generate", path, "-o", out) == (0, "", "")
     init = (out / "my_msgs" / "srv" / "__init__.py").read_text()
-    assert "import Fetch\n" in init
-    assert "import Bring\n" in init
+    assert "import Fetch, Fetch_Event," in init
+    assert "import Bring, Bring_Event," in init
     for source in (first, second, "my_msgs"):
         assert run("generate", source, "-o", out, "--check") == (0, "", "")
     second.unlink()

@@ -92,6 +92,25 @@ def test_a_generated_package_wins(workspace):
     assert importlib.import_module("real_msgs.srv").REAL
 
 
+def test_the_parts_of_services_and_actions_are_beside_them(workspace):
+    """As with the official tools, which leave an action's goal, result and feedback out."""
+    srvgen.install_import_hook(workspace)
+    from example_interfaces.action import (  # type: ignore[import-not-found]
+        Fibonacci,
+        Fibonacci_GetResult_Request,
+    )
+    from lecture_interfaces.srv import AddTwo, AddTwo_Event, AddTwo_Request, AddTwo_Response
+
+    assert (AddTwo_Request, AddTwo_Response) == (AddTwo.Request, AddTwo.Response)
+    assert AddTwo_Event is AddTwo.Event
+    assert Fibonacci_GetResult_Request is Fibonacci.Impl.GetResultService.Request
+    everything: dict[str, object] = {}
+    exec("from lecture_interfaces.srv import *", everything)
+    assert {"RobotTask", "RobotTask_Request", "AddTwo_Event"} <= set(everything)
+    with pytest.raises(ImportError, match="no interface 'Fibonacci_Goal'"):
+        from example_interfaces.action import Fibonacci_Goal  # noqa: F401
+
+
 @pytest.mark.parametrize(
     "name", ["lecture_interfaces.msg", "lecture_interfaces.srv._no_such", "no_such_package_at_all"]
 )
