@@ -94,11 +94,13 @@ def faulty_pipe(faults: Faults) -> type[Pipe]:
                     self._loop.call_later(fault.seconds, self._catch_up)
                 case "truncated":
                     super().write(data[:at])
+                    self._swallows = True  # nothing follows upon half a frame
                     self._loop.call_soon(self._loop.call_soon, self.close)
                 case "cut":
                     self.close()
                 case "reset":
                     super().write(data[:at])
+                    self._swallows = True
                     self._loop.call_soon(self.abort)
                 case "black-holed":
                     self._swallows = self.peer._swallows = True
