@@ -32,6 +32,14 @@ rclpy.init()
 node = Node("n")
 """
 
+SOONER = """
+from rclpy import _watchdog
+seconds = _watchdog._PERIOD, _watchdog._SOON, _watchdog._STUCK
+assert seconds == (1, 2, 5), seconds
+_watchdog._PERIOD, _watchdog._SOON, _watchdog._STUCK = 0.1, 0.3, 0.8
+"""
+"""The watchdog need not be waited for as long as users would."""
+
 NOTHING = """
 node.create_service(AddTwoInts, "add", lambda request, response: None)
 client = node.create_client(AddTwoInts, "add")
@@ -63,12 +71,15 @@ rclpy.spin_once(node, timeout_sec=0.2)
 print(sorted(ran))
 """
 
-NOBODY = """
-future = ask("nobody", 3.5)
+NOBODY = (
+    SOONER
+    + """
+future = ask("nobody", 0.8)
 node.create_service(AddTwoInts, "nobody", add)
 rclpy.spin_until_future_complete(node, future, timeout_sec=1)
 print(future.done())
 """
+)
 
 DEPTH = """
 node.create_service(AddTwoInts, "add", add)
@@ -76,7 +87,7 @@ client = node.create_client(AddTwoInts, "add")
 client.wait_for_service()
 futures = [client.call_async(REQUEST) for _ in range(20)]
 time.sleep(0.5)
-for _ in range(100):
+for _ in range(50):
     rclpy.spin_once(node, timeout_sec=0.01)
 print(sum(future.done() for future in futures))
 """
@@ -180,7 +191,7 @@ def test_like_ros_a_call_in_a_callback_hangs(ros, monkeypatch):
     program = ros(HEAD + RELAY.format(wait=CALL, group=OWN) + "ask('twice'); print('over')")
     program.wait_for("begins")
     with pytest.raises(Exception, match="timed out"):
-        program._process.wait(timeout=2)
+        program._process.wait(timeout=1)
     assert program.out == "begins\n"
 
 
@@ -238,7 +249,7 @@ def slept(seconds):
 
 
 async def slow(request, response):
-    await slept(3.5)
+    await slept(1)
     return add(request, response)
 
 
@@ -249,7 +260,7 @@ for future in futures:
     rclpy.spin_until_future_complete(node, future)
     print(future.result().sum)
 """
-    assert run(HEAD + source) == (0, "3\n3\n", "")
+    assert run(HEAD + SOONER + source) == (0, "3\n3\n", "")
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no process gets just a Ctrl-C there")
@@ -262,24 +273,23 @@ def test_a_program_that_ctrl_c_ended_before_it_could_spin_is_not_blamed(ros):
 
 def test_an_answer_that_a_waiting_coroutine_keeps_away_is_told(run):
     source = RELAY.format(wait="answer = await inner.call_async(request)", group="")
-    _, _, err = run(HEAD + source.replace("def twice", "async def twice") + "ask('twice', 4.5)")
+    source = SOONER + source.replace("def twice", "async def twice")
+    _, _, err = run(HEAD + source + "ask('twice', 1)")
     assert ["twice() holds while it awaits" in line for line in told(err)] == [True]
 
 
 def test_a_callback_that_does_not_return_is_told_with_its_line(run):
     source = """
-import rclpy._watchdog
-rclpy._watchdog._STUCK = 1
 def slow():
-    time.sleep(3)  # here
+    time.sleep(1.5)  # here
     rclpy.shutdown()
 node.create_timer(0.01, slow)
 rclpy.spin(node)
 """
-    _, _, err = run(HEAD + source)
+    _, _, err = run(HEAD + SOONER + source)
     [line] = told(err)
-    assert "slow() of /n has not returned for 1 s (program.py:" in line
-    assert "time.sleep(3)  # here" in line
+    assert "slow() of /n has not returned for 0.8 s (program.py:" in line
+    assert "time.sleep(1.5)  # here" in line
 
 
 def test_a_dead_server_is_told_and_like_ros_its_call_never_ends(ros, run, monkeypatch):

@@ -1,6 +1,10 @@
 """Programs written as people write them for ROS 2 run unchanged, whatever their style."""
 
+import os
+
 import pytest
+
+from tests.rclpy.programs.running import domain_in, programs_in
 
 pytestmark = pytest.mark.real_time
 
@@ -26,11 +30,21 @@ rclpy.spin(Adder())
 """
 
 
+@pytest.fixture(scope="module")
+def beside_an_adder(tmp_path_factory):
+    """The variables of programs that see an adder, which runs as long as this module's tests."""
+    folder = tmp_path_factory.mktemp("adder")
+    users = {name: value for name, value in os.environ.items() if not name.startswith("TASKRPC_")}
+    variables = domain_in(folder)
+    with programs_in(folder, users | variables) as start:
+        start(SERVER, name="adder.py").wait_for("ready")
+        yield variables
+
+
 @pytest.fixture
-def adder(ros):
-    program = ros(SERVER, name="adder.py")
-    program.wait_for("ready")
-    return program
+def adder(ros, beside_an_adder, monkeypatch):
+    for name, value in beside_an_adder.items():
+        monkeypatch.setenv(name, value)
 
 
 HEAD = """
@@ -295,8 +309,9 @@ print(future.result().sum)
 }
 
 
+@pytest.mark.usefixtures("adder")
 @pytest.mark.parametrize("style", CLIENTS)
-def test_a_client_in_each_style_gets_its_sum(adder, run, style):
+def test_a_client_in_each_style_gets_its_sum(run, style):
     assert run(HEAD + CLIENTS[style]) == (0, "3\n", "")
 
 
@@ -392,7 +407,8 @@ def test_a_server_in_each_style_answers_and_ends_with_ctrl_c(ros, run, style):
     assert "Traceback" not in server.err
 
 
-def test_a_server_that_is_started_twice_says_so_in_the_last_of_few_lines(adder, run):
+@pytest.mark.usefixtures("adder")
+def test_a_server_that_is_started_twice_says_so_in_the_last_of_few_lines(run):
     code, out, err = run(SERVER, name="again.py")
     assert (code, out) == (1, "")
     assert len(err.splitlines()) <= 12
