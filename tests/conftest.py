@@ -40,6 +40,12 @@ def pytest_cmdline_main(config):
         option.dist = "worksteal"
 
 
+def pytest_ignore_collect(collection_path, config):
+    """What the plain run leaves out need not be read either, in each of its processes."""
+    left_out = "faults" if config.option.markexpr == "not faults" else None
+    return True if collection_path.name == left_out else None
+
+
 def pytest_asyncio_loop_factories(config, item):
     """The virtual clock by default; the machine's for `real_time` tests."""
     if item.get_closest_marker("real_time"):
