@@ -273,12 +273,13 @@ class Attack:
         self.program, self.place, self.where = program, place, (host, int(port))
         self.counts = counts
         self.mutator = Mutator(seed)
-        self.ports = set()
+        self.ports = collections.Counter()
+        """How many connections there were from each; the system gives a port more than once."""
         self.over = False
 
     async def one(self, number):
         reader, writer = await asyncio.open_connection(*self.where)
-        self.ports.add(writer.get_extra_info("sockname")[1])
+        self.ports[writer.get_extra_info("sockname")[1]] += 1
         try:
             async with asyncio.timeout(HANG):
                 if number % 10:
@@ -324,9 +325,10 @@ class Attack:
     def read(self, log):
         text = log.read_text()
         told = collections.Counter(map(int, re.findall(r"127\.0\.0\.1:(\d+)", text)))
-        lines = [count for port, count in told.items() if port in self.ports]
-        self.counts["ended with a line"] = len(lines)
-        self.counts["lines too many"] = sum(lines) - len(lines)
+        self.counts["ended with a line"] = (told & self.ports).total()
+        self.counts["lines too many"] = sum(
+            count for port, count in (told - self.ports).items() if self.ports[port]
+        )
         self.counts["crashes"] += text.count("Traceback")
 
 
