@@ -297,24 +297,38 @@ class Connection(asyncio.BufferedProtocol):
 class _Watch:
     """Counts what a connection moves, for `Connection.tick`."""
 
-    __slots__ = ("_began", "_heard", "_moved_before", "_received_before", "received", "written")
+    __slots__ = (
+        "_began",
+        "_heard",
+        "_moved_before",
+        "_owed",
+        "_received_before",
+        "received",
+        "written",
+    )
 
     def __init__(self, now: float) -> None:
         self.received = 0
         self.written = 0
         self._began = now
         self._moved_before = 0
+        self._owed = False
         self._received_before = 0
         self._heard = now
 
     def stalled(self, now: float, unread: int, *, owes: bool) -> bool:
         """Whether the peer owed us movement for a whole period and hardly moved."""
-        if owes and now - self._began < STALL_PERIOD:
+        still, self._owed = owes and self._owed, owes
+        if still and now - self._began < STALL_PERIOD:
             return False
         moved = self.received + self.written - unread
         hardly = moved - self._moved_before < STALL_RATE * STALL_PERIOD
-        self._began, self._moved_before = now, moved
-        return owes and hardly
+        self._moved_before = moved
+        # Of the second in which the debt began only the time counts: what the system took of an
+        # answer then is no sign of a peer that reads.
+        if still or not owes:
+            self._began = now
+        return still and hardly
 
     def silent(self, now: float, seconds: float) -> bool:
         """Whether the peer has said nothing for so many seconds, so that a ping is due."""

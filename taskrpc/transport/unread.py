@@ -31,6 +31,8 @@ class Unread:
         """Services that have given a large answer."""
         self._waiting: dict[ServingConnection, None] = {}
         """Those that hold calls back, in order."""
+        self._next: dict[ServingConnection, None] = {}
+        """Those of them that may go on, one a turn of the loop."""
 
     def answered(self, service: str, connection: ServingConnection, size: int) -> None:
         """A service gave a large answer of so many bytes."""
@@ -66,6 +68,7 @@ class Unread:
     def left(self, connection: ServingConnection) -> None:
         """A connection is gone."""
         self._waiting.pop(connection, None)
+        self._next.pop(connection, None)
         self._answers.pop(connection, None)
         self.measure(connection)
 
@@ -85,8 +88,24 @@ class Unread:
     def _judge(self) -> None:
         if self._total > MAX_UNREAD:
             self.pressed = True
-        elif self.pressed and self._total <= MAX_UNREAD // 2:
-            self.pressed = False
-            waiting, self._waiting = self._waiting, {}
-            for connection in waiting:
-                connection.release()
+        elif self.pressed and not self._next and self._total <= MAX_UNREAD // 2:
+            self._next, self._waiting = self._waiting, {}
+            self._release()
+
+    def _release(self) -> None:
+        """Let one connection begin what it has held back, and others in the turns to come.
+
+        A thousand callers may have gone at once. Were all their calls run before we hear of it,
+        nobody else would be served meanwhile, and what is raised by each attempt to answer one
+        would keep its answer.
+        """
+        self.pressed = self._total > MAX_UNREAD
+        if self.pressed:
+            self._waiting, self._next = self._next | self._waiting, {}
+        elif self._next:
+            connection = next(iter(self._next))
+            del self._next[connection]
+            connection.release()
+            if self._next:
+                self.pressed = True  # what comes now stays behind what waits
+                connection.owner.loop.call_soon(self._release)

@@ -167,10 +167,11 @@ class Siege:
         await asyncio.sleep(1)
         self.counts["cut off"] += sum(cut)
         self.counts["not cut off in time"] += dribblers - sum(cut)
-        self.over = True
-        await asyncio.gather(*others)
         for each in peers + slow:
             each.sock.close()
+        await asyncio.sleep(1)  # what they had asked for is let go, and nobody else waits for it
+        self.over = True
+        await asyncio.gather(*others)
 
 
 def nothing_is_bounded(patch):

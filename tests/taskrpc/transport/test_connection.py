@@ -9,7 +9,7 @@ from itertools import pairwise
 import pytest
 
 import taskrpc
-from taskrpc.transport.connection import STALL_PERIOD, UNREAD_LIMIT
+from taskrpc.transport.connection import STALL_PERIOD, UNREAD_LIMIT, _Watch
 from taskrpc.transport.endpoint import Endpoint
 from taskrpc.transport.keepalive import DEFAULT
 from taskrpc.wire.events import Closed
@@ -96,6 +96,14 @@ async def test_a_peer_that_dribbles_below_the_rate_is_cut_off(server, node):
         stalled.transport.write(b"x" * 100)
         await asyncio.sleep(0.5)
     assert asyncio.get_running_loop().time() - began < 12.5
+
+
+def test_what_the_system_took_of_an_answer_is_no_sign_of_a_peer_that_reads_nothing():
+    watch = _Watch(0.0)
+    assert not watch.stalled(1.0, 0, owes=False)
+    watch.written = 5_000_000
+    assert not any(watch.stalled(2.0 + tick, 100_000, owes=True) for tick in range(9))
+    assert watch.stalled(11.0, 100_000, owes=True)
 
 
 async def test_a_slow_peer_above_the_rate_is_served(server, node, monkeypatch):

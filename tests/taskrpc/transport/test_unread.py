@@ -1,5 +1,6 @@
 """What callers leave unread is counted by what is kept for them."""
 
+from collections import deque
 from types import SimpleNamespace
 
 import pytest
@@ -12,6 +13,8 @@ class Caller:
     """A connection whose caller reads as much as the test says."""
 
     def __init__(self):
+        self.turns = deque()
+        self.owner = SimpleNamespace(loop=SimpleNamespace(call_soon=self.turns.append))
         self.written = self.buffered = 0
         self.transport = SimpleNamespace(get_write_buffer_size=lambda: self.buffered)
         self.released = 0
@@ -73,3 +76,50 @@ def test_a_connection_that_is_gone_keeps_nothing(kept):
     kept.measure(other)
     assert not kept._answers.keys() - {other}
     assert not kept._sizes.keys() - {other}
+
+
+@pytest.fixture
+def crowd(kept):
+    """Five callers that wait for one who has read nothing, and has now gone."""
+    gone, crowd = Caller(), [Caller() for _ in range(5)]
+    answer(kept, gone, 1001, sent=0)
+    for caller in crowd:
+        caller.turns = crowd[0].turns
+        caller.owner.loop.call_soon = crowd[0].turns.append
+        kept.hold(caller)
+    gone.transport = None
+    kept.left(gone)
+    return crowd
+
+
+def released(crowd):
+    return [caller.released for caller in crowd]
+
+
+def test_of_those_who_waited_one_goes_on_in_a_turn_and_what_comes_stays_behind(kept, crowd):
+    for gone_on in range(1, 5):
+        assert released(crowd) == [1] * gone_on + [0] * (5 - gone_on)
+        assert kept.forbids("/big")
+        assert len(crowd[0].turns) == 1
+        crowd[0].turns.popleft()()
+    assert released(crowd) == [1] * 5
+    assert not kept.pressed
+    assert not crowd[0].turns
+
+
+def test_they_wait_on_in_their_order_when_there_is_no_room_again(kept, crowd):
+    late = Caller()
+    kept.hold(late)
+    answer(kept, crowd[0], 1001, sent=0)
+    crowd[0].turns.popleft()()
+    assert kept.pressed
+    assert list(kept._waiting) == [*crowd[1:], late]
+    assert not crowd[0].turns
+
+
+def test_who_leaves_before_his_turn_is_not_let_go_on(kept, crowd):
+    for caller in crowd[1:]:
+        kept.left(caller)
+    crowd[0].turns.popleft()()
+    assert released(crowd) == [1, 0, 0, 0, 0]
+    assert not kept.pressed
