@@ -33,10 +33,9 @@ node = Node("n")
 """
 
 SOONER = """
-from rclpy import _watchdog
-seconds = _watchdog._PERIOD, _watchdog._SOON, _watchdog._STUCK
-assert seconds == (1, 2, 5), seconds
-_watchdog._PERIOD, _watchdog._SOON, _watchdog._STUCK = 0.1, 0.3, 0.8
+from rclpy import _watchdog as dog
+assert (dog._PERIOD, dog._SOON, dog._LATE, dog._STUCK) == (1, 2, 5, 30)
+dog._PERIOD, dog._SOON, dog._LATE, dog._STUCK = 0.1, 0.3, 0.5, 0.8
 """
 """The watchdog need not be waited for as long as users would."""
 
