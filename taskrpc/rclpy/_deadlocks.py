@@ -17,16 +17,32 @@ if TYPE_CHECKING:
     from .timer import Timer
 
 
-def check_call(client: Client[Any, Any], timeout: float | None) -> None:
-    """Raise WouldDeadlock where `Client.call` could never end, or tell that its timeout will."""
+_calls: dict[int, tuple[Client[Any, Any], Callback]] = {}
+"""Calls that callbacks wait for without end, by the callback's identity."""
+
+
+def check_call(client: Client[Any, Any], timeout: float | None) -> Callback | None:
+    """Raise WouldDeadlock where `Client.call` could never end, or tell that its timeout will.
+
+    Returns the callback that waits, for `call_ended`.
+    """
     callback = current_callback()
     if callback is None or _explain.like_ros():
-        return
-    why = _obstacle(client, callback)
-    if why and (timeout is None or timeout < 0):
-        raise WouldDeadlock(_explain.would_hang(client, callback, why))
-    if why and timeout:
+        return None
+    why = obstacle(client, callback)
+    if timeout is None or timeout < 0:
+        _calls[id(callback)] = client, callback  # before looking: others may look at this moment
+        if why := why or _circle(client, callback):
+            call_ended(callback)
+            raise WouldDeadlock(_explain.would_hang(client, callback, why))
+    elif why and timeout:
         _explain.would_wait_in_vain(client, callback, timeout)
+    return callback
+
+
+def call_ended(callback: Callback | None) -> None:
+    """Know that a callback waits for its call no longer."""
+    _calls.pop(id(callback), None)
 
 
 def check_spin(executor: Executor, future: Future[Any], timeout: float | None) -> None:
@@ -58,22 +74,39 @@ def check_deaf(executor: Executor, node: Any) -> None:
         _explain.went_deaf(node, callback)
 
 
-def _obstacle(client: Client[Any, Any], callback: Callback) -> str:
+def obstacle(client: Client[Any, Any], callback: Callback) -> str:
     """What keeps the answer from being taken while the callback runs; "" if nothing does."""
     if client._node not in callback.executor._nodes:
         return ""
     if callback.executor._one_thread:
         return f"the only thread that spins {_explain.shown(client._node)}"
     held = _held_group(client.callback_group, callback, "the answer")
-    return held or _server_obstacle(client, callback)
+    return held or _server_obstacle(client.service_name, callback)
 
 
-def _server_obstacle(client: Client[Any, Any], callback: Callback) -> str:
-    """As `_obstacle`, of a request to a service in the callback's own group."""
+def _server_obstacle(name: str, callback: Callback) -> str:
+    """What keeps a request to this service from being taken while the callback runs."""
     for node in callback.executor.get_nodes():
         for service in node.services:
-            if service.service_name == client.service_name:
+            if service.service_name == name:
+                if callback.executor._one_thread:
+                    return f"the only thread that spins {_explain.shown(node)}"
                 return _held_group(service.callback_group, callback, "the server")
+    return ""
+
+
+def _circle(client: Client[Any, Any], callback: Callback) -> str:
+    """The way from a call over other callbacks' calls back to the callback; "" if there is none."""
+    name, way = client.service_name, list[str]()
+    for _ in range(len(_calls)):
+        if way and _server_obstacle(name, callback):
+            return " -> ".join(way)
+        waits = [each for each in list(_calls.values()) if _server_obstacle(name, each[1])]
+        if not waits:
+            return ""
+        further, other = waits[0]
+        name = further.service_name
+        way += [_explain.name_of(other), name]
     return ""
 
 

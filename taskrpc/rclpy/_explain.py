@@ -43,6 +43,17 @@ def would_wait_in_vain(client: Client[Any, Any], callback: Callback, seconds: fl
     )
 
 
+def polled_in_vain(client: Client[Any, Any], callback: Callback, why: str) -> None:
+    """A callback asks again and again for an answer that it keeps from being taken."""
+    name = name_of(callback)
+    tell(
+        ("polled", name, client.service_name),
+        f"wait here for ever, as we do: {name} asks again and again whether {client.service_name}"
+        f" has answered, and meanwhile keeps {why}; make it `async def` and"
+        " `await client.call_async(request)`, with the client in a ReentrantCallbackGroup",
+    )
+
+
 def spun_in_vain(client: Client[Any, Any], callback: Callback, why: str) -> str:
     """A spin in a callback for an answer that cannot be taken meanwhile; the whole sentence."""
     name = name_of(callback)
@@ -81,8 +92,9 @@ def went_deaf(node: Any, callback: Callback) -> None:
     tell(
         ("deaf", node.get_name()),
         f"run no callback of {shown(node)} any more after this: {name_of(callback)} spins the node"
-        " that is being spun, and at its end takes it away from the outer spin, as here; make the"
-        " callback `async def` and `await` the future instead",
+        " that is being spun, and at its end takes it away from the outer spin, as here (from rclpy"
+        " 7.1.9 on: RuntimeError('Executor is already spinning')); make the callback"
+        " `async def` and `await` the future instead",
     )
 
 
@@ -127,6 +139,15 @@ def failed(client: Client[Any, Any], error: BaseException) -> None:
         ("failed", client.service_name, type(error)),
         f"never complete this future: the call of {client.service_name} failed ({error}); wait with"
         " a timeout there, as spin_until_future_complete(node, future, timeout_sec=...)",
+    )
+
+
+def mismatched(client: Client[Any, Any], error: BaseException) -> None:
+    """A service that is there has another definition: its server cannot be called."""
+    tell(
+        ("unoffered", client.service_name),
+        "find no server for this client and wait for ever, without a word about why: it is for"
+        f" {client.srv_type._TYPE}, but {error}",
     )
 
 

@@ -11,11 +11,13 @@ import threading
 import time
 import weakref
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from . import _explain
+from ._deadlocks import obstacle
 from ._explain import shown
 from ._running import Callback, is_busy, running
 
@@ -89,7 +91,9 @@ def _waits(node: Node) -> Iterator[tuple[tuple[object, ...], float, Any]]:
     """What waits at a node: what it is, for how long it may, and what to say then."""
     busy = is_busy(node.executor)
     for client in list(node.clients):
-        if client._answers and not busy:
+        if busy:
+            yield from _polled_in_vain(client)
+        elif client._answers:
             yield from _untaken_answer(client)
         if client._outbox.waits and not client._native.is_known():
             what: tuple[object, ...] = ("unoffered", client)
@@ -97,6 +101,19 @@ def _waits(node: Node) -> Iterator[tuple[tuple[object, ...], float, Any]]:
     for service in list(node.services):
         if service._calls and not busy:
             yield from _untaken_request(service)
+
+
+def _polled_in_vain(client: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
+    """Futures that a callback asks for again and again, and keeps from being done."""
+    for future in list(client._pending.values()):
+        callback, last = future._asked
+        if callback is None or time.monotonic() - last > _PERIOD:
+            continue
+        if not any(each is callback for each in list(running.values())):
+            continue
+        if why := obstacle(client, callback):
+            say = partial(_explain.polled_in_vain, client, callback, why)
+            yield ("polled", client, id(callback)), _SOON, say
 
 
 def _untaken_answer(client: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 import time
 from collections import deque
@@ -9,14 +10,14 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
-from taskrpc.errors import InvalidRequest
+from taskrpc.errors import InvalidRequest, TaskRpcError, TypeMismatch
 from taskrpc.introspection import gid_of
 
-from ._deadlocks import check_call
+from ._deadlocks import call_ended, check_call
 from ._detached import detached
 from ._elsewhere import names_of
 from ._entity import Entity
-from ._explain import failed, like_ros, nobody_spun
+from ._explain import failed, like_ros, mismatched, nobody_spun
 from ._like_ros import wrapped_or_refused
 from ._outbox import Outbox, Tell
 from ._running import is_busy
@@ -38,6 +39,9 @@ _SLICE = 0.1
 
 _GRACE = 1.0
 """Seconds for which an answer lies there before nobody seems to spin."""
+
+_LONG_GRACE = 5.0
+"""The same while a callback runs in a pool, whose spinner may just do something else."""
 
 
 class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
@@ -62,6 +66,8 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         self.callback_group = callback_group
         self.handle = ClientHandle(self)
         self._native = node._rclpy_bridge.client(srv_type, srv_name)
+        self._warn = self._native.inner._channel.on_refusal
+        self._native.inner._channel.on_refusal = self._refused
         self._outbox = Outbox(self._native, srv_type)
         self._answers: deque[tuple[int, Any, BaseException | None]] = deque()
         self._pending: dict[int, Future[Any]] = {}
@@ -85,10 +91,17 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
     def call(self, request: SrvRequestT, timeout_sec: float | None = None) -> SrvResponseT | None:
         """Call the service and wait for the answer, while another thread spins.
 
-        Raises TimeoutError after `timeout_sec` seconds, TypeError for another type's request,
-        WouldDeadlock in a callback that keeps the answer from being taken.
+        Raises TimeoutError after `timeout_sec` seconds (`--like-ros` returns None, as Jazzy does),
+        TypeError for another type's request, WouldDeadlock in a callback that keeps the answer
+        from being taken.
         """
-        check_call(self, timeout_sec)
+        callback = check_call(self, timeout_sec)
+        try:
+            return self._call(request, timeout_sec)
+        finally:
+            call_ended(callback)
+
+    def _call(self, request: SrvRequestT, timeout_sec: float | None) -> SrvResponseT | None:
         future = self.call_async(request)
         done = threading.Event()
         future._when_done(done.set)
@@ -97,6 +110,8 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             left = _SLICE if end is None else min(_SLICE, end - time.monotonic())
             if left <= 0:
                 self.remove_pending_request(future)
+                if like_ros():
+                    return None
                 raise TimeoutError
             if not done.wait(left) and self._answers:
                 self._take_unspun()
@@ -203,8 +218,16 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
     ) -> None:
         self._node.destroy_client(self)
 
+    def _refused(self, error: TaskRpcError) -> None:
+        if isinstance(error, TypeMismatch):
+            mismatched(self, error)
+        else:
+            self._warn(error)
+
     def _expected(self, request: Any) -> str:
-        kind = request.__name__ if isinstance(request, type) else type(request).__name__
+        kind = type(request).__name__
+        if isinstance(request, type):
+            kind = f"the class {request.__name__} (write `{self.srv_type.__name__}.Request()`)"
         return f"expected a {self.srv_type.Request.__name__} for {self._full_name}, got {kind}"
 
     def _ended(
@@ -240,9 +263,11 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         if self._waited_for != number:
             self._waited_for, self._waited_since = number, time.monotonic()
             return
-        unspun = not like_ros() and not is_busy(self._node.executor)
-        late = time.monotonic() - self._waited_since >= _GRACE
-        if late and unspun and (complete := self._take()) is not None:
+        executor, grace = self._node.executor, _GRACE
+        if executor is not None and is_busy(executor):
+            grace = _LONG_GRACE if executor._is_left else math.inf
+        late = time.monotonic() - self._waited_since >= grace
+        if late and not like_ros() and (complete := self._take()) is not None:
             nobody_spun(self)
             complete()
 
@@ -255,6 +280,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             future.set_result(response)
         else:
             future.set_exception(error)
+            future._exception_fetched = True  # it was told of, and ROS would tell nothing
 
 
 class ClientHandle(ArrivalHandle):

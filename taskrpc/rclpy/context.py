@@ -12,6 +12,7 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 from ._arguments import Arguments, parse
+from ._explain import like_ros
 from ._sleep import Sleep
 from .exceptions import RCLError
 from .handle import Handle
@@ -117,7 +118,7 @@ class Context:
         """
         if self._handle is None:
             raise RuntimeError("Context must be initialized before it can be shutdown")
-        if not self._handle._ok and not self._by_signal:
+        if not self._handle._ok and (like_ros() or not self._by_signal):
             raise RCLError("failed to shutdown: rcl_shutdown already called on the given context")
         self._end()
 

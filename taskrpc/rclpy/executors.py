@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import inspect
 import os
+import threading
 import time
 import warnings
 from collections import deque
@@ -52,6 +53,11 @@ class Executor(Rounds):
 
     _one_thread = False
     """Whether a callback that waits keeps every other one from running."""
+
+    @property
+    def _is_left(self) -> bool:
+        """Whether callbacks may still run, though nobody spins any more."""
+        return False
 
     @property
     def context(self) -> Context:
@@ -299,6 +305,7 @@ class MultiThreadedExecutor(Executor):
         self._one_thread = num_threads == 1
         self._executor = ThreadPoolExecutor(num_threads)
         self._failures: deque[BaseException] = deque()
+        self._spinners: set[int] = set()
 
     def spin_once(self, timeout_sec: Timeout = None) -> None:
         """Wait at most `timeout_sec` seconds for something to arrive, and let a thread run it.
@@ -319,11 +326,19 @@ class MultiThreadedExecutor(Executor):
         self._executor.shutdown(wait=wait_for_threads and current_callback() is None)
         return done
 
+    @property
+    def _is_left(self) -> bool:
+        return not self._spinners
+
     def _spin_once(self, timeout_sec: Timeout, condition: Callable[[], bool]) -> None:
+        spinner = threading.get_ident()
+        self._spinners.add(spinner)
         try:
             work = self._next(timeout_sec, None, lambda: bool(self._failures) or condition())
         except ExternalShutdownException:
             return
+        finally:
+            self._spinners.discard(spinner)
         if self._failures:
             if work is not None:
                 self._round.appendleft(work)

@@ -6,10 +6,13 @@ import asyncio
 import contextlib
 import sys
 import threading
+import time
 import warnings
 import weakref
 from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
+
+from ._running import Callback, running
 
 if TYPE_CHECKING:
     from .executors import Executor
@@ -34,6 +37,7 @@ class Future(Generic[T]):
         self._lock = threading.Lock()
         self._heeded = False
         self._awaited_by: Any = None
+        self._asked: tuple[Callback | None, float] = (None, 0.0)
         self._executor: Callable[[], Executor | None] = _none
         if executor is not None:
             self._set_executor(executor)
@@ -70,6 +74,8 @@ class Future(Generic[T]):
     def done(self) -> bool:
         """Whether a result or an exception is there."""
         self._heeded = True
+        if not self._done:
+            self._asked = running.get(threading.get_ident()), time.monotonic()
         return self._done
 
     def result(self) -> T | None:

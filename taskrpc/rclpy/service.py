@@ -197,7 +197,11 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     def _raised(self, call: DeferredCall, error: BaseException) -> None:
         if _explain.like_ros():
             return
-        what = f"{type(error).__name__}: {error}" if str(error) else type(error).__name__
+        what = type(error).__name__
+        if str(error) and not isinstance(
+            error, WouldDeadlock
+        ):  # which is told of already, at length
+            what += f": {error}"
         problem = f"the callback of {self._full_name} raised {what}"
         # A program that is ending already, which the callback noticed, needs no advice.
         of_itself = isinstance(error, Exception) and self._node.context.ok()

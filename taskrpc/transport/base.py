@@ -146,6 +146,8 @@ class Channel(Protocol):
 
     span_of: Callable[[], bytes] | None
     """Asked at each sending for the span that the server shall know, where there is one."""
+    on_refusal: Callable[[TaskRpcError], object]
+    """Is told, once for each, what keeps `wait` from a service that is there; it is logged."""
 
     @property
     def offered(self) -> bool:

@@ -74,6 +74,9 @@ class RemoteChannel:
         self._mark = endpoint.news.mark()
         self._somebody = False
         self._closed = False
+        self._said = ""
+        self.on_refusal: Callable[[TaskRpcError], object] = self._warn
+        """Is told, once for each, what keeps it from a service that is there."""
 
     @property
     def ready(self) -> bool:
@@ -83,10 +86,11 @@ class RemoteChannel:
 
     @property
     def offered(self) -> bool:
-        """Whether somebody is known to offer the service."""
+        """Whether somebody is known to offer the service, by the definition that we have."""
         if self.ready or self._closed:
             return not self._closed
-        return any(each.surely_offers for _, each in self._locate())
+        fits = ("", self._named.type_hash)
+        return any(each.surely_offers and each.type_hash in fits for _, each in self._locate())
 
     @property
     def service_name(self) -> str:
@@ -194,7 +198,7 @@ class RemoteChannel:
 
     async def wait(self, deadline: float | None) -> bool:
         """Wait until the service is there; False at the deadline or once closed."""
-        failures, said = 0, ""
+        failures = 0
         while not self._closed:
             try:
                 await self.connect(deadline)
@@ -202,9 +206,9 @@ class RemoteChannel:
             except ServiceUnavailable as error:
                 log.debug("%s", error, extra={"service": self._named.name})
             except TaskRpcError as error:
-                if said != str(error) and not self._closed:
-                    said = str(error)
-                    log.warning("%s", error, extra={"service": self._named.name})
+                if self._said != str(error) and not self._closed:
+                    self._said = str(error)
+                    self.on_refusal(error)
             left = None if deadline is None else deadline - self._endpoint.loop.time()
             if left is not None and left <= 0:
                 return False
@@ -222,6 +226,9 @@ class RemoteChannel:
         self._endpoint.channel_closed(self._named)
         # Whoever still waits for the service must learn it.
         self._endpoint.news.pulse()
+
+    def _warn(self, error: TaskRpcError) -> None:
+        log.warning("%s", error, extra={"service": self._named.name})
 
     def _locate(self) -> list[tuple[str, Address]]:
         """For which name to ask whom."""

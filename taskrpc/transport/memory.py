@@ -154,7 +154,12 @@ class MemoryNetwork:
     def locate(self, service: str) -> list[Address]:
         """Whom to ask for a service."""
         return [
-            Address(roster.about.address, self._token_for(network), surely_offers=True)
+            Address(
+                roster.about.address,
+                self._token_for(network),
+                surely_offers=True,
+                type_hash=roster.services[service].type_hash,
+            )
             for network, roster in self._hub.rosters.items()
             if roster.about.address and roster.offers(service)
         ]

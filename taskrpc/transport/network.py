@@ -21,6 +21,8 @@ class Address(msgspec.Struct, frozen=True):
     token: bytes
     surely_offers: bool = False
     """Whether a directory says that the wanted service is there (a bare peer must be asked)."""
+    type_hash: str = ""
+    """Of the definition that a directory says the service has there, "" where nobody says."""
     certificate: str | None = None
     """The one that a directory says is shown there (PEM), "" for none; None where nobody says."""
     domain: int | None = None

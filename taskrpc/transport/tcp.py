@@ -159,7 +159,11 @@ class TcpNetwork:
         if self._peers:
             return self.peers()
         here = [
-            _address(roster.about, surely_offers=True)
+            replace(
+                _address(roster.about),
+                surely_offers=True,
+                type_hash=roster.services[service].type_hash,
+            )
             for roster in self._registry.rosters()
             if roster.about.address and roster.offers(service)
         ]
@@ -235,13 +239,13 @@ def _refuse_stranger(address: Address, host: str, *, encrypted: bool) -> None:
         )
 
 
-def _address(entry: Entry, *, surely_offers: bool = False) -> Address:
+def _address(entry: Entry) -> Address:
     """Where another process of this machine reaches an entry's."""
     place = entry.address
     for everywhere, here in (("0.0.0.0:", "127.0.0.1:"), ("[::]:", "[::1]:")):
         place = place.replace(everywhere, here) if place.startswith(everywhere) else place
     token = bytes.fromhex(entry.token)
-    return Address(place, token, surely_offers=surely_offers, certificate=entry.certificate)
+    return Address(place, token, certificate=entry.certificate)
 
 
 def _address_of_lab(lab: Lab) -> Address:

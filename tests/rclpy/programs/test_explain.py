@@ -104,6 +104,16 @@ except Exception as error:
     print(type(error).__name__)
 """
 
+MISMATCH = """
+node.create_service(AddTwoInts, "add", add)
+client = node.create_client(LoadMap, "add")
+print(client.wait_for_service(0.5))
+print(client.service_is_ready())
+future = client.call_async(LoadMap.Request())
+rclpy.spin_until_future_complete(node, future, timeout_sec=2.5)
+print(future.done())
+"""
+
 CASES = {
     "a forgotten return": (
         NOTHING,
@@ -120,6 +130,12 @@ CASES = {
     "two servers of one name": (TWO, "let both servers of /add run", "[1]\n", "[1, 2]\n"),
     "a service that nobody offers": (NOBODY, "lose this request", "True\n", "False\n"),
     "more than ten in flight": (DEPTH, "drop the oldest of more than 10", "20\n", "10\n"),
+    "a service of another type": (
+        MISMATCH,
+        "is for nav_msgs/srv/LoadMap, but /add is offered as example_interfaces/srv/AddTwoInts",
+        "False\nFalse\nFalse\n",
+        "False\nFalse\nFalse\n",
+    ),
     "a number too large": (WRAP, "send nav_msgs.srv.LoadMap_Response", "InvalidRequest\n", "1\n"),
 }
 
@@ -132,7 +148,7 @@ def told(err):
 def test_what_ros_does_in_silence_is_told_here_and_happens_like_ros(run, monkeypatch, name):
     source, line, kind, like = CASES[name]
     _, out, err = run(HEAD + source)
-    assert out == kind
+    assert (out, "never retrieved" in err) == (kind, False)
     assert len([each for each in told(err) if line in each]) == 1
     monkeypatch.setenv("TASKRPC_LIKE_ROS", "1")
     _, out, err = run(HEAD + source)
@@ -183,6 +199,83 @@ def test_a_callback_that_waits_for_its_own_end_is_refused_and_the_circle_drawn(r
     [line] = [each for each in told(err) if each.startswith(hang)]
     assert all(part in line for part in ("twice()", "/add", "async def"))
     assert (code, "WouldDeadlock" in err) == (1, True)
+
+
+def test_a_circle_through_two_nodes_is_drawn_and_its_caller_told_in_few_words(run):
+    source = """
+class Asks(Node):
+    def __init__(self, name, other):
+        super().__init__(name)
+        self.create_service(AddTwoInts, name, self.ask)
+        self.other = self.create_client(AddTwoInts, other, callback_group=ReentrantCallbackGroup())
+
+    def ask(self, request, response):
+        return self.other.call(request)
+
+executor = MultiThreadedExecutor(4)
+for each in (node, Asks("a", "b"), Asks("b", "a")):
+    executor.add_node(each)
+future = node.create_client(AddTwoInts, "a").call_async(REQUEST)
+try:
+    executor.spin_until_future_complete(future, 5)
+except RuntimeError as error:
+    print(type(error).__name__)
+executor.shutdown()
+"""
+    _, out, err = run(HEAD + source)
+    assert out == "WouldDeadlock\n"
+    [line] = [each for each in told(err) if "in a circle" in each]
+    assert "(service /b) of /b -> /a -> Asks.ask() (service /a) of /a -> /b -> Asks.ask()" in line
+
+
+@pytest.mark.parametrize("wait", ["time.sleep(0.1)", "rclpy.spin_once(node, timeout_sec=0.1)"])
+def test_a_callback_that_asks_again_and_again_for_what_it_keeps_away_is_told(run, wait):
+    source = f"""
+node.create_service(AddTwoInts, "add", add)
+client = node.create_client(AddTwoInts, "add")
+def tick():
+    future = client.call_async(REQUEST)
+    while not future.done() and rclpy.ok():
+        {wait}
+    sys.exit()
+node.create_timer(0.01, tick)
+threading.Timer(6, rclpy.shutdown).start()
+rclpy.spin(node)
+"""
+    _, _, err = run(HEAD + source)
+    asks = "tick() of /n asks again and again whether /add has answered"
+    assert [asks in line for line in told(err)].count(True) == 1
+
+
+@pytest.mark.parametrize(("like", "out"), [("0", "TimeoutError\n"), ("1", "None\n")])
+def test_like_ros_a_call_has_no_result_after_its_timeout(run, monkeypatch, like, out):
+    monkeypatch.setenv("TASKRPC_LIKE_ROS", like)
+    source = """
+try:
+    print(node.create_client(AddTwoInts, "nobody").call(REQUEST, timeout_sec=0.3))
+except TimeoutError:
+    print("TimeoutError")
+"""
+    assert run(HEAD + source)[:2] == (0, out)
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no process gets just a Ctrl-C there")
+@pytest.mark.parametrize(("like", "code"), [("0", 0), ("1", 1)])
+def test_like_ros_the_shutdown_after_ctrl_c_raises(ros, monkeypatch, like, code):
+    monkeypatch.setenv("TASKRPC_LIKE_ROS", like)
+    source = """
+try:
+    print("up")
+    rclpy.spin(node)
+except KeyboardInterrupt:
+    pass
+rclpy.shutdown()
+"""
+    program = ros(HEAD + source)
+    program.wait_for("up")
+    assert program.interrupt() == code
+    said = "RCLError: failed to shutdown: rcl_shutdown already called on the given context"
+    assert (said in program.err) == bool(code)
 
 
 def test_like_ros_a_call_in_a_callback_hangs(ros, monkeypatch):

@@ -159,6 +159,7 @@ async def test_another_definition_is_refused_with_both_hashes(net, caplog):
     assert Mine._HASH[:15] in str(caught.value)
     assert caught.value.not_executed
     assert not await client.wait_for_service(0.2)
+    assert not client.service_is_ready()
     assert caplog.text.count("another definition") == 1
 
 
