@@ -14,6 +14,15 @@ from taskrpc.transport.registry import Registry
 from taskrpc.transport.tcp import domain_id
 
 _SHOWN = 5
+_OF_EVERY_NODE = {
+    "describe_parameters",
+    "get_parameter_types",
+    "get_parameters",
+    "get_type_description",
+    "list_parameters",
+    "set_parameters",
+    "set_parameters_atomically",
+}
 
 
 def look(remote: Remote) -> list[Entry]:
@@ -69,7 +78,9 @@ def unknown_service_hint(service: str, entries: Iterable[Entry], place: str = ""
     for domain, elsewhere in domains().items():
         if domain != domain_id() and service in services(elsewhere, hidden=True):
             return f"it is offered in domain {domain}; set ROS_DOMAIN_ID={domain}"
-    shown = [name for name in known if not names.is_hidden(name)]
+    plain = [name for name in known if not names.is_hidden(name)]
+    # Every node of a ROS program has the same seven beside its own.
+    shown = [name for name in plain if name.rpartition("/")[2] not in _OF_EVERY_NODE] or plain
     if shown:
         more = ", …" if len(shown) > _SHOWN else ""
         return f"there are {', '.join(shown[:_SHOWN])}{more}"

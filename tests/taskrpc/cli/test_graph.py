@@ -28,11 +28,15 @@ def entry(*names: str, type_name: str = "a/srv/A", pid: int = 1) -> Entry:
         ("/robot_task", ["/robot1/robot_task"], "did you mean /robot1/robot_task?"),
         ("/go", ["/add", "/mul", "/_hidden"], "there are /add, /mul"),
         ("/go", list("/a /b /c /d /e /f".split()), "there are /a, /b, /c, /d, /e, …"),
+        ("/go", ["/add", "/n/get_parameters", "/n/list_parameters"], "there are /add"),
+        ("/go", ["/n/get_parameters"], "there are /n/get_parameters"),
         ("/go", ["/_hidden"], "no taskrpc program offers a service on this machine in domain 0"),
     ],
 )
 def test_the_hint_names_what_comes_nearest(asked, offered, hint):
-    assert graph.unknown_service_hint(asked, [entry(*offered)]).startswith(hint)
+    told = graph.unknown_service_hint(asked, [entry(*offered)])
+    assert told.startswith(hint)
+    assert "/n/" not in told or "/n/" in hint
 
 
 def test_of_a_program_elsewhere_nothing_is_said_about_this_machine():

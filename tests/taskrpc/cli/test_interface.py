@@ -130,3 +130,12 @@ def test_definitions_are_found_from_everywhere_in_a_workspace(
     assert main(["interface", "show", "own_things/msg/Dot"]) == 0
     assert main(["interface", "proto", "own_things/msg/Dot", "--no-quotes"]) == 0
     assert capsys.readouterr().out == "int32 x\nx: 0\n"
+
+
+def test_the_services_of_tutorials_are_shown_as_ros2_shows_them(capsys):
+    for name, text in (
+        ("example_interfaces/srv/AddTwoInts", "int64 a\nint64 b\n---\nint64 sum\n"),
+        ("std_srvs/srv/Empty", "---\n"),
+    ):
+        assert main(["interface", "show", name]) == 0
+        assert capsys.readouterr().out == text
