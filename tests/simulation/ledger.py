@@ -23,8 +23,9 @@ NOTICED = 1.0 + PROMPT
 INSIDE = "the server's inside"
 """What a callback's exception says, and no caller may read."""
 
-FORGOTTEN = "the server does not remember this client"
-"""An answer too: that this was said before may have been lost, and then nobody can know."""
+FORGOTTEN = ("the server does not remember this client", "has another store")
+"""Answers too: what was said before may have been lost, with the store that knew, or on a connection
+whose end had not been heard of; and then nobody can know."""
 
 PROMISES = (
     "ran twice",
@@ -224,7 +225,7 @@ class Ledger:
             self.broke("waited beyond the deadline", request.number)
         if now > request.hears_by + LATE:
             self.broke("heard late of a crash", request.number)
-        is_forgotten = FORGOTTEN in str(said)
+        is_forgotten = any(each in str(said) for each in FORGOTTEN)
         if request.must_be_answered and outcome not in (ANSWERED, FAILED) and not is_forgotten:
             self.broke("did not come back", request.number)
         is_quiet = request.started_with == self.trouble
