@@ -133,6 +133,16 @@ def impossible_step(node: Any, number: int, error: Exception) -> None:
     )
 
 
+def destroyed(service: Service[Any, Any]) -> None:
+    """A service callback destroyed its service, or its node: the caller is told here."""
+    tell(
+        ("destroyed", service.service_name),
+        f"leave the caller waiting for ever: the callback of {service.service_name} destroyed its"
+        " service, or its node, and returned only then; destroy them later, from a timer or after"
+        " the spin",
+    )
+
+
 def failed(client: Client[Any, Any], error: BaseException) -> None:
     """A call ended with an error, which a future in ROS never has."""
     tell(

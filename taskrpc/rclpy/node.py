@@ -21,6 +21,7 @@ from ._node_graph import NodeGraph
 from ._node_parameters import NodeParameters
 from ._remapping import Remapping
 from ._rosout import Rosout
+from ._running import current_callback
 from .callback_groups import CallbackGroup
 from .clock import Clock, ROSClock
 from .context import Context
@@ -32,6 +33,7 @@ from .logging_service import LoggingService
 from .parameter import Parameter
 from .parameter_service import ParameterService
 from .qos import QoSProfile, qos_profile_rosout_default
+from .service import Service
 from .time_source import TimeSource
 from .type_description_service import TypeDescriptionService
 from .utilities import get_default_context
@@ -219,7 +221,12 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         if self._rclpy_rosout is not None:
             self._rclpy_rosout.destroy()
         self._rclpy_handle.destroy_when_not_in_use()
-        self._rclpy_bridge.close()
+        callback = current_callback()
+        answering = None if callback is None else callback.entity
+        if isinstance(answering, Service) and answering._node is self:
+            answering._when_answered(self._rclpy_bridge.close)  # its own answer must still go out
+        else:
+            self._rclpy_bridge.close()
         self._wake_executor()
 
     def __enter__(self) -> Self:
@@ -268,7 +275,6 @@ __getattr__ = names_of(
         ".parameter": "PARAMETER_SEPARATOR_STRING ParameterMsg ParameterType ParameterValue",
         ".callback_groups": "CallbackGroup MutuallyExclusiveCallbackGroup ReentrantCallbackGroup",
         ".client": "Client",
-        ".service": "Service",
         ".publisher": "Publisher",
         ".subscription": "MessageInfo Subscription",
         ".timer": "Rate Timer TimerInfo",

@@ -61,6 +61,8 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         self.handle = ServiceHandle(self)
         self._calls: deque[DeferredCall] = deque()
         self._depth = depth_of(qos_profile)
+        self._last: Callable[[], object] | None = None
+        """What is to be done once the callback that runs has answered."""
         self._introspection = Introspection(node, srv_type, srv_name)
         join = srv_type._TYPE.startswith(_OF_EVERY_NODE)
         self._offered = node._rclpy_bridge.offer(srv_type, srv_name, self._came, join=join)
@@ -124,6 +126,10 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
 
     # On the spinning thread
 
+    def _when_answered(self, last: Callable[[], object]) -> None:
+        """Do something once the callback that runs on this thread has answered."""
+        self._last = last
+
     def _ready(self) -> bool:
         return bool(self._calls)
 
@@ -144,12 +150,12 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
             self._tell(call, "REQUEST_RECEIVED", request=call.request)
         try:
             response = self.callback(call.request, self.srv_type.Response())
+            if type(response) is CoroutineType:
+                return self._serve_async(call, response)
         except BaseException as error:
             self._raised(call, error)
             raise
-        if type(response) is CoroutineType:
-            return self._serve_async(call, response)
-        self._reply(call, response)
+        self._answer(call, response)
         return None
 
     async def _serve_async(self, call: DeferredCall, answer: CoroutineType[Any, Any, Any]) -> None:
@@ -158,7 +164,29 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         except BaseException as error:
             self._raised(call, error)
             raise
-        self._reply(call, response)
+        self._answer(call, response)
+
+    def _answer(self, call: DeferredCall, response: Any) -> None:
+        """Answer with what the callback returned."""
+        try:
+            if self._node.context.ok() and not self.handle.valid:
+                self._destroyed(call)
+            self._reply(call, response)
+        finally:
+            self._leave()
+
+    def _destroyed(self, call: DeferredCall) -> None:
+        """Raise InvalidHandle, as ROS does: the callback has destroyed what it would answer by."""
+        if not _explain.like_ros():
+            _explain.destroyed(self)
+            why = f"the callback of {self._full_name} destroyed its service before it returned"
+            call.fail(HandlerFailed(Code.INTERNAL, why))
+        self.handle.check()
+
+    def _leave(self) -> None:
+        if self._last is not None:
+            last, self._last = self._last, None
+            last()
 
     def _reply(self, call: DeferredCall, response: Any) -> None:
         expected = self.srv_type.Response
@@ -196,6 +224,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
 
     def _raised(self, call: DeferredCall, error: BaseException) -> None:
         if _explain.like_ros():
+            self._leave()
             return
         what = type(error).__name__
         if str(error) and not isinstance(
@@ -208,6 +237,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         if of_itself and not isinstance(error, WouldDeadlock):
             _explain.raised(self, problem)
         call.fail(HandlerFailed(Code.INTERNAL, problem))
+        self._leave()
 
 
 class ServiceHandle(ArrivalHandle):

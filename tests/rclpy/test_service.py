@@ -9,7 +9,10 @@ import pytest
 import srvgen
 from taskrpc.errors import HandlerFailed, InvalidRequest
 from taskrpc.rclpy.callback_groups import ReentrantCallbackGroup
-from tests.rclpy.living import PATIENCE, living, service_of
+from taskrpc.rclpy.exceptions import InvalidHandle
+from taskrpc.rclpy.executors import SingleThreadedExecutor
+from taskrpc.rclpy.node import Node
+from tests.rclpy.living import PATIENCE, context_of, living, service_of
 
 pytestmark = pytest.mark.real_time
 
@@ -59,6 +62,46 @@ def test_a_value_that_cannot_be_sent_is_named_there_and_here(world):
     world.executor.spin_until_future_complete(future, PATIENCE)
     with pytest.raises(HandlerFailed, match="the response of /add: sum: expected int64"):
         future.result()
+
+
+@pytest.mark.parametrize("what", ["service", "node"])
+def test_a_callback_that_destroys_what_it_would_answer_by_is_an_error_there_and_here(world, what):
+    def leave(request, response):
+        node = next(each for each in world.executor.get_nodes() if each.get_name() == "server")
+        if what == "node":
+            node.destroy_node()
+        else:
+            node.destroy_service(service_of(node, "/add"))
+        return response
+
+    future = called(world, leave)
+    with pytest.raises(InvalidHandle):
+        world.answer(future)
+    world.executor.spin_until_future_complete(future, PATIENCE)
+    with pytest.raises(HandlerFailed, match="destroyed its service before it returned"):
+        future.result()
+
+
+@pytest.mark.parametrize("is_async", [False, True])
+def test_a_callback_that_shuts_down_is_still_answered(world, is_async):
+    """The caller is in another context, as in another program."""
+
+    def leave(request, response):
+        server.context.shutdown()
+        response.sum = 3
+        return response
+
+    async def leave_async(request, response):
+        return leave(request, response)
+
+    with context_of() as context:
+        server = Node("server", context=context)
+        server.create_service(AddTwoInts, "add", leave_async if is_async else leave)
+        future = world.node("caller").create_client(AddTwoInts, "add").call_async(Request())
+        executor = SingleThreadedExecutor(context=context)
+        executor.add_node(server)
+        executor.spin()
+        assert world.answer(future).sum == 3
 
 
 def test_an_async_callback_may_await_another_service(world):
