@@ -7,8 +7,13 @@ import argparse
 from taskrpc.cli.command import Exit
 
 _ROSDEP = "#All required rosdeps installed successfully: taskrpc brings what it knows"
-_POSIX = f"""ros2() {{ taskrpc "$@"; }}
-command -v colcon >/dev/null || colcon() {{ taskrpc colcon "$@"; }}
+_ALIAS = """alias ros2=taskrpc
+function ros2 { taskrpc "$@"; }
+"""
+"""The function works in the line that defines it; the alias puts taskrpc itself, and not a shell
+that waits for it, in the background, so that `kill $!` ends a node."""
+
+_POSIX = f"""command -v colcon >/dev/null || colcon() {{ taskrpc colcon "$@"; }}
 command -v rosdep >/dev/null || rosdep() {{ echo "{_ROSDEP}"; }}
 """
 _BASH = """_taskrpc() {
@@ -35,9 +40,9 @@ if (_is_missing colcon) {{ function colcon {{ taskrpc colcon @args }} }}
 if (_is_missing rosdep) {{ function rosdep {{ "{_ROSDEP}" }} }}
 """
 _DEFINITIONS = {
-    "bash": _POSIX + _BASH,
-    "zsh": _POSIX + _ZSH,
-    "sh": _POSIX,
+    "bash": f"shopt -s expand_aliases\n{_ALIAS}{_POSIX}{_BASH}",
+    "zsh": f"{_ALIAS}{_POSIX}{_ZSH}",
+    "sh": f'ros2() {{ taskrpc "$@"; }}\n{_POSIX}',
     "fish": _FISH,
     "powershell": _POWERSHELL,
 }

@@ -23,6 +23,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("connect", nargs="?", metavar="HOST:PORT", type=_place, help=what)
     add_secrets(parser)
     parser.add_argument("--json", action="store_true", help="Print a JSON array of findings")
+    what = "as in ros2; changes nothing, since all is reported"
+    for short, option in (
+        ("-r", "--report"),
+        ("-rf", "--report-failed"),
+        ("-iw", "--include-warnings"),
+    ):
+        parser.add_argument(short, option, action="store_true", help=what)
     parser.set_defaults(run=_run)
 
 

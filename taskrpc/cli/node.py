@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from collections.abc import Iterable, Iterator
 
 from taskrpc import names
@@ -47,13 +48,20 @@ def _list(options: argparse.Namespace) -> int:
     entries = graph.look(remote_of(options))
     found = sorted(name for entry in entries for name in entry.nodes)
     shown = [name for name in found if options.all or not names.is_hidden(name)]
+    if len(set(shown)) < len(shown):
+        problem = "there are nodes in the graph that share an exact name"
+        effect = "which can have unintended side effects"
+        print(f"WARNING: Be aware that {problem}, {effect}.", file=sys.stderr)
     return print_names(shown, count=options.count_nodes, as_json=options.json)
 
 
 def _info(options: argparse.Namespace) -> int:
     entries = graph.look(remote_of(options))
     name = shells.expanded(options.node_name, kind="node name")
-    known = {node for entry in entries for node in entry.nodes}
+    known = [node for entry in entries for node in entry.nodes]
+    if (count := known.count(name)) > 1:
+        several = f'There are {count} nodes in the graph with the exact name "{name}".'
+        print(f"{several} You are seeing information about all of them.", file=sys.stderr)
     if name not in known:
         from srvgen.names import did_you_mean
 

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from argparse import REMAINDER, ArgumentParser, Namespace
 
-_USAGE = """taskrpc run [-h] [--like-ros] SCRIPT [ARGS ...] [--ros-args ...]
-       taskrpc run [-h] [--like-ros] -m MODULE [ARGS ...] [--ros-args ...]
-       taskrpc run [-h] [--like-ros] PACKAGE EXECUTABLE [ARGS ...] [--ros-args ...]"""
+_USAGE = """taskrpc run [-h] [OPTIONS] SCRIPT [ARGS ...] [--ros-args ...]
+       taskrpc run [-h] [OPTIONS] -m MODULE [ARGS ...] [--ros-args ...]
+       taskrpc run [-h] [OPTIONS] PACKAGE EXECUTABLE [ARGS ...] [--ros-args ...]"""
 
 
 def configure(parser: ArgumentParser) -> None:
     """Give the parser of `taskrpc run` its arguments."""
     parser.usage = _USAGE
+    what = "put a command before it, in quotes if it has spaces ('nice -n 5')"
+    parser.add_argument("--prefix", metavar="COMMAND", help=what)
     what = "do what ROS 2 would do, hang included, instead of helping"
     parser.add_argument("--like-ros", action="store_true", help=what)
     what = "run a module, as python -m, with its own arguments"
@@ -26,6 +28,8 @@ def _run(options: Namespace) -> int:
 
     if options.like_ros:
         os.environ["TASKRPC_LIKE_ROS"] = "1"
+    if options.prefix:
+        return _run_behind(options)
     if options.module:
         from taskrpc.ros.running import run_module
 
@@ -34,6 +38,28 @@ def _run(options: Namespace) -> int:
     if not options.rest:
         options.parser.error("expected a script, a package and its executable, or -m and a module")
     return _run_named(*options.rest)
+
+
+def _run_behind(options: Namespace) -> int:
+    """Run the same in a process that another command starts."""
+    import shlex
+    import subprocess
+    import sys
+
+    from taskrpc.cli.command import UsageError
+
+    try:
+        prefix = shlex.split(options.prefix)
+    except ValueError as error:
+        raise UsageError(f"--prefix: expected a command, got {options.prefix}: {error}") from None
+    what = ["-m", *options.module] if options.module else options.rest
+    command = [*prefix, sys.executable, "-m", "taskrpc", "run", *what]
+    with subprocess.Popen(command) as process:
+        while True:
+            try:
+                return process.wait()
+            except KeyboardInterrupt:  # the process got it as well, and says how it ends
+                continue
 
 
 def _run_named(program: str, *arguments: str) -> int:

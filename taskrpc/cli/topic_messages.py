@@ -8,8 +8,9 @@ from operator import attrgetter, itemgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from taskrpc.cli.values import from_fields, read_fields
-from taskrpc.errors import TaskRpcError
+from taskrpc.cli.command import hinted
+from taskrpc.cli.values import NotAMapping, from_fields, read_fields
+from taskrpc.errors import InvalidRequest, TaskRpcError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -25,7 +26,11 @@ class Template:
 
     def __init__(self, cls: Any, values: Sequence[str]) -> None:
         self.cls = cls
-        fields = read_fields(cls, values)
+        try:
+            fields = read_fields(cls, values)
+        except NotAMapping as error:
+            problem = "The passed value needs to be a dictionary in YAML format"
+            raise hinted(InvalidRequest("", problem), *error.__notes__) from None
         stamps = list(_take_stamps(cls, fields))
         self._message = from_fields(cls, fields)
         self._stamps = [_followed(self._message, steps) for steps in stamps]

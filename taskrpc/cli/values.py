@@ -22,6 +22,10 @@ _SIMPLE = re.compile(
 )
 
 
+class NotAMapping(InvalidRequest):
+    """A request that is a list, a number or a word."""
+
+
 def split_type(arguments: Sequence[str]) -> tuple[str, list[str]]:
     """The type that a command line names ("" where it does not), and the request after it."""
     if arguments and _TYPE.fullmatch(arguments[0]):

@@ -10,7 +10,7 @@ import yaml
 from srvgen import FieldError
 from taskrpc.cli import shells
 from taskrpc.cli.command import hinted
-from taskrpc.cli.values import not_populated
+from taskrpc.cli.values import NotAMapping, not_populated
 from taskrpc.errors import InvalidRequest
 
 _TYPE_SLIP = re.compile(r"[A-Za-z]\w*(?:(?:\.|::)\w+){1,2}|[A-Z]\w*")
@@ -26,7 +26,8 @@ def read_mapping(cls: Any, text: str, hint: str) -> dict[str, Any]:
         value = reader.plain(node)
         kind = type(value).__name__
         problem = f"Value '{value}' is expected to be a dictionary but is a {kind}"
-        raise hinted(not_populated(problem), hint or _shape(cls, text))
+        error = NotAMapping("", str(not_populated(problem)))
+        raise hinted(error, hint or _shape(cls, text))
     return reader.message(node, cls)
 
 

@@ -63,6 +63,27 @@ def test_bash_knows_what_tutorials_need_and_leaves_a_real_colcon_alone(tmp_path,
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not here")
+def test_bash_has_taskrpc_itself_in_the_background_and_takes_the_line_twice(tmp_path, capsys):
+    assert main(["alias", "--shell", "bash"]) == 0
+    (tmp_path / "definition").write_text(capsys.readouterr().out)
+    (tmp_path / "taskrpc").write_text('#!/bin/sh\n[ "$1" = alias ] || echo $$\ncat definition\n')
+    (tmp_path / "taskrpc").chmod(0o755)
+    take = 'eval "$(taskrpc alias --shell bash)"'
+    lines = f"{take}\n{take}; ros2 one >/dev/null\nros2 run >pid &\necho $!\nwait $!\nhead -1 pid\n"
+    done = subprocess.run(
+        ["bash", "-c", lines],
+        cwd=tmp_path,
+        env={"PATH": f"{tmp_path}:/usr/bin:/bin"},
+        capture_output=True,
+        text=True,
+        check=True,
+    )
+    given, own = done.stdout.split()
+    assert given == own
+    assert done.stderr == ""
+
+
+@pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not here")
 def test_bash_completes_what_is_begun(tmp_path, capsys):
     assert main(["alias", "--shell", "bash"]) == 0
     definition = capsys.readouterr().out

@@ -353,3 +353,24 @@ def test_a_server_that_hangs_is_named(own_server, run):
     pid = own_server.process.pid
     assert f"adder.py (pid {pid}) offers /add_two_ints but is silent (waited 0.3 s)\n" in err
     assert f"hint: find out why: taskrpc doctor {own_server.address}\n" in err
+
+
+def test_nodes_of_one_name_are_warned_of(run, monkeypatch):
+    there = [
+        Entry(1, "n.py", "/home", 0.0, nodes=("/twin", "/one")),
+        Entry(2, "n.py", "/home", 0.0, nodes=("/twin",)),
+    ]
+    monkeypatch.setattr("taskrpc.cli.graph.look", lambda remote: there)
+    assert run("node", "list") == (
+        0,
+        "/one\n/twin\n/twin\n",
+        "WARNING: Be aware that there are nodes in the graph that share an exact name,"
+        " which can have unintended side effects.\n",
+    )
+    code, out, err = run("node", "info", "/twin")
+    assert (code, out.splitlines()[0]) == (0, "/twin")
+    assert err == (
+        'There are 2 nodes in the graph with the exact name "/twin".'
+        " You are seeing information about all of them.\n"
+    )
+    assert run("node", "info", "/one")[2] == ""

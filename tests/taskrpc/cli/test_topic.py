@@ -195,6 +195,11 @@ def test_pub_prints_each_message_and_reaches_who_listens(talker, run):
     [
         (("/t", "std_msgs/msg/Nope"), 1, "The passed message type is invalid\n"),
         (("/t", "std_srvs/srv/Trigger"), 1, "The passed type is not a message\n"),
+        (
+            ("/t", "std_msgs/msg/String", "7"),
+            1,
+            "The passed value needs to be a dictionary in YAML",
+        ),
         (("/t", "std_msgs/msg/String", "text=1"), 1, "Failed to populate field: "),
         (("/a b", "std_msgs/msg/String"), 1, "Invalid topic name: "),
         (("/t", "std_msgs/msg/String", "-1", "-t", "2"), 2, "usage: "),

@@ -1,5 +1,6 @@
 """`taskrpc run` runs an unmodified ROS program, and ends as Python would."""
 
+import shutil
 import signal
 import subprocess
 import sys
@@ -209,3 +210,15 @@ def test_a_package_whose_sources_lie_in_a_folder_of_its_own_runs(workspace, tmp_
     said = "inner my_things.srv.Ask_Request(a=1)\n"
     assert workspace("inner", "tell") == (0, said, "")
     assert workspace("src/nodes/nodes/ask.py") == (0, said, "")
+
+
+@pytest.mark.skipif(shutil.which("env") is None, reason="there is no env here")
+def test_a_prefix_goes_before_the_program(workspace, tmp_path):
+    prefix = ("--prefix", "env GREETING='hi there'")
+    (tmp_path / "ws" / "program.py").write_text(
+        "import os, sys\nprint(os.environ['GREETING'], sys.argv[1:])\nsys.exit(4)\n"
+    )
+    assert workspace(*prefix, "program.py", "-x") == (4, "hi there ['-x']\n", "")
+    assert workspace(*prefix, "nodes", "ask", "-x") == (3, _SAID, "")
+    code, _, error = workspace("--prefix", "env '", "program.py")
+    assert (code, error) == (2, "--prefix: expected a command, got env ': No closing quotation\n")
