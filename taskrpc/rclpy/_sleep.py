@@ -18,6 +18,11 @@ class Sleep:
         """Another object after each `end`: who read it before looking around sees what came."""
         self._sleepers: deque[threading.Lock] = deque()
 
+    @property
+    def has_sleepers(self) -> bool:
+        """Whether somebody sleeps."""
+        return bool(self._sleepers)
+
     def end(self) -> None:
         """Wake all who sleep, and whoever is about to."""
         self.state = object()

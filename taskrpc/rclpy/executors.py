@@ -17,7 +17,7 @@ from ._bridge import settle
 from ._deadlocks import check_spin
 from ._entity import Entity
 from ._rounds import ExternalShutdownException, Rounds, Timeout, TimeoutObject, Work, never
-from ._running import Callback, current_callback, ended, started
+from ._running import Callback, current_callback, ended, is_busy, started
 from .context import Context
 from .exceptions import InvalidHandle
 from .future import Future
@@ -63,6 +63,11 @@ class Executor(Rounds):
     def context(self) -> Context:
         """The context whose end ends the spinning."""
         return self._context
+
+    @property
+    def is_spinning(self) -> bool:
+        """Whether somebody spins it: waits for work, or is at work."""
+        return self._sleep.has_sleepers or is_busy(self)
 
     def create_task(self, callback: Callable[..., Any], *args: Any, **kwargs: Any) -> Task[Any]:
         """Have whoever spins run a function or coroutine function; the future of its result."""

@@ -477,6 +477,20 @@ def test_a_sleeping_executor_is_woken_by_what_arrives_and_by_a_node(context, fak
     assert seen.is_set()
 
 
+@pytest.mark.real_time
+def test_whether_somebody_spins_is_told_while_he_waits_and_while_he_works(executor, fake):
+    seen = []
+    assert not executor.is_spinning
+    guard = fake.guard(lambda: seen.append(executor.is_spinning))
+    thread = threading.Thread(target=executor.spin_once)
+    thread.start()
+    while not executor.is_spinning:
+        time.sleep(0.001)
+    guard.trigger()
+    thread.join(5)
+    assert (seen, executor.is_spinning) == ([True], False)
+
+
 # Ends
 
 
