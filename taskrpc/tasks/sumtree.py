@@ -6,6 +6,7 @@ part. Sums are made anew from their parts, never corrected, so that no rounding 
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from typing import Any, Generic, TypeVar
@@ -63,12 +64,17 @@ class SumTree(Generic[_Value]):
         self._root = _Node(True, [], [], [])
         self.weight = 0.0
         """The weight of all."""
+        self._highest = -math.inf
+        """No number that is there is higher: nearly every task comes behind all its equals, and
+        then needs no search."""
 
     def __bool__(self) -> bool:
         return bool(self._root.parts)
 
     def insert(self, number: int, value: _Value, weight: float) -> None:
         """Add a value whose number is not there."""
+        if number > self._highest:  # noqa: PLR1730 (calling max costs more)
+            self._highest = number
         leaf, way = self._leaf(number)
         leaf.put(bisect_left(leaf.numbers, number), number, value, weight)
         self._renew(way)
@@ -89,6 +95,8 @@ class SumTree(Generic[_Value]):
 
     def before(self, number: int) -> _Value | None:
         """The last value whose number is smaller, None if there is none."""
+        if number > self._highest:
+            return self.last() if self else None
         leaf, _ = self._leaf(number - 1)
         at = bisect_left(leaf.numbers, number)
         value: _Value | None = leaf.parts[at - 1] if at else None
@@ -104,12 +112,16 @@ class SumTree(Generic[_Value]):
 
     def weight_through(self, number: int) -> float:
         """The weight of all values up to this number."""
+        if number >= self._highest:
+            return self.weight
         leaf, way = self._leaf(number)
         ahead = sum(sum(node.weights[:at]) for node, at in way)
         return ahead + sum(leaf.weights[: bisect_right(leaf.numbers, number)])
 
     def behind(self, number: int) -> Iterator[_Value]:
         """Iterate over the values whose numbers are greater; weights may change meanwhile."""
+        if number >= self._highest:
+            return
         leaf, way = self._leaf(number)
         yield from leaf.parts[bisect_right(leaf.numbers, number) :]
         for node, at in reversed(way):
