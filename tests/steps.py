@@ -33,6 +33,7 @@ CALLS, IN_FLIGHT, SERVICES, TASKS = 1000, 20, 100, 200
 PAYLOAD = 65_536
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
+Submit = srvgen.load("my_robot_interfaces/srv/RobotTask")
 Int32 = srvgen.load("std_msgs/msg/Int32")
 Types = srvgen.load("rcl_interfaces/srv/GetParameterTypes")  # takes texts, answers with bytes
 
@@ -152,6 +153,27 @@ async def queueing() -> int:
     return steps
 
 
+async def submitting() -> int:
+    """Steps of calls of `/robot_task` while its queue is paused."""
+    async with (
+        taskrpc.Node("server", transport="memory", token="server") as server,
+        taskrpc.Node("client", transport="memory", token="client") as node,
+        taskrpc.TaskServer(server, StandingRobot(), MemoryStore(), wall_clock=lambda: 1e9) as tasks,
+    ):
+        await tasks.manager.pause()
+        client = node.create_client(Submit, "robot_task")
+
+        async def work() -> None:
+            for number in range(TASKS):
+                request = Submit.Request(
+                    task_type="move", target=str(number % 7), priority=1 + number % 10
+                )
+                assert (await client.call(request)).success
+
+        await work()
+        return await steps_of(work)
+
+
 class StandingRobot:
     """Plans, and is never told to go."""
 
@@ -188,6 +210,7 @@ WORKS: dict[str, tuple[Callable[[], Awaitable[int]], int]] = {
     "a message to one subscription": (publishing, CALLS),
     "a service made and destroyed": (creating, SERVICES),
     "a task submitted and cancelled": (queueing, TASKS),
+    "a call that submits a task": (submitting, TASKS),
 }
 """What is counted, and for how many the count stands."""
 
