@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 from ._arguments import parse
 from ._transitions import TransitionCallbackReturnType
@@ -32,6 +33,7 @@ __all__ = [
     "UnsupportedEventTypeError",
     "rclpy_get_rmw_implementation_identifier",
     "rclpy_remove_ros_args",
+    "rmw_qos_profile_t",
 ]
 
 rclpy_get_rmw_implementation_identifier = get_rmw_implementation_identifier
@@ -43,3 +45,20 @@ def rclpy_remove_ros_args(pycli_args: Sequence[str]) -> list[str]:
     Raises RuntimeError for ROS arguments that do not exist or cannot be read.
     """
     return parse(pycli_args).rest
+
+
+class rmw_qos_profile_t:
+    """Profiles as C has them, by their names."""
+
+    @staticmethod
+    def predefined(qos_profile_name: str) -> Any:
+        """The profile `rclpy.qos` has by this name; its `to_dict()` makes another such.
+
+        Raises ValueError for a name that is none.
+        """
+        from . import qos
+
+        profile = getattr(qos, qos_profile_name, None)
+        if not isinstance(profile, qos.QoSProfile):
+            raise ValueError(f"Requested unknown rmw_qos_profile: {qos_profile_name}")
+        return profile.get_c_qos_profile()

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from taskrpc import QoS
 from taskrpc.rclpy import qos
 from taskrpc.rclpy.duration import Duration
+from taskrpc.rclpy.impl.implementation_singleton import rclpy_implementation
 from taskrpc.rclpy.qos import (
     DurabilityPolicy,
     HistoryPolicy,
@@ -17,6 +18,7 @@ from taskrpc.rclpy.qos import (
     QoSProfile,
     ReliabilityPolicy,
     qos_check_compatible,
+    qos_profile_sensor_data,
 )
 
 durations = st.integers(0, 2**63 - 1).map(lambda n: Duration(nanoseconds=n))
@@ -167,3 +169,10 @@ def test_what_a_publisher_offers_must_be_as_much_as_is_asked_for(offered, asked,
 def test_a_profile_becomes_one_of_taskrpc(profile, publisher, subscription):
     assert profile._native() == publisher
     assert profile._native(subscribes=True) == subscription
+
+
+def test_profiles_are_known_by_their_names_in_c():
+    found = rclpy_implementation.rmw_qos_profile_t.predefined("qos_profile_sensor_data")
+    assert QoSProfile(**found.to_dict()) == qos_profile_sensor_data
+    with pytest.raises(ValueError, match="unknown rmw_qos_profile: nothing"):
+        rclpy_implementation.rmw_qos_profile_t.predefined("nothing")
