@@ -15,6 +15,7 @@ import socket
 import sys
 import threading
 import time
+from typing import Any
 
 _MOMENT = 0.05
 """Seconds after which a signal is sent once more."""
@@ -28,8 +29,8 @@ class Reminder:
     """Is told by Python of each signal, and by its handler that it was heeded."""
 
     def __init__(self) -> None:
-        self.numbers: set[int] = set()
-        """The signals that are sent once more."""
+        self.handlers: dict[int, Any] = {}
+        """The signals that are sent once more, and what handles them: as long as it does."""
         self._ours, self._pythons = socket.socketpair()
         self._ours.setblocking(False)
         self._pythons.setblocking(False)
@@ -69,7 +70,13 @@ class Reminder:
             select.select([self._ours], [], [])
             time.sleep(moment)
             heeded = self._heeded
-            numbers = self.numbers.intersection(self._told())
+            told = self._told()
+            # Not to the handler of a notebook or a debugger: that has had it, and does not say so.
+            numbers = [
+                number
+                for number, handler in self.handlers.items()
+                if number in told and signal.getsignal(number) is handler
+            ]
             moment = min(2 * moment, _LONGEST) if numbers and heeded == before else _MOMENT
             before = heeded
             for number in numbers:

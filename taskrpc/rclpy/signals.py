@@ -74,7 +74,7 @@ def _install(number: int) -> None:
     if before is not _handle:
         _before[number] = before
         signal.signal(number, _handle)
-        reminder().numbers.add(number)
+        reminder().handlers[number] = _handle
         _end_quietly()
 
 

@@ -311,3 +311,16 @@ def test_the_signal_is_heeded_once(up):
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)
     time.sleep(0.3)  # would raise once more
+
+
+@pytest.mark.real_time
+@not_on_windows
+def test_a_handler_that_a_notebook_or_debugger_puts_in_place_gets_a_signal_once(up):
+    came = []
+    before = signal.signal(signal.SIGINT, lambda number, frame: came.append(number))
+    try:
+        signal.raise_signal(signal.SIGINT)
+        time.sleep(0.3)  # would come several times more
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert came == [signal.SIGINT]
