@@ -15,6 +15,9 @@ class Entity:
     _is_timer: ClassVar[bool] = False
     """Whether waiting for it means waiting for a point in time (`_wait_ns`)."""
 
+    _is_answering: ClassVar[bool] = False
+    """Whether somebody waits for what its callback returns."""
+
     _executor_event = False
     """True from the moment an executor chose it until it was taken: not to be chosen again."""
 

@@ -283,8 +283,8 @@ class SingleThreadedExecutor(Executor):
         """Wait at most `timeout_sec` seconds for something to arrive, and run one callback."""
         if (work := self._next(timeout_sec)) is not None:
             self._run(work)
-            if timeout_sec == 0:
-                settle()  # what the callback sent has arrived, as far as it is for this program
+            if timeout_sec == 0 and work[1] is not None and work[1]._is_answering:
+                settle()  # the answer has arrived, if it is for this program
 
     def spin_once_until_future_complete(
         self, future: Future[Any], timeout_sec: Timeout = None

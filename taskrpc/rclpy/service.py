@@ -7,7 +7,7 @@ import time
 from collections import deque
 from collections.abc import Callable
 from types import CoroutineType, TracebackType
-from typing import TYPE_CHECKING, Any, Generic, NamedTuple, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, Self, TypeVar
 
 from taskrpc.errors import Code, HandlerFailed, InvalidRequest, WouldDeadlock
 from taskrpc.introspection import gid_of
@@ -42,6 +42,8 @@ class RequestHeader(NamedTuple):
 
 class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     """Answers the requests for one service; `Node.create_service` makes one."""
+
+    _is_answering: ClassVar[bool] = True
 
     def __init__(
         self,
