@@ -136,7 +136,7 @@ def _proto(options: argparse.Namespace) -> int:
         print(json.dumps(fields))
         return Exit.DONE
     text = yaml.safe_dump(fields, sort_keys=False, allow_unicode=True)
-    print(text.rstrip("\n") if options.no_quotes else f'"{text}"')
+    print(text if options.no_quotes else f'"{text}"')
     return Exit.DONE
 
 

@@ -157,21 +157,24 @@ def _info(options: argparse.Namespace) -> int:
     if not found:
         raise _unknown(options, name, entries)
     types = sorted({facts["Service type"] for facts in found})
-    count = sum(facts["Endpoint type"] == "SERVER" for facts in found)
-    summary = {
-        "Type": ", ".join(types),
-        "Clients count": len(found) - count,
-        "Services count": count,
+    ends = {
+        "Clients count": [each for each in found if each["Endpoint type"] == "CLIENT"],
+        "Services count": [each for each in found if each["Endpoint type"] == "SERVER"],
     }
     if options.json:
         import json
 
-        print(json.dumps({**summary, "Endpoints": found}))
+        counts = {label: len(group) for label, group in ends.items()}
+        print(json.dumps({"Type": ", ".join(types), **counts, "Endpoints": found}))
         return Exit.DONE
-    _print_facts(summary)
-    for facts in found if options.verbose else ():
-        print()
-        _print_facts(facts)
+    print(f"Type: {', '.join(types)}")
+    for label, group in ends.items():
+        print(f"{label}: {len(group)}")
+        if options.verbose:
+            print()
+            for facts in group:
+                _print_facts(facts)
+                print()
     return Exit.DONE
 
 

@@ -55,8 +55,8 @@ def _add_policy(parser: argparse.ArgumentParser, policy: str, what: str, *choice
 
 
 def qos_to_publish(options: argparse.Namespace) -> QoS:
-    """The options over ros2's own default for publishing: latecomers get the last message."""
-    return _over(options, (1, "reliable", "transient_local"))
+    """The options over ros2's own default for publishing."""
+    return _over(options, _PROFILES["default"])
 
 
 def qos_to_subscribe(options: argparse.Namespace, publishers: Sequence[TopicEndpoint]) -> QoS:

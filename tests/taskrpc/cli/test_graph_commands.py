@@ -87,7 +87,10 @@ def test_service_info(server, run):
     summary = f"Type: {ADD}\nClients count: 1\nServices count: 1\n"
     assert run("service", "info", "/add_two_ints") == (0, summary, "")
     out = run("service", "info", "-v", "/add_two_ints")[1]
-    assert out.startswith(summary)
+    clients, _, servers = out.partition("Services count: 1\n\nNode name: add_two_ints_server\n")
+    assert clients.startswith(f"Type: {ADD}\nClients count: 1\n\nNode name: other\n")
+    assert "Endpoint type: SERVER\n" in servers
+    assert out.endswith("\n\n")
     assert "Node name: add_two_ints_server\nNode namespace: /\n" in out
     assert "Node name: other\n" in out
     assert "Service type hash: RIHS01_e118de6bf5eeb66a" in out

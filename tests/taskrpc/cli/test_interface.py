@@ -59,7 +59,7 @@ def test_show_without_comments_and_with_all(run):
 
 def test_proto_prints_the_default_request_in_double_quotes(run):
     assert run("proto", "example_interfaces/srv/AddTwoInts") == (0, '"a: 0\nb: 0\n"\n', "")
-    assert run("proto", "paint_msgs/msg/Dot", "--no-quotes") == (0, "x: 0\ny: 7\n", "")
+    assert run("proto", "paint_msgs/msg/Dot", "--no-quotes") == (0, "x: 0\ny: 7\n\n", "")
     assert run("proto", "paint_msgs/srv/Paint") == (0, '"dots: []\n"\n', "")
     assert run("proto", "std_srvs/srv/Empty") == (0, '"{}\n"\n', "")
     assert json.loads(run("proto", "paint_msgs/msg/Dot", "--json")[1]) == {"x": 0, "y": 7}
@@ -129,7 +129,7 @@ def test_definitions_are_found_from_everywhere_in_a_workspace(
     monkeypatch.chdir(tmp_path / folder)
     assert main(["interface", "show", "own_things/msg/Dot"]) == 0
     assert main(["interface", "proto", "own_things/msg/Dot", "--no-quotes"]) == 0
-    assert capsys.readouterr().out == "int32 x\nx: 0\n"
+    assert capsys.readouterr().out == "int32 x\nx: 0\n\n"
 
 
 def test_the_services_of_tutorials_are_shown_as_ros2_shows_them(capsys):
