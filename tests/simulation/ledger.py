@@ -24,8 +24,8 @@ INSIDE = "the server's inside"
 """What a callback's exception says, and no caller may read."""
 
 FORGOTTEN = ("the server does not remember this client", "has another store")
-"""Answers too: what was said before may have been lost, with the store that knew, or on a connection
-whose end had not been heard of; and then nobody can know."""
+"""Answers too: what was said before may have been lost, with the store that knew, or on a
+connection whose end had not been heard of; and then nobody can know."""
 
 PROMISES = (
     "ran twice",
