@@ -7,9 +7,12 @@ import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from ._yaml_parameters import ANY_NODE, Parameters, Value, read_file, read_value
 from .exceptions import RCLInvalidROSArgsError, UnknownROSArgsError
+
+if TYPE_CHECKING:
+    from ._yaml_parameters import Parameters, Value
 
 ROS_ARGS = "--ros-args"
 END_OF_ROS_ARGS = "--"
@@ -199,6 +202,8 @@ def _take_remap(found: Arguments, text: str) -> None:
 
 
 def _take_parameter(found: Arguments, text: str) -> None:
+    from ._yaml_parameters import ANY_NODE, read_value  # few programs need YAML
+
     node, rule = ANY_NODE, text
     if prefix := _PREFIX.match(text):
         node, rule = prefix[1], text[prefix.end() :]
@@ -209,6 +214,8 @@ def _take_parameter(found: Arguments, text: str) -> None:
 
 
 def _take_file(found: Arguments, path: str) -> None:
+    from ._yaml_parameters import read_file
+
     try:
         text = Path(path).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):

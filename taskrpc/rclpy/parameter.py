@@ -9,8 +9,6 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import yaml
-
 import srvgen
 
 from ._arguments import fits
@@ -182,6 +180,8 @@ class Parameter:
 
 def get_parameter_value(string_value: str) -> Any:
     """The ParameterValue of what somebody typed: YAML, and text where it is no YAML."""
+    import yaml  # few programs need it
+
     try:
         value = yaml.safe_load(string_value)
     except yaml.YAMLError:
@@ -232,6 +232,8 @@ def parameter_dict_from_yaml_file(
     Raises:
         RuntimeError: nothing in the file is meant, or a node there has no parameters.
     """
+    import yaml
+
     text = Path(parameter_file).read_text(encoding="utf-8")
     nodes = list(_nodes(yaml.safe_load(text) or {}))
     found: dict[str, Any] = {}

@@ -80,6 +80,15 @@ def test_help_of_taskrpc_imports_no_network(argv):
     assert needless(modules, f"typing srvgen {NETWORK} {MISTAKES} {ELSEWHERE}") == []
 
 
+def test_a_program_for_rclpy_imports_nothing_that_few_need(tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    program = tmp_path / "program.py"
+    program.write_text("import rclpy\nfrom rclpy.node import Node\nrclpy.init()\nNode('n')\n")
+    modules = command("taskrpc.cli.main", "run", str(program))
+    elsewhere = ELSEWHERE.replace("uvloop ", "").replace(" taskrpc.sync", "")
+    assert needless(modules, f"{MISTAKES} {elsewhere}") == []
+
+
 def test_help_of_a_call_imports_no_network():
     modules = command("taskrpc.cli.call", "--help")
     assert needless(modules, f"typing srvgen {NETWORK} {MISTAKES} {ELSEWHERE}") == []
