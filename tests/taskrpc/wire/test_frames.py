@@ -177,7 +177,7 @@ def test_a_large_body_takes_at_most_twice_what_arrived():
 
 
 @given(st.lists(st.binary(max_size=64), max_size=8))
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_garbage_yields_frames_or_an_error_and_keeps_no_more_than_came(pieces):
     splitter = Splitter(64)
     for piece in pieces:

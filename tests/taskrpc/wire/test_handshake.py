@@ -323,7 +323,7 @@ def test_secrets_are_not_in_a_repr():
 
 
 @given(st.binary(max_size=300), st.booleans(), st.booleans())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_garbage_in_a_handshake_only_closes(data, is_client, with_magic):
     session = Session(CLIENT if is_client else SERVER, is_client=is_client)
     events = receive(session, (MAGIC if with_magic else b"") + data)
@@ -333,7 +333,7 @@ def test_garbage_in_a_handshake_only_closes(data, is_client, with_magic):
 
 
 @given(st.data())
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 def test_a_changed_byte_in_a_handshake_never_raises_and_never_lets_a_stranger_in(data):
     stream = bytearray(handshake_stream())
     place = data.draw(st.integers(0, len(stream) - 1))

@@ -220,7 +220,7 @@ actions = st.lists(
 )
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=150, deadline=None)
 @given(actions=actions)
 def test_no_request_runs_twice_and_each_gets_its_own_answer(actions):
     """Against ground truth: what ran, and what it answered. Sends may come late and repeated."""

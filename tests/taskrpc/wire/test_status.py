@@ -152,7 +152,7 @@ sentences = st.builds(ErrorBody, st.text(characters), st.text(characters))
     st.integers(0, 0xFFFF),
     st.one_of(st.binary(max_size=50), sentences.map(messages.encode)),
 )
-@settings(max_examples=300)
+@settings(max_examples=150)
 def test_whatever_is_sent_means_some_error(code, flags, retry_after, body):
     arrived = from_wire(code, flags, retry_after, body)
     assert isinstance(arrived, TaskRpcError)
