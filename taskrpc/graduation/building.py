@@ -65,8 +65,8 @@ def _python(package: Path, name: str) -> Found:
                 "make an empty one, and name it in data_files",
             ),
         )
-    config = _text(package / "setup.cfg")
-    if executables.entry_points(package) and "install_scripts" not in config:
+    told = re.search(r"install[-_]scripts", _text(package / "setup.cfg") + _text(setup))
+    if executables.entry_points(package) and told is None:
         folder = f"$base/lib/{name}"
         yield (
             setup,
@@ -109,7 +109,8 @@ def _cmake(package: Path, root: ElementTree.Element) -> Found:
         )
     installed = executables.installed_scripts(package).values()
     for script in sorted((package / "scripts").glob("*.py")):
-        if script not in installed and "scripts/" not in _directories(text):
+        is_node = re.search(r"^(import|from) rclpy\b", _text(script), re.MULTILINE) is not None
+        if is_node and script not in installed and "scripts/" not in _directories(text):
             inner = script.relative_to(package).as_posix()
             yield (
                 path,

@@ -292,6 +292,9 @@ def packages(tmp_path, monkeypatch, capsys):
     (tmp_path / "things" / "srv" / "Ask.srv").write_text("---\n")
     main(["export", "colcon", "ws", "--from", "."])
     capsys.readouterr()
+    manifest = tmp_path / "ws" / "src" / "things" / "package.xml"
+    depends = "<exec_depend>rclpy</exec_depend>\n  <member_of_group>"
+    manifest.write_text(manifest.read_text().replace("<member_of_group>", depends))
 
     def ask():
         code = main(["graduate", "ws/src"])
@@ -319,7 +322,12 @@ def test_what_was_created_and_exported_can_be_built(packages):
         ("things/CMakeLists.txt", '"srv/Ask.srv"', "", "srv/Ask.srv is not built; its import is"),
         ("things/srv/New.srv", "", "---", "srv/New.srv is not built; its import is an Import"),
         ("things/package.xml", "rosidl_interface_packages", "x", "a package of definitions that"),
-        ("things/scripts/ask.py", "", "x = 1", "scripts/ask.py is not installed; ros2 run does"),
+        (
+            "things/scripts/ask.py",
+            "",
+            "import rclpy",
+            "scripts/ask.py is not installed; ros2 run does",
+        ),
     ],
 )
 def test_what_colcon_or_ros2_would_miss_is_told(packages, path, old, new, said):
@@ -338,7 +346,8 @@ def test_scripts_and_folders_that_cmake_installs_are_fine(packages):
     things = packages.folder / "things"
     (things / "scripts").mkdir()
     (things / "config").mkdir()
-    (things / "scripts" / "ask.py").write_text("x = 1\n")
+    (things / "scripts" / "ask.py").write_text("import rclpy\n")
+    (things / "scripts" / "helper.py").write_text("# whatever import rclpy says\n")
     (things / "config" / "a.yaml").write_text("x: 1\n")
     text = (things / "CMakeLists.txt").read_text()
     for line in (
@@ -348,6 +357,20 @@ def test_scripts_and_folders_that_cmake_installs_are_fine(packages):
     ):
         (things / "CMakeLists.txt").write_text(f"{text}{line}\n")
         assert packages() == ["nothing found that a real ROS 2 would do differently"]
+
+
+@pytest.mark.parametrize(
+    ("setup_cfg", "setup_py"),
+    [
+        ("[develop]\nscript-dir=$base/lib/adder\n[install]\ninstall-scripts=$base/lib/adder\n", ""),
+        ("", "# options={'install': {'install_scripts': '$base/lib/adder'}}\n"),
+    ],
+)
+def test_where_executables_go_may_be_said_in_other_ways(packages, setup_cfg, setup_py):
+    adder = packages.folder / "adder"
+    (adder / "setup.cfg").write_text(setup_cfg)
+    (adder / "setup.py").write_text((adder / "setup.py").read_text() + setup_py)
+    assert packages() == ["nothing found that a real ROS 2 would do differently"]
 
 
 @pytest.mark.parametrize("text", [None, "def (:\n"])
