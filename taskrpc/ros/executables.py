@@ -15,6 +15,7 @@ _PROGRAMS = re.compile(
     r"\binstall\s*\(\s*PROGRAMS\s(?P<files>[^()]*?)\sDESTINATION\s+\S+(?:\s+RENAME\s+(?P<name>[^\s)]+))?",
     re.IGNORECASE,
 )
+_SOURCE_FOLDERS = ("src", "python")
 _SCRIPT_FOLDERS = ("scripts", "nodes", "src", "bin", "")
 
 
@@ -33,7 +34,11 @@ def source_folder(package: Path) -> Path:
         folder = package / read(package)
         if folder != package and folder.is_dir():
             return folder
-    return package
+    # CMake packages name it in CMakeLists.txt, ROS 1's in a setup.py that setuptools never sees.
+    named = (package / each for each in _SOURCE_FOLDERS)
+    found = (folder for folder in named if any(folder.glob("*/__init__.py")))
+    is_plain = any(package.glob("*/__init__.py"))
+    return package if is_plain else next(found, package)
 
 
 def installed_scripts(package: Path) -> dict[str, Path]:

@@ -126,3 +126,16 @@ def test_scripts_of_a_cmake_package_are_python_files(tmp_path):
         (tmp_path / "scripts" / name).write_text(text)
     found = [executables.script(tmp_path, name) for name in ("a.py", "b", "c", "d")]
     assert found == [tmp_path / "scripts" / "a.py", tmp_path / "scripts" / "b", None, None]
+
+
+@pytest.mark.parametrize("inner", ["src", "python"])
+def test_python_of_a_cmake_package_may_lie_in_a_folder(tmp_path, inner):
+    (tmp_path / "src").mkdir()
+    (tmp_path / "src" / "main.cpp").touch()
+    assert executables.source_folder(tmp_path) == tmp_path
+    (tmp_path / inner / "pkg").mkdir(parents=True)
+    (tmp_path / inner / "pkg" / "__init__.py").touch()
+    assert executables.source_folder(tmp_path) == tmp_path / inner
+    (tmp_path / "pkg").mkdir()
+    (tmp_path / "pkg" / "__init__.py").touch()
+    assert executables.source_folder(tmp_path) == tmp_path
