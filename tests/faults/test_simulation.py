@@ -21,7 +21,7 @@ from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import State, Task
 from taskrpc.tasks.server import TaskServer
 from taskrpc.tasks.worker import Worker
-from taskrpc.transport import endpoint
+from taskrpc.transport import endpoint, publishing, subscribing
 from taskrpc.transport.base import IncomingCall
 from taskrpc.transport.calling import CallingConnection, OpenCall
 from taskrpc.wire.ledger import Ledger, Verdict
@@ -65,6 +65,9 @@ FAULTS = (
     "requeues",
     "stops",
     "leaps of the clock",
+    "heard of news",
+    "heard of inner",
+    "lost messages",
 )
 STRIDE = 20
 """Worlds between two looks at the counts."""
@@ -274,6 +277,34 @@ def tell_what_a_callback_raised(patch):
     patch(service, "answer_unexpected", unexpected)
 
 
+def give_kept_messages_twice(patch):
+    patch(subscribing, "_HALF", 2**33)
+
+
+def let_a_lost_subscription_go(patch):
+    use = subscribing.Link._use
+
+    async def once(self, connection):
+        await use(self, connection)
+        await asyncio.Event().wait()
+
+    patch(subscribing.Link, "_use", once)
+
+
+def count_no_lost_message(patch):
+    arrived = subscribing.Reception.arrived
+
+    def uncounted(self, link, event, read):
+        arrived(self, link, event, read)
+        self.lost = 0
+
+    patch(subscribing.Reception, "arrived", uncounted)
+
+
+def publish_to_whoever_asks(patch):
+    patch(publishing.RemoteSubscription, "_refusal", lambda self, publication: "")
+
+
 @pytest.mark.planted(
     Bug(forget_what_was_done, "ran twice"),
     Bug(accept_tasks_before_the_commit, "lost"),
@@ -302,6 +333,10 @@ def tell_what_a_callback_raised(patch):
     Bug(end_without_a_drain, "lost in a drain"),
     Bug(let_the_callers_of_the_dead_wait, "heard late of a crash"),
     Bug(tell_what_a_callback_raised, "wrong answer"),
+    Bug(give_kept_messages_twice, "heard twice"),
+    Bug(let_a_lost_subscription_go, "heard nothing"),
+    Bug(count_no_lost_message, "lost unseen"),
+    Bug(publish_to_whoever_asks, "heard without the right"),
 )
 def test_every_caller_learns_the_truth_in_three_hundred_worlds(counts, seed, large, bug):
     hundred = Counts()

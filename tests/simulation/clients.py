@@ -7,6 +7,7 @@ import asyncio
 import srvgen
 import taskrpc
 from tests.simulation.chance import LEASE
+from tests.simulation.news import Listener
 from tests.simulation.servers import Add
 
 RobotTask = srvgen.load("my_robot_interfaces/srv/RobotTask")
@@ -32,7 +33,7 @@ servers may have forgotten it."""
 class Client:
     """One life of a caller: calls everything, several at a time, and tells the ledger."""
 
-    def __init__(self, name, token, ledger, chance, calm):
+    def __init__(self, name, token, ledger, chance, calm, accounts):
         self.name = name
         self.left = 0
         """Calls that it has not begun yet."""
@@ -40,6 +41,7 @@ class Client:
         self._ledger = ledger
         self._chance = chance
         self._calm = calm
+        self._accounts = accounts
         self._open = {}
         self._named = []
 
@@ -59,6 +61,8 @@ class Client:
                 kind: node.create_client(srv_type, NAMES.get(kind, kind))
                 for kind, srv_type in TYPES.items()
             }
+            account = self._token.partition(".")[0]
+            listener = Listener(node, self.name, self._ledger, account, self._accounts)
             async with asyncio.TaskGroup() as group:
                 for request in again:
                     self._ledger.counts["asked again"] += 1
@@ -74,6 +78,7 @@ class Client:
             for kind in LASTING:
                 request = self._asked(kind, 20.0, must_be_answered=True)
                 await self._sent(clients, request, 20.0, taskrpc.RetryPolicy())
+            await listener.hear_of_the_present()
 
     async def _call(self, clients):
         chance = self._chance

@@ -44,6 +44,10 @@ PROMISES = (
     "waited for nobody",
     "heard late of a crash",
     "lost in a drain",
+    "heard twice",
+    "heard nothing",
+    "heard without the right",
+    "lost unseen",
     "did not come back",
     "left behind",
 )
@@ -96,6 +100,8 @@ class Ledger:
         self.counts = counts
         self.lines: list[str] = []
         self.requests: dict[int, Request] = {}
+        self.lives = 0
+        """Of publishers."""
         self.disks = []
         self.orders = Orders(self)
         self.network_happened: collections.Counter[str] = collections.Counter()

@@ -45,14 +45,13 @@ class ChangingAccounts(Accounts):
         self._by_name[account.name] = account
         self._past[account.name].append((self._loop.time(), account))
 
-    def might(self, name: str, role: Role) -> bool:
-        """Whether a server may believe now that an account may do so much."""
-        ended = self._loop.time()
+    def might(self, name: str, role: Role, since: float | None = None) -> bool:
+        """Whether a server may believe, now or since then, that an account may do so much."""
+        since = self._loop.time() if since is None else since
         for began, account in reversed(self._past[name]):
             if not account.revoked and account.role >= role:
                 return True
-            ended = began
-            if ended < self._loop.time() - GRACE:
+            if began < since - GRACE:
                 break
         return False
 

@@ -9,6 +9,7 @@ import taskrpc
 from tests.simulation.disks import EffectDisk, File, TaskDisk
 from tests.simulation.ledger import INSIDE
 from tests.simulation.machine import CountingRobot
+from tests.simulation.news import Announcer
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
 GRACE = 2.0
@@ -55,6 +56,7 @@ class Server:
             "server", transport="memory", listen=self.name, accounts=accounts
         ) as node:
             self._offer(node)
+            Announcer(node, self._ledger, self._chance)
             if self._disk is None:
                 await self._until_told(node)
                 return

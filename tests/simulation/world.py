@@ -244,7 +244,8 @@ class World:
         self._lives += 1
         token = self._given[number].token
         name = f"client{number}.{self._lives}"
-        client = Client(name, token, self._ledger, self._own_chance(), self._calm)
+        ledger, chance = self._ledger, self._own_chance()
+        client = Client(name, token, ledger, chance, self._calm, self.accounts)
         process, task = self._loop.start(client.run(calls, again))
         self._clients[number] = process, task, client
 
