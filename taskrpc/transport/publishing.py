@@ -98,6 +98,13 @@ class Publication:
         for reception in self.local:
             reception.arrived_here(self, sequence, body)
 
+    def unfeed(self, subscription: RemoteSubscription) -> None:
+        """Send nothing more to a subscription, if it was sent anything."""
+        feed = self.feeds.pop(subscription, None)
+        if feed is not None:
+            feed.drop_waiting()
+            self.matches_changed()
+
     def forget_latched(self) -> None:
         """Keep nothing of what was sent so far for those who come later."""
         if self.latched is not None:
@@ -190,14 +197,14 @@ class RemoteSubscription:
     def announce(self, publications: list[Publication]) -> None:
         """Tell it who publishes its topic here, and match it with those that it can have."""
         connection = self.subscriber.connection
-        told = [Publishing(each.number, each.named, self._refusal(each)) for each in publications]
+        told = [Publishing(each.number, each.named, self.refusal(each)) for each in publications]
         wire.announce(connection.session, self.number, told)
         connection.flush_soon()
 
     def match(self, publication: Publication) -> None:
         """Feed it from a publisher, if it can have that one."""
         where = self.subscriber.connection.peer_name
-        if self._refusal(publication) or publication.refuses(self.wanted, where):
+        if self.refusal(publication) or publication.refuses(self.wanted, where):
             return
         feed = publication.feeds[self] = Feed(publication, self.subscriber, self.number)
         publication.matches_changed()
@@ -205,7 +212,8 @@ class RemoteSubscription:
             for sequence, body in list(publication.latched)[-self.wanted.depth :]:
                 feed.send(sequence, body)
 
-    def _refusal(self, publication: Publication) -> str:
+    def refusal(self, publication: Publication) -> str:
+        """Why its caller's role is too small for a publisher, "" where it is not."""
         connection = self.subscriber.connection
         if connection.role >= publication.role:
             return ""
@@ -246,6 +254,11 @@ class Subscriber:
         subscription = RemoteSubscription(self, number, event.wanted)
         self._subscriptions[number] = subscription
         self._topics.subscribed(subscription)
+
+    def role_changed(self) -> None:
+        """Its account may see less than before; what that is, it gets no more."""
+        for subscription in self._subscriptions.values():
+            self._topics.role_changed(subscription)
 
     def unsubscribe(self, number: int) -> None:
         """It wants no more of them."""

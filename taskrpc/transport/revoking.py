@@ -34,6 +34,9 @@ def look_after_accounts(
             _shut_out(connection)
         elif account != proved and connection.session.state is State.OPEN:
             log.info("the account %s changed; its connections begin anew", proved.name)
+            connection.role = account.role
+            if connection.subscriber is not None:  # a long call keeps the connection for a while
+                connection.subscriber.role_changed()
             connection.drain()
 
 

@@ -119,10 +119,13 @@ class Topics:
         topic = subscription.wanted.name
         _drop(self._wanted, topic, subscription)
         for publication in self._publications.get(topic, ()):
-            feed = publication.feeds.pop(subscription, None)
-            if feed is not None:
-                feed.drop_waiting()
-                publication.matches_changed()
+            publication.unfeed(subscription)
+
+    def role_changed(self, subscription: RemoteSubscription) -> None:
+        """The caller may see less than before."""
+        for publication in self._publications.get(subscription.wanted.name, ()):
+            if subscription.refusal(publication):
+                publication.unfeed(subscription)
 
     def _announce_soon(self, topic: str) -> None:
         """Once, however many publishers come and go in one turn."""

@@ -302,7 +302,7 @@ def count_no_lost_message(patch):
 
 
 def publish_to_whoever_asks(patch):
-    patch(publishing.RemoteSubscription, "_refusal", lambda self, publication: "")
+    patch(publishing.RemoteSubscription, "refusal", lambda self, publication: "")
 
 
 @pytest.mark.planted(
@@ -323,7 +323,7 @@ def publish_to_whoever_asks(patch):
     Bug(accept_tasks_for_which_there_is_no_room, "lost"),
     Bug(read_a_store_only_once, "did not come back"),
     Bug(know_a_request_id_only_from_one_program, "ran twice"),
-    Bug(leave_their_connections_to_the_revoked, "ran without the right"),
+    Bug(leave_their_connections_to_the_revoked, "heard without the right"),
     Bug(count_leases_by_the_wall_clock, "ran twice"),
     Bug(forget_a_pause_at_the_restart, "began while paused"),
     Bug(begin_while_paused, "began while paused"),

@@ -2,10 +2,12 @@
 
 import asyncio
 
+from msgspec.structs import replace
+
 import srvgen
 from taskrpc.access import Account, Accounts, Role
 from taskrpc.transport import publishing
-from tests.taskrpc.transport.helpers import until
+from tests.taskrpc.transport.helpers import Add, Gate, ask, until
 
 String = srvgen.load("std_msgs/msg/String")
 SIZE = 20_000
@@ -157,6 +159,34 @@ async def test_an_account_that_may_look_may_subscribe_and_no_more_than_its_role(
     assert caplog.messages == [
         "/inner needs the role operate; the account looker has observe",
     ]
+
+
+async def test_who_loses_a_role_hears_no_more_of_it_however_long_his_calls_last(net):
+    boss = Account("boss", "0123456789abcdef0124", Role.OPERATE)
+    accounts = Accounts([boss])
+    talker = await net.node("talker", accounts=accounts)
+    inner = talker.create_publisher(String, "inner", role=Role.OPERATE)
+    public = talker.create_publisher(String, "public")
+    gate = Gate()
+    talker.create_service(Add, "wait", gate)
+    listener = await net.node("boss", token=boss.token, **peers(net, talker))
+    heard, seen = [], []
+    listener.create_subscription(String, "inner", heard.append)
+    listener.create_subscription(String, "public", seen.append)
+    call = listener.create_client(Add, "wait").call_async(ask(1, 1))
+    await until(lambda: inner.get_subscription_count() and gate.started)
+    inner.publish(text(1))
+    await until(lambda: heard)
+    accounts._by_name["boss"] = replace(boss, role=Role.SUBMIT)
+    await until(lambda: not inner.get_subscription_count())
+    inner.publish(text(2))
+    public.publish(text(3))
+    await until(lambda: seen)
+    assert [number_of(each) for each in heard] == [1]
+    gate.opened.set()
+    assert (await call).sum == 1
+    await until(public.get_subscription_count)
+    assert not inner.get_subscription_count()
 
 
 def peers(net, talker):
