@@ -95,6 +95,7 @@ class Topics:
                 del reception.publishers[publication, 0]
                 reception.matches_changed()
             for feed in publication.feeds.values():
+                publication.lost += len(feed.waiting)
                 feed.drop_waiting()
             self._home.publish(Change(publisher=named, gone=True))
             self._announce_soon(named.name)

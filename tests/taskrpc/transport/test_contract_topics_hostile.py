@@ -2,9 +2,11 @@
 
 import asyncio
 import gc
+import random
 import threading
 import time
 
+import msgspec
 import pytest
 
 import srvgen
@@ -13,6 +15,7 @@ from taskrpc import QoS, topic
 from taskrpc.errors import ProtocolError
 from taskrpc.transport.network import Address
 from taskrpc.transport.serving import ServingConnection
+from taskrpc.wire import messages
 from taskrpc.wire import topics as wire
 from taskrpc.wire.events import SubscribeReceived
 from tests.taskrpc.transport.helpers import Add, add, ask, outcome, until
@@ -365,3 +368,48 @@ async def test_many_publishers_of_one_turn_are_told_together_and_before_their_me
     await until(lambda: known)
     assert known == [(7, 2)]
     assert (first.get_subscription_count(), last.get_subscription_count()) == (1, 1)
+
+
+async def test_whatever_a_caller_makes_of_topic_frames_the_others_notice_nothing(net, caplog):
+    talker, hostile, other = [await net.node(name) for name in ("talker", "hostile", "other")]
+    got = []
+    publisher = talker.create_publisher(Int32, "counts", QoS(3, durability="transient_local"))
+    mine = hostile.create_subscription(Int32, "counts", lambda message: None)
+    other.create_subscription(Int32, "counts", got.append, 100)
+    await until(lambda: publisher.get_subscription_count() == 2)
+    chance = random.Random(7)
+    wanted = [mine._reception.named, *_wishes(mine._reception.named)]
+
+    def misuse(session):
+        kind, number = chance.choice((14, 14, 14, 15, 16)), chance.choice((0, 1, 2, 3, 2**32 - 1))
+        bodies = [b"", b"\xc1", b"\x97" + b"\xa1a" * 4, *map(messages.encode, wanted)]
+        flags, method, arg = chance.randrange(256), chance.randrange(2**16), chance.randrange(2**32)
+        session.send(kind, flags, method, number, arg, chance.choice(bodies))
+
+    for number in range(100):
+        for link in hostile._transport.topics._links.values():
+            if link._connection is not None:
+                for _ in range(chance.randrange(4)):
+                    link._connection.say(misuse)
+        publisher.publish(Int32(data=number))
+        await asyncio.sleep(0.02 if net.is_virtual else 0.002)
+    await until(lambda: len(got) == 100)
+    assert numbers_of(got) == list(range(100))
+    assert not [each for each in caplog.records if each.exc_info]
+    mine.destroy()
+    await until(lambda: publisher.get_subscription_count() == 1)
+
+
+def numbers_of(got):
+    return [message.data for message in got]
+
+
+def _wishes(named):
+    """Others than anybody has: of great depths, long names, and other topics."""
+    long = "/" + "é" * 511
+    return [
+        msgspec.structs.replace(named, depth=2**31, latched=True),
+        msgspec.structs.replace(named, name=long, type_name=long, type_hash=long, node=long),
+        msgspec.structs.replace(named, name="", node=""),
+        msgspec.structs.replace(named, type_hash="another"),
+    ]

@@ -114,6 +114,17 @@ async def test_a_subscriber_that_goes_while_it_is_owed_something_leaves_nothing(
     await until(publisher.get_subscription_count)  # it comes again by itself
 
 
+async def test_what_waits_when_its_publisher_is_destroyed_is_counted_as_lost(net):
+    publisher, subscription, _ = await joined(net, 5)
+    reading_end(subscription).pause_reading()
+    await fill(publisher)
+    lost = publisher.lost
+    publisher.destroy()
+    assert publisher.lost == lost + 5
+    talker = publisher._forget.__self__
+    assert talker.status().topics["/text"].lost_sending == lost + 5
+
+
 async def test_the_other_topics_of_a_connection_take_turns(net):
     publisher, subscription, got = await joined(net, 5)
     listener = subscription._forget.__self__
