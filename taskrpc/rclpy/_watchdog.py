@@ -188,9 +188,9 @@ def _tell_unspun(node: Node, thing: str) -> None:
 def _tell_unoffered(client: Any) -> None:
     _explain.tell(
         ("unoffered", client.service_name),
-        f"lose this request and wait for ever: nobody offers {client.service_name}; call"
-        " client.wait_for_service() first, and look at `taskrpc service list` (here the request"
-        " is sent once somebody does)",
+        f"lose this request, and nothing would ever answer it: nobody offers {client.service_name};"
+        " call client.wait_for_service() first, and look at `taskrpc service list` (here the"
+        " request is sent once somebody does)",
     )
 
 
