@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from functools import partial
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from taskrpc.access import Role
@@ -53,11 +54,11 @@ class DeferredCall:
         if service.is_last and self._call.reply_in_thread(body):
             service.done(self._call)
         else:
-            service.loop.call_soon_threadsafe(self._replied, response, body)
+            service.hand_over(partial(self._replied, response, body))
 
     def fail(self, error: TaskRpcError) -> None:
         """Answer with an error."""
-        self._service.loop.call_soon_threadsafe(self._failed, error)
+        self._service.hand_over(partial(self._failed, error))
 
     def _replied(self, response: Any, body: bytes) -> None:
         if self._service.done(self._call):
@@ -93,6 +94,7 @@ class DeferredService:
         self.srv_type = srv_type
         self.service_name = name
         self.loop = asyncio.get_running_loop()
+        self.hand_over = transport.hand_over
         self.encode = codec_of(srv_type.Response).encode
         self.finished: asyncio.Future[None] = self.loop.create_future()
         """Done once the service is destroyed and has answered its last call."""

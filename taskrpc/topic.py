@@ -51,6 +51,7 @@ class Publisher:
         self.topic_name = name
         self.qos = qos
         own = named(msg_type, name, node, qos)
+        self._hand = transport.hand_over
         self._publication = transport.publication(own, msg_type, role, on_mismatch)
         self._forget = forget
         self._loop = asyncio.get_running_loop()
@@ -127,7 +128,7 @@ class Publisher:
             self._refuse_destroyed()
             self._handed.append(body)
             if len(self._handed) == 1:
-                self._loop.call_soon_threadsafe(self._send_handed)
+                self._hand(self._send_handed)
 
     def _send_handed(self) -> None:
         with self._room:

@@ -54,6 +54,8 @@ class ThreadedServing(ServingConnection):
         here, transport = self._here, self.transport
         if transport is None or self._draining or not here.is_whole:
             return False
+        if self.owner.behind or self.session.out:  # which this would overtake; asked in this order
+            return False
         if not self._was_asked:  # most connections never are, and need no descriptor more
             self._was_asked = True
             here.open(transport)

@@ -276,6 +276,12 @@ class Reception(Protocol):
 class Transport(Protocol):
     """What a node stands on. Nodes of one process and event loop may share one."""
 
+    def hand_over(self, action: Callable[[], object]) -> None:
+        """Have the loop do something that another thread wants; what that sends is sent in order.
+
+        A thread that could send by itself waits with it.
+        """
+
     def add_node(self, name: str) -> None:
         """Announce a node (fully qualified name)."""
 

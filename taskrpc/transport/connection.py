@@ -45,6 +45,8 @@ class Owner(Protocol):
     keepalive: Keepalive
     refusals: FewLines
     """The log of connections that were ended for what their peers said."""
+    behind: list[None]
+    """One for each thing that another thread has handed to the loop, which has not done it yet."""
 
     def connection_began(self, connection: Any) -> None:
         """A connection has its transport."""

@@ -32,6 +32,7 @@ from taskrpc.transport.connection import READ_BUFFER, Connection
 from taskrpc.transport.counting import Counting
 from taskrpc.transport.dialling import READY_TIMEOUT, Dialler
 from taskrpc.transport.entries import Change, Entry, Roster, entry_of
+from taskrpc.transport.handing import Handing
 from taskrpc.transport.keepalive import DEFAULT, Keepalive
 from taskrpc.transport.load import Load
 from taskrpc.transport.network import Address, Network
@@ -62,7 +63,7 @@ LISTING_TIMEOUT = 2.0
 CLOSE_TIMEOUT = 1.0
 
 
-class Endpoint:
+class Endpoint(Handing):
     """The `Transport` that frames travel on; shared by the nodes of one loop and network.
 
     `forget` is called when the last holder has gone and nobody may join any more. `threads` says
@@ -77,10 +78,10 @@ class Endpoint:
         keepalive: Keepalive = DEFAULT,
         threads: bool = False,
     ) -> None:
+        super().__init__()
         self.keepalive = keepalive
         self._calling = ThreadedConnection if threads else CallingConnection
         self._serving = ThreadedServing if threads else ServingConnection
-        self.loop = asyncio.get_running_loop()
         self.now = clock_of(self.loop)
         self.network = network
         self.news = News(network)
@@ -101,10 +102,9 @@ class Endpoint:
         self._roster = Roster(this_process())
         self._served: dict[ServingConnection, None] = {}  # in order of arrival
         self._admission: Admission | None = None
-        self._advertising = False
         self._ticker: asyncio.TimerHandle | None = None
         self._forget = forget
-        self._closed = False
+        self._advertising = self._closed = False
         self._called, self._calls = Traffic(), Traffic()
         self._topics: Topics | None = None
 
@@ -306,8 +306,7 @@ class Endpoint:
         return self._serving(self, me)
 
     def _identity(self, token: bytes, name: str) -> Identity:
-        nonce = os.urandom(16)
-        return Identity(self.id, nonce, token, self.network.domain, name)
+        return Identity(self.id, os.urandom(16), token, self.network.domain, name)
 
     def _vouch(self, connection: Connection) -> None:
         served = isinstance(connection, ServingConnection)

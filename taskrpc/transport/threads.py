@@ -226,6 +226,7 @@ class ThreadedConnection(CallingConnection):
             and size < LARGE
             and size <= session.body_limit
             and self._here.is_whole
+            and not self.owner.behind
             and not self.holds_back
             and not session.out
             and session.can_send(size)

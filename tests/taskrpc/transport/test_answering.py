@@ -1,6 +1,7 @@
 """Threads answer calls themselves: at once, whole, and so that the loop knows of it."""
 
 import asyncio
+import contextlib
 import random
 import socket
 import threading
@@ -64,16 +65,46 @@ def answer_here(call, text):
     return True
 
 
-async def test_an_answer_goes_out_while_the_servers_loop_is_busy(server, client, taken):
+@contextlib.asynccontextmanager
+async def standing(server):
+    """While the server's event loop does nothing."""
     release, busy = threading.Event(), threading.Event()
-    (future,) = await calls(client, taken, 1)
     server._loop.soon(lambda: (busy.set(), release.wait(10)))
     await asyncio.to_thread(busy.wait)
-    await asyncio.to_thread(taken[0].reply, Echo.Response(name="at once"))
     try:
-        assert (await asyncio.wait_for(future, 5)).name == "at once"
+        yield
     finally:
         release.set()
+
+
+async def test_an_answer_goes_out_while_the_servers_loop_is_busy(server, client, taken):
+    (future,) = await calls(client, taken, 1)
+    async with standing(server):
+        await asyncio.to_thread(taken[0].reply, Echo.Response(name="at once"))
+        assert (await asyncio.wait_for(future, 5)).name == "at once"
+
+
+@pytest.mark.parametrize("answers", [1, 3])
+async def test_an_answer_does_not_overtake_what_was_sent_before(server, taken, answers):
+    got = []
+    async with taskrpc.Node("caller") as node:
+        client = node.create_client(Echo, "echo")
+        node.create_subscription(Echo.Request, "news", got.append)
+        publisher = server.create_publisher(Echo.Request, "news")
+        assert await client.wait_for_service(5)
+        while not publisher.get_subscription_count():
+            await asyncio.sleep(0.01)
+        for future in await calls(client, taken, answers):
+            future.add_done_callback(lambda done: got.append(done.result()))
+        async with standing(server):
+            publisher.publish(Echo.Request(name="0"))
+            for number, call in enumerate(taken, 1):
+                call.reply(Echo.Response(name=str(number)))
+            await asyncio.sleep(0.05)
+            assert got == []
+        while len(got) <= answers:
+            await asyncio.sleep(0.001)
+        assert [each.name for each in got] == [str(number) for number in range(answers + 1)]
 
 
 async def test_only_the_first_answer_counts(client, taken):
