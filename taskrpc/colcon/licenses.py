@@ -5,7 +5,7 @@ from __future__ import annotations
 from datetime import UTC, datetime
 from pathlib import Path
 
-_TEXTS = Path(__file__).with_name("licenses")
+_TEXTS = Path(__file__).with_name("license_texts")
 
 KNOWN = (
     "Apache-2.0",
