@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 from importlib import import_module
-from importlib.abc import Loader, MetaPathFinder
 from importlib.machinery import ModuleSpec, NamespaceLoader
 from pathlib import Path
 from types import FrameType, ModuleType
@@ -18,8 +17,12 @@ from .names import did_you_mean, is_one_slip, is_package_name, names_in_folder
 from .render_types import module_name
 
 if TYPE_CHECKING:
+    from importlib.abc import Loader, MetaPathFinder
+
     from .model import Kind
     from .resources import FolderReader
+else:  # they would bring importlib.resources along, a tenth of the start of a program
+    Loader = MetaPathFinder = object
 
 _TOO_SHORT_TO_GUESS = 4
 """Letters of a name that is one slip away from too many others."""
@@ -146,6 +149,10 @@ class _Guesser(MetaPathFinder):
 
 class _InterfaceLoader(Loader):
     """The base of our loaders, by which our modules are known."""
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType | None:
+        """None: Python makes the module."""
+        return None
 
     def exec_module(self, module: ModuleType) -> None:
         """Nothing: what the module holds is there when it is made, or made when asked for."""

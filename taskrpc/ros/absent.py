@@ -5,11 +5,16 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Sequence
-from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 from srvgen.importer import is_importing
+
+if TYPE_CHECKING:
+    from importlib.abc import MetaPathFinder
+else:  # slow to import, and not needed
+    MetaPathFinder = object
 
 _LAUNCH = "there are no launch files; start each program by itself, with `taskrpc run`"
 _TF2 = "there are no transforms"

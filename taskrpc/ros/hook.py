@@ -4,15 +4,20 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib.abc import MetaPathFinder
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import spec_from_file_location
 from pathlib import Path
 from types import ModuleType
+from typing import TYPE_CHECKING
 
 import srvgen
 from taskrpc.ros import workspace
 from taskrpc.ros.absent import AbsentFinder, of_ros, of_ros_or_interfaces
+
+if TYPE_CHECKING:
+    from importlib.abc import MetaPathFinder
+else:  # slow to import, and not needed
+    MetaPathFinder = object
 
 _OURS = Path(__file__).resolve().parent.parent
 _HOMES = {
