@@ -6,7 +6,6 @@ comes just before a wait begins would be heeded after the wait, be that never.
 
 from __future__ import annotations
 
-import _thread
 import contextlib
 import os
 import select
@@ -100,7 +99,7 @@ def reminder() -> Reminder:
 
 def _send(number: int) -> None:
     if sys.platform == "win32":
-        _thread.interrupt_main(number)
+        signal.raise_signal(number)  # which ends `time.sleep` there
     elif (main := threading.main_thread().ident) is not None:
         signal.pthread_kill(main, number)  # ends its waiting, too
 

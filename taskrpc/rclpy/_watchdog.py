@@ -55,7 +55,7 @@ def ends(node: Node) -> None:
     """Tell of calls of a node that nobody ever spun, at its end."""
     pending = sorted({client.service_name for client in node.clients if _is_heeded(client)})
     if pending and node.executor is None and not node.context._interrupted:
-        _tell_unspun(node, f"the future of a call of {', '.join(pending)}")
+        _tell_unspun(node, f"complete the future of a call of {', '.join(pending)}")
 
 
 class _Look:
@@ -127,7 +127,9 @@ def _untaken_answer(client: Any) -> Iterator[tuple[tuple[object, ...], float, An
     holder = _holder(client)
     if holder is None:
         if future._heeded:
-            yield what, _LATE, lambda: _tell_unspun(client._node, thing)
+            asked = time.monotonic() - future._asked[1] <= _PERIOD
+            patience = _LATE if asked else _patience(client._node)
+            yield what, patience, lambda: _tell_unspun(client._node, f"complete {thing}")
     elif future._awaited_by is not None and future._awaited_by._entity is holder:
         yield what, _SOON, lambda: _tell_held(client, holder, thing)
 
@@ -140,9 +142,15 @@ def _untaken_request(service: Any) -> Iterator[tuple[tuple[object, ...], float, 
     thing = f"a request for {service.service_name}"
     holder = _holder(service)
     if holder is None:
-        yield what, _LATE, lambda: _tell_unspun(service._node, thing)
+        patience = _patience(service._node)
+        yield what, patience, lambda: _tell_unspun(service._node, f"answer {thing}")
     elif _awaits(service._node, holder, service.service_name):
         yield what, _SOON, lambda: _tell_held(service, holder, thing)
+
+
+def _patience(node: Node) -> float:
+    """How long a node may be left alone: one that was spun once may be spun again."""
+    return _LATE if node.executor is None else _STUCK
 
 
 def _holder(entity: Any) -> Any:
@@ -177,10 +185,10 @@ def _tell_held(entity: Any, holder: Any, thing: str) -> None:
     )
 
 
-def _tell_unspun(node: Node, thing: str) -> None:
+def _tell_unspun(node: Node, what: str) -> None:
     _explain.tell(
         ("unspun", shown(node)),
-        f"never complete {thing}: nobody spins {shown(node)}; spin it, as"
+        f"never {what}: nobody spins {shown(node)}; spin it, as"
         " rclpy.spin_until_future_complete(node, future) or rclpy.spin(node)",
     )
 

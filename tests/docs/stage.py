@@ -25,7 +25,7 @@ from .markdown import Block, Page
 from .matching import normalised, pattern_of
 
 _ROOT = Path(__file__).parents[2]
-_PATIENCE = 30.0
+_PATIENCE = 60.0
 _SETTLE = 0.1
 _ASK_STATUS = "echo $?"
 _SHOWN_PORT = "8642"

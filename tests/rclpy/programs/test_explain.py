@@ -278,6 +278,18 @@ rclpy.shutdown()
     assert (said in program.err) == bool(code)
 
 
+def test_who_spins_now_and_then_and_does_much_between_is_not_told_of(run):
+    source = """
+node.create_service(AddTwoInts, "add", add)
+future = node.create_client(AddTwoInts, "add").call_async(REQUEST)
+while not future.done():
+    time.sleep(3.5)
+    rclpy.spin_once(node, timeout_sec=0.01)
+print(future.result().sum)
+"""
+    assert run(HEAD + source) == (0, "3\n", "")
+
+
 def test_like_ros_a_call_in_a_callback_hangs(ros, monkeypatch):
     monkeypatch.setenv("TASKRPC_LIKE_ROS", "1")
     program = ros(HEAD + RELAY.format(wait=CALL, group=OWN) + "ask('twice'); print('over')")
