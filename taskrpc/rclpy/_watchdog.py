@@ -30,7 +30,7 @@ _SOON = 2.0
 """Seconds after which it is told of what cannot end, or hardly."""
 _LATE = 5.0
 """Seconds after which it is told of what may only be late."""
-_STUCK = 30.0
+_STUCK = 15.0
 """Seconds after which a callback has not only much to do."""
 _LIBRARIES = (str(Path(__file__).parents[1]), sysconfig.get_path("stdlib"))
 
