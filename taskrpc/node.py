@@ -359,10 +359,9 @@ class Node(NodeTopics):
 
     def _started(self) -> Transport:
         if self._transport is None:
-            raise TaskRpcError(
-                f"the node {self._name} has not started;"
-                " write `async with taskrpc.Node(...) as node:`"
-            )
+            way = "with taskrpc.sync.Node" if self._threads else "async with taskrpc.Node"
+            problem = f"the node {self._name} has not started; write `{way}(...) as node:`"
+            raise TaskRpcError(problem)
         return self._transport
 
 

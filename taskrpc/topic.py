@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from taskrpc.access import Role
 from taskrpc.errors import InvalidRequest, TaskRpcError
 from taskrpc.qos import QoS
-from taskrpc.running import Callback, Runner
+from taskrpc.running import HOLDS_LOOP_AFTER, Callback, Runner
 from taskrpc.transport.base import OnMismatch, Transport
 from taskrpc.wire.messages import TopicEndpoint
 
@@ -24,9 +24,10 @@ log = logging.getLogger("taskrpc.topics")
 MOST_HANDED = 256
 """Messages that other threads have published and the event loop has not sent yet; whoever
 publishes more waits for it."""
-A_TURN = 0.01
-"""Seconds that the plain callback of a subscription gets at once; then all else has its turn, and
-what waits beyond the depth is dropped."""
+A_TURN, A_TURN_BEHIND = 0.05, 0.005
+"""Seconds that the plain callback of a subscription gets at once, and as long as it was behind just
+before; then all else has its turn, and what waits beyond the depth is dropped. The first is long,
+so that a busy machine does not make a quick callback a slow one."""
 MOST_TOLD = 100
 """Lines of one subscription about messages that are not valid."""
 _SLICE = 0.1
@@ -59,6 +60,8 @@ class Publisher:
         self._handed: list[bytes] = []
         self._room = threading.Condition()
         self._destroyed = False
+        self._turn_began: float | None = None
+        self._warned = False
 
     def publish(self, message: Any) -> None:
         """Send a message to all subscriptions, without waiting for them; from any thread.
@@ -69,6 +72,8 @@ class Publisher:
         self._refuse_destroyed()
         body = self._publication.encode(message)
         if threading.get_ident() == self._thread:
+            if not self._publication.matched:
+                self._see_whether_the_loop_runs()
             self._publication.publish(body)
         else:
             self._hand_over(body)
@@ -108,6 +113,25 @@ class Publisher:
             self._send_handed()
             self._publication.close()
             self._forget(self)
+
+    def _see_whether_the_loop_runs(self) -> None:
+        """A program that sleeps between messages instead of awaiting never gets a subscription."""
+        now = self._loop.time()
+        if self._turn_began is None:
+            self._turn_began = now
+            self._loop.call_soon(self._turn_over)
+        elif now - self._turn_began > HOLDS_LOOP_AFTER and not self._warned:
+            self._warned = True
+            log.warning(
+                "messages were published on %s for %.2f s in which the event loop stood still, so"
+                " that nobody gets them; write `await asyncio.sleep(...)` instead of"
+                " `time.sleep(...)`, or use taskrpc.sync",
+                self.topic_name,
+                now - self._turn_began,
+            )
+
+    def _turn_over(self) -> None:
+        self._turn_began = None
 
     def _refuse_destroyed(self) -> None:
         if self._destroyed:
@@ -175,6 +199,7 @@ class Subscription:
         self._destroyed = False
         self._running = False
         self._read = 0
+        self._is_behind = False
         self._invalid = 0
         self._reception = transport.reception(
             named(msg_type, name, node, qos), msg_type, self._arrived, on_mismatch
@@ -220,17 +245,21 @@ class Subscription:
 
     def _arrived(self, body: bytes, read: int) -> None:
         self.received += 1
+        if read and read != self._read:
+            self._read = read
+            self._runner.spent = 0.0
+            if self._is_behind:  # the loop reads on before the callback has its next turn
+                self._is_behind = False
+                self._plan()
         if len(self._waiting) >= self.qos.depth:
             self._waiting.popleft()
             self.dropped += 1
+            self._is_behind = True
         self._waiting.append(body)
-        if not read:
+        if read:
+            self._run()
+        else:
             self._plan()
-            return
-        if read != self._read:
-            self._read = read
-            self._runner.spent = 0.0
-        self._run()
 
     def _plan(self) -> None:
         if not self._planned:
@@ -240,20 +269,21 @@ class Subscription:
     def _run_planned(self) -> None:
         self._planned = False
         self._runner.spent = 0.0
-        self._run()
+        self._run(A_TURN_BEHIND)
 
-    def _run(self) -> None:
+    def _run(self, patience: float = A_TURN) -> None:
         if self._running or self._planned:  # the callback itself let a message come
             return
         self._running = True
         left = len(self._waiting)  # a callback may publish what it gets, for ever
         try:
-            while left and self._can_run and self._runner.spent < A_TURN:
+            while left and self._can_run and self._runner.spent < patience:
                 left -= 1
                 self._take(self._waiting.popleft())
         finally:
             self._running = False
             if self._can_run:
+                self._is_behind = True
                 self._plan()
 
     @property

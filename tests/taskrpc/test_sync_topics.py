@@ -170,3 +170,9 @@ def test_a_thread_that_is_faster_than_the_loop_waits_for_it(talker, monkeypatch)
     thread.join(5)
     publisher.destroy()
     assert publisher.sent == 20
+
+
+def test_a_node_that_has_not_started_says_how_to_start_it():
+    node = taskrpc.sync.Node("talker")
+    with pytest.raises(taskrpc.TaskRpcError, match=r"write `with taskrpc\.sync\.Node\(\.\.\.\) as"):
+        node.create_publisher(Int32, "counts")

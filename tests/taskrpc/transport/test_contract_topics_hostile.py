@@ -413,3 +413,22 @@ def _wishes(named):
         msgspec.structs.replace(named, name="", node=""),
         msgspec.structs.replace(named, type_hash="another"),
     ]
+
+
+async def test_who_sleeps_between_messages_instead_of_awaiting_is_told_why_nobody_hears(
+    net, caplog
+):
+    if net.is_virtual:
+        return  # no time passes there in a turn of the loop
+    talker = await net.node("talker")
+    publisher = talker.create_publisher(Int32, "counts")
+    for number in range(3):
+        publisher.publish(Int32(data=number))
+        await asyncio.sleep(0.15)
+    assert not caplog.messages
+    for number in range(4):
+        publisher.publish(Int32(data=number))
+        time.sleep(0.15)
+    (said,) = of_topics(caplog)
+    assert said.startswith("messages were published on /counts for 0.")
+    assert "write `await asyncio.sleep(...)` instead of `time.sleep(...)`" in said
