@@ -73,7 +73,7 @@ class Reminder:
             # Not to the handler of a notebook or a debugger: that has had it, and does not say so.
             numbers = [
                 number
-                for number, handler in self.handlers.items()
+                for number, handler in list(self.handlers.items())
                 if number in told and signal.getsignal(number) is handler
             ]
             moment = min(2 * moment, _LONGEST) if numbers and heeded == before else _MOMENT
@@ -89,12 +89,31 @@ class Reminder:
         return b""
 
 
-def reminder() -> Reminder:
-    """The one of this process."""
+def begin(number: int, handler: Any) -> None:
+    """Have this signal sent once more, too, while this handles it; from the main thread."""
     global _reminder
     if _reminder is None:
         _reminder = Reminder()
-    return _reminder
+    _reminder.handlers[number] = handler
+    _reminder.begin()
+
+
+def end() -> None:
+    """Have none sent once more."""
+    if _reminder is not None:
+        _reminder.handlers.clear()
+        _reminder.end()
+
+
+def heeded() -> None:
+    """Note, from a signal handler, that it has run."""
+    if _reminder is not None:
+        _reminder.heeded()
+
+
+def comes_again() -> bool:
+    """Whether the signal whose handler runs would be sent once more if it is not heeded."""
+    return _reminder is not None and _reminder.waits()
 
 
 def _send(number: int) -> None:

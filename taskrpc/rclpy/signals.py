@@ -12,8 +12,8 @@ import weakref
 from types import FrameType, TracebackType
 from typing import Any
 
+from . import _reminder
 from . import context as _context
-from ._reminder import reminder
 
 
 class SignalHandlerOptions(enum.IntEnum):
@@ -46,8 +46,6 @@ def install_signal_handlers(options: SignalHandlerOptions = SignalHandlerOptions
         _install(signal.SIGINT)
     if options & SignalHandlerOptions.SIGTERM:
         _install(signal.SIGTERM)
-    if _before:
-        reminder().begin()
 
 
 def get_current_signal_handlers_options() -> SignalHandlerOptions:
@@ -64,8 +62,7 @@ def uninstall_signal_handlers() -> None:
     for number, before in _before.items():
         if signal.getsignal(number) is _handle:
             signal.signal(number, before)
-    if _before:
-        reminder().end()
+    _reminder.end()
     _before.clear()
 
 
@@ -74,15 +71,15 @@ def _install(number: int) -> None:
     if before is not _handle:
         _before[number] = before
         signal.signal(number, _handle)
-        reminder().handlers[number] = _handle
         _end_quietly()
+    _reminder.begin(number, _handle)
 
 
 def _handle(number: int, frame: FrameType | None) -> None:
     before = _before.get(number)
     if number == signal.SIGINT and _is_put_off(frame):
         return
-    reminder().heeded()
+    _reminder.heeded()
     _context.end_all_by_signal()
     if number == signal.SIGINT:
         _end_in_one_line()
@@ -97,7 +94,7 @@ def _is_put_off(frame: FrameType | None) -> bool:
         _put_off = 0
         return False
     _put_off += 1
-    return reminder().waits()
+    return _reminder.comes_again()
 
 
 def _is_delicate(frame: FrameType) -> bool:

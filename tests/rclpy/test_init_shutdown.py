@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import os
 import signal
 import subprocess
 import sys
@@ -324,3 +325,16 @@ def test_a_handler_that_a_notebook_or_debugger_puts_in_place_gets_a_signal_once(
     finally:
         signal.signal(signal.SIGINT, before)
     assert came == [signal.SIGINT]
+
+
+@pytest.mark.real_time
+@not_on_windows
+def test_a_signal_of_a_child_is_none_of_its_parents(up):
+    child = os.fork()
+    if child == 0:
+        try:
+            signal.raise_signal(signal.SIGINT)
+        except KeyboardInterrupt:
+            os._exit(7)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
+    time.sleep(0.3)  # would raise
