@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import gc
 import os
+import signal
 from pathlib import Path
 
 import pytest
@@ -44,6 +45,12 @@ def pytest_ignore_collect(collection_path, config):
     """What the plain run leaves out need not be read either, in each of its processes."""
     left_out = "faults" if config.option.markexpr == "not faults" else None
     return True if collection_path.name == left_out else None
+
+
+def pytest_configure():
+    """Programs that tests start hear Ctrl-C, even if a shell runs us where nobody can press it."""
+    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:  # as of what a script starts with `&`
+        signal.signal(signal.SIGINT, signal.default_int_handler)
 
 
 def pytest_asyncio_loop_factories(config, item):
