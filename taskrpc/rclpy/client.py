@@ -150,9 +150,13 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
 
     def _send(self, request: SrvRequestT, tell: Tell) -> Callable[[], object]:
         try:
-            return self._outbox.send(request, tell)
+            give_up = self._outbox.send(request, tell)
         except InvalidRequest as error:
-            return self._outbox.send(wrapped_or_refused(request, self._full_name, error), tell)
+            request = wrapped_or_refused(request, self._full_name, error)
+            give_up = self._outbox.send(request, tell)
+        if like_ros():
+            self._native.inner._channel.send_to_others(request, lambda found: tell(found, None))
+        return give_up
 
     def get_pending_request(self, sequence_number: int) -> Future[SrvResponseT]:
         """The future of a request that has no answer yet; raises KeyError for any other."""

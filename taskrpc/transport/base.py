@@ -193,6 +193,12 @@ class Channel(Protocol):
         Raises InvalidRequest for a request that cannot be sent.
         """
 
+    def send_to_others(self, request: Any, answered: Callable[[Any], object]) -> None:
+        """Have all other servers of the name run the request, too: in ROS 2 each of them does.
+
+        `answered(response)` is called, on the loop's thread, with each of their responses.
+        """
+
     def send_next(self, request: Any, deadline: float | None) -> SentCall | None:
         """Send a request to an exactly-once service under the next number, as `send` does.
 

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from typing import Any, Protocol
 
 from taskrpc.errors import (
@@ -278,9 +279,33 @@ class RemoteChannel:
         self._numbers = None
         self._connection = connection
 
+    def send_to_others(self, request: Any, answered: Callable[[Any], object]) -> None:
+        """Have all other servers of the name run the request, too; from any thread."""
+        body = self._encode(request)
+        loop = self._endpoint.loop
+        loop.call_soon_threadsafe(lambda: self._go(self._send_to_others(body, answered)))
+
+    async def _send_to_others(self, body: bytes, answered: Callable[[Any], object]) -> None:
+        loop = self._endpoint.loop
+        for name, address in self._locate() if self.ready else ():
+            with contextlib.suppress(TaskRpcError):
+                connection = await self._endpoint.dialler.connection(address, None)
+                if connection is self._connection:
+                    continue
+                question = Resolve(name, self._named.type_hash, self._named.node)
+                asked = connection.resolve(question, loop.time() + RESOLVE_TIMEOUT)
+                method = (await asked.future).method
+                future: asyncio.Future[Any] = loop.create_future()
+                call = OpenCall(future, connection, self._decode, None, method, body)
+                connection.begin(call)
+                future.add_done_callback(lambda done: done.exception() or answered(done.result()))
+
     def _move(self, call: OpenCall) -> None:
         """Send a refused call to whoever offers the service now."""
-        task = self._endpoint.loop.create_task(self._moved(call))
+        self._go(self._moved(call))
+
+    def _go(self, coroutine: Coroutine[Any, Any, None]) -> None:
+        task = self._endpoint.loop.create_task(coroutine)
         self._moves.add(task)  # the loop itself would let it vanish
         task.add_done_callback(self._moves.discard)
 

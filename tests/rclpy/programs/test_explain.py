@@ -423,3 +423,19 @@ def test_a_name_that_another_program_offers_is_refused_and_like_ros_offered_twic
         assert (second, "ready" in out, "NameInUse" in err) == (code, code == 0, code == 1)
         assert len([line for line in told(err) if "both servers of /add" in line]) == lines
         first.kill()
+
+
+def test_like_ros_two_programs_that_offer_one_name_both_run_each_request(ros, run, monkeypatch):
+    monkeypatch.setenv("TASKRPC_LIKE_ROS", "1")
+    offer = "node.create_service(AddTwoInts, 'add', lambda *both: print('runs') or add(*both))\n"
+    source = HEAD + offer + "print('ready')\nrclpy.spin(node)"
+    servers = [ros(source, name=f"server{number}.py") for number in range(2)]
+    for server in servers:
+        server.wait_for("ready")
+    caller = HEAD.replace('Node("n")', 'Node("caller")') + (
+        "node.create_client(AddTwoInts, 'add').wait_for_service()\n"
+        "for _ in range(2):\n    print(ask('add', 10).result().sum)\n"
+    )
+    assert run(caller) == (0, "3\n3\n", "")
+    for server in servers:
+        server.wait_for("runs", times=2)
