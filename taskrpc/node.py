@@ -327,15 +327,15 @@ class Node(NodeTopics):
         self._services[service] = None
         service.finished.add_done_callback(lambda _: self._services.pop(service, None))
 
-    def _name_in_lab(self, srv_name: str) -> str:
-        """What else a relative name of a client may mean: the lab's own service, "" for nothing.
+    def _name_in_lab(self, name: str) -> str:
+        """What else a relative name may mean: what the lab itself has, "" for nothing.
 
-        The lab has its services in the root; programs that were not written for a lab call them by
-        relative names.
+        The lab has its services and topics in the root; programs that were not written for a lab
+        name them by relative names.
         """
-        if not self._is_in_lab or srv_name.startswith(("/", "~")):
+        if not self._is_in_lab or name.startswith(("/", "~")):
             return ""
-        return names.expand(srv_name, node=self._name)
+        return names.expand(name, node=self._name)
 
     def _tell(self, tell: Callable[[Observer], None]) -> None:
         if self._observer is not None:

@@ -46,6 +46,9 @@ class NodeTopics:
     @abstractmethod
     def _started(self) -> Transport: ...
 
+    @abstractmethod
+    def _name_in_lab(self, name: str) -> str: ...
+
     def resolve_topic_name(self, topic: str) -> str:
         """The absolute name that a topic name means for this node."""
         return names.expand(topic, namespace=self._namespace, node=self._name, kind="topic name")
@@ -113,6 +116,7 @@ class NodeTopics:
             threaded=threaded,
             forget=self._forget_part,
             on_mismatch=on_mismatch,
+            otherwise=self._name_in_lab(topic),
         )
         self._parts[subscription] = None
         return subscription

@@ -13,7 +13,7 @@ from taskrpc.access import Role
 from taskrpc.errors import InvalidRequest, TaskRpcError
 from taskrpc.qos import QoS
 from taskrpc.running import HOLDS_LOOP_AFTER, Callback, Runner
-from taskrpc.transport.base import OnMismatch, Transport
+from taskrpc.transport.base import OnMismatch, Reception, Transport
 from taskrpc.wire.messages import TopicEndpoint
 
 if TYPE_CHECKING:
@@ -166,7 +166,8 @@ class Subscription:
     """Calls its callback with each message of a topic; made by `Node.create_subscription`.
 
     One call at a time, in order. While one runs, the last `depth` messages wait. Plain callbacks
-    get a part of each turn of the event loop; what they do not manage waits, too.
+    get a part of each turn of the event loop; what they do not manage waits, too. The topic
+    `otherwise` is heard as long as nobody publishes the first one.
     """
 
     def __init__(
@@ -181,6 +182,7 @@ class Subscription:
         threaded: bool = False,
         forget: Callable[[Subscription], object] = lambda _: None,
         on_mismatch: OnMismatch | None = None,
+        otherwise: str = "",
     ) -> None:
         self.msg_type = msg_type
         self.topic_name = name
@@ -204,10 +206,16 @@ class Subscription:
         self._reception = transport.reception(
             named(msg_type, name, node, qos), msg_type, self._arrived, on_mismatch
         )
+        self._elsewhere: Reception | None = None
+        if otherwise:
+            there = named(msg_type, otherwise, node, qos)
+            heard = self._arrived_elsewhere
+            self._elsewhere = transport.reception(there, msg_type, heard, on_mismatch)
 
     def get_publisher_count(self) -> int:
         """How many publishers send messages to it."""
-        return self._reception.matched
+        elsewhere = self._elsewhere
+        return self._reception.matched or (elsewhere.matched if elsewhere is not None else 0)
 
     @property
     def on_matched(self) -> Callable[[], object]:
@@ -217,11 +225,13 @@ class Subscription:
     @on_matched.setter
     def on_matched(self, action: Callable[[], object]) -> None:
         self._reception.on_matched = action
+        if self._elsewhere is not None:
+            self._elsewhere.on_matched = action
 
     @property
     def lost(self) -> int:
         """Messages that were published and did not come."""
-        return self._reception.lost
+        return self._reception.lost + (self._elsewhere.lost if self._elsewhere is not None else 0)
 
     def destroy(self) -> None:
         """Want no more messages.
@@ -232,6 +242,8 @@ class Subscription:
             self._destroyed = True
             self._waiting.clear()
             self._reception.close()
+            if self._elsewhere is not None:
+                self._elsewhere.close()
             self._runner.close()
             self._forget(self)
 
@@ -260,6 +272,10 @@ class Subscription:
             self._run()
         else:
             self._plan()
+
+    def _arrived_elsewhere(self, body: bytes, read: int) -> None:
+        if not self._reception.matched:
+            self._arrived(body, read)
 
     def _plan(self) -> None:
         if not self._planned:

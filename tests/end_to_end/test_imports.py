@@ -132,3 +132,20 @@ def test_help_of_srvgen_imports_no_generator():
     modules = command("srvgen.cli", "--help")
     unwanted = "msgspec logging json srvgen.search srvgen.parser srvgen.render srvgen.commands"
     assert needless(modules, f"{unwanted} {MISTAKES} {ELSEWHERE}") == []
+
+
+def test_a_program_without_topics_imports_nothing_of_them():
+    modules = imported("""
+import srvgen, taskrpc
+Trigger = srvgen.load("std_srvs/srv/Trigger")
+async def main():
+    async with taskrpc.Node("both") as node:
+        node.create_service(Trigger, "pull", lambda request, response: response)
+        await node.create_client(Trigger, "pull").call(Trigger.Request())
+taskrpc.run(main())
+""")
+    topics = (
+        "taskrpc.topic taskrpc.introspection taskrpc.timer taskrpc.transport.topics"
+        " taskrpc.transport.publishing taskrpc.transport.subscribing"
+    )
+    assert needless(modules, topics) == []

@@ -345,3 +345,30 @@ async def test_many_subscriptions_made_at_once_look_for_publishers_together(net,
         listener.create_subscription(Int32, f"t{number}", print)
     await asyncio.sleep(0.01)
     assert 1 <= len(looks) <= 3  # what they change in the directory is news too
+
+
+async def test_in_a_lab_a_relative_name_means_the_labs_topic_while_one_has_none_of_ones_own(net):
+    robot, student = await net.node("robot"), await net.node("ada", namespace="/ada")
+    student._is_in_lab = True
+    pose = robot.create_publisher(Int32, "robot_task/pose", LATCHED)
+    pose.publish(Int32(data=1))
+    got, absolute = [], []
+    subscription = student.create_subscription(Int32, "robot_task/pose", got.append, LATCHED)
+    student.create_subscription(Int32, "/ada/robot_task/pose", absolute.append)
+    await until(lambda: numbers(got) == [1])
+    assert subscription.get_publisher_count() == 1
+    own = (await net.node("more", namespace="/ada")).create_publisher(
+        Int32, "robot_task/pose", LATCHED
+    )
+    await until(lambda: own.get_subscription_count() == 2)
+    own.publish(Int32(data=2))
+    pose.publish(Int32(data=3))
+    await until(lambda: absolute and got[-1].data == 2)
+    own.destroy()
+    await until(lambda: subscription._elsewhere.matched and not subscription._reception.matched)
+    pose.publish(Int32(data=4))
+    await until(lambda: got[-1].data == 4)
+    assert numbers(got) == [1, 2, 4]
+    assert numbers(absolute) == [2]
+    subscription.destroy()
+    await until(lambda: not pose.get_subscription_count())
