@@ -186,11 +186,18 @@ def _tell_held(entity: Any, holder: Any, thing: str) -> None:
 
 
 def _tell_unspun(node: Node, what: str) -> None:
-    _explain.tell(
-        ("unspun", shown(node)),
-        f"never {what}: nobody spins {shown(node)}; spin it, as"
-        " rclpy.spin_until_future_complete(node, future) or rclpy.spin(node)",
-    )
+    if node._rclpy_taken_by:
+        why = (
+            f"{node._rclpy_taken_by} spun {shown(node)} by a function of rclpy, which took the node"
+            " away from its executor; make the callback `async def` and `await` the future, or say"
+            " node.executor.spin_until_future_complete(future) there"
+        )
+    else:
+        why = (
+            f"nobody spins {shown(node)}; spin it, as"
+            " rclpy.spin_until_future_complete(node, future) or rclpy.spin(node)"
+        )
+    _explain.tell(("unspun", shown(node)), f"never {what}: {why}")
 
 
 def _tell_unoffered(client: Any) -> None:

@@ -15,6 +15,7 @@ from . import _watchdog
 from ._arguments import Arguments, parse
 from ._bridge import Bridge
 from ._elsewhere import names_of
+from ._explain import name_of
 from ._names import kind_of, translated
 from ._node_entities import NodeEntities
 from ._node_graph import NodeGraph
@@ -149,6 +150,9 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
     _logger: RcutilsLogger = _Unset()  # type: ignore[assignment]
     _clock: Clock = _Unset()  # type: ignore[assignment]
 
+    _rclpy_taken_by = ""
+    """The callback, if one did, that took the node from the executor that ran the callback."""
+
     # What it is
 
     @property
@@ -174,6 +178,9 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
             return
         if current is not None:
             current.remove_node(self)
+            callback = current_callback()
+            if callback is not None and callback.executor is current:
+                self._rclpy_taken_by = name_of(callback)
         if new_executor is None:
             self._rclpy_executor = None
         else:

@@ -316,6 +316,34 @@ print(Node("m").create_client(AddTwoInts, "add").call(REQUEST).sum)
     assert ["no other thread spins /m" in line for line in told(err)] == [True]
 
 
+def test_whose_callback_took_its_node_from_a_pool_is_told_and_that_nobody_spins_it_is_not(run):
+    source = """
+other = Node("other")
+other.create_service(AddTwoInts, "add", add)
+inner = node.create_client(AddTwoInts, "add", callback_group=ReentrantCallbackGroup())
+
+def twice(request, response):
+    future = inner.call_async(request)
+    rclpy.spin_until_future_complete(node, future)
+    return future.result()
+
+node.create_service(AddTwoInts, "twice", twice)
+executor = MultiThreadedExecutor(4)
+for each in (node, other):
+    executor.add_node(each)
+threading.Thread(target=executor.spin, daemon=True).start()
+client = Node("m").create_client(AddTwoInts, "twice")
+print(client.call(REQUEST).sum)
+future = client.call_async(REQUEST)
+time.sleep(2)
+print(future.done())
+"""
+    _, out, err = run(HEAD + SOONER + source)
+    assert out == "3\nFalse\n"
+    [line] = [each for each in told(err) if "/twice: " in each]
+    assert "/twice: twice() (service /twice) of /n spun /n by a function of rclpy" in line
+
+
 def test_a_future_of_a_node_that_nobody_spins_is_told_at_the_end(run):
     source = "print(node.create_client(AddTwoInts, 'add').call_async(REQUEST).result())"
     _, out, err = run(HEAD + source)
