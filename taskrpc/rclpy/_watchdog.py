@@ -150,7 +150,7 @@ def _untaken_request(service: Any) -> Iterator[tuple[tuple[object, ...], float, 
 
 def _patience(node: Node) -> float:
     """How long a node may be left alone: one that was spun once may be spun again."""
-    return _LATE if node.executor is None else _STUCK
+    return _LATE if node.executor is None or node._rclpy_taken_by else _STUCK
 
 
 def _holder(entity: Any) -> Any:
