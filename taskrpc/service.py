@@ -137,10 +137,9 @@ class Service:
     def observe(self, observer: Observer | None) -> None:
         """Tell another observer of the calls that come from now on."""
         if not self._destroyed:
-            self._transport.withdraw(self._offer)
-            # Joined to whoever took the name between these two lines, for a moment free.
-            self._offer = msgspec.structs.replace(self._offer, observer=observer, join=True)
-            self._transport.offer(self._offer)
+            offer = msgspec.structs.replace(self._offer, observer=observer)
+            self._transport.replace(self._offer, offer)
+            self._offer = offer
 
     def status(self) -> ServiceStatus:
         """How many calls run and wait."""

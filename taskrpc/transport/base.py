@@ -300,6 +300,9 @@ class Transport(Protocol):
     def withdraw(self, offer: Offer) -> None:
         """Stop taking calls for a service; those that came before may still be answered."""
 
+    def replace(self, offer: Offer, by: Offer) -> None:
+        """Take the calls that come from now on for another offer of the same service."""
+
     def channel(
         self, name: str, srv_type: ServiceType, node: str, *, otherwise: str = ""
     ) -> Channel:

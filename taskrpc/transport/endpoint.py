@@ -16,7 +16,6 @@ from taskrpc import platform
 from taskrpc.access import Role
 from taskrpc.errors import (
     ConnectionLost,
-    NameInUse,
     PermissionDenied,
     ServiceUnavailable,
     TaskRpcError,
@@ -37,6 +36,7 @@ from taskrpc.transport.keepalive import DEFAULT, Keepalive
 from taskrpc.transport.load import Load
 from taskrpc.transport.network import Address, Network
 from taskrpc.transport.news import News
+from taskrpc.transport.offers import Offers
 from taskrpc.transport.revoking import look_after_accounts
 from taskrpc.transport.seldom import FewLines
 from taskrpc.transport.serving import ServingConnection
@@ -96,9 +96,8 @@ class Endpoint(Handing):
         self.unread = Unread()
         self.refusals = FewLines(log)
         self.load = Load()
-        self.offers: dict[int, Offer] = {}
-        self._methods: dict[str, int] = {}
-        self._next_method = 1
+        self._offers = Offers()
+        self.offers = self._offers.by_method
         self._roster = Roster(this_process())
         self._served: dict[ServingConnection, None] = {}  # in order of arrival
         self._admission: Admission | None = None
@@ -120,26 +119,25 @@ class Endpoint(Handing):
 
     def offer(self, offer: Offer) -> None:
         """Take calls for a service."""
-        if offer.name in self._methods:
-            node = self.offers[self._methods[offer.name]].node
-            raise NameInUse(f"{offer.name} is already offered by the node {node} of this process")
         self._take_connections()
-        method = self._methods[offer.name] = self._next_method
-        self.offers[method] = offer
+        self._offers.add(offer)
         try:
             self.publish(Change(service=_named(offer)), claim="" if offer.join else offer.name)
         except BaseException:
-            del self._methods[offer.name], self.offers[method]
+            self._offers.remove(offer)
             raise
-        self._next_method += 1
         self._advertise()
 
     def withdraw(self, offer: Offer) -> None:
         """Stop taking calls for a service."""
-        method = self._methods.get(offer.name, 0)
-        if self.offers.get(method) is offer:
-            del self._methods[offer.name], self.offers[method]
+        if self._offers.remove(offer):
             self.publish(Change(service=_named(offer), gone=True))
+            self._advertise()
+
+    def replace(self, offer: Offer, by: Offer) -> None:
+        """Take the calls that come from now on for another offer of the same service."""
+        if self._offers.remove(offer):
+            self._offers.add(by)
             self._advertise()
 
     def channel(
@@ -237,7 +235,7 @@ class Endpoint(Handing):
 
     def method_of(self, name: str) -> int:
         """The method id of a service, 0 if there is none."""
-        return self._methods.get(name, 0)
+        return self._offers.method_of(name)
 
     def listing(self) -> Listing:
         """Everything that this process offers."""

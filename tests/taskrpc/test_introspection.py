@@ -203,3 +203,20 @@ async def test_the_task_server_tells_of_all_its_services_where_it_is_asked_to(se
         assert events[1].response[0].task_id == answer.task_id
         topics = {each.name for entry in await listener.graph() for each in entry.publishers}
         assert "/robot_task/cancel/_service_event" in topics
+
+
+async def test_a_switch_takes_the_service_from_nobodys_sight(server, monkeypatch):
+    service = server.create_service(Add, "add", add)
+    changes = []
+    network = server._transport.network
+    publish = network.publish
+
+    def noted(roster, change, *, claim=""):
+        changes.append(change.service)
+        publish(roster, change, claim=claim)
+
+    monkeypatch.setattr(network, "publish", noted)
+    for state in ("contents", "metadata", "off"):
+        server.configure_introspection(service, state)
+    assert changes
+    assert not any(changes)
