@@ -69,12 +69,34 @@ def run_executable(package: str, name: str, arguments: Sequence[str]) -> int:
     targets = executables.entry_points(folder)
     if name in targets:
         _prepare(executables.source_folder(folder), [str(folder / name), *arguments])
-        return _ended(lambda: _call(targets[name]))
+        return _reported(lambda: _ended(lambda: _call(targets[name])))
     if (script := executables.script(folder, name)) is not None:
-        return run_script(script, arguments)
+        return _reported(lambda: run_script(script, arguments))
     known = ", ".join(sorted({*targets, *executables.installed_scripts(folder)}))
     has = known or "no entry points in setup.py"
     raise _with_hint(TaskRpcError("No executable found"), f"{package} has {has}; got '{name}'")
+
+
+def _reported(program: Callable[[], int]) -> int:
+    """Run a program, and say how it failed if it did, as `ros2 run` does on stdout."""
+    try:
+        status = program()
+    except SystemExit as end:
+        if failure := _failure(end.code):
+            print(f"[ros2run]: Process exited with failure {failure}")
+        raise
+    if status == _INTERRUPTED:
+        print("[ros2run]: Interrupt")
+    elif status:
+        print(f"[ros2run]: Process exited with failure {status}")
+    return status
+
+
+def _failure(code: object) -> int:
+    """The status that a program ends with which gives `sys.exit` this."""
+    if code is None:
+        return 0
+    return code & 0xFF if isinstance(code, int) else 1
 
 
 def _with_hint(error: TaskRpcError, hint: str) -> TaskRpcError:

@@ -168,12 +168,25 @@ def workspace(tmp_path):
     return run
 
 
+_FAILED = "[ros2run]: Process exited with failure 3\n"
 _SAID = "helped ['values.yaml'] ['-x']\nTrue\n"
 
 
 def test_an_executable_of_a_workspace_runs_as_it_lies_there(workspace):
     for folder in (".", "src/my_things"):
-        assert workspace("nodes", "ask", "-x", folder=folder) == (3, _SAID, "")
+        assert workspace("nodes", "ask", "-x", folder=folder) == (3, _SAID + _FAILED, "")
+
+
+def test_how_an_executable_failed_is_said_as_ros2_run_says_it(workspace, tmp_path):
+    file = tmp_path / "ws/src/nodes/nodes/ask.py"
+    for end, status, said in (
+        ("return", 0, ""),
+        ("return 'no robot'", 1, "[ros2run]: Process exited with failure 1\n"),
+        ("raise ValueError", 1, "[ros2run]: Process exited with failure 1\n"),
+        ("raise KeyboardInterrupt", 130, "[ros2run]: Interrupt\n"),
+    ):
+        file.write_text(f"def main(): {end}\n")
+        assert workspace("nodes", "ask")[:2] == (status, said)
 
 
 def test_a_file_of_a_package_finds_the_packages_beside_its_own(workspace, tmp_path):
@@ -219,6 +232,6 @@ def test_a_prefix_goes_before_the_program(workspace, tmp_path):
         "import os, sys\nprint(os.environ['GREETING'], sys.argv[1:])\nsys.exit(4)\n"
     )
     assert workspace(*prefix, "program.py", "-x") == (4, "hi there ['-x']\n", "")
-    assert workspace(*prefix, "nodes", "ask", "-x") == (3, _SAID, "")
+    assert workspace(*prefix, "nodes", "ask", "-x") == (3, _SAID + _FAILED, "")
     code, _, error = workspace("--prefix", "env '", "program.py")
     assert (code, error) == (2, "--prefix: expected a command, got env ': No closing quotation\n")
