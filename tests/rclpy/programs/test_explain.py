@@ -239,10 +239,10 @@ def tick():
         {wait}
     sys.exit()
 node.create_timer(0.01, tick)
-threading.Timer(6, rclpy.shutdown).start()
+threading.Timer(2, rclpy.shutdown).start()
 rclpy.spin(node)
 """
-    _, _, err = run(HEAD + source)
+    _, _, err = run(HEAD + SOONER + source)
     asks = "tick() of /n asks again and again whether /add has answered"
     assert [asks in line for line in told(err)].count(True) == 1
 
