@@ -150,7 +150,8 @@ class ServingConnection(Connection):
         if self._held is None:
             self._held = []
         self._held.append(event)
-        self.unread.hold(self)
+        if not self.writing_paused:  # else it goes on when its own caller reads
+            self.unread.hold(self)
 
     def release(self) -> None:
         """Begin what had to wait, as far as there is room now."""

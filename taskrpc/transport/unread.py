@@ -46,7 +46,7 @@ class Unread:
         return self.pressed and service in self._large
 
     def hold(self, connection: ServingConnection) -> None:
-        """A connection holds a call back; `release` it when there is room."""
+        """A connection whose caller reads holds a call back; `release` it when there is room."""
         self._waiting[connection] = None
 
     def measure(self, connection: ServingConnection) -> None:
@@ -106,6 +106,8 @@ class Unread:
             connection = next(iter(self._next))
             del self._next[connection]
             connection.release()
+            if not self._next:  # it is the turn of those who have come meanwhile
+                self._next, self._waiting = self._waiting, {}
             if self._next:
                 self.pressed = True  # what comes now stays behind what waits
                 connection.owner.loop.call_soon(self._release)

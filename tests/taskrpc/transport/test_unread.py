@@ -117,6 +117,21 @@ def test_they_wait_on_in_their_order_when_there_is_no_room_again(kept, crowd):
     assert not crowd[0].turns
 
 
+def test_who_came_while_others_had_their_turns_has_his_behind_them(kept, crowd):
+    late = Caller()
+    late.owner = crowd[0].owner
+    crowd[0].turns.popleft()()
+    kept.hold(late)
+    for _ in range(3):
+        crowd[0].turns.popleft()()
+    assert [*released(crowd), late.released] == [1] * 5 + [0]
+    assert kept.pressed
+    crowd[0].turns.popleft()()
+    assert late.released == 1
+    assert not kept.pressed
+    assert not crowd[0].turns
+
+
 def test_who_leaves_before_his_turn_is_not_let_go_on(kept, crowd):
     for caller in crowd[1:]:
         kept.left(caller)
