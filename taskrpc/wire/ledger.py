@@ -179,6 +179,8 @@ class Ledger:
         """A request runs that was decided to run, be it by an earlier ledger."""
         known = self._known((principal, claim.client), now)
         claim.known = None
+        if claim.first_incomplete > known.first_incomplete:
+            self._charge(principal, -known.settle(claim.first_incomplete))
         if claim.sequence not in known.requests:
             known.requests[claim.sequence] = claim
             claim.known = known

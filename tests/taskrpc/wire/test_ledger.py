@@ -76,6 +76,12 @@ def test_what_runs_is_taken_over_whatever_else_is_known_of_its_client():
     assert ledger.answer("", claim(number)) == done
 
 
+def test_what_is_settled_where_a_run_is_taken_over_never_runs_again():
+    ledger = Ledger()
+    ledger.runs("", claim(Number(ME, 5, 5)), 0.0)
+    assert send(ledger, Number(ME, 4, 4)) is Verdict.STALE
+
+
 def test_a_client_whose_only_requests_were_refused_takes_no_place():
     ledger = Ledger(memory=2 * (PER_CLIENT + PER_REQUEST))
     for client in (b"a" * 16, b"b" * 16):
