@@ -381,7 +381,7 @@ class TaskManager:
         try:
             completion = completing(answer) if completing else None
             self.book.save_then(then, accepted, completion=completion, undo=undo)
-        except TaskRpcError:
+        except BaseException:
             undo()
             raise
         return answer

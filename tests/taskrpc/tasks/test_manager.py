@@ -343,6 +343,18 @@ async def test_what_was_refused_does_not_come_to_light_when_it_is_moved_meanwhil
     await manager.close()
 
 
+async def test_what_a_store_does_not_even_begin_to_keep_is_not_queued():
+    store = MemoryStore()
+    manager = TaskManager(LineRobot(), store)
+    await manager.start()
+    store.apply = lambda *arguments: 1 / 0
+    with pytest.raises(ZeroDivisionError):
+        await manager.submit("move", "3", 5)
+    assert str(manager).startswith("no tasks in the queue")
+    del store.apply
+    await manager.close()
+
+
 async def test_what_was_interrupted_stays_so_when_neither_its_requeue_nor_its_drop_is_stored():
     store = MemoryStore()
     first = TaskManager(LineRobot(), store, settle=0)
