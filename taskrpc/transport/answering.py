@@ -82,10 +82,11 @@ class ThreadedServing(ServingConnection):
         super().tick(now)
 
     def flush(self) -> None:
-        """Write what the session has to say, unless an earlier rest must go first."""
+        """Write what the session has to say, behind the rest of what a thread began to write."""
         with self._here.lock:
-            if self._here.is_whole:
-                super().flush()
+            if not self._here.is_whole:
+                self._here.write_rest(self.transport)
+            super().flush()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The transport is gone."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import socket
 import threading
 
@@ -12,15 +13,15 @@ from taskrpc.transport.connection import Connection
 class ThreadSocket:
     """Shared by the loop and the threads: whoever writes holds the `lock`.
 
-    A connection has one, opens it where threads shall write, and closes it with the transport.
+    A connection has one, opens it where threads shall write, has the loop write the rest before all
+    else, and closes it with the transport.
     """
 
-    __slots__ = ("_socket", "is_whole", "lock")
+    __slots__ = ("_rest", "_socket", "lock")
 
     def __init__(self) -> None:
         self.lock = threading.RLock()
-        self.is_whole = True
-        """Whether all that threads have begun to write is written: nothing may come between."""
+        self._rest = b""
         self._socket: socket.socket | None = None
 
     @property
@@ -28,14 +29,21 @@ class ThreadSocket:
         """Whether threads can write: over TLS and in memory they cannot."""
         return self._socket is not None
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether all that threads have begun to write is written: nothing may come between."""
+        return not self._rest
+
     def open(self, transport: asyncio.BaseTransport) -> None:
         """Let threads write where this transport does, if they can."""
         found = transport.get_extra_info("socket")
         if found is not None and transport.get_extra_info("sslcontext") is None:
-            self._socket = found.dup()
+            with contextlib.suppress(OSError):  # no descriptor is left: the loop needs none
+                self._socket = found.dup()
 
     def close(self) -> None:
         """The transport is gone."""
+        self._rest = b""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
@@ -47,18 +55,16 @@ class ThreadSocket:
         sent = 0
         try:
             sent = self._socket.send(data)
-        except BlockingIOError:
-            pass
-        except OSError:
+        except ConnectionError:
             return  # the loop is about to learn that the connection is gone
+        except OSError:
+            pass  # the system has no room; what else it may be, the loop finds out
         if sent < len(data):
-            self.is_whole = False
-            loop = connection.owner.loop
-            loop.call_soon_threadsafe(self._write_rest, connection, data[sent:])
+            self._rest = data[sent:]
+            connection.owner.loop.call_soon_threadsafe(connection.flush)
 
-    def _write_rest(self, connection: Connection, rest: bytes) -> None:
-        with self.lock:
-            self.is_whole = True
-            if connection.transport is not None:
-                connection.transport.write(rest)
-            connection.flush()
+    def write_rest(self, transport: asyncio.WriteTransport | None) -> None:
+        """Write what did not fit; by the loop, which holds the lock, too."""
+        rest, self._rest = self._rest, b""
+        if transport is not None:
+            transport.write(rest)

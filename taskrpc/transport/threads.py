@@ -212,10 +212,11 @@ class ThreadedConnection(CallingConnection):
             super().tick(now)
 
     def flush(self) -> None:
-        """Write what the session has to say, unless an earlier rest must go first."""
+        """Write what the session has to say, behind the rest of what a thread began to write."""
         with self._mine:
-            if self._here.is_whole:
-                super().flush()
+            if not self._here.is_whole:
+                self._here.write_rest(self.transport)
+            super().flush()
 
     def _is_free(self, size: int) -> bool:
         """Whether a request may be written here and now: nothing waits to go before it."""

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import errno
 import random
 import socket
 import threading
@@ -136,6 +137,74 @@ async def test_a_caller_who_does_not_read_gets_every_answer_whole(server, client
     assert 0 < here < 60
     assert [answer.name for answer in await asyncio.gather(*futures)] == texts
     assert served(server)._here.is_whole
+
+
+async def test_an_answer_that_a_thread_began_is_written_before_the_connection_is_closed(
+    server, client, taken
+):
+    futures = await calls(client, taken, 60)
+    connection = served(server)
+    sock = connection.transport.get_extra_info("socket")
+    sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, 4096)
+    text = "x" * (LARGE - 1000)
+    closed = threading.Event()
+
+    def answer_and_close():  # in the loop's thread, so that it has no turn between
+        count = 0
+        while answer_here(taken[count], text):
+            count += 1
+            if not connection._here.is_whole:
+                break
+        connection.close()
+        closed.count = count
+        closed.set()
+
+    server._loop.soon(answer_and_close)
+    closed.wait(5)  # this thread's loop, the caller's, stands
+    done, _ = await asyncio.wait(futures[: closed.count], timeout=5)
+    assert 0 < len(done) == closed.count < 60
+    assert all(future.result().name == text for future in done)
+
+
+class Full:
+    """A socket for which the system has no room at first."""
+
+    def __init__(self, sock):
+        self._sock = sock
+        self.close = sock.close
+
+    def send(self, data):
+        raise OSError(errno.ENOBUFS, "no room")
+
+
+async def test_an_answer_for_which_the_system_has_no_room_goes_by_the_loop(server, client, taken):
+    (future,) = await calls(client, taken, 1)
+    here = served(server)._here
+    here.open(served(server).transport)
+    here._socket = Full(here._socket)
+    served(server)._was_asked = True
+    assert answer_here(taken[0], "x")
+    assert (await asyncio.wait_for(future, 5)).name == "x"
+
+
+class Exhausted:
+    """A transport of a program that has all the files open that it may."""
+
+    def get_extra_info(self, name):
+        return self if name == "socket" else None
+
+    def dup(self):
+        raise OSError(errno.EMFILE, "too many open files")
+
+
+async def test_without_a_descriptor_for_threads_the_loop_answers(server, client, taken):
+    (future,) = await calls(client, taken, 1)
+    here = served(server)._here
+    here.open(Exhausted())
+    served(server)._was_asked = True
+    assert not answer_here(taken[0], "x")
+    taken[0].reply(Echo.Response(name="x"))
+    assert (await asyncio.wait_for(future, 5)).name == "x"
 
 
 async def test_threads_and_the_loop_answer_at_the_same_time(server, client, taken):
