@@ -13,6 +13,8 @@ from taskrpc.qos import QoS, qos_of
 from taskrpc.transport.base import OnMismatch, Transport
 
 if TYPE_CHECKING:
+    import asyncio
+
     from taskrpc.introspection import IntrospectionState
     from taskrpc.observer import Observer, TopicStatus
     from taskrpc.running import Callback
@@ -37,7 +39,8 @@ class NodeTopics:
         self._parts: dict[_Part, None] = {}
         self._topics_before: dict[str, TopicStatus] = {}
         """What those have done that are gone."""
-        self._events: dict[Service, Publisher] = {}
+        self._events: dict[asyncio.Future[None], Publisher] = {}
+        """What tells of a service's calls, by that which is done at the service's end."""
 
     @abstractmethod
     def get_fully_qualified_name(self) -> str:
@@ -151,20 +154,21 @@ class NodeTopics:
 
         if state not in ("off", "metadata", "contents"):
             raise ValueError(f"state: expected 'off', 'metadata' or 'contents', got {state!r}")
-        self._stop_events(service)
+        self._stop_events(service.finished)
         if state == "off":
             service.observe(self._observer)
             return
         topic, role = f"{service.service_name}{SUFFIX}", Role.OPERATE
         srv_type: Any = service.srv_type
         publisher = self.create_publisher(srv_type.Event, topic, qos, role=role)
-        self._events[service] = publisher
+        self._events[service.finished] = publisher
         events = ServiceEvents(publisher, srv_type, contents=state == "contents")
         service.observe(Observers(self._observer, events) if self._observer else events)
-        service.finished.add_done_callback(lambda _: self._stop_events(service))
+        service.finished.add_done_callback(self._stop_events)
 
-    def _stop_events(self, service: Service) -> None:
-        if (publisher := self._events.pop(service, None)) is not None:
+    def _stop_events(self, finished: asyncio.Future[None]) -> None:
+        finished.remove_done_callback(self._stop_events)
+        if (publisher := self._events.pop(finished, None)) is not None:
             publisher.destroy()
 
     def _destroy_parts(self) -> None:

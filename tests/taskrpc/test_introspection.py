@@ -119,6 +119,17 @@ async def test_what_is_off_leaves_calls_as_they_are(server, listener):
     assert not [each for entry in entries for each in entry.publishers]
 
 
+async def test_what_is_switched_often_leaves_nothing_behind(server):
+    service = server.create_service(Add, "add", add)
+    before = list(service.finished._callbacks)
+    for state in ("contents", "metadata", "off") * 10:
+        server.configure_introspection(service, state)
+    assert service.finished._callbacks == before
+    server.configure_introspection(service, "contents")
+    service.destroy()
+    await until(lambda: not server._events)
+
+
 async def test_the_nodes_own_observer_is_still_told(listener):
     class Counting(taskrpc.Observer):
         began = ended = 0
