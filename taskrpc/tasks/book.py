@@ -118,10 +118,14 @@ class TaskBook:
     ) -> None:
         """Do as `save` does and call back at its end, with what it raises, or None."""
         forgotten = self._surplus(tasks)
-        storing = self._store.apply(tasks, forgotten, completion, clients)
-        # Asked here, since `ensure_future` takes five calls to see a future.
-        if not isinstance(storing, asyncio.Future):
-            storing = asyncio.ensure_future(storing)
+        try:
+            storing = self._store.apply(tasks, forgotten, completion, clients)
+            # Asked here, since `ensure_future` takes five calls to see a future.
+            if not isinstance(storing, asyncio.Future):
+                storing = asyncio.ensure_future(storing)
+        except BaseException as error:  # a store that is not `async` may refuse at once
+            self._undo(undo, error)
+            raise
         commit = storing
         for task in tasks:
             self._commits[task.task_id] = commit
@@ -188,10 +192,14 @@ class TaskBook:
         if error is None:
             self._problem = ""
             self._know(tasks, forgotten)
-        elif isinstance(error, TaskRpcError):
-            self._problem = told(error)
-            undo()
+        else:
+            self._undo(undo, error)
         then(error)
+
+    def _undo(self, undo: Callable[[], object], error: BaseException) -> None:
+        if isinstance(error, TaskRpcError):
+            self._problem = told(error)
+        undo()
 
     def _know(self, tasks: tuple[Task, ...], forgotten: list[int]) -> None:
         for task_id in forgotten:

@@ -380,10 +380,10 @@ class TaskManager:
 
         try:
             completion = completing(answer) if completing else None
-            self.book.save_then(then, accepted, completion=completion, undo=undo)
         except BaseException:
             undo()
             raise
+        self.book.save_then(then, accepted, completion=completion, undo=undo)
         return answer
 
     async def _call_off(self, task_id: int, reason: str) -> Answer:

@@ -343,14 +343,37 @@ async def test_what_was_refused_does_not_come_to_light_when_it_is_moved_meanwhil
     await manager.close()
 
 
-async def test_what_a_store_does_not_even_begin_to_keep_is_not_queued():
+def at_once(*arguments, **options):
+    """A store that fails before there is anything to wait for."""
+    raise StoreError("the disk is gone")
+
+
+async def in_the_end(*arguments, **options):
+    """A store that fails as no store should."""
+    await asyncio.sleep(0.01)
+    raise KeyError("a table")
+
+
+@pytest.mark.parametrize(("apply", "error"), [(at_once, StoreError), (in_the_end, KeyError)])
+async def test_whatever_a_store_fails_with_the_queue_stays_as_it_is_stored(apply, error):
     store = MemoryStore()
     manager = TaskManager(LineRobot(), store)
     await manager.start()
-    store.apply = lambda *arguments: 1 / 0
-    with pytest.raises(ZeroDivisionError):
-        await manager.submit("move", "3", 5)
-    assert str(manager).startswith("no tasks in the queue")
+    await manager.pause()
+    await submit(manager, ("3", 5), ("2", 5))
+    store.apply = apply
+    for change in (
+        manager.submit("move", "1", 5),
+        manager.cancel(1),
+        manager.drop(2),
+        manager.reprioritise(2, 9),
+    ):
+        with pytest.raises(error):
+            await change
+    assert [(task.task_id, task.priority) for task, _ in manager.queue.ordered()] == [
+        (1, 5),
+        (2, 5),
+    ]
     del store.apply
     await manager.close()
 
