@@ -45,6 +45,15 @@ def call_ended(callback: Callback | None) -> None:
     _calls.pop(id(callback), None)
 
 
+def callers() -> dict[Executor, list[tuple[Client[Any, Any], Callback]]]:
+    """Callbacks that wait without end for answers that their own executor would have to take."""
+    found: dict[Executor, list[tuple[Client[Any, Any], Callback]]] = {}
+    for client, callback in list(_calls.values()):
+        if client._node in callback.executor._nodes:
+            found.setdefault(callback.executor, []).append((client, callback))
+    return found
+
+
 def check_spin(executor: Executor, future: Future[Any], timeout: float | None) -> None:
     """Raise WouldDeadlock where a spin in a callback waits for what the callback's group holds."""
     callback = current_callback()

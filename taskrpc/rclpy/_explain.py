@@ -6,6 +6,7 @@ import functools
 import os
 import sys
 import threading
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -40,6 +41,18 @@ def would_wait_in_vain(client: Client[Any, Any], callback: Callback, seconds: fl
         f"wait {seconds:g} s here in vain, as we do: {name_of(callback)} keeps the answer of"
         f" {client.service_name} from being taken; make it `async def` and"
         " `await client.call_async(request)`, with the client in a ReentrantCallbackGroup",
+    )
+
+
+def no_thread_left(calls: Sequence[tuple[Client[Any, Any], Callback]]) -> None:
+    """All threads of a pool wait in `Client.call`: none is left that could take an answer."""
+    who = ", ".join(f"{name_of(callback)} for {client.service_name}" for client, callback in calls)
+    tell(
+        ("pool", who),
+        f"hang here for ever, as we do: all {len(calls)} threads of the MultiThreadedExecutor wait"
+        f" in Client.call ({who}), and none is left to take an answer; give it more, as"
+        f" MultiThreadedExecutor(num_threads={2 * len(calls)}), or make the callbacks `async def`"
+        " and `await client.call_async(request)`",
     )
 
 

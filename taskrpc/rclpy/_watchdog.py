@@ -12,14 +12,16 @@ import time
 import weakref
 from collections.abc import Iterator
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from . import _explain
-from ._deadlocks import obstacle
+from ._deadlocks import callers, obstacle
 from ._explain import shown
 from ._running import Callback, is_busy, running
+from .callback_groups import MutuallyExclusiveCallbackGroup
 
 if TYPE_CHECKING:
     from .node import Node
@@ -78,9 +80,10 @@ class _Look:
         """Tell of what was there for long enough, and forget what is gone."""
         now = time.monotonic()
         for thread, callback in list(running.items()):
-            if now - callback.since >= _STUCK:
+            if now - callback.since >= _STUCK and _keeps_others(callback):
                 _tell_stuck(thread, callback)
-        found = {what: (patience, say) for node in nodes for what, patience, say in _waits(node)}
+        waits = chain(_full_pools(), chain.from_iterable(map(_waits, nodes)))
+        found = {what: (patience, say) for what, patience, say in waits}
         self._seen = {what: self._seen.get(what, now) for what in found}
         for what, (patience, say) in found.items():
             if now - self._seen[what] >= patience:
@@ -101,6 +104,28 @@ def _waits(node: Node) -> Iterator[tuple[tuple[object, ...], float, Any]]:
     for service in list(node.services):
         if service._calls and not busy:
             yield from _untaken_request(service)
+
+
+def _full_pools() -> Iterator[tuple[tuple[object, ...], float, Any]]:
+    """Executors all of whose threads wait for answers, which another thread would have to take."""
+    for executor, calls in callers().items():
+        if 1 < executor._threads <= len(calls):
+            say = partial(_explain.no_thread_left, calls)
+            yield ("pool", executor, *(id(callback) for _, callback in calls)), _SOON, say
+
+
+def _keeps_others(callback: Callback) -> bool:
+    """Whether something waits that would run if this callback returned."""
+    executor, own = callback.executor, callback.entity
+    group = None if own is None else own.callback_group
+    if not executor._one_thread and not isinstance(group, MutuallyExclusiveCallbackGroup):
+        return False
+    return any(
+        entity._ready() and not (entity is own and entity._is_timer)
+        for node in executor.get_nodes()
+        for entity, _ in executor._entities_of(node)
+        if executor._one_thread or entity.callback_group is group
+    )
 
 
 def _polled_in_vain(client: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
@@ -150,7 +175,7 @@ def _untaken_request(service: Any) -> Iterator[tuple[tuple[object, ...], float, 
 
 def _patience(node: Node) -> float:
     """How long a node may be left alone: one that was spun once may be spun again."""
-    return _LATE if node.executor is None or node._rclpy_taken_by else _STUCK
+    return _STUCK if node._rclpy_was_spun and not node._rclpy_taken_by else _LATE
 
 
 def _holder(entity: Any) -> Any:
@@ -212,12 +237,14 @@ def _tell_unoffered(client: Any) -> None:
 def _tell_stuck(thread: int, callback: Callback) -> None:
     where = _where(sys._current_frames().get(thread))
     whom = f"of {shown(callback.entity._node)} " if callback.entity is not None else ""
+    fix = "a timer, or a MultiThreadedExecutor"
     if not callback.executor._one_thread:
         whom += "in its callback group "
+        fix = "a timer, or a callback group of its own"
     _explain.tell(
         ("stuck", _explain.name_of(callback)),
         f"run no other callback {whom}meanwhile: {_explain.name_of(callback)} has not returned for"
-        f" {_STUCK:g} s{where}; let callbacks return soon: a timer, or a MultiThreadedExecutor",
+        f" {_STUCK:g} s{where}; let callbacks return soon: {fix}",
     )
 
 

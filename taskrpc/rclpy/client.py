@@ -20,6 +20,7 @@ from ._entity import Entity
 from ._explain import failed, like_ros, mismatched, nobody_spun
 from ._like_ros import wrapped_or_refused
 from ._outbox import Outbox, Tell
+from ._rounds import ExternalShutdownException
 from ._running import is_busy
 from .callback_groups import CallbackGroup
 from .future import Future
@@ -93,7 +94,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
 
         Raises TimeoutError after `timeout_sec` seconds (`--like-ros` returns None, as Jazzy does),
         TypeError for another type's request, WouldDeadlock in a callback that keeps the answer
-        from being taken.
+        from being taken, ExternalShutdownException some seconds after the context was shut down.
         """
         callback = check_call(self, timeout_sec)
         try:
@@ -106,7 +107,9 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         done = threading.Event()
         future._when_done(done.set)
         end = None if timeout_sec is None or timeout_sec < 0 else time.monotonic() + timeout_sec
+        over = math.inf
         while not done.is_set():
+            over = self._over(over)
             left = _SLICE if end is None else min(_SLICE, end - time.monotonic())
             if left <= 0:
                 self.remove_pending_request(future)
@@ -116,6 +119,17 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             if not done.wait(left) and self._answers:
                 self._take_unspun()
         return future.result()
+
+    def _over(self, over: float) -> float:
+        """When `call` has waited long enough for an answer that nobody will take any more.
+
+        Raises ExternalShutdownException then, where ROS would wait for ever.
+        """
+        if over == math.inf:
+            return over if self._node.context.ok() else time.monotonic() + _LONG_GRACE
+        if not like_ros() and time.monotonic() >= over:
+            raise ExternalShutdownException
+        return over
 
     def call_async(self, request: SrvRequestT) -> Future[SrvResponseT]:
         """Send a request; the future of its response, which comes while somebody spins.

@@ -54,6 +54,9 @@ class Executor(Rounds):
     _one_thread = False
     """Whether a callback that waits keeps every other one from running."""
 
+    _threads = 1
+    """How many callbacks may run at a time."""
+
     @property
     def _is_left(self) -> bool:
         """Whether callbacks may still run, though nobody spins any more."""
@@ -308,6 +311,7 @@ class MultiThreadedExecutor(Executor):
                 stacklevel=2,
             )
         self._one_thread = num_threads == 1
+        self._threads = num_threads
         self._executor = ThreadPoolExecutor(num_threads)
         self._failures: deque[BaseException] = deque()
         self._spinners: set[int] = set()

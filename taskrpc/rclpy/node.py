@@ -153,6 +153,9 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
     _rclpy_taken_by = ""
     """The callback, if one did, that took the node from the executor that ran the callback."""
 
+    _rclpy_was_spun = False
+    """Whether an executor ever had it."""
+
     # What it is
 
     @property
@@ -186,6 +189,7 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         else:
             new_executor.add_node(self)
             self._rclpy_executor = weakref.ref(new_executor)
+            self._rclpy_was_spun = True
 
     def get_name(self) -> str:
         """Its name, without the namespace."""

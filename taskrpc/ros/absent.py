@@ -20,6 +20,7 @@ _LAUNCH = "there are no launch files; start each program by itself, with `taskrp
 _TF2 = "there are no transforms"
 _IMAGES = "`numpy.asarray(image.data)` views the bytes of an Image without copying"
 _COMMANDS = "`taskrpc service`, `topic`, `node`, `param` and `interface` are its commands"
+_CHECKS = "it checks a package's style, in `colcon test` on a real ROS 2"
 _NONE = "only a real ROS 2 has it"
 
 _PYTHON = {
@@ -29,6 +30,10 @@ _PYTHON = {
     ),
     **dict.fromkeys("cv_bridge image_geometry".split(), _IMAGES),
     **dict.fromkeys("ros2cli ros2node ros2param ros2pkg ros2service ros2topic".split(), _COMMANDS),
+    **dict.fromkeys(
+        "ament_copyright ament_flake8 ament_lint ament_mypy ament_pep257 ament_xmllint".split(),
+        _CHECKS,
+    ),
     **dict.fromkeys(
         "message_filters moveit moveit_commander nav2_simple_commander rosbag2_py"
         " rosidl_generator_py rosidl_parser rpyutils rqt_gui_py sensor_msgs_py".split(),

@@ -416,12 +416,87 @@ def slow():
     time.sleep(1.5)  # here
     rclpy.shutdown()
 node.create_timer(0.01, slow)
+{other}
 rclpy.spin(node)
 """
-    _, _, err = run(HEAD + SOONER + source)
+    assert told(run(HEAD + SOONER + source.format(other=""))[2]) == []  # it keeps nobody
+    other = "node.create_timer(0.1, lambda: None)"
+    _, _, err = run(HEAD + SOONER + source.format(other=other))
     [line] = told(err)
     assert "slow() of /n has not returned for 0.8 s (program.py:" in line
     assert "time.sleep(1.5)  # here" in line
+
+
+ALL_WAIT = """
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup as Group
+from rclpy.executors import ExternalShutdownException, MultiThreadedExecutor
+inner = node.create_client(AddTwoInts, "inner", callback_group=Group())
+node.create_service(AddTwoInts, "inner", add, callback_group=Group())
+node.create_service(
+    AddTwoInts, "outer", lambda request, response: inner.call(request), callback_group=Group())
+outer = node.create_client(AddTwoInts, "outer", callback_group=Group())
+def tick():
+    timer.cancel()
+    print(outer.call(REQUEST).sum)
+    rclpy.shutdown()
+timer = node.create_timer(0.01, tick, callback_group=Group())
+executor = MultiThreadedExecutor(num_threads={threads})
+executor.add_node(node)
+import threading
+threading.Timer(2, rclpy.try_shutdown).start()
+try:
+    executor.spin()
+except ExternalShutdownException:
+    pass
+"""
+
+
+def test_a_pool_all_of_whose_threads_wait_for_answers_is_told_and_ends(run):
+    soon = SOONER + "from rclpy import client as module\nmodule._LONG_GRACE = 0.5\n"
+    status, out, err = run(HEAD + soon + ALL_WAIT.format(threads=2))
+    [line] = told(err)
+    assert "all 2 threads of the MultiThreadedExecutor wait in Client.call" in line
+    assert "tick() of /n for /outer" in line
+    assert (status, out) == (0, "")
+    assert run(HEAD + soon + ALL_WAIT.format(threads=3)) == (0, "3\n", "")
+
+
+LONG = """
+from rclpy.callback_groups import MutuallyExclusiveCallbackGroup as Group
+from rclpy.executors import MultiThreadedExecutor
+def mission():
+    timer.cancel()
+    rate = node.create_rate(20)
+    for _ in range(30):
+        rate.sleep()
+    print("done")
+    rclpy.shutdown()
+timer = node.create_timer(0.01, mission, callback_group=Group())
+node.create_timer(0.1, lambda: None)
+executor = MultiThreadedExecutor(num_threads=3)
+executor.add_node(node)
+executor.spin()
+"""
+
+
+def test_a_long_callback_that_keeps_nobody_is_left_alone(run):
+    assert run(HEAD + SOONER + LONG) == (0, "done\n", "")
+
+
+NOW_AND_THEN = """
+node.create_service(AddTwoInts, "add", add)
+client = node.create_client(AddTwoInts, "add")
+rclpy.spin_once(node, timeout_sec=0)
+for _ in range(2):
+    future = client.call_async(REQUEST)
+    time.sleep(0.7)  # somebody types
+    rclpy.spin_until_future_complete(node, future)
+    print(future.result().sum)
+"""
+
+
+def test_a_node_that_is_spun_now_and_then_is_left_alone(run):
+    assert run(HEAD + SOONER + NOW_AND_THEN) == (0, "3\n3\n", "")
 
 
 def test_a_dead_server_is_told_and_like_ros_its_call_never_ends(ros, run, monkeypatch):

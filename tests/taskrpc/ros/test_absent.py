@@ -30,6 +30,7 @@ def hooked(tmp_path, monkeypatch):
             "it is a package of ROS 2 that taskrpc does not have: there are no launch files;",
         ),
         ("tf2_ros.buffer", "that taskrpc does not have: there are no transforms"),
+        ("ament_flake8.main", "it checks a package's style, in `colcon test` on a real ROS 2"),
         ("cv_bridge", "`numpy.asarray(image.data)` views the bytes"),
         ("nav2_msgs.srv", "put its folder (with nav2_msgs/srv, nav2_msgs/msg) beside the program"),
         ("grocery_interfaces", "or name the folder above it in TASKRPC_INTERFACE_PATH"),
