@@ -232,6 +232,7 @@ class Link:
         self.peer_id, self._connection = connection.peer_id, connection
         connection.link = self
         self._is_answered = False
+        received = connection.received
         try:
             for reception in self.receptions.values():
                 self._subscribe(reception)
@@ -240,7 +241,9 @@ class Link:
             self._connection = None
             for reception in self.receptions.values():
                 reception.forget(self)
-        if isinstance(connection.why_closed, ProtocolError) and not self._is_answered:
+        # One of whom nothing comes any more may only have lost its network.
+        has_spoken = connection.received > received and not self._is_answered
+        if has_spoken and isinstance(connection.why_closed, ProtocolError):
             self._mute = self.peer_id  # or calls to it would break off, too
             log.warning(
                 "%s has no topics: it ended the connection when it was asked for one (%s)",

@@ -108,6 +108,22 @@ async def test_a_peer_of_before_there_were_topics_is_asked_once_and_can_be_calle
     assert subscription.get_publisher_count() == 0
 
 
+async def test_a_peer_that_falls_silent_before_it_answers_is_asked_again(net, caplog, monkeypatch):
+    talker, listener = await net.node("talker"), await net.node("listener")
+    publisher = talker.create_publisher(Int32, "counts")
+    asked = []
+    with monkeypatch.context() as silent:
+        silent.setitem(
+            ServingConnection.handlers, SubscribeReceived, lambda _, it: asked.append(it)
+        )
+        listener.create_subscription(Int32, "counts", print)
+        await until(lambda: asked)
+    for connection in list(listener._transport.dialler.connections):
+        connection.abort(ProtocolError("the peer acknowledges nothing"))
+    await until(publisher.get_subscription_count)
+    assert of_topics(caplog) == []
+
+
 def of_topics(caplog):
     return [each.getMessage() for each in caplog.records if each.name == "taskrpc.topics"]
 
