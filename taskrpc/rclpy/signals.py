@@ -5,6 +5,7 @@ from __future__ import annotations
 import _weakrefset
 import enum
 import functools
+import os
 import signal
 import sys
 import threading
@@ -134,3 +135,8 @@ def _end_quietly() -> None:
 def _python_ends() -> bool:
     main = threading.main_thread()
     return not main.is_alive() or getattr(threading, "_SHUTTING_DOWN", False)
+
+
+if hasattr(os, "register_at_fork"):
+    # A child has none of its parent's nodes, and must end when a pool of processes ends it.
+    os.register_at_fork(after_in_child=uninstall_signal_handlers)

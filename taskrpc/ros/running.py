@@ -115,9 +115,25 @@ def _prepare(folder: Path, argv: list[str]) -> None:
     gc.set_threshold(_GARBAGE)
     sys.argv = argv
     if sys.flags.safe_path:
-        sys.path.insert(0, str(folder))
+        sys.path.insert(0, _Folder(folder))
     else:
-        sys.path[0] = str(folder)  # what stands there is our own command's
+        sys.path[0] = _Folder(folder)  # what stands there is our own command's
+
+
+class _Folder(str):
+    """The program's folder, in `sys.path`.
+
+    `multiprocessing` hands that to the processes that it spawns, before they import the program.
+    """
+
+    def __reduce__(self) -> tuple[Callable[[str], str], tuple[str]]:
+        return _hooked, (str(self),)
+
+
+def _hooked(folder: str) -> str:
+    """Let a spawned process import what its parent can."""
+    hook.install(folder)
+    return _Folder(folder)
 
 
 def _ended(program: Callable[[], object]) -> int:

@@ -338,3 +338,13 @@ def test_a_signal_of_a_child_is_none_of_its_parents(up):
             os._exit(7)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 7
     time.sleep(0.3)  # would raise
+
+
+@not_on_windows
+def test_a_forked_child_ends_by_sigterm_as_a_pool_of_processes_expects(up):
+    child = os.fork()
+    if child == 0:
+        os.kill(os.getpid(), signal.SIGTERM)
+        os._exit(7)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGTERM
+    assert signals.get_current_signal_handlers_options() == SignalHandlerOptions.ALL

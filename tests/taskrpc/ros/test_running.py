@@ -55,6 +55,33 @@ def test_a_package_beside_the_script_is_found_wherever_it_is_started(run, tmp_pa
     )
 
 
+SPAWNS = """
+import multiprocessing
+import rclpy
+from my_things.srv import Ask
+
+def work(result):
+    rclpy.init()
+    result.put((rclpy.create_node("child").get_name(), Ask.Request(a=2).a))
+    rclpy.shutdown()
+
+if __name__ == "__main__":
+    context = multiprocessing.get_context("spawn")
+    result = context.Queue()
+    child = context.Process(target=work, args=(result,))
+    child.start()
+    print(result.get(timeout=20))
+    child.join()
+"""
+
+
+def test_processes_that_a_program_spawns_import_what_it_does(run, tmp_path):
+    folder = tmp_path / "my_things" / "srv"
+    folder.mkdir(parents=True)
+    (folder / "Ask.srv").write_text("int64 a\n---\nint64 b\n")
+    assert run(SPAWNS) == (0, "('child', 2)\n", "")
+
+
 def test_a_program_ends_with_its_own_status(run):
     assert run("import sys\nsys.exit(7)\n")[0] == 7
 
