@@ -286,8 +286,8 @@ class RemoteChannel:
         loop.call_soon_threadsafe(lambda: self._go(self._send_to_others(body, answered)))
 
     async def _send_to_others(self, body: bytes, answered: Callable[[Any], object]) -> None:
-        loop = self._endpoint.loop
-        for name, address in self._locate() if self.ready else ():
+        loop, name = self._endpoint.loop, self._reached
+        for address in self._endpoint.network.locate(name) if self.ready else ():
             with contextlib.suppress(TaskRpcError):
                 connection = await self._endpoint.dialler.connection(address, None)
                 if connection is self._connection:

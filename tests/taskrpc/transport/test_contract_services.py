@@ -352,3 +352,23 @@ async def test_a_response_tells_how_long_the_call_was_in_the_server(net, monkeyp
     (await net.node()).create_service(Add, "slow", slow)
     await (await net.client(Add, "slow")).call(ask())
     assert 45_000 <= told[-1] < 5_000_000  # uvloop counts in milliseconds
+
+
+async def test_all_other_servers_of_the_name_that_is_called_run_a_request_too_and_no_others(net):
+    ran = []
+
+    def told(where):
+        return lambda request, response: ran.append(where) or add(request, response)
+
+    for where, name in (("one", "/ada/add"), ("two", "/ada/add"), ("the lab", "/add")):
+        (await net.node("server")).create_service(Add, name, told(where), join=True)
+    transport = (await net.node("client"))._transport
+    channel = transport.channel("/ada/add", Add, "/client", otherwise="/add")
+    assert await channel.wait(None)
+    answers = []
+    assert (await channel.send(ask(2, 3), None).future).sum == 5
+    channel.send_to_others(ask(2, 3), answers.append)
+    await until(lambda: answers)
+    await asyncio.sleep(0.05)
+    assert sorted(ran) == ["one", "two"]
+    assert [each.sum for each in answers] == [5]
