@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import threading
 import time
@@ -40,6 +41,9 @@ _SLICE = 0.1
 
 _GRACE = 1.0
 """Seconds for which an answer lies there before nobody seems to spin."""
+
+_FOR_OTHERS = 1.0
+"""Seconds for which a call like ROS's waits until all servers of its name have the request."""
 
 _LONG_GRACE = 5.0
 """The same while a callback runs in a pool, whose spinner may just do something else."""
@@ -169,8 +173,14 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             request = wrapped_or_refused(request, self._full_name, error)
             give_up = self._outbox.send(request, tell)
         if like_ros():
-            self._native.inner._channel.send_to_others(request, lambda found: tell(found, None))
+            self._send_to_others(request, tell)
         return give_up
+
+    def _send_to_others(self, request: SrvRequestT, tell: Tell) -> None:
+        channel = self._native.inner._channel
+        sent = channel.send_to_others(request, lambda found: tell(found, None))
+        with contextlib.suppress(TimeoutError):  # a program may end right after its call
+            sent.result(_FOR_OTHERS)
 
     def get_pending_request(self, sequence_number: int) -> Future[SrvResponseT]:
         """The future of a request that has no answer yet; raises KeyError for any other."""

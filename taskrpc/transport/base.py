@@ -22,6 +22,8 @@ from taskrpc.wire.messages import TopicEndpoint
 from taskrpc.wire.once import Claim, Number, Numbers
 
 if TYPE_CHECKING:
+    from concurrent.futures import Future
+
     from taskrpc.observer import Connections, Observer
 
 
@@ -193,10 +195,11 @@ class Channel(Protocol):
         Raises InvalidRequest for a request that cannot be sent.
         """
 
-    def send_to_others(self, request: Any, answered: Callable[[Any], object]) -> None:
+    def send_to_others(self, request: Any, answered: Callable[[Any], object]) -> Future[None]:
         """Have all other servers of the name run the request, too: in ROS 2 each of them does.
 
-        `answered(response)` is called, on the loop's thread, with each of their responses.
+        `answered(response)` is called, on the loop's thread, with each of their responses. What is
+        returned is done once the request was sent to all of them.
         """
 
     def send_next(self, request: Any, deadline: float | None) -> SentCall | None:

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import logging
 from collections.abc import Callable, Coroutine
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 from taskrpc.errors import (
     AuthenticationFailed,
@@ -29,6 +29,9 @@ from taskrpc.wire.frames import Flag
 from taskrpc.wire.messages import Endpoint as Named
 from taskrpc.wire.messages import Resolve
 from taskrpc.wire.once import Number, Numbers, with_number
+
+if TYPE_CHECKING:
+    from concurrent.futures import Future
 
 log = logging.getLogger("taskrpc.client")
 
@@ -279,14 +282,17 @@ class RemoteChannel:
         self._numbers = None
         self._connection = connection
 
-    def send_to_others(self, request: Any, answered: Callable[[Any], object]) -> None:
+    def send_to_others(self, request: Any, answered: Callable[[Any], object]) -> Future[None]:
         """Have all other servers of the name run the request, too; from any thread."""
-        body = self._encode(request)
-        loop = self._endpoint.loop
-        loop.call_soon_threadsafe(lambda: self._go(self._send_to_others(body, answered)))
+        sending = self._send_to_others(self._encode(request), answered)
+        return asyncio.run_coroutine_threadsafe(sending, self._endpoint.loop)
 
     async def _send_to_others(self, body: bytes, answered: Callable[[Any], object]) -> None:
-        loop, name = self._endpoint.loop, self._reached
+        loop = self._endpoint.loop
+        if not self.ready:
+            with contextlib.suppress(TaskRpcError):
+                await self.connect(loop.time() + RESOLVE_TIMEOUT)
+        name = self._reached
         for address in self._endpoint.network.locate(name) if self.ready else ():
             with contextlib.suppress(TaskRpcError):
                 connection = await self._endpoint.dialler.connection(address, None)
