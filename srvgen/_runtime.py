@@ -514,8 +514,7 @@ def _take_arrays_when_set(cls: type[Message]) -> None:
     def take(message: Message) -> None:
         for get, put, array_class in taken:
             values = get(message)
-            # Bytes are what a decoder puts there; the check that follows makes arrays of them.
-            if type(values) is not array_class and type(values) is not bytes:
+            if type(values) is not array_class:
                 put(message, _array_if_it_fits(array_class, values))
 
     # What msgspec calls whenever a message was made.
