@@ -85,6 +85,8 @@ def _misnamed(name: TypeName, folders: Iterable[Path]) -> str:
         return ""
     for path in _files(folder / name.kind for folder in folders):
         meant = meant_path(path) or path
+        if meant == path and is_message_name(path.stem):  # such as UInt8.msg for Uint8
+            continue
         if path.name != right and meant.name.lower() == right.lower():
             return f"rename {name.kind}/{path.name} to {right}"
     return ""

@@ -284,6 +284,12 @@ def test_a_file_with_the_wrong_name_is_what_its_type_lacks(run):
     assert "hint: rename msg/ape.msg to Ape.msg\n" in run("check", "my_msgs")[2]
 
 
+def test_a_type_in_other_capitals_is_meant_and_its_file_well_named(run):
+    put("my_msgs/msg/UInt9", "int32 a\n")
+    put("my_msgs/msg/Zoo", "Uint9 a\n")
+    assert "hint: did you mean UInt9?\n" in run("check", "my_msgs")[2]
+
+
 def test_a_definition_beside_the_folder_of_its_kind_is_to_be_moved(run):
     Path("my_msgs").mkdir()
     Path("my_msgs/Ape.msg").touch()
