@@ -102,7 +102,8 @@ class _InterfaceFinder(MetaPathFinder):
         for name in _names(package, kind):
             if module_name(name) == module:
                 return ModuleSpec(fullname, _ModuleLoader(f"{package}/{kind}/{name}"))
-        if module.startswith("_") or not is_importing() or self._real(fullname, path) is not None:
+        is_name = module and not module.startswith("_")  # "" by __import__(folder, fromlist=[""])
+        if not is_name or not is_importing() or self._real(fullname, path) is not None:
             return None
         if module in _names(package, kind):
             where = f"it is a class: from {package}.{kind} import {module}"

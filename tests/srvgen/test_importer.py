@@ -44,6 +44,12 @@ def test_a_service_is_imported_straight_from_its_file(workspace):
     )
 
 
+def test_the_folder_itself_is_got_by_an_empty_name(workspace):
+    srvgen.install_import_hook(workspace)
+    folder = __import__("lecture_interfaces.srv", fromlist=[""])
+    assert folder.RobotTask.Request(task_type="move")
+
+
 def test_load_gives_the_imported_class(workspace):
     srvgen.install_import_hook(workspace)
     from lecture_interfaces.srv import AddTwo  # type: ignore[import-not-found]
