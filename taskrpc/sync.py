@@ -10,7 +10,6 @@ import asyncio
 import inspect
 import os
 import threading
-from collections import deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
@@ -198,8 +197,8 @@ class Client:
     def __init__(self, loop: LoopThread, inner: _client.Client) -> None:
         self._loop = loop
         self._inner = inner
-        self._behind: deque[Future[Any]] = deque()
-        """Calls that the loop is yet to send."""
+        self._untold: set[Future[Any]] = set()
+        """Calls that the loop was given to send, and whose end nobody was told yet."""
         self.srv_type = inner.srv_type
         self.service_name = inner.service_name
 
@@ -256,22 +255,22 @@ class Client:
         Raises InvalidRequest for a request that cannot be sent.
         """
         self._loop.refuse_without_loop("call_then()")
-        if not self._behind:
+        if not self._untold:
             sent = self._inner._tell_in_thread(request, timeout, tell)
             if sent is not None:
                 return sent.give_up
-        # What was handed over before must be sent before.
+        # What was handed over before must be sent before, and told before.
         future: Future[Any] = Future()
-        future.add_done_callback(lambda done: _told(done, tell))
-        self._behind.append(future)
-        self._loop.soon(lambda: self._catch_up(request, timeout))
+        future.add_done_callback(lambda done: self._told(done, tell))
+        self._untold.add(future)
+        self._loop.soon(lambda: self._begin(future, request, timeout, UNSET, ""))
         return future.cancel
 
-    def _catch_up(self, request: Any, timeout: float | Unset | None) -> None:
-        try:
-            self._begin(self._behind[0], request, timeout, UNSET, "")
-        finally:
-            self._behind.popleft()  # only now may the caller's thread send by itself again
+    def _told(self, done: Future[Any], tell: Tell) -> None:
+        self._untold.discard(done)  # now the caller's thread may send by itself again
+        if not done.cancelled():
+            error = done.exception()
+            tell(None if error else done.result(), error)
 
     def destroy(self) -> None:
         """Forget the service."""
@@ -302,12 +301,6 @@ class _Node(_node.Node):
     """The node that lives on the loop, and is used by other threads."""
 
     _threads = True
-
-
-def _told(done: Future[Any], tell: Tell) -> None:
-    if not done.cancelled():
-        error = done.exception()
-        tell(None if error else done.result(), error)
 
 
 def _copy(inner: asyncio.Future[Any], outer: Future[Any]) -> None:

@@ -49,6 +49,9 @@ class Outbox:
         self._native = native
         self._codec = codec_of(srv_type.Request)
         self._waiting: deque[Request] = deque()
+        self._untold: set[Request] = set()
+        """What was not sent by the program's own thread, and has no answer: till then nothing is,
+        since answers to that are told sooner, and would overtake."""
         self._sending: asyncio.Task[None] | None = None
         self._closed = False
         _outboxes.add(self)
@@ -59,17 +62,21 @@ class Outbox:
 
         Raises InvalidRequest for one that cannot be sent.
         """
-
-        if not self._waiting and self._native.connected:
+        if not self._untold and self._native.connected:
             return self._native.call_then(message, partial(self._ended, message, tell), None)
         if like_ros() and not self._native.wait(_DISCOVERY):
             return lambda: None
         # What the program does to the message afterwards must not change the request.
         message = self._codec.decode(self._codec.encode(message))
-        request = Request(message, partial(self._ended, message, tell))
-        self._waiting.append(request)  # here, lest the thread's next request overtakes it
+        request = self._queue(message, tell)  # here, lest the thread's next request overtakes it
         self._native.bridge.soon(self._begin)
         return lambda: self._native.bridge.soon(lambda: self._give_up(request))
+
+    def _queue(self, message: Any, tell: Tell) -> Request:
+        request = Request(message, partial(self._ended, message, tell))
+        self._untold.add(request)
+        self._waiting.append(request)
+        return request
 
     @property
     def waits(self) -> bool:
@@ -96,7 +103,7 @@ class Outbox:
     def _ended(self, message: Any, tell: Tell, response: Any, error: BaseException | None) -> None:
         lost = self._closed or like_ros()
         if isinstance(error, ServiceUnavailable) and not lost:  # it certainly did not run
-            self._waiting.append(Request(message, partial(self._ended, message, tell)))
+            self._queue(message, tell)
             self._begin()
         else:
             tell(response, error)
@@ -119,11 +126,19 @@ class Outbox:
     def _send_first(self) -> None:
         request = self._waiting[0]  # it stays there until it is sent: nothing may overtake it
         try:
-            if not request.given_up:
+            if request.given_up:
+                self._untold.discard(request)
+            else:
                 request.future = future = self._native.inner.call_async(request.message, None)
-                future.add_done_callback(partial(_told, request.tell))
+                future.add_done_callback(partial(self._told, request))
         finally:
             self._waiting.popleft()
+
+    def _told(self, request: Request, done: asyncio.Future[Any]) -> None:
+        self._untold.discard(request)
+        if not done.cancelled():
+            error = done.exception()
+            request.tell(None if error is not None else done.result(), error)
 
     def _give_up(self, request: Request) -> None:
         request.given_up = True
@@ -147,10 +162,3 @@ def _let_go() -> None:
 
 
 _tasks: set[asyncio.Task[None]] = set()
-
-
-def _told(tell: Tell, done: asyncio.Future[Any]) -> None:
-    if done.cancelled():
-        return
-    error = done.exception()
-    tell(None if error is not None else done.result(), error)

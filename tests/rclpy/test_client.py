@@ -130,6 +130,28 @@ def test_no_request_overtakes_one_that_waits_for_the_connection(world, client, m
     assert came == [1, 2, 3]
 
 
+def test_no_answer_overtakes_that_of_one_that_waited_for_the_connection(world, client, monkeypatch):
+    """The loop sends the first; the caller those that follow, whose answers it hears of sooner."""
+    world.answer(client.call_async(Request()))
+    connected = NativeClient.connected.fget
+    to_the_caller = iter([False])
+
+    def seen(native):
+        here = threading.current_thread() is threading.main_thread()
+        return next(to_the_caller, True) if here else connected(native)
+
+    monkeypatch.setattr(NativeClient, "connected", property(seen))
+    service = service_of(next(iter(world.executor.get_nodes())), "/add")
+    answered, futures = [], []
+    for number in (1, 2, 3):
+        futures.append(client.call_async(Request(a=number)))
+        futures[-1].add_done_callback(lambda done: answered.append(done.result().sum))
+        until(lambda number=number: len(service._calls) == number)
+    client._native.bridge.soon(lambda: time.sleep(0.1))  # so that it finds all answers at once
+    world.spin_until(lambda: len(answered) == 3)
+    assert answered == [1, 2, 3]
+
+
 def test_waiting_ends_at_the_timeout_and_at_the_shutdown(world):
     client = world.node("caller").create_client(AddTwoInts, "nobody")
     assert client.wait_for_service(timeout_sec=0) is False

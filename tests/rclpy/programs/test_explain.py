@@ -407,7 +407,7 @@ def test_a_program_that_ctrl_c_ended_before_it_could_spin_is_not_blamed(ros):
 def test_an_answer_that_a_waiting_coroutine_keeps_away_is_told(run):
     source = RELAY.format(wait="answer = await inner.call_async(request)", group="")
     source = SOONER + source.replace("def twice", "async def twice")
-    _, _, err = run(HEAD + source + "ask('twice', 1)")
+    _, _, err = run(HEAD + source + "ask('twice', 2.5)")
     assert ["twice() holds while it awaits" in line for line in told(err)] == [True]
 
 
