@@ -293,10 +293,16 @@ class NumericArray(_Elements[Number]):
         return type(self), (bytes(self.little_endian()),)
 
 
+_ARRAYS: dict[str, type[NumericArray[Any]]] = {}
+"""The classes below, by the type of their elements."""
+
+
 def _array_class(code: str, convert: Callable[[Any, str], Number]) -> type[NumericArray[Number]]:
-    name = convert.__name__.removeprefix("to_").capitalize() + "Array"
+    element = convert.__name__.removeprefix("to_")
     facts = {"_CODE": code, "_SIZE": array(code).itemsize, "_CONVERT": staticmethod(convert)}
-    return type(name, (NumericArray,), {"__module__": __name__, "__slots__": (), **facts})
+    names = {"__module__": __name__, "__slots__": (), **facts}
+    _ARRAYS[element] = made = type(f"{element.capitalize()}Array", (NumericArray,), names)
+    return made
 
 
 Int8Array = _array_class("b", to_int8)
@@ -309,21 +315,6 @@ Int64Array = _array_class("q", to_int64)
 Uint64Array = _array_class("Q", to_uint64)
 Float32Array = _array_class("f", to_float32)
 Float64Array = _array_class("d", to_float64)
-_ARRAYS: dict[str, type[NumericArray[Any]]] = {
-    one._CONVERT.__name__.removeprefix("to_"): one
-    for one in (
-        Int8Array,
-        Uint8Array,
-        Int16Array,
-        Uint16Array,
-        Int32Array,
-        Uint32Array,
-        Int64Array,
-        Uint64Array,
-        Float32Array,
-        Float64Array,
-    )
-}
 _ARRAYS["char"] = Uint8Array
 
 # Messages carry arrays as raw bytes, which msgspec decodes without calling Python; `_check` makes
