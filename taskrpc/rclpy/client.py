@@ -42,11 +42,11 @@ _SLICE = 0.1
 _GRACE = 1.0
 """Seconds for which an answer lies there before nobody seems to spin."""
 
-_FOR_OTHERS = 1.0
-"""Seconds for which a call like ROS's waits until all servers of its name have the request."""
-
 _LONG_GRACE = 5.0
 """The same while a callback runs in a pool, whose spinner may just do something else."""
+
+_FOR_OTHERS = 1.0
+"""Seconds for which a call like ROS's waits until all servers of its name have the request."""
 
 
 class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
