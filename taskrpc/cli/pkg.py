@@ -41,9 +41,9 @@ def _add_create(commands: Commands) -> None:
         help="The package.xml format",
     )
     what = "The description given in the package.xml"
-    add("--description", default="TODO: Package description", help=what)
+    add("--description", default="", help=what)
     what = "The license attached to this package; ? lists those that ROS 2's tools know"
-    add("--license", default="TODO: License declaration", help=what)
+    add("--license", default="", help=what)
     what = "Directory where to create the package directory"
     add("--destination-directory", default=".", help=what)
     kinds = ["ament_cmake", "ament_python"]

@@ -76,8 +76,8 @@ def _manifest(options: Namespace) -> Manifest:
         build_type=options.build_type,
         maintainer=options.maintainer_name or name,
         email=options.maintainer_email or email,
-        description=options.description,
-        license=options.license,
+        description=options.description or Manifest.description,
+        license=options.license or Manifest.license,
         format=options.package_format,
         depends=tuple(options.dependencies),
     )
