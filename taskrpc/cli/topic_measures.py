@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -82,22 +83,19 @@ def _table(header: list[str], rows: list[list[str]]) -> str:
     return "\n".join([titles, "=" * len(titles), *lines, ""])
 
 
-class Measure:
-    """Something that is measured over the last `window` messages."""
+class Measure(ABC):
+    """Something that is measured over the last messages."""
 
     columns: ClassVar[Sequence[str]] = ()
     """The titles of a table with several of them."""
 
-    def __init__(self, window: int) -> None:
-        self._window = window
-
+    @abstractmethod
     def take(self, message: Any) -> None:
         """Take a message into account. Raises InvalidRequest where it cannot be measured."""
-        raise NotImplementedError
 
+    @abstractmethod
     def line(self) -> str:
         """What there is to say now, "" for nothing new."""
-        raise NotImplementedError
 
     def row(self) -> list[str]:
         """The same for a table, [] for nothing new."""
@@ -110,7 +108,6 @@ class Rate(Measure):
     columns = ("rate", "min_delta", "max_delta", "std_dev", "window")
 
     def __init__(self, window: int, holds: Callable[[Any], bool]) -> None:
-        super().__init__(window)
         self._holds = holds
         self._last = 0.0
         self._told = 0.0
@@ -151,7 +148,6 @@ class Delay(Measure):
     """How old messages are when they come."""
 
     def __init__(self, window: int) -> None:
-        super().__init__(window)
         self._fresh = False
         self._spans: deque[float] = deque(maxlen=window)
 
@@ -180,7 +176,6 @@ class Bandwidth(Measure):
     columns = ("bandwidth", "mean", "min", "max", "window")
 
     def __init__(self, window: int) -> None:
-        super().__init__(window)
         self._came: deque[tuple[float, int]] = deque(maxlen=window)
 
     def take(self, message: Any) -> None:
