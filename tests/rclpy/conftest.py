@@ -7,6 +7,7 @@ import pytest
 from taskrpc.rclpy.context import Context
 from taskrpc.rclpy.executors import SingleThreadedExecutor
 from tests.rclpy.fakes import FakeNode
+from tests.rclpy.living import living
 
 
 @pytest.fixture
@@ -28,3 +29,10 @@ def executor(context, fake):
     executor.add_node(fake)
     yield executor
     executor.shutdown()
+
+
+@pytest.fixture
+def world():
+    """Nodes that live on the network."""
+    with living() as world:
+        yield world

@@ -13,7 +13,7 @@ import srvgen
 from taskrpc.errors import HandlerFailed, InvalidRequest, OutcomeUnknown
 from taskrpc.rclpy._bridge import NativeClient
 from taskrpc.rclpy.exceptions import InvalidHandle, InvalidServiceNameException
-from tests.rclpy.living import PATIENCE, living, service_of, until
+from tests.rclpy.living import PATIENCE, service_of, until
 
 pytestmark = pytest.mark.real_time
 
@@ -24,12 +24,6 @@ Request = AddTwoInts.Request
 def add(request, response):
     response.sum = request.a + request.b
     return response
-
-
-@pytest.fixture
-def world():
-    with living() as world:
-        yield world
 
 
 @pytest.fixture
@@ -107,12 +101,9 @@ def test_a_request_waits_for_a_server_that_comes_later(world):
     assert [world.answer(first).sum, world.answer(second).sum] == [2, 11]
 
 
-def test_no_request_overtakes_one_that_waits_for_the_connection(world, client, monkeypatch):
-    """The first is sent by the loop, the next by the caller, for whom the connection is there."""
-    world.answer(client.call_async(Request()))
-    came = []
-    service = service_of(next(iter(world.executor.get_nodes())), "/add")
-    monkeypatch.setattr(service, "callback", lambda request, response: came.append(request.a))
+@pytest.fixture
+def sent_by_the_loop(monkeypatch):
+    """The loop sends the next request, the caller those after it: it finds the connection there."""
     connected = NativeClient.connected.fget
     to_the_caller = iter([False])
 
@@ -120,7 +111,17 @@ def test_no_request_overtakes_one_that_waits_for_the_connection(world, client, m
         here = threading.current_thread() is threading.main_thread()
         return next(to_the_caller, True) if here else connected(native)
 
-    monkeypatch.setattr(NativeClient, "connected", property(seen))
+    return lambda: monkeypatch.setattr(NativeClient, "connected", property(seen))
+
+
+def test_no_request_overtakes_one_that_waits_for_the_connection(
+    world, client, monkeypatch, sent_by_the_loop
+):
+    world.answer(client.call_async(Request()))
+    came = []
+    service = service_of(next(iter(world.executor.get_nodes())), "/add")
+    monkeypatch.setattr(service, "callback", lambda request, response: came.append(request.a))
+    sent_by_the_loop()
     client._native.bridge.soon(lambda: time.sleep(0.05))
     for number in (1, 2, 3):
         client.call_async(Request(a=number))
@@ -130,17 +131,12 @@ def test_no_request_overtakes_one_that_waits_for_the_connection(world, client, m
     assert came == [1, 2, 3]
 
 
-def test_no_answer_overtakes_that_of_one_that_waited_for_the_connection(world, client, monkeypatch):
-    """The loop sends the first; the caller those that follow, whose answers it hears of sooner."""
+def test_no_answer_overtakes_that_of_one_that_waited_for_the_connection(
+    world, client, sent_by_the_loop
+):
+    """It hears sooner of the answers to what the caller itself has sent."""
     world.answer(client.call_async(Request()))
-    connected = NativeClient.connected.fget
-    to_the_caller = iter([False])
-
-    def seen(native):
-        here = threading.current_thread() is threading.main_thread()
-        return next(to_the_caller, True) if here else connected(native)
-
-    monkeypatch.setattr(NativeClient, "connected", property(seen))
+    sent_by_the_loop()
     service = service_of(next(iter(world.executor.get_nodes())), "/add")
     answered, futures = [], []
     for number in (1, 2, 3):

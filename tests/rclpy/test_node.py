@@ -27,12 +27,6 @@ String = srvgen.load("std_msgs/msg/String")
 Trigger = srvgen.load("std_srvs/srv/Trigger")
 
 
-@pytest.fixture
-def world():
-    with living() as world:
-        yield world
-
-
 @pytest.mark.parametrize(
     ("namespace", "whole"), [(None, "/"), ("", "/"), ("ns", "/ns"), ("/my/ns", "/my/ns")]
 )

@@ -22,12 +22,6 @@ Trigger = srvgen.load("std_srvs/srv/Trigger")
 
 
 @pytest.fixture
-def world():
-    with living() as world:
-        yield world
-
-
-@pytest.fixture
 def node(world):
     return world.node("robot", namespace="/ns")
 

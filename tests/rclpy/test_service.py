@@ -20,12 +20,6 @@ AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
 Request = AddTwoInts.Request
 
 
-@pytest.fixture
-def world():
-    with living() as world:
-        yield world
-
-
 def called(world, callback, **settings):
     """A future of a call of a service with this callback."""
     world.node("server").create_service(AddTwoInts, "add", callback, **settings)

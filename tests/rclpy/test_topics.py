@@ -16,18 +16,12 @@ from taskrpc.rclpy.qos_event import PublisherEventCallbacks, SubscriptionEventCa
 from taskrpc.rclpy.serialization import deserialize_message, serialize_message
 from taskrpc.rclpy.subscription import Subscription
 from taskrpc.rclpy.wait_for_message import wait_for_message
-from tests.rclpy.living import living, until
+from tests.rclpy.living import until
 
 pytestmark = pytest.mark.real_time
 
 Bool = srvgen.load("std_msgs/msg/Bool")
 String = srvgen.load("std_msgs/msg/String")
-
-
-@pytest.fixture
-def world():
-    with living() as world:
-        yield world
 
 
 @pytest.fixture
