@@ -113,7 +113,7 @@ def _end_in_one_line() -> None:
         kind: type[BaseException], error: BaseException, traceback: TracebackType | None
     ) -> None:
         if issubclass(kind, KeyboardInterrupt):
-            print("Interrupted by Ctrl-C", file=sys.stderr)
+            print("KeyboardInterrupt", file=sys.stderr)
         else:
             others(kind, error, traceback)
 
