@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
 from functools import partial
 from itertools import islice
 from typing import TypeAlias
@@ -13,7 +13,7 @@ import msgspec
 
 from taskrpc.errors import TaskRpcError, told
 from taskrpc.tasks.board import Board
-from taskrpc.tasks.model import Task
+from taskrpc.tasks.model import State, Task
 from taskrpc.tasks.store import TaskStore
 from taskrpc.wire.once import Client, Completion
 
@@ -27,7 +27,8 @@ class TaskBook:
     Args:
         store: where tasks survive.
         board: where changes are announced.
-        keep_ended: how many ended tasks are remembered; the oldest are forgotten.
+        keep_ended: how many ended tasks are remembered; the oldest are forgotten. Interrupted
+            tasks are never forgotten and do not count: a person decides about each of them.
     """
 
     def __init__(self, store: TaskStore, board: Board, *, keep_ended: int = 1000) -> None:
@@ -35,7 +36,9 @@ class TaskBook:
         self._store = store
         self._keep_ended = keep_ended
         self._tasks: dict[int, Task] = {}
-        self._ended: dict[int, None] = {}  # an ordered set, the oldest end first
+        # Two ordered sets, the oldest end first.
+        self._ended: dict[int, None] = {}  # without the interrupted tasks
+        self._interrupted: dict[int, None] = {}
         self._commits: dict[int, asyncio.Future[None]] = {}  # task_id -> its newest commit
         self._next_id = 1
         self._next_arrival = 1
@@ -79,8 +82,14 @@ class TaskBook:
         return self._tasks.values()
 
     def ended(self) -> Iterator[Task]:
-        """Iterate over the ended tasks, the newest end first."""
-        return (self._tasks[task_id] for task_id in reversed(self._ended))
+        """Iterate over the ended tasks: the interrupted ones, then the others, newest end first."""
+        numbers = (*reversed(self._interrupted), *reversed(self._ended))
+        return (self._tasks[task_id] for task_id in numbers)
+
+    @property
+    def interrupted(self) -> Collection[int]:
+        """The numbers of the tasks that wait for a person's decision."""
+        return self._interrupted.keys()
 
     def save(
         self,
@@ -212,15 +221,19 @@ class TaskBook:
     def _note(self, task: Task) -> None:
         self._tasks[task.task_id] = task
         self._ended.pop(task.task_id, None)
-        if task.state.is_ended:
+        self._interrupted.pop(task.task_id, None)
+        if task.state is State.INTERRUPTED:
+            self._interrupted[task.task_id] = None
+        elif task.state.is_ended:
             self._ended[task.task_id] = None
 
     def _surplus(self, tasks: tuple[Task, ...]) -> list[int]:
         """The ended tasks that are too many once these are stored.
 
-        What is on its way to the store stays: it may be about to be queued once more.
+        A task that is being stored stays: it may be about to be queued once more.
         """
-        ending = [task.task_id for task in tasks if task.state.is_ended]
+        ending = [task for task in tasks if task.state.is_ended]
+        ending = [task for task in ending if task.state is not State.INTERRUPTED]
         if not ending:
             return []
         busy = {*self._commits, *(task.task_id for task in tasks)}

@@ -40,7 +40,7 @@ class TaskManager:
         queue_limit: how many tasks may wait.
         share: how many of them may be of one account at one machine; None for all.
         settle: real seconds that an idle robot waits for company before it takes the first task.
-        keep_ended: how many ended tasks are remembered.
+        keep_ended: how many ended tasks are remembered, besides the interrupted ones.
         wall_clock: the time of day, in seconds since 1970.
     """
 
@@ -92,9 +92,7 @@ class TaskManager:
             waited = max(0.0, self._wall_clock() - task.submitted_at) * self._guard.speed
             self._timetable.resume(task, now, waited=waited)
         self._worker.start(paused=self.book.was_paused)
-        ended = (task for task in self.book.ended() if task.state is State.INTERRUPTED)
-        interrupted = tuple(sorted(task.task_id for task in ended))
-        return Resumed(len(queued), interrupted, self.is_paused)
+        return Resumed(len(queued), tuple(sorted(self.book.interrupted)), self.is_paused)
 
     async def close(self) -> None:
         """Halt the robot, store what ran as INTERRUPTED, answer the watchers, close the store.
@@ -116,6 +114,9 @@ class TaskManager:
             parts.append(f"task {self.running.task_id} in hand")
         if self.is_paused:
             parts.append("the queue is paused")
+        if count := len(self.book.interrupted):
+            tasks = "interrupted task waits" if count == 1 else "interrupted tasks wait"
+            parts.append(f"{count} {tasks} for a decision (taskrpc task list --all)")
         return ", ".join(parts)
 
     @property

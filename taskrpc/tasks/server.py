@@ -75,7 +75,7 @@ class TaskServer:
         share: how many of them may be of one account at one machine; None for all.
         settle: real seconds that an idle robot waits for company before it takes the first task.
         service_name: the name of the service that takes tasks.
-        keep_ended: how many ended tasks are remembered.
+        keep_ended: how many ended tasks are remembered, besides the interrupted ones.
         join: whether to start although another server has the name.
         introspection: what the services tell of their calls; see `Node.configure_introspection`.
         wall_clock: the time of day, in seconds since 1970.

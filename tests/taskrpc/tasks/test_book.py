@@ -83,6 +83,31 @@ async def test_the_oldest_ended_tasks_are_forgotten_in_the_store_too():
     assert [task.task_id for task in (await store.load()).tasks] == [2, 3, 4, 5, 6]
 
 
+async def test_interrupted_tasks_are_never_forgotten():
+    store = FullStore()
+    book = TaskBook(store, Board(), keep_ended=2)
+    for number in range(1, 5):
+        await book.save(make(number, state=State.INTERRUPTED))
+    for number in range(5, 10):
+        await book.save(make(number, state=State.CANCELED))
+    assert [task.task_id for task in (await store.load()).tasks] == [1, 2, 3, 4, 8, 9]
+    assert [task.task_id for task in book.ended()] == [4, 3, 2, 1, 9, 8]
+    reopened = TaskBook(store, Board(), keep_ended=2)
+    await reopened.open()
+    await reopened.save(make(10, state=State.CANCELED))
+    assert list(reopened.interrupted) == [1, 2, 3, 4]
+
+
+async def test_an_interrupted_task_counts_as_ended_once_it_is_dropped():
+    store = FullStore()
+    book = TaskBook(store, Board(), keep_ended=2)
+    await book.save(make(1, state=State.INTERRUPTED))
+    await book.save(*(make(number, state=State.CANCELED) for number in (2, 3)))
+    await book.save(make(1, state=State.CANCELED))
+    assert list(book.interrupted) == []
+    assert [task.task_id for task in book.ended()] == [1, 3]
+
+
 async def test_a_task_queued_once_more_is_not_forgotten():
     store, board = FullStore(), Board()
     book = TaskBook(store, board, keep_ended=2)

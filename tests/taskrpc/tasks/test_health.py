@@ -65,6 +65,22 @@ async def test_a_server_at_work_is_ready_and_says_what_it_has_to_do(node, server
         assert await asked(node) == (True, told)
 
 
+async def test_health_counts_the_interrupted_tasks(node, disk):
+    for name in ("first", "second"):  # each ends while it runs a task
+        async with TaskServer(node, LineRobot(), disk, service_name=name) as server:
+            await server.manager.submit("move", "3", 5)
+            await asyncio.sleep(1)
+            count = "" if name == "first" else ", 1 interrupted task waits for a decision"
+            told = f"ready: no tasks in the queue, task {server.manager.running.task_id} in hand"
+            assert (await server.health()).message.partition(" (")[0] == told + count
+    async with TaskServer(node, LineRobot(), disk) as server:
+        told = "2 interrupted tasks wait for a decision (taskrpc task list --all)"
+        assert await asked(node) == (True, f"ready: no tasks in the queue, {told}")
+        for task_id in (1, 2):
+            await server.manager.drop(task_id)
+        assert await asked(node) == (True, "ready: no tasks in the queue")
+
+
 async def test_a_server_that_reads_its_tasks_answers_that_it_is_not_ready(node, server, disk):
     disk.slowness = 60
     starting = asyncio.ensure_future(server.start())
