@@ -29,10 +29,11 @@ def _wrapped(line: str) -> list[str]:
     if line.startswith("if "):
         first, *others = line.removeprefix("if ").removesuffix(":").split(" or ")
         return ["if (", f"    {first}", *(f"    or {other}" for other in others), "):"]
-    head, opening, arguments = line.partition("(")
+    head, opening, call = line.partition("(")
     if not opening:
         return [line]
-    return [f"{head}(", f"{indent}    {arguments[:-1]}", f"{indent})"]
+    arguments, _, rest = call.rpartition(")")  # `raise … from None` goes on behind the call
+    return [f"{head}(", f"{indent}    {arguments}", f"{indent}){rest}"]
 
 
 def _check_singles(fields: Sequence[Field], scope: Scope) -> list[str]:
