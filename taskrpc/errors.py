@@ -59,6 +59,12 @@ class Code(IntEnum):
     SESSION_EXPIRED = 18
     ID_REUSED = 19
 
+    def __str__(self) -> str:
+        return self.name
+
+    def __format__(self, spec: str) -> str:
+        return format(self.name, spec)  # an IntEnum's own formats the number
+
 
 class TaskRpcError(Exception):
     """The root of every error that this library raises on purpose.
@@ -66,10 +72,12 @@ class TaskRpcError(Exception):
     Attributes:
         not_executed: True when the call certainly did not run, False when it did, None if unknown.
         files: files that the text names, which are nothing to callers elsewhere.
+        for_callers: the text for callers elsewhere, "" for the same text without its files.
     """
 
     not_executed: bool | None = None
     files: tuple[str, ...] = ()
+    for_callers: str = ""
 
     def __init__(self, message: str = "", *, not_executed: bool | None = None) -> None:
         super().__init__(message)
@@ -244,7 +252,7 @@ _PATH = re.compile(
 
 def told(error: TaskRpcError) -> str:
     """What callers elsewhere hear of an error of this machine's: its text without its files."""
-    text = str(error)
+    text = error.for_callers or str(error)
     for file in sorted(error.files, key=len, reverse=True):
         text = text.replace(f"{file}: ", "").replace(file, "the server's file")
     # Stores of others name their files too, and do not say which words are names.

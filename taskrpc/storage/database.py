@@ -209,6 +209,46 @@ class Database:
         return Witness(store_id, commits)
 
 
+class MemoryDatabase:
+    """A database without a file, used as `Database` is; it lasts until `close`.
+
+    Args:
+        prepare, equip: as for `Database`.
+
+    Raises:
+        StoreError: `prepare` failed.
+    """
+
+    is_broken = False
+
+    def __init__(self, prepare: _Work, equip: _Work) -> None:
+        # The loop that uses the store, and so the thread, may be another one later.
+        self._connection = _connect(":memory:", check_same_thread=False)
+        try:
+            self.change(prepare)
+        except sqlite3.Error as error:
+            self.close()
+            raise StoreError(f"the tables cannot be made: {error}") from error
+        equip(self._connection)
+
+    def read(self, work: Callable[[sqlite3.Connection], _Result]) -> _Result:
+        """Look something up. Raises StoreError."""
+        try:
+            return work(self._connection)
+        except sqlite3.Error as error:
+            raise StoreError(str(error)) from error
+
+    def change(self, work: _Work) -> None:
+        """Do all of it or nothing of it. Raises what `work` raises."""
+        with self._connection as connection:
+            connection.execute("BEGIN")
+            work(connection)
+
+    def close(self) -> None:
+        """Forget everything."""
+        self._connection.close()
+
+
 class _CommitFailed(Exception):
     """COMMIT raised `error`, and may have been done or not."""
 
@@ -234,8 +274,8 @@ def pragma(connection: sqlite3.Connection, name: str) -> int:
     return value
 
 
-def _connect(path: Path) -> sqlite3.Connection:
-    connection = sqlite3.connect(path, isolation_level=None)
+def _connect(path: Path | str, *, check_same_thread: bool = True) -> sqlite3.Connection:
+    connection = sqlite3.connect(path, isolation_level=None, check_same_thread=check_same_thread)
     # What a damaged file holds need not be text.
     connection.text_factory = bytes
     try:

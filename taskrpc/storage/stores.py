@@ -17,12 +17,14 @@ from taskrpc.storage.completions import (
     read_completions,
     read_store_id,
 )
-from taskrpc.storage.database import Database
+from taskrpc.storage.database import Database, MemoryDatabase
 from taskrpc.storage.memory import KeptCompletions
-from taskrpc.storage.writer import Writer
+from taskrpc.storage.writer import NOTHING_STORED, Writer
 from taskrpc.wire.once import Client, Completion, Remembered
 
-Statement: TypeAlias = tuple[str, Sequence[Any] | Mapping[str, Any]]
+Parameters: TypeAlias = Sequence[Any] | Mapping[str, Any]
+
+Statement: TypeAlias = tuple[str, Parameters]
 """One SQL statement and its parameters, as `sqlite3.Connection.execute` takes them."""
 
 _ENDS_TRANSACTIONS = re.compile(
@@ -33,12 +35,19 @@ _ENDS_TRANSACTIONS = re.compile(
 class MemoryCompletions:
     """Keeps what an exactly-once service has done for as long as the object itself lasts.
 
-    An effect is a function without arguments, called once.
+    It takes the effects of `SqliteCompletions`, for tables in memory, so that a test can replace
+    one by the other. An effect may also be a function without arguments, which is called once.
+
+    Args:
+        schema: statements that make the service's own tables, as for `SqliteCompletions`.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, schema: Sequence[str] = ()) -> None:
         self._store_id = os.urandom(16)
         self._kept = KeptCompletions()
+        self._schema = tuple(schema)
+        self._guard = _Guard()
+        self._tables: MemoryDatabase | None = None
 
     async def recall(self) -> Remembered:
         """Return what is remembered."""
@@ -47,20 +56,46 @@ class MemoryCompletions:
     def complete(
         self,
         completion: Completion | None,
-        effect: Callable[[], object] | None = None,
+        effect: Callable[[], object] | Sequence[Statement] | None = None,
         forgotten: Sequence[Client] = (),
     ) -> None:
-        """Call the effect, remember its completion and forget clients.
+        """Apply the effect, remember its completion and forget clients.
 
         Raises:
-            StoreError: the effect raised; nothing is remembered or forgotten.
+            StoreError: the effect failed; nothing is remembered, forgotten or changed in the
+                tables.
         """
-        try:
-            if effect is not None:
-                effect()
-        except Exception as error:
-            raise StoreError(f"the effect failed: {error}") from error
+        if effect is not None:
+            self._apply(effect)
         self._kept.keep(completion, forgotten)
+
+    async def query(self, sql: str, parameters: Parameters = ()) -> list[tuple[Any, ...]]:
+        """Return the rows that a SELECT finds in the service's tables. Raises StoreError."""
+        return self._opened().read(lambda found: self._guard.look_up(found, sql, parameters))
+
+    async def close(self) -> None:
+        """Do nothing: this store has nothing to close, but `SqliteCompletions` has."""
+
+    def _apply(self, effect: Callable[[], object] | Sequence[Statement]) -> None:
+        try:
+            if callable(effect):
+                effect()
+            else:
+                statements = _statements(effect)
+                self._opened().change(lambda tables: self._guard.carry_out(tables, statements))
+        except StoreError:
+            raise
+        except Exception as error:
+            raise _refused(f"the effect failed: {error}") from error
+
+    def _opened(self) -> MemoryDatabase:
+        if self._tables is None:
+            self._tables = MemoryDatabase(self._prepare, self._guard.watch)
+        return self._tables
+
+    def _prepare(self, connection: sqlite3.Connection) -> None:
+        for statement in self._schema:
+            connection.execute(statement)
 
 
 class SqliteCompletions:
@@ -68,17 +103,17 @@ class SqliteCompletions:
 
     An effect is a sequence of `(sql, parameters)`, done in the transaction that remembers the
     request. The file is the store's for writing, from the first use until `close`; to look
-    something up, a service reads it through a connection of its own.
+    something up, a service uses `query`, or reads the file through a connection of its own.
 
     Args:
         path: the database file; made if it is not there. A file `<path>.lock` beside it says
-            which process uses it.
+            which process uses it. `:memory:` makes no file; all is forgotten at `close`.
         schema: statements that make the service's own tables where they lack, such as
             `CREATE TABLE IF NOT EXISTS …`; done whenever the file is opened.
     """
 
     def __init__(self, path: str | os.PathLike[str], schema: Sequence[str] = ()) -> None:
-        self._path = Path(path).absolute()
+        self._path = None if str(path) == ":memory:" else Path(path).absolute()
         self._schema = tuple(schema)
         self._guard = _Guard()
         self._writer: Writer[_Done] = Writer(self._open_file, self._write)
@@ -104,11 +139,11 @@ class SqliteCompletions:
             StoreError: nothing was changed.
             OutcomeUnknown: nobody knows whether it was, before `recall`.
         """
-        statements = _statements(effect)
-        for sql, _ in statements:
-            if _ENDS_TRANSACTIONS.match(sql):
-                raise StoreError(_not_part(sql))
-        await self._writer.change(_Done(completion, statements, forgotten))
+        await self._writer.change(_Done(completion, _statements(effect), forgotten))
+
+    async def query(self, sql: str, parameters: Parameters = ()) -> list[tuple[Any, ...]]:
+        """Return the rows that a SELECT finds among what is stored. Raises StoreError."""
+        return await self._writer.read(lambda found: self._guard.look_up(found, sql, parameters))
 
     @property
     def transactions(self) -> Mapping[int, int]:
@@ -119,17 +154,17 @@ class SqliteCompletions:
         """Write everything into the one file and let others use it."""
         await self._writer.close()
 
-    def _open_file(self) -> Database:
+    def _open_file(self) -> Database | MemoryDatabase:
+        if self._path is None:
+            return MemoryDatabase(self._prepare, self._guard.watch)
         return Database(self._path, self._prepare, self._guard.watch, holder="program")
 
-    def _write(self, database: Database, changes: Sequence[_Done]) -> None:
+    def _write(self, database: Database | MemoryDatabase, changes: Sequence[_Done]) -> None:
         def work(connection: sqlite3.Connection) -> None:
             batch = CompletionBatch()
-            with self._guard:
-                for change in changes:
-                    for sql, parameters in change.effect:
-                        _do(connection, sql, parameters)
-                    batch.add(change.completion, change.forgotten)
+            for change in changes:
+                self._guard.carry_out(connection, change.effect)
+                batch.add(change.completion, change.forgotten)
             batch.write(connection)
 
         database.change(work)
@@ -156,7 +191,7 @@ class _Done:
 
 
 class _Guard:
-    """Lets no statement within its block touch the transaction, however it is written.
+    """Runs a service's statements, and lets none touch the transaction, however it is written.
 
     One that ended it would leave behind the effects of others without their completions.
     """
@@ -174,15 +209,32 @@ class _Guard:
     def __init__(self) -> None:
         self._is_on = False
 
-    def __enter__(self) -> None:
-        self._is_on = True
-
-    def __exit__(self, *_: object) -> None:
-        self._is_on = False
-
     def watch(self, connection: sqlite3.Connection) -> None:
         """Be asked about each statement that the connection compiles."""
         connection.set_authorizer(self._may)
+
+    def carry_out(self, connection: sqlite3.Connection, effect: Sequence[Statement]) -> None:
+        """Run an effect's statements. Raises ValueError for one that ends the transaction."""
+        self._is_on = True
+        try:
+            for sql, parameters in effect:
+                _do(connection, sql, parameters)
+        finally:
+            self._is_on = False
+
+    def look_up(
+        self, connection: sqlite3.Connection, sql: str, parameters: Parameters
+    ) -> list[tuple[Any, ...]]:
+        """Return the rows of a statement, which can change nothing."""
+        connection.execute("PRAGMA query_only = ON")
+        connection.text_factory, before = str, connection.text_factory
+        self._is_on = True
+        try:
+            return connection.execute(sql, parameters).fetchall()
+        finally:
+            self._is_on = False
+            connection.text_factory = before
+            connection.execute("PRAGMA query_only = OFF")
 
     def _may(self, action: int, *_: str | None) -> int:
         denied = self._is_on and action in self._FORBIDDEN
@@ -191,11 +243,23 @@ class _Guard:
 
 def _statements(effect: Any) -> list[Statement]:
     try:
-        if all(isinstance(sql, str) for sql, _ in effect or ()):
-            return list(effect or ())
+        statements = list(effect or ())
+        is_right = all(isinstance(sql, str) for sql, _ in statements)
     except (TypeError, ValueError):
-        pass
-    raise StoreError(f"expected an effect of pairs [(sql, parameters), …], got {effect!r:.200}")
+        is_right = False
+    if not is_right:
+        raise _refused(f"expected an effect of pairs [(sql, parameters), …], got {effect!r:.200}")
+    for sql, _ in statements:
+        if _ENDS_TRANSACTIONS.match(sql):
+            raise _refused(_not_part(sql))
+    return statements
+
+
+def _refused(problem: str) -> StoreError:
+    """An error whose text is for the server's log: it may show SQL, which callers must not see."""
+    error = StoreError(problem)
+    error.for_callers = NOTHING_STORED
+    return error
 
 
 def _do(connection: sqlite3.Connection, sql: str, parameters: Any) -> None:

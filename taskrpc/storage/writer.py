@@ -9,17 +9,23 @@ from collections import Counter, deque
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
-from typing import Any, Generic, TypeVar
+from typing import Any, Generic, TypeAlias, TypeVar
 
 from taskrpc.errors import OutcomeUnknown, StoreError
-from taskrpc.storage.database import Database
+from taskrpc.storage.database import Database, MemoryDatabase
 from taskrpc.storage.lock import FileInUse
 
 _Change = TypeVar("_Change")
 _Result = TypeVar("_Result")
 
+NOTHING_STORED = "nothing was stored; the server's log says why"
+"""What callers are told where the error's text may show SQL or other code of the service."""
+
 _LOOK = 0.05
 """Seconds between two looks whether the file is free; nobody is told by the system."""
+
+
+_Opened: TypeAlias = Database | MemoryDatabase
 
 
 class Writer(Generic[_Change]):
@@ -36,12 +42,12 @@ class Writer(Generic[_Change]):
 
     def __init__(
         self,
-        open_file: Callable[[], Database],
-        write: Callable[[Database, Sequence[_Change]], None],
+        open_file: Callable[[], _Opened],
+        write: Callable[[Any, Sequence[_Change]], None],
     ) -> None:
         self._open_file = open_file
         self._write = write
-        self._database: Database | None = None
+        self._database: _Opened | None = None
         self._thread: ThreadPoolExecutor | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting: deque[_Asked] = deque()
@@ -144,7 +150,7 @@ class Writer(Generic[_Change]):
 
     # In the thread
 
-    def _opened(self) -> Database:
+    def _opened(self) -> _Opened:
         if self._database is None:
             self._database = self._open_file()
         return self._database
@@ -197,5 +203,6 @@ def _outcome(work: Callable[[], Any]) -> list[Any]:
 
 def _refusal(error: Exception) -> StoreError:
     refusal = StoreError(f"nothing was stored: {error}")
+    refusal.for_callers = NOTHING_STORED
     refusal.__cause__ = error
     return refusal

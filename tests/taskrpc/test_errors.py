@@ -142,3 +142,9 @@ def test_what_callers_hear_of_a_store_names_no_file(text, heard):
     if heard is None:
         heard = "… and … and …; 1/2 of 3/4 is and/or not"
     assert errors.told(error) == heard
+
+
+def test_a_code_prints_its_name():
+    code = errors.HandlerError("NOT_FOUND", "no such part").code
+    assert (f"{code}", str(code), "%s" % code, f"{code:>10}") == (*["NOT_FOUND"] * 3, " NOT_FOUND")  # noqa: UP031
+    assert (int(code), code == 5) == (5, True)

@@ -335,6 +335,18 @@ async def test_what_the_store_refuses_has_not_run_and_may_run_later():
         assert lab.store.effects == ["1+2"]
 
 
+async def test_the_caller_never_sees_sql(caplog):
+    def forget(request, response):
+        return Effect(response, [("DELETE FROM secrets", ())])
+
+    async with Lab(taskrpc.MemoryCompletions(), forget) as lab:
+        with pytest.raises(HandlerFailed) as caught:
+            await lab.client.call(Add.Request())
+    assert str(caught.value) == "nothing was stored; the server's log says why"
+    assert caught.value.not_executed
+    assert "no such table: secrets" in caplog.text
+
+
 async def test_a_store_that_cannot_tell_is_read_anew_before_anything_is_decided():
     async with Lab(Store(), Counter()) as lab:
         complete = lab.store.complete

@@ -3,11 +3,12 @@
 import asyncio
 import contextlib
 import sqlite3
+from functools import partial
 
 import pytest
 
 from taskrpc import MemoryCompletions, SqliteCompletions
-from taskrpc.errors import StoreError
+from taskrpc.errors import StoreError, told
 from taskrpc.wire.once import Completion, CompletionStore
 
 TABLE = "CREATE TABLE IF NOT EXISTS stock (part TEXT PRIMARY KEY, count INTEGER CHECK (count >= 0))"
@@ -43,9 +44,7 @@ class Sqlite:
 
     def __init__(self, tmp_path):
         self.path = tmp_path / "stock.db"
-        self.store = SqliteCompletions(
-            self.path, [TABLE, "INSERT OR IGNORE INTO stock VALUES ('nut', 0)"]
-        )
+        self.store = SqliteCompletions(self.path, [TABLE, FILLED])
 
     def effect(self, more):
         return [("UPDATE stock SET count = count + :more", {"more": more})]
@@ -59,12 +58,92 @@ class Sqlite:
         await self.store.close()
 
 
+class Tables(Sqlite):
+    """Counts in a table in memory."""
+
+    def __init__(self, make):
+        self.store = make(schema=[TABLE, FILLED])
+
+
 @pytest.fixture(params=[Memory, Sqlite])
 async def stock(request, tmp_path):
     stock = request.param(tmp_path)
     await stock.store.recall()
     yield stock
     await stock.close()
+
+
+@pytest.fixture(params=["MemoryCompletions", "memory", "file"])
+async def tables(request, tmp_path):
+    """Every store that takes SQL."""
+    kinds = {
+        "MemoryCompletions": MemoryCompletions,
+        "memory": partial(SqliteCompletions, ":memory:"),
+        "file": partial(SqliteCompletions, tmp_path / "stock.db"),
+    }
+    stock = Tables(kinds[request.param])
+    await stock.store.recall()
+    yield stock
+    await stock.close()
+
+
+COUNT = "SELECT part, count FROM stock"
+
+
+async def test_every_ready_made_store_takes_sql_effects(tables):
+    await complete(tables.store, completion(1), tables.effect(5))
+    await complete(tables.store, completion(2), None)
+    assert await tables.store.query(COUNT) == [("nut", 5)]
+    assert await known(tables.store) == [(b"c", 1), (b"c", 2)]
+
+
+async def test_a_failed_sql_effect_changes_nothing_in_any_store(tables):
+    both = [*tables.effect(3), *tables.effect(-9)]
+    with pytest.raises(StoreError, match="CHECK constraint failed"):
+        await complete(tables.store, completion(1), both)
+    assert await tables.store.query(COUNT) == [("nut", 0)]
+    assert await known(tables.store) == []
+
+
+@pytest.mark.parametrize("sql", ["COMMIT", "-- done\nROLLBACK", "PRAGMA query_only = OFF"])
+async def test_no_store_lets_an_effect_end_the_transaction(tables, sql):
+    with pytest.raises(StoreError, match="an effect is part of a transaction: it cannot do"):
+        await complete(tables.store, completion(1), [*tables.effect(1), (sql, ())])
+    assert await tables.store.query(COUNT) == [("nut", 0)]
+
+
+@pytest.mark.parametrize("sql", ["DELETE FROM stock", "COMMIT", "SELECT * FROM stocks"])
+async def test_a_query_changes_nothing(tables, sql):
+    with pytest.raises(StoreError, match=r"readonly|not authorized|no such table"):
+        await tables.store.query(sql)
+    await complete(tables.store, completion(1), tables.effect(2))
+    assert await tables.store.query(COUNT + " WHERE part = ?", ["nut"]) == [("nut", 2)]
+
+
+async def test_the_path_memory_makes_no_file(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    store = SqliteCompletions(":memory:")
+    await store.complete(completion(1))
+    assert list(tmp_path.iterdir()) == []
+    await store.close()
+    assert await known(store) == []
+    await store.close()
+
+
+async def test_a_schema_with_a_mistake_is_told_in_memory_too():
+    store = SqliteCompletions(":memory:", ["CREATE TABEL stock (part)"])
+    with pytest.raises(StoreError, match=r"the tables cannot be made: .*syntax error"):
+        await store.recall()
+    await store.close()
+
+
+@pytest.mark.parametrize(
+    "effect", [[("DELETE FROM secrets", ())], [("COMMIT -- secrets", ())], "DELETE FROM secrets"]
+)
+async def test_sql_text_is_not_for_callers(tables, effect):
+    with pytest.raises(StoreError, match="secrets") as caught:
+        await complete(tables.store, completion(1), effect)
+    assert told(caught.value) == "nothing was stored; the server's log says why"
 
 
 async def known(store):
