@@ -6,6 +6,7 @@ from argparse import REMAINDER, ArgumentParser, Namespace
 
 _USAGE = """taskrpc run [-h] [OPTIONS] SCRIPT [ARGS ...] [--ros-args ...]
        taskrpc run [-h] [OPTIONS] -m MODULE [ARGS ...] [--ros-args ...]
+       taskrpc run [-h] [OPTIONS] -c CODE [ARGS ...] [--ros-args ...]
        taskrpc run [-h] [OPTIONS] PACKAGE EXECUTABLE [ARGS ...] [--ros-args ...]"""
 
 
@@ -18,6 +19,8 @@ def configure(parser: ArgumentParser) -> None:
     parser.add_argument("--like-ros", action="store_true", help=what)
     what = "run a module, as python -m, with its own arguments"
     parser.add_argument("-m", metavar="MODULE", dest="module", nargs=REMAINDER, help=what)
+    what = "run Python code, as python -c, with its own arguments"
+    parser.add_argument("-c", metavar="CODE", dest="code", nargs=REMAINDER, help=what)
     what = "a Python file, or a package of the workspace here and its executable, then arguments"
     parser.add_argument("rest", metavar="PROGRAM", nargs=REMAINDER, help=what)
     parser.set_defaults(run=_run, parser=parser)
@@ -26,6 +29,10 @@ def configure(parser: ArgumentParser) -> None:
 def _run(options: Namespace) -> int:
     import os
 
+    if options.module == []:
+        options.parser.error("argument -m: expected a module")
+    if options.code == []:
+        options.parser.error("argument -c: expected code")
     if options.like_ros:
         os.environ["TASKRPC_LIKE_ROS"] = "1"
     if options.prefix:
@@ -35,8 +42,15 @@ def _run(options: Namespace) -> int:
 
         module, *arguments = options.module
         return run_module(module, arguments)
+    if options.code:
+        from taskrpc.ros.running import run_code
+
+        code, *arguments = options.code
+        return run_code(code, arguments)
     if not options.rest:
-        options.parser.error("expected a script, a package and its executable, or -m and a module")
+        options.parser.error(
+            "expected a script, a package and its executable, -m and a module, or -c and code"
+        )
     return _run_named(*options.rest)
 
 
@@ -52,8 +66,12 @@ def _run_behind(options: Namespace) -> int:
         prefix = shlex.split(options.prefix)
     except ValueError as error:
         raise UsageError(f"--prefix: expected a command, got {options.prefix}: {error}") from None
-    what = ["-m", *options.module] if options.module else options.rest
-    command = [*prefix, sys.executable, "-m", "taskrpc", "run", *what]
+    program = options.rest
+    if options.module:
+        program = ["-m", *options.module]
+    elif options.code:
+        program = ["-c", *options.code]
+    command = [*prefix, sys.executable, "-m", "taskrpc", "run", *program]
     with subprocess.Popen(command) as process:
         while True:
             try:

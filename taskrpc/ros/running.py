@@ -31,13 +31,22 @@ def run_script(path: Path, arguments: Sequence[str]) -> int:
     except OSError as error:
         raise TaskRpcError(f"cannot run {path}: {error.strerror or error}") from None
     _prepare(path.resolve().parent, [str(path), *arguments])
+    return _run_as_main(source, str(path), __file__=str(path))
+
+
+def run_code(code: str, arguments: Sequence[str]) -> int:
+    """Run a text of Python as `python -c` does; ends as `run_script` does."""
+    _prepare(Path.cwd(), ["-c", *arguments])
+    return _run_as_main(code, "<string>")
+
+
+def _run_as_main(source: str | bytes, file: str, **attributes: object) -> int:
+    """Compile a program and run it as the module `__main__`, which has these attributes."""
     main = ModuleType("__main__")
-    main.__dict__.update(__file__=str(path), __builtins__=__builtins__)
+    main.__dict__.update(attributes, __builtins__=__builtins__)
     sys.modules["__main__"] = main
     # Not with our own `from __future__ import annotations`.
-    return _ended(
-        lambda: exec(compile(source, str(path), "exec", dont_inherit=True), main.__dict__)
-    )
+    return _ended(lambda: exec(compile(source, file, "exec", dont_inherit=True), main.__dict__))
 
 
 def run_module(name: str, arguments: Sequence[str]) -> int:

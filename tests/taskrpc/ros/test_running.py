@@ -44,6 +44,31 @@ def test_a_program_imports_rclpy_and_interfaces_in_any_order_and_has_its_argumen
     )
 
 
+@pytest.mark.parametrize("prefix", [(), ("--prefix", "env")])
+def test_code_runs_and_fails_as_python_c_does(tmp_path, prefix):
+    folder = tmp_path / "my_things" / "srv"
+    folder.mkdir(parents=True)
+    (folder / "Ask.srv").write_text("int64 a\n---\nint64 b\n")
+    code = (
+        "import rclpy, sys\nfrom my_things.srv import Ask\n"
+        "print(__name__, sys.argv, Ask.Request(a=2))\n1 / 0"
+    )
+    done = subprocess.run(
+        [sys.executable, "-m", "taskrpc", "run", *prefix, "-c", code, "-x", "--ros-args"],
+        cwd=tmp_path,
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=60,
+    )
+    expected = "__main__ ['-c', '-x', '--ros-args'] my_things.srv.Ask_Request(a=2)\n"
+    assert (done.returncode, done.stdout) == (1, expected)
+    first, where, *_, last = done.stderr.splitlines()
+    assert first == "Traceback (most recent call last):"
+    assert where == '  File "<string>", line 4, in <module>'
+    assert last == "ZeroDivisionError: division by zero"
+
+
 def test_a_package_beside_the_script_is_found_wherever_it_is_started(run, tmp_path):
     folder = tmp_path / "my_things" / "srv"
     folder.mkdir(parents=True)
