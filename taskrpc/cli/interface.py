@@ -35,8 +35,8 @@ def _add_list(commands: Commands) -> None:
 
 def _add_package(commands: Commands) -> None:
     parser = add_command(commands, "package", "Output a list of the interfaces of one package")
+    _add_kinds(parser, "Print out only the {} types")
     parser.add_argument("package_name", help="Name of the package (e.g. 'example_interfaces')")
-    _add_json(parser)
     parser.set_defaults(run=_package)
 
 
@@ -84,13 +84,18 @@ def _add_kinds(parser: argparse.ArgumentParser, what: str) -> None:
     _add_json(parser)
 
 
+def _kinds(options: argparse.Namespace) -> list[str]:
+    """The kinds that the options of `_add_kinds` select, in ros2's order."""
+    return [kind for kind in _HEADINGS if kind in (options.kinds or _HEADINGS)]
+
+
 def _add_json(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--json", action="store_true", help="Print JSON")
 
 
 def _list(options: argparse.Namespace) -> int:
     search = definitions.search()
-    found: dict[str, list[str]] = {kind: [] for kind in options.kinds or _HEADINGS}
+    found: dict[str, list[str]] = {kind: [] for kind in _kinds(options)}
     for package in search.packages():
         for name in search.interfaces(package):
             found.get(name.split("/")[1], []).append(name)
@@ -110,12 +115,15 @@ def _package(options: argparse.Namespace) -> int:
 
         hint = did_you_mean(options.package_name, search.packages())
         raise hinted(NotFound(f"Unknown package '{options.package_name}'"), hint)
-    return print_names(sorted(search.interfaces(options.package_name)), as_json=options.json)
+    kinds = _kinds(options)
+    found = search.interfaces(options.package_name)
+    wanted = sorted(name for name in found if name.split("/")[1] in kinds)
+    return print_names(wanted, as_json=options.json)
 
 
 def _packages(options: argparse.Namespace) -> int:
     search = definitions.search()
-    kinds = set(options.kinds or _HEADINGS)
+    kinds = set(_kinds(options))
     found = [
         package
         for package in search.packages()

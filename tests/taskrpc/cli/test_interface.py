@@ -73,6 +73,20 @@ def test_package_lists_its_interfaces(run):
     assert run("package", "paint_msgs") == (0, "paint_msgs/msg/Dot\npaint_msgs/srv/Paint\n", "")
 
 
+def test_package_lists_the_selected_kinds_only(run):
+    assert run("package", "-m", "paint_msgs") == (0, "paint_msgs/msg/Dot\n", "")
+    assert run("package", "paint_msgs", "-s") == (0, "paint_msgs/srv/Paint\n", "")
+    assert run("package", "paint_msgs", "--only-actions") == (0, "", "")
+    both = run("package", "paint_msgs", "-s", "--only-msgs", "-a")
+    assert both == run("package", "paint_msgs")
+
+
+def test_list_has_ros2_s_order_of_kinds_whatever_the_order_of_options(run):
+    lines = run("list", "-s", "-m")[1].splitlines()
+    headings = [line for line in lines if not line.startswith("    ")]
+    assert headings == ["Messages:", "Services:"]
+
+
 def test_an_unknown_package_is_exit_1_and_names_what_is_near(run):
     assert run("package", "paint_msg") == (
         1,
