@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import sys
 from collections.abc import Sequence
 
@@ -109,8 +110,8 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     add("-r", "--rate", metavar="N", type=positive, help=what)
     what = "Call this many times (once; with --rate until interrupted)"
     add("--count", metavar="N", type=whole(1), default=0, help=what)
-    what = f"Seconds for waiting and call together ({_DEFAULT_TIMEOUT:g})"
-    add("--timeout", metavar="S", type=positive, default=_DEFAULT_TIMEOUT, help=what)
+    what = f"Seconds for waiting and call together ({_DEFAULT_TIMEOUT:g}); 0 or inf: no limit"
+    add("--timeout", metavar="S", type=_time_limit, default=_DEFAULT_TIMEOUT, help=what)
     what = "Repeat a failed call up to N times, where that is safe (0)"
     add("--retries", metavar="N", type=whole(0), default=0, help=what)
     what = (
@@ -122,6 +123,20 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     add("--json", action="store_true", help=what)
     add_connect(parser)
     add("--transport", choices=["tcp"], default="tcp", help="How the call travels (tcp)")
+
+
+def _time_limit(text: str) -> float | None:
+    """Seconds, or None for 0 and `inf`: wait as ros2 does, for as long as it takes."""
+    from argparse import ArgumentTypeError
+
+    try:
+        seconds = float(text)
+    except ValueError:
+        seconds = math.nan
+    if not seconds >= 0:  # what is no number is neither
+        expected = "seconds, or 0 or inf for no limit"
+        raise ArgumentTypeError(f"expected {expected}, got {text!r}")
+    return seconds if 0 < seconds < math.inf else None
 
 
 def standard_input() -> str:

@@ -41,8 +41,8 @@ class Plan(msgspec.Struct, frozen=True):
     type_name: str = ""
     """Empty where the server is to tell it."""
     values: tuple[str, ...] = ()
-    timeout: float = 10.0
-    """Seconds of one call, waiting for the service included."""
+    timeout: float | None = 10.0
+    """Seconds of one call, waiting for the service included; None for no limit."""
     retries: int = 0
     request_id: str = ""
     """The user's name for the request, "" for none."""
@@ -92,16 +92,16 @@ class _Caller:
                 await asyncio.sleep(max(0.0, due - self._loop.time()))
 
     async def _call(self) -> None:
-        deadline = self._loop.time() + self._plan.timeout
+        timeout = self._plan.timeout
+        deadline = None if timeout is None else self._loop.time() + timeout
         client = self._client
         if client is None or not client.service_is_ready():
             client = self._client = await self._reach(deadline)
         self._print(f"requester: making request: {self._request!r}\n")
-        left = deadline - self._loop.time()
         try:
             response = await client.call(
                 self._request,
-                timeout=left,
+                timeout=None if deadline is None else deadline - self._loop.time(),
                 retry=self._retry,
                 request_id=self._plan.request_id,
             )
@@ -113,7 +113,7 @@ class _Caller:
             print(json.dumps(_without_nan(srvgen.to_builtins(response))), flush=True)
         self._print(f"response:\n{response!r}\n")
 
-    async def _reach(self, deadline: float) -> Client:
+    async def _reach(self, deadline: float | None) -> Client:
         """A client, and the request that fits it; both as the server defines them."""
         type_name, text = await self._definition(deadline)
         given = self._plan.type_name
@@ -130,7 +130,7 @@ class _Caller:
             self._client.destroy()
         return self._node.create_client(cls, self._service)
 
-    async def _definition(self, deadline: float) -> tuple[str, str]:
+    async def _definition(self, deadline: float | None) -> tuple[str, str]:
         """What the server says of the service's type, as soon as there is one."""
         while True:
             try:
@@ -142,12 +142,12 @@ class _Caller:
                 if not self._plan.remote.places:
                     raise
             await self._say_waiting(deadline)
-            left = deadline - self._loop.time()
+            left = math.inf if deadline is None else deadline - self._loop.time()
             if left <= 0:
                 raise await self._unknown()
             await asyncio.sleep(min(POLL, left))
 
-    async def _say_waiting(self, deadline: float) -> None:
+    async def _say_waiting(self, deadline: float | None) -> None:
         """Say once that we wait, unless what was typed cannot succeed in any case."""
         if self._said_waiting:
             return
@@ -158,7 +158,7 @@ class _Caller:
         if not self._plan.as_json:
             print("waiting for service to become available...", file=sys.stderr, flush=True)
 
-    async def _ask_places(self, deadline: float) -> None:
+    async def _ask_places(self, deadline: float | None) -> None:
         """Find out why a program elsewhere does not tell of the service.
 
         Raises AuthenticationFailed: waiting would not help.

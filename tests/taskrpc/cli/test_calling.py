@@ -10,8 +10,10 @@ import pytest
 import srvgen
 import taskrpc
 from srvgen.search import Search
+from taskrpc.cli.call import configure
 from taskrpc.cli.calling import Plan, perform
 from taskrpc.cli.command import Exit, exit_code
+from taskrpc.cli.parsing import Parser
 from taskrpc.errors import (
     Code,
     DeadlineExceeded,
@@ -138,6 +140,26 @@ async def test_waiting_and_call_share_the_timeout(serve, capsys):
         await perform(plan(timeout=4.0))
     assert exit_code(caught.value) is Exit.DEADLINE
     assert now() == pytest.approx(4.0, abs=0.1)
+
+
+async def test_without_a_time_limit_service_and_response_are_awaited_for_as_long_as_it_takes(
+    serve, capsys
+):
+    async def slow(request, response):
+        await asyncio.sleep(60.0)
+        return add(request, response)
+
+    await serve(slow, after=60.0)
+    await perform(plan("a=2", "b=3", timeout=None))
+    assert capsys.readouterr() == (ANSWER, "waiting for service to become available...\n")
+    assert now() == pytest.approx(120.0, abs=0.2)
+
+
+@pytest.mark.parametrize(("text", "limit"), [("0", None), ("inf", None), ("2.5", 2.5)])
+def test_timeout_0_and_inf_mean_no_time_limit(text, limit):
+    parser = Parser()
+    configure(parser)
+    assert parser.parse_args(["/add_two_ints", "--timeout", text]).timeout == limit
 
 
 async def test_with_json_nothing_but_the_answer_is_printed(serve, capsys):
