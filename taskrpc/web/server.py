@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import logging
 import socket
 import ssl
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Iterator
 from types import TracebackType
 from typing import Any, Self, cast
 
 from aiohttp import web
 
 from taskrpc.errors import CannotListen
+from taskrpc.transport.connection import shown
 from taskrpc.transport.listening import Listener
 from taskrpc.transport.network import Factory
+from taskrpc.transport.seldom import SeldomLog
 from taskrpc.transport.tcp import bound, is_loopback, join_place, split_place
 from taskrpc.transport.tls import ServerTls, Tls
 from taskrpc.web.guard import Guard, Head, own_names
@@ -23,6 +26,7 @@ from taskrpc.web.pages import Page, Pages
 log = logging.getLogger("taskrpc.web")
 
 MAX_CONNECTIONS = 64
+"""Connections at a time; one more cuts off the oldest whose request is not being answered."""
 PATIENCE = 10.0
 """Seconds for one request and its answer, after which the connection is cut off."""
 
@@ -61,6 +65,7 @@ class WebServer:
                 " (127.0.0.1, localhost, ::1) a certificate (tls) and a token are needed"
             )
         self._server: web.Server | None = None
+        self._places = _Places()
         self._listener: Listener | None = None
 
     async def __aenter__(self) -> Self:
@@ -99,11 +104,7 @@ class WebServer:
 
     def _protocol(self) -> asyncio.BaseProtocol:
         assert self._server is not None, "connections come after the start"
-        if len(self._server.connections) >= MAX_CONNECTIONS:
-            return _TurnedAway()
-        no_log: Any = None  # a line a request would be too many
-        loop = asyncio.get_running_loop()
-        return _Impatient(self._server, loop=loop, access_log=no_log)
+        return _Connection(self._server, self._places)
 
     async def _answer(self, request: web.BaseRequest) -> web.StreamResponse:
         refusal = self._guard.refusal(_head(request))
@@ -114,7 +115,8 @@ class WebServer:
         elif show is None:
             page = Page(f"no such page; there are {', '.join(self._pages)}\n", status=404)
         else:
-            page = await _shown(request.path, show)
+            with self._places.kept(request.protocol):
+                page = await _shown(request.path, show)
         return _response(page)
 
 
@@ -149,22 +151,83 @@ def _response(page: Page) -> web.Response:
     return response
 
 
-class _Impatient(web.RequestHandler):
-    """Whatever a stranger does not say or read, he holds his place for a while only."""
+class _Places:
+    """The connections of one server: bounded, and unfinished requests keep no others out."""
 
-    __slots__ = ("_timer",)
+    def __init__(self) -> None:
+        self._open: dict[web.RequestHandler, asyncio.Transport] = {}
+        """In the order in which they came."""
+        self._answered: set[web.RequestHandler] = set()
+        """Those whose page is being made."""
+        self.malformed = SeldomLog(log)
+
+    def take(self, connection: web.RequestHandler, transport: asyncio.Transport) -> None:
+        """Give a new connection a place, if need be that of the oldest that can be spared."""
+        self._open[connection] = transport
+        if len(self._open) > MAX_CONNECTIONS:
+            oldest = next(each for each in self._open if each not in self._answered)
+            self._open.pop(oldest).abort()
+
+    def leave(self, connection: web.RequestHandler) -> None:
+        """A connection is gone."""
+        self._open.pop(connection, None)
+
+    @contextlib.contextmanager
+    def kept(self, connection: web.RequestHandler) -> Iterator[None]:
+        """Inside the block a connection is not cut off for another one."""
+        self._answered.add(connection)
+        try:
+            yield
+        finally:
+            self._answered.discard(connection)
+
+
+class _Connection(web.RequestHandler):
+    """One connection of aiohttp's, which is cut off after `PATIENCE` and logs no tracebacks."""
+
+    __slots__ = ("_places", "_timer")
+
+    def __init__(self, server: web.Server, places: _Places) -> None:
+        no_log: Any = None  # a line a request would be too many
+        super().__init__(server, loop=asyncio.get_running_loop(), access_log=no_log)
+        self._places = places
+        self._timer: asyncio.TimerHandle | None = None
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
-        self._timer = asyncio.get_running_loop().call_later(PATIENCE, self.force_close)
+        writing = cast("asyncio.Transport", transport)
+        # An abort: a peer that does not read would keep its place while we wait to close.
+        self._timer = asyncio.get_running_loop().call_later(PATIENCE, writing.abort)
+        self._places.take(self, writing)
 
     def connection_lost(self, exc: BaseException | None) -> None:
-        self._timer.cancel()
+        self._places.leave(self)
+        if self._timer is not None:
+            self._timer.cancel()
         super().connection_lost(exc)
 
+    def handle_error(
+        self,
+        request: web.BaseRequest,
+        status: int = 500,
+        exc: BaseException | None = None,
+        message: str | None = None,
+    ) -> web.StreamResponse:
+        """Answer a request that is not valid HTTP; aiohttp would log a traceback for each."""
+        if status != 400:
+            return super().handle_error(request, status, exc, message)
+        self._refused(exc)
+        return _response(Page("expected a valid request of HTTP/1.1\n", status=status))
 
-class _TurnedAway(asyncio.Protocol):
-    """A connection too many."""
+    def log_exception(self, *args: Any, **options: Any) -> None:
+        """Log what aiohttp caught; a body that breaks off is no fault of ours."""
+        problem = options.get("exc_info")
+        if isinstance(problem, web.RequestPayloadError):
+            self._refused(problem)
+        else:
+            super().log_exception(*args, **options)
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        transport.close()
+    def _refused(self, problem: BaseException | None) -> None:
+        now, peer = asyncio.get_running_loop().time(), shown(self.peername)
+        text = "refused a request from %s: it is not valid HTTP (%s)"
+        self._places.malformed.warning(now, text, peer, type(problem).__name__)

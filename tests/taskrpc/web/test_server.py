@@ -1,6 +1,8 @@
 """The web server over real sockets: pages, refusals, TLS, and strangers who say nothing."""
 
 import asyncio
+import contextlib
+import re
 import ssl
 
 import aiohttp
@@ -99,9 +101,75 @@ async def test_who_says_nothing_loses_his_place(web, monkeypatch):
     assert await raw(web, b"GET /hello HTTP/1.1\r\nHo") == b""
 
 
-async def test_one_connection_too_many_is_turned_away(web, monkeypatch):
-    monkeypatch.setattr(server, "MAX_CONNECTIONS", 0)
-    assert await raw(web, b"") == b""
+@pytest.mark.parametrize(
+    "unfinished",
+    [
+        b"",
+        b"GET /hello HTTP/1.1\r\nHo",
+        b"POST /hello HTTP/1.1\r\nHost: x\r\nContent-Length: 9\r\n\r\n1",
+    ],
+)
+async def test_hundreds_of_unfinished_requests_keep_no_page_waiting(web, unfinished, monkeypatch):
+    monkeypatch.setattr(server, "PATIENCE", 1_000)
+    host, _, port = web.url.rpartition("/")[2].rpartition(":")
+    unfinished_ones = []
+    for _ in range(4 * server.MAX_CONNECTIONS):
+        _, writer = await asyncio.open_connection(host, int(port))
+        writer.write(unfinished)
+        unfinished_ones.append(writer)
+    status, _, text = await fetch(f"{web.url}/hello")
+    assert (status, text) == (200, "hello\n")
+    for writer in unfinished_ones:
+        writer.close()
+
+
+async def test_a_page_that_is_being_made_is_not_cut_off_for_new_connections(monkeypatch):
+    monkeypatch.setattr(server, "MAX_CONNECTIONS", 2)
+    asked, go_on = asyncio.Event(), asyncio.Event()
+
+    async def slow():
+        asked.set()
+        await go_on.wait()
+        return Page("slow\n")
+
+    async with WebServer({"/slow": slow}, listen="127.0.0.1:0") as web:
+        fetching = asyncio.create_task(fetch(f"{web.url}/slow"))
+        await asked.wait()
+        host, _, port = web.url.rpartition("/")[2].rpartition(":")
+        first, first_writer = await asyncio.open_connection(host, int(port))
+        _, second_writer = await asyncio.open_connection(host, int(port))
+        with contextlib.suppress(ConnectionResetError):
+            assert await first.read() == b""
+        go_on.set()
+        assert (await fetching)[2] == "slow\n"
+        first_writer.close()
+        second_writer.close()
+
+
+MALFORMED = [
+    b"GET / HTTP/9.9\r\n\r\n",
+    b"GET / HTTP/1.1\r\nA B: c\r\n\r\n",
+    b"GET / HTTP/1.1\r\nHost: x\r\nContent-Length: -1\r\n\r\n",
+    b"GET / HTTP/1.1\r\nX: " + b"a" * 20_000 + b"\r\n\r\n",
+    b"GET http://[ HTTP/1.1\r\nHost: x\r\n\r\n",
+    bytes(100),
+]
+
+
+async def test_malformed_requests_get_400_and_one_log_line_together(web, caplog):
+    for data in MALFORMED:
+        assert (await raw(web, data)).startswith(b"HTTP/1.0 400 Bad Request")
+    [line] = caplog.records
+    assert re.fullmatch(
+        r"refused a request from 127\.0\.0\.1:\d+: it is not valid HTTP \(\w+\)", line.getMessage()
+    )
+    assert line.exc_info is None
+
+
+async def test_a_body_that_cannot_be_decoded_logs_no_traceback(web, caplog):
+    head = b"POST /hello HTTP/1.1\r\nHost: x\r\nContent-Encoding: gzip\r\nContent-Length: 9\r\n\r\n"
+    assert (await raw(web, head + b"no gzip!!")).startswith(b"HTTP/1.1 405")
+    assert "Traceback" not in caplog.text
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "192.0.2.1"])
