@@ -256,6 +256,34 @@ async def test_a_promise_survives_a_restart_and_names_it():
     await new.close()
 
 
+async def test_resumed_tasks_do_not_delay_one_another():
+    """Each promise is moved by the restart alone, whatever the order of the priorities."""
+    wall = 1000.0
+    store = MemoryStore()
+    old = TaskManager(LineRobot(speed=4.0), store, wall_clock=lambda: wall)
+    await old.start()
+    await old.pause()
+    await submit(old, ("1", 3), ("20", 9), ("7", 3), ("40", 5))
+    promised = {number: old.book.find(number).accepted_estimate for number in range(1, 5)}
+    await old.close()
+    wall += 60.0
+    robot = LineRobot(speed=4.0)
+    new = TaskManager(robot, store, wall_clock=lambda: wall)
+    await new.start()
+    for number in range(1, 5):
+        task = new.book.find(number)
+        assert task.accepted_estimate == promised[number]
+        (change,) = new.changes(task)
+        assert change.cause == "the server was restarted"
+        # 60 s on the wall are 240 s on the robot's clock.
+        assert promised[number] + change.seconds == pytest.approx(240.0 + new.estimate(number))
+    await new.resume()
+    await idle(new)
+    assert [target for _, target in robot.log] == ["20", "40", "1", "7"]
+    assert {task.task_id: task.accepted_estimate for task in new.book.ended()} == promised
+    await new.close()
+
+
 @pytest.mark.parametrize(
     ("resumed", "text"),
     [

@@ -244,3 +244,33 @@ async def test_so_many_changes_that_some_are_forgotten_still_add_up():
     total = sum(change.seconds for change in manager.book.find(2).changes)
     assert first.estimated_time + total == pytest.approx(took, rel=0.01)
     await manager.close()
+
+
+async def test_a_resumed_promise_still_adds_up_when_some_changes_are_forgotten():
+    wall, store = 1000.0, MemoryStore()
+    old = TaskManager(LineRobot(), store, wall_clock=lambda: wall)
+    await old.start()
+    await old.submit("move", "50", 5)
+    await asyncio.sleep(5)
+    promised = (
+        await old.submit("move", "5", 5)
+    ).estimated_time  # after task 1, which is not resumed
+    await old.pause()
+    await old.close()
+    wall += 30.0
+    manager = TaskManager(LineRobot(), store, wall_clock=lambda: wall)
+    await manager.start()
+    loop = asyncio.get_running_loop()
+    restarted_at = loop.time()
+    await asyncio.sleep(2)
+    for number in range(3, 2_300):
+        await manager.submit("move", "7", 6)
+        await manager.cancel(number)
+    manager.reckon()
+    task = manager.book.find(2)
+    changes = manager.changes(task)
+    assert changes[0].cause.endswith("earlier changes")
+    passed = 30.0 + loop.time() - restarted_at
+    said = promised + sum(change.seconds for change in changes)
+    assert said == pytest.approx(passed + manager.estimate(2), abs=0.01)
+    await manager.close()
