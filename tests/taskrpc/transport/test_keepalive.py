@@ -14,6 +14,7 @@ from taskrpc.transport.keepalive import PROFILES
 from taskrpc.transport.patience import _INFO as INFO
 from taskrpc.transport.patience import Patience
 from taskrpc.transport.tcp import bound
+from taskrpc.wire.frames import FrameType
 from tests.taskrpc.transport.helpers import Add, Gate, ask, until
 
 
@@ -40,6 +41,25 @@ async def test_a_call_into_a_hole_is_given_up_when_the_callers_profile_says(prof
         with pytest.raises(taskrpc.OutcomeUnknown):
             await client.call(ask())
         assert asyncio.get_running_loop().time() - began == pytest.approx(seconds)
+
+
+async def test_a_peer_that_does_not_answer_is_pinged_once_per_silence():
+    async with apart({}, {}) as (network, _, client):
+        connection = client._channel._connection
+        loop, asked = asyncio.get_running_loop(), []
+        write = connection.transport.write
+
+        def recorded(data):
+            if data[4] == FrameType.PING:
+                asked.append(loop.time())
+            write(data)
+
+        connection.transport.write = recorded
+        network.partition("client", "server")
+        began = loop.time()
+        await until(lambda: not connection.is_open, 60)
+        # The first ping is due after 5 s, and the connection ends 8 s later.
+        assert [time - began for time in asked] == pytest.approx([5.0, 10.0], abs=1.01)
 
 
 @pytest.mark.parametrize(("profile", "seconds"), [("default", 5 + 1 + 8), ("robot", 1 + 1 + 2)])
