@@ -685,6 +685,46 @@ def test_what_a_callback_in_a_pool_raises_leaves_spin(pool, fake):
 
 
 @pytest.mark.real_time
+def test_a_task_that_was_chosen_while_a_callback_failed_runs_later(context):
+    gate, after_the_failure, seen = threading.Event(), threading.Event(), []
+
+    def fail():
+        gate.wait(5)
+        raise ZeroDivisionError
+
+    class Failing:
+        """A future: the callback fails when the executor has asked twice whether it is done."""
+
+        asked = 0
+
+        def add_done_callback(self, callback):
+            pass
+
+        def cancelled(self):
+            return False
+
+        def done(self):
+            self.asked += 1
+            if self.asked == 2:  # the first time the executor only collects what is ready
+                gate.set()
+                assert after_the_failure.wait(5)
+            return False
+
+    with pytest.warns(UserWarning, match="single thread"):
+        pool = MultiThreadedExecutor(1, context=context)
+    with pool:
+        for task in (fail, after_the_failure.set):  # one after the other, on the pool's one thread
+            pool.create_task(task)
+            pool.spin_once(0)
+        pool.create_task(seen.append, "ran")
+        with pytest.raises(ZeroDivisionError):
+            pool.spin_once_until_future_complete(Failing(), 0)
+        assert not seen
+        spin_until(pool, lambda: seen)
+    assert seen == ["ran"]
+
+
+@pytest.mark.real_time
 def test_an_exit_in_a_pool_leaves_spin(pool, fake):
     fake.guard(lambda: exit(3)).trigger()
     with pytest.raises(SystemExit):
