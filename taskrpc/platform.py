@@ -165,6 +165,21 @@ def why_not_private(descriptor: int, path: object, *, is_key: bool = False) -> s
     return ""
 
 
+def may_anybody_write(folder: Path) -> bool:
+    """Whether every user of the machine may make files in a folder; False where nobody can tell."""
+    if WINDOWS:  # folders of other users are closed there unless somebody opened them
+        return False
+    try:
+        return bool(os.stat(folder).st_mode & stat.S_IWOTH)
+    except OSError:
+        return False
+
+
+def is_ours_or_roots(found: os.stat_result) -> bool:
+    """Whether this user or root owns a file."""
+    return WINDOWS or found.st_uid in (os.getuid(), 0)
+
+
 def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
     """Write a file that only this user can read; whoever reads it sees it whole, old or new.
 

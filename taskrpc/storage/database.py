@@ -20,10 +20,11 @@ from typing import Any, TypeVar
 
 from taskrpc import platform
 from taskrpc.errors import OutcomeUnknown, StoreError
+from taskrpc.storage import place
+from taskrpc.storage.completions import has_tables
 from taskrpc.storage.lock import Lock, Witness
 from taskrpc.storage.sentences import is_about_the_file, is_full, loss, plainly
 
-_SIDE_FILES = ("", "-wal", "-shm")
 _Result = TypeVar("_Result")
 _Work = Callable[[sqlite3.Connection], None]
 
@@ -37,28 +38,40 @@ class Database:
         prepare: makes the tables that a file lacks, in a transaction, or refuses the file.
         equip: gives a connection what it needs besides tables, whenever there is a new one.
         holder: what uses such a file, as a sentence names it.
+        anew: whether a store that is missing, or lacks transactions, does not matter, because
+            everything is to be forgotten.
 
     Raises:
         StoreError: it cannot be opened.
     """
 
-    def __init__(self, path: Path, prepare: _Work, equip: _Work, *, holder: str) -> None:
+    def __init__(
+        self, path: Path, prepare: _Work, equip: _Work, *, holder: str, anew: bool = False
+    ) -> None:
         self._path = path
         self._equip = equip
         self._why_broken = ""
         with contextlib.ExitStack() as undo, plainly(path):
+            place.refuse_strangers(path)
+            place.refuse_second_name(path)
             self._lock = Lock(path, holder)
             undo.callback(self._lock.close)
+            if not anew:  # before SQLite can delete the log
+                place.refuse_lost_store(path.resolve(), self._lock.path, self._lock.witness)
             _create_private(path.resolve())
             self._connection = _connect(path)
             undo.callback(self._disconnect)
+            if not anew:
+                self._refuse_other_contents()
             self._prepare(prepare)
             _make_private(path.resolve())
             self._connection.execute("PRAGMA journal_mode = WAL")
             equip(self._connection)
             self._file = path.stat()
             self._reached = self._count()
-            self._refuse_loss()
+            if not anew:
+                self._refuse_loss()
+            self._note(self._reached)
             self._undo = undo.pop_all()
 
     @property
@@ -142,7 +155,15 @@ class Database:
         known, reached = self._lock.witness or self._reached, self._reached
         if known.store_id == reached.store_id and known.commits > reached.commits:
             raise StoreError(loss(self._path, self._lock.path, known.commits - reached.commits))
-        self._note(reached)
+
+    def _refuse_other_contents(self) -> None:
+        """Refuse a database without a store in the place of one that the lock knows."""
+        witness = self._lock.witness
+        if witness is not None and witness.commits and not has_tables(self._connection):
+            text = place.lost_store(
+                self._path.resolve(), self._lock.path, "holds no store", witness
+            )
+            raise StoreError(text)
 
     def _check(self) -> None:
         if self._why_broken:
@@ -299,6 +320,6 @@ def _create_private(path: Path) -> None:
 def _make_private(path: Path) -> None:
     """Let nobody else read the file; SQLite gives those that it makes beside it the same rights."""
     # Not through a descriptor: closing one would drop the locks of other readers in this process.
-    for suffix in _SIDE_FILES:
+    for suffix in place.SIDE_FILES:
         with contextlib.suppress(FileNotFoundError):
             path.with_name(path.name + suffix).chmod(0o600)

@@ -90,7 +90,7 @@ def _of_system(path: Path, error: OSError) -> str:
 
 
 def _of_damage(path: Path, damage: Damaged) -> str:
-    row, advice = "", "or move it away to begin anew"
+    row, advice = "", f"or move {path}* away to begin anew"
     if damage.where:
         row = f", row {damage.where}"
         statement = f"DELETE FROM {damage.table} WHERE {damage.where}"
@@ -106,7 +106,7 @@ def _of_file(path: Path, error: sqlite3.DatabaseError) -> str:
         case sqlite3.SQLITE_FULL:
             return f"{path}: the disk is full; nothing was stored"
         case sqlite3.SQLITE_CORRUPT:
-            advice = "restore the file from a copy, or move it away to begin anew"
+            advice = f"restore the file from a copy, or move {path}* away to begin anew"
             return f"{path} is damaged ({error}); {advice}"
     return f"{path}: the database cannot be used: {error}"
 

@@ -31,6 +31,8 @@ class SqliteStore:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._path = Path(path).absolute()
         self._writer: Writer[Change] = Writer(self._open_file, task_tables.write)
+        self._anew = False
+        """Whether what the file has lost does not matter, because it is being cleared."""
 
     async def claim(self, waiting: Callable[[FileInUse], object] | None = None) -> None:
         """Wait until no other process uses the file, and keep it from then on.
@@ -62,7 +64,11 @@ class SqliteStore:
 
     async def clear(self) -> None:
         """Forget everything and begin again with number 1, as another store."""
-        await self._writer.change_alone(task_tables.clear)
+        self._anew = True
+        try:
+            await self._writer.change_alone(task_tables.clear)
+        finally:
+            self._anew = False
 
     @property
     def transactions(self) -> Mapping[int, int]:
@@ -74,4 +80,5 @@ class SqliteStore:
         await self._writer.close()
 
     def _open_file(self) -> Database:
-        return Database(self._path, task_tables.prepare, task_tables.equip, holder="task server")
+        prepare, equip = task_tables.prepare, task_tables.equip
+        return Database(self._path, prepare, equip, holder="task server", anew=self._anew)

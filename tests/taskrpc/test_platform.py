@@ -47,6 +47,23 @@ def test_a_private_folder_is_closed_to_others_whatever_the_umask(tmp_path):
 
 
 @posix
+def test_owners_and_open_folders_are_recognised(tmp_path, monkeypatch):
+    tmp_path.chmod(0o755)
+    assert not platform.may_anybody_write(tmp_path)
+    tmp_path.chmod(0o1777)
+    assert platform.may_anybody_write(tmp_path)
+    assert not platform.may_anybody_write(tmp_path / "missing")
+    tmp_path.chmod(0o700)
+    found = tmp_path.stat()
+    assert platform.is_ours_or_roots(found)
+    monkeypatch.setattr(os, "getuid", lambda: found.st_uid + 1)
+    assert platform.is_ours_or_roots(found) == (found.st_uid == 0)
+    changed = list(found)
+    changed[4] = found.st_uid + 7
+    assert not platform.is_ours_or_roots(os.stat_result(changed))
+
+
+@posix
 def test_what_is_not_a_folder_of_ours_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     (tmp_path / "target").mkdir()

@@ -106,17 +106,127 @@ async def test_a_file_that_another_program_has_looked_into_is_whole(path):
     assert await booked(path) == [1, 2]
 
 
-@pytest.mark.parametrize("anew", [True, False])
-async def test_another_file_in_its_place_is_no_loss(path, tmp_path, anew):
+async def test_another_store_in_its_place_is_no_loss(path, tmp_path):
     await killed(path, 1, 2)
     for each in (path, log_of(path)):
         each.unlink()
-    if not anew:
-        other = make(tmp_path / "other.db")
-        await book(other, 7)
-        await other.close()
-        (tmp_path / "other.db").rename(path)
-    assert await booked(path) == ([] if anew else [7])
+    other = make(tmp_path / "other.db")
+    await book(other, 7)
+    await other.close()
+    (tmp_path / "other.db").rename(path)
+    assert await booked(path) == [7]
+
+
+@pytest.mark.parametrize("has_log", [True, False])
+@pytest.mark.parametrize("what", ["missing", "empty"])
+async def test_a_lost_database_is_refused_until_it_is_back(path, what, has_log):
+    await killed(path, 1, 2)
+    lock, log, data = path.with_name("tasks.db.lock"), log_of(path), path.read_bytes()
+    path.unlink()
+    if what == "empty":
+        path.touch()
+    kept = log.read_bytes()
+    if not has_log:
+        log.unlink()
+    beside = "tasks.db.lock and tasks.db-wal" if has_log else "tasks.db.lock"
+    for _ in range(2):  # a refused start changes nothing
+        with pytest.raises(StoreError) as refused:
+            await booked(path)
+        assert str(refused.value).startswith(
+            f"{path} is {what}, but {beside} beside it belong{'' if has_log else 's'} to a"
+            " database of 2 transactions; bring that back as tasks.db, or begin a new one on"
+            f" purpose: remove {lock}"
+        )
+    assert path.exists() == (what == "empty")
+    path.write_bytes(data)
+    log.write_bytes(kept)
+    assert await booked(path) == [1, 2]
+
+
+async def test_a_lost_database_is_begun_anew_once_its_lock_and_log_are_removed(path):
+    await killed(path, 1, 2)
+    path.unlink()
+    path.with_name("tasks.db.lock").unlink()
+    with pytest.raises(StoreError) as refused:
+        await booked(path)
+    log = log_of(path)
+    assert str(refused.value) == (
+        f"{path} is missing, but tasks.db-wal beside it belongs to a database; bring that back as"
+        f" tasks.db, or begin a new one on purpose: remove {log}"
+    )
+    log.unlink()
+    assert await booked(path) == []
+
+
+async def test_a_database_without_a_store_does_not_replace_a_lost_one(path):
+    await killed(path, 1, 2)
+    for each in (path, log_of(path)):
+        each.unlink()
+    with contextlib.closing(sqlite3.connect(path)) as connection:
+        connection.execute("CREATE TABLE seat (number INTEGER)")
+    with pytest.raises(
+        StoreError, match=r"tasks\.db holds no store, but tasks\.db\.lock beside it"
+    ):
+        await booked(path)
+
+
+async def test_a_store_that_never_stored_anything_may_be_removed(path):
+    store = make(path)
+    await store.recall()
+    await store.close()
+    path.unlink()
+    assert await booked(path) == []
+
+
+async def test_a_database_with_a_second_hard_link_is_refused(path, tmp_path):
+    await killed(path, 1)
+    other = tmp_path / "other.db"
+    os.link(path, other)
+    for name in (path, other):
+        with pytest.raises(StoreError, match=r"has 2 names \(hard links\), and under each of them"):
+            await booked(name)
+    other.unlink()
+    assert await booked(path) == [1]
+
+
+@pytest.fixture
+def open_folder(path):
+    """The database's folder, where anybody may write, as in /tmp."""
+    path.parent.chmod(0o1777)
+    return path.parent
+
+
+@on_windows
+@pytest.mark.parametrize("ending", ["", "-wal", "-shm", "-journal", ".lock"])
+@pytest.mark.usefixtures("open_folder")
+async def test_another_users_file_in_a_folder_open_to_all_is_refused(path, ending, monkeypatch):
+    strange = path.with_name(path.name + ending)
+    strange.touch(0o666)
+    inode = strange.stat().st_ino
+    monkeypatch.setattr(platform, "is_ours_or_roots", lambda found: found.st_ino != inode)
+    with pytest.raises(StoreError, match="belongs to another user, in a folder where anybody may"):
+        await booked(path)
+    strange.unlink()
+    assert await booked(path) == []
+
+
+@on_windows
+@pytest.mark.parametrize("linked", ["file", "folder"])
+async def test_a_symbolic_link_in_a_folder_open_to_all_is_not_followed(
+    path, tmp_path, open_folder, linked
+):
+    target = tmp_path / "elsewhere"
+    target.mkdir()
+    link = open_folder / "link"
+    link.symlink_to(target / "tasks.db" if linked == "file" else target)
+    name = link if linked == "file" else link / "tasks.db"
+    with pytest.raises(StoreError) as refused:
+        await booked(name)
+    assert str(link) in str(refused.value)
+    assert "is a symbolic link in a folder where anybody may write" in str(refused.value)
+    assert list(target.iterdir()) == []
+    open_folder.chmod(0o700)
+    assert await booked(name) == []
 
 
 async def test_what_is_written_down_beside_the_lock_may_be_nonsense(path):

@@ -220,6 +220,23 @@ async def test_nobody_else_can_read_any_of_the_files(path, tmp_path):
     assert modes == dict.fromkeys(names, "0o600")
 
 
+async def test_a_fresh_start_does_not_need_what_was_lost(path):
+    store = SqliteStore(path)
+    await store.apply([make(1)])
+    await store.close()
+    path.unlink()
+    assert await refused(path)
+    store = SqliteStore(path)
+    await store.clear()
+    await store.apply([make(1)])
+    await store.close()
+    store = SqliteStore(path)
+    assert [task.task_id for task in (await store.load()).tasks] == [1]
+    await store.close()
+    path.unlink()
+    assert "is missing, but tasks.db.lock beside it belongs to a database" in await refused(path)
+
+
 async def test_a_folder_that_is_not_there_is_named(tmp_path):
     missing = tmp_path / "no" / "tasks.db"
     assert await refused(missing) == f"{missing}: there is no folder {missing.parent}"

@@ -1,0 +1,95 @@
+"""Whether a path may hold a store: checked before the file is locked, made or opened.
+
+Each check prevents a loss that nobody would notice: two servers on one file, a file that another
+user has prepared, or a new, empty store in the place of one that was acknowledged to callers.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import stat
+from collections.abc import Iterator
+from pathlib import Path
+
+from taskrpc import platform
+from taskrpc.errors import StoreError
+from taskrpc.storage.lock import Witness
+
+SIDE_FILES = ("", "-wal", "-shm")
+"""What follows the database's name in those of the files that SQLite keeps open."""
+_READ_AT_START = (*SIDE_FILES, "-journal", ".lock")
+
+
+def refuse_second_name(path: Path) -> None:
+    """Refuse a file with a second hard link: its lock would be another file under each name.
+
+    Raises StoreError.
+    """
+    with contextlib.suppress(FileNotFoundError):
+        found = os.stat(path)
+        if stat.S_ISREG(found.st_mode) and found.st_nlink > 1:
+            command = "fsutil hardlink list" if platform.WINDOWS else "find / -samefile"
+            raise StoreError(
+                f"{path} has {found.st_nlink} names (hard links), and under each of them another"
+                " server could use it at the same time; remove the other name (find it with"
+                f" `{command} {path}`), or copy the file instead of linking it"
+            )
+
+
+def refuse_strangers(path: Path) -> None:
+    """In a folder where anybody may write, refuse links, and files that another user has made.
+
+    Raises StoreError.
+    """
+    for place in (*reversed(path.parents), path):
+        if place.is_symlink() and platform.may_anybody_write(place.parent):
+            raise StoreError(
+                f"{place} is a symbolic link in a folder where anybody may write, so another user"
+                " may have set it; name the file itself, in a folder of your own"
+            )
+    real = path.resolve()
+    if not platform.may_anybody_write(real.parent):
+        return
+    for each in _side_files(real, _READ_AT_START):
+        with contextlib.suppress(FileNotFoundError):
+            if each.is_symlink() or not platform.is_ours_or_roots(each.lstat()):
+                raise StoreError(
+                    f"{each} belongs to another user, in a folder where anybody may write;"
+                    " name a database in a folder of your own"
+                )
+
+
+def refuse_lost_store(path: Path, lock: Path, witness: Witness | None) -> None:
+    """Refuse a file that is missing or empty where a store must be.
+
+    SQLite would delete the log of such a file, and the server would run every request once more.
+    Raises StoreError.
+    """
+    if not path.exists():
+        problem = "is missing"
+    elif path.is_file() and not path.stat().st_size:
+        problem = "is empty"
+    else:
+        return
+    log = path.with_name(f"{path.name}-wal")
+    if (witness is not None and witness.commits) or (log.exists() and log.stat().st_size):
+        raise StoreError(lost_store(path, lock, problem, witness))
+
+
+def lost_store(path: Path, lock: Path, problem: str, witness: Witness | None) -> str:
+    """What is said of a file that holds no store, although one was there."""
+    log = path.with_name(f"{path.name}-wal")
+    count = witness.commits if witness is not None else 0
+    there = [*([lock] if count else []), *([log] if log.exists() else [])]
+    known = f" of {count} transaction{'s'[: count > 1]}" if count else ""
+    return (
+        f"{path} {problem}, but {' and '.join(each.name for each in there)} beside it"
+        f" belong{'s'[: len(there) == 1]} to a database{known}; bring that back as"
+        f" {path.name}, or begin a new one on purpose: remove"
+        f" {' and '.join(str(each) for each in there)}"
+    )
+
+
+def _side_files(path: Path, endings: tuple[str, ...]) -> Iterator[Path]:
+    return (path.with_name(path.name + ending) for ending in endings)
