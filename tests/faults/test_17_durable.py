@@ -10,6 +10,7 @@ import random
 import shutil
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 
 import pytest
@@ -74,9 +75,8 @@ def folder(tmp_path, counts):
     probe = subprocess.run(["strace", "-f", "true"], capture_output=True, text=True, check=False)
     if probe.returncode:
         pytest.skip(f"strace may not follow programs here: {probe.stderr.splitlines()[0]}")
-    made = FAST / tmp_path.name if FAST.is_dir() else tmp_path / "disks"
-    shutil.rmtree(made, ignore_errors=True)
-    made.mkdir()
+    # A name of its own: other processes run the same test.
+    made = Path(tempfile.mkdtemp(prefix="disks-", dir=FAST if FAST.is_dir() else tmp_path))
     yield made
     shutil.rmtree(made)
 
