@@ -6,8 +6,6 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # importing typing would cost more than all the rest of this file
 if TYPE_CHECKING:
-    from typing import Any
-
     from ._runtime import FieldError
     from .cdr import CdrError, from_cdr, to_cdr
     from .convert import from_builtins, to_builtins
@@ -53,12 +51,14 @@ _HOMES = {
 }
 
 
-def __getattr__(name: str) -> Any:
-    if name not in _HOMES:
-        raise AttributeError(f"module 'srvgen' has no attribute {name!r}")
-    value = getattr(import_module(f".{_HOMES[name]}", __name__), name)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # a type checker would take every name that is not there for Any
+
+    def __getattr__(name):
+        if name not in _HOMES:
+            raise AttributeError(f"module 'srvgen' has no attribute {name!r}")
+        value = getattr(import_module(f".{_HOMES[name]}", __name__), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

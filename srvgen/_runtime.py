@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterable, Mapping, Sized
 from copy import deepcopy
 from functools import cache, partial
 from types import GenericAlias
-from typing import TYPE_CHECKING, Any, ClassVar, NoReturn, Self, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Generic, NoReturn, Self, TypeVar
 
 import msgspec
 
@@ -609,8 +609,28 @@ class _Namespace:
         raise NotImplementedError(f"{cls._KIND} classes can not be instantiated")
 
 
-class Service(_Namespace):
-    """The base of service classes, which only hold `Request`, `Response` and `Event`."""
+RequestT = TypeVar("RequestT")
+ResponseT = TypeVar("ResponseT")
+
+if TYPE_CHECKING:
+
+    class _Typed(Generic[RequestT, ResponseT]):
+        """Tells type checkers a service's messages, which they cannot take from nested names."""
+
+        @classmethod
+        def _types(cls, request: RequestT, response: ResponseT) -> tuple[RequestT, ResponseT]: ...
+else:
+
+    class _Typed:
+        # The real Generic would give every service class a longer MRO and public names of its own.
+        __class_getitem__ = classmethod(lambda cls, messages: cls)
+
+
+class Service(_Namespace, _Typed[RequestT, ResponseT]):
+    """The base of service classes, which only hold `Request`, `Response` and `Event`.
+
+    Generated code names the messages in brackets, for type checkers.
+    """
 
     _KIND = "Service"
 

@@ -308,7 +308,9 @@ def _namespace(part: Definition, hashes: Mapping[str, str], names: Mapping[str, 
 
 
 def _namespace_head(part: Definition) -> list[str]:
-    base = "Service" if isinstance(part, ServiceDef) else "Action"
+    base = "Action"
+    if isinstance(part, ServiceDef):
+        base = f"Service[{part.name}_Request, {part.name}_Response]"
     return [f"class {part.name}(_runtime.{base}):", f'    """{part.full_name}"""']
 
 

@@ -10,8 +10,11 @@ from importlib import import_module
 
 TYPE_CHECKING = False  # importing typing would cost `taskrpc --help` more than all its own files
 if TYPE_CHECKING:
-    from typing import Any
-
+    from taskrpc import errors as errors
+    from taskrpc import logs as logs
+    from taskrpc import metrics as metrics
+    from taskrpc import sync as sync
+    from taskrpc import testing as testing
     from taskrpc.access import Account, Accounts, Role
     from taskrpc.callinfo import CallInfo, current_call
     from taskrpc.client import Client
@@ -40,6 +43,7 @@ if TYPE_CHECKING:
         TypeMismatch,
         WouldDeadlock,
     )
+    from taskrpc.given_types import Msg, Srv
     from taskrpc.metrics import Metrics
     from taskrpc.node import Node, run
     from taskrpc.observer import NodeStatus, Observer, Observers
@@ -74,6 +78,7 @@ _HOMES = {
         " ProtocolError RequestIdReused ServerBusy ServiceUnavailable SessionExpired StoreError"
         " TaskRpcError TypeMismatch WouldDeadlock"
     ),
+    "given_types": "Msg Srv",
     "metrics": "Metrics",
     "node": "Node run",
     "observer": "NodeStatus Observer Observers",
@@ -111,6 +116,7 @@ __all__ = [
     "MemoryCompletions",
     "MemoryStore",
     "Metrics",
+    "Msg",
     "NameInUse",
     "Node",
     "NodeStatus",
@@ -133,6 +139,7 @@ __all__ = [
     "SessionExpired",
     "SqliteCompletions",
     "SqliteStore",
+    "Srv",
     "StoreError",
     "Subscription",
     "TargetError",
@@ -150,15 +157,17 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> Any:
-    home = _HOME_OF.get(name)
-    if name in _MODULES:
-        return import_module(f"taskrpc.{name}")
-    if home is None:
-        raise AttributeError(f"module 'taskrpc' has no attribute {name!r}")
-    value = getattr(import_module(f"taskrpc.{home}"), name)
-    globals()[name] = value
-    return value
+if not TYPE_CHECKING:  # a type checker would take every name that is not there for Any
+
+    def __getattr__(name):
+        home = _HOME_OF.get(name)
+        if name in _MODULES:
+            return import_module(f"taskrpc.{name}")
+        if home is None:
+            raise AttributeError(f"module 'taskrpc' has no attribute {name!r}")
+        value = getattr(import_module(f"taskrpc.{home}"), name)
+        globals()[name] = value
+        return value
 
 
 def __dir__() -> list[str]:

@@ -7,10 +7,11 @@ import math
 import time
 from collections.abc import Callable
 from enum import Enum
-from typing import Any, Final
+from typing import Any, Final, Generic
 
 from taskrpc.attempts import Attempts
 from taskrpc.errors import InvalidRequest, TaskRpcError
+from taskrpc.given_types import RequestT, ResponseT
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Tell, ToldThread, Transport, WaitingThread
 from taskrpc.transport.codec import ServiceType
@@ -31,7 +32,7 @@ class Unset(Enum):
 UNSET: Final = Unset.UNSET
 
 
-class Client:
+class Client(Generic[RequestT, ResponseT]):
     """Calls one service; made by `Node.create_client`.
 
     `timeout` (seconds, None for no deadline) and `retry` are the defaults of its calls. `forget`
@@ -47,7 +48,7 @@ class Client:
         *,
         timeout: float | None = DEFAULT_TIMEOUT,
         retry: RetryPolicy | None = None,
-        forget: Callable[[Client], object] = lambda _: None,
+        forget: Callable[[Client[Any, Any]], object] = lambda _: None,
         otherwise: str = "",
     ) -> None:
         self.srv_type = srv_type
@@ -71,11 +72,11 @@ class Client:
 
     async def call(
         self,
-        request: Any,
+        request: RequestT,
         timeout: float | Unset | None = UNSET,
         retry: RetryPolicy | Unset | None = UNSET,
         request_id: str = "",
-    ) -> Any:
+    ) -> ResponseT:
         """Call the service; `await` yields the response.
 
         `timeout` is in seconds and covers everything: finding the service, waiting, retries.
@@ -92,25 +93,29 @@ class Client:
         deadline = self._deadline(timeout)
         policy = self._retry if retry is UNSET else retry
         channel, call = self._channel, None
+        response: ResponseT
         if policy is None and not request_id:
             send = channel.send_next if channel.store_id else channel.send
             call = send(request, deadline)
         if call is None:
-            return await self._attempts(request, deadline, policy, request_id).result()
+            response = await self._attempts(request, deadline, policy, request_id).result()
+            return response
         # As `Attempts` does: one more coroutine would cost a tenth of the call.
         if (numbers := call.numbers) is None:
             try:
-                return await call.future
+                response = await call.future
             except asyncio.CancelledError:
                 call.give_up()
                 raise
+            return response
         try:
             response = await call.future
         except asyncio.CancelledError:
             call.give_up()
             raise
         except TaskRpcError:
-            return await self._attempts(request, deadline, policy, request_id).result(call)
+            response = await self._attempts(request, deadline, policy, request_id).result(call)
+            return response
         finally:
             numbers.settle(call.sequence)
         if self._budget.spent:
@@ -119,11 +124,11 @@ class Client:
 
     def call_async(
         self,
-        request: Any,
+        request: RequestT,
         timeout: float | Unset | None = UNSET,
         retry: RetryPolicy | Unset | None = UNSET,
         request_id: str = "",
-    ) -> asyncio.Future[Any]:
+    ) -> asyncio.Future[ResponseT]:
         """Send the request now; returns a future of the response, with the errors of `call`.
 
         Cancelling the future cancels the call.

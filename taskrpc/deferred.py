@@ -9,10 +9,11 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any, TypeAlias
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias
 
 from taskrpc.access import Role
 from taskrpc.errors import OutcomeUnknown, ServiceUnavailable, TaskRpcError
+from taskrpc.given_types import RequestT, ResponseT
 from taskrpc.transport.base import IncomingCall, Offer, Transport
 from taskrpc.transport.codec import ServiceType, codec_of
 
@@ -23,13 +24,13 @@ if TYPE_CHECKING:
 _NOT_OPEN = object()
 
 
-class DeferredCall:
+class DeferredCall(Generic[RequestT, ResponseT]):
     """One call: `request`, and exactly one of `reply` and `fail` to end it, from any thread."""
 
     __slots__ = ("_call", "_service", "request")
 
     def __init__(self, service: DeferredService, call: IncomingCall) -> None:
-        self.request: Any = call.request
+        self.request: RequestT = call.request
         self._service = service
         self._call = call
 
@@ -43,7 +44,7 @@ class DeferredCall:
         self._call.started = True
         return not self._call.cancelled
 
-    def reply(self, response: Any) -> None:
+    def reply(self, response: ResponseT) -> None:
         """Answer with a response message.
 
         Raises InvalidRequest for a response that cannot be sent; the call is still open then.
@@ -72,7 +73,7 @@ class DeferredCall:
             self._call.fail(error)
 
 
-Take: TypeAlias = Callable[[DeferredCall], object]
+Take: TypeAlias = Callable[[DeferredCall[RequestT, ResponseT]], object]
 """Takes a call; called on the event loop's thread, it must return at once."""
 
 
@@ -85,7 +86,7 @@ class DeferredService:
         srv_type: ServiceType,
         name: str,
         node: str,
-        take: Take,
+        take: Take[Any, Any],
         *,
         join: bool = False,
         observer: Observer | None = None,

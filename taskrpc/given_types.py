@@ -1,8 +1,33 @@
-"""The types that a program gives: refused where they are something else."""
+"""The service and message types that a program passes in: how they are typed and checked."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, Protocol, TypeVar
+
+RequestT = TypeVar("RequestT")
+ResponseT = TypeVar("ResponseT")
+
+
+class Srv(Protocol[RequestT, ResponseT]):
+    """What type checkers require of a service class: `type[Srv[RequestT, ResponseT]]`.
+
+    The classes of `srvgen generate` and `srvgen stubs` fit. The name is rclpy's.
+    """
+
+    # A protocol cannot match names nested in a class, such as `Request: TypeAlias`. The type
+    # variables are both taken and returned, so that no checker widens them to a common base.
+    def _types(self, request: RequestT, response: ResponseT) -> tuple[RequestT, ResponseT]: ...
+
+
+class Msg(Protocol):
+    """What type checkers require of a message class; service classes do not fit."""
+
+    @classmethod
+    def get_fields_and_field_types(cls) -> dict[str, str]:
+        """Each field's name and its type in rosidl's spelling."""
+
+
+MsgT = TypeVar("MsgT", bound=Msg)
 
 
 def service_type(srv_type: Any) -> Any:

@@ -27,7 +27,7 @@ SUFFIX = "/_service_event"
 class ServiceEvents(Observer):
     """Publishes what becomes of one service's calls; nothing while nobody subscribes."""
 
-    def __init__(self, publisher: Publisher, srv_type: Any, *, contents: bool) -> None:
+    def __init__(self, publisher: Publisher[Any], srv_type: Any, *, contents: bool) -> None:
         self.publisher = publisher
         self._srv_type = srv_type
         self._contents = contents

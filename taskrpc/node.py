@@ -15,7 +15,7 @@ from taskrpc import names, platform
 from taskrpc.access import Accounts, Role
 from taskrpc.client import DEFAULT_TIMEOUT, Client
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
-from taskrpc.given_types import service_type
+from taskrpc.given_types import RequestT, ResponseT, Srv, service_type
 from taskrpc.node_topics import NodeTopics
 from taskrpc.retry import RetryPolicy
 from taskrpc.transport.base import Mode, Transport
@@ -93,7 +93,7 @@ class Node(NodeTopics):
         self._transport: Transport | None = None
         # Ordered sets: thousands may come and go.
         self._services: dict[Service | DeferredService, None] = {}
-        self._clients: dict[Client, None] = {}
+        self._clients: dict[Client[Any, Any], None] = {}
         self._retries: dict[str, int] = {}
         """Those of clients that are gone."""
 
@@ -196,9 +196,9 @@ class Node(NodeTopics):
 
     def create_service(
         self,
-        srv_type: Any,
+        srv_type: type[Srv[RequestT, ResponseT]],
         srv_name: str,
-        callback: Callback,
+        callback: Callback[RequestT, ResponseT],
         *,
         concurrency: int | None = None,
         threaded: bool = False,
@@ -242,9 +242,9 @@ class Node(NodeTopics):
 
     def create_deferred_service(
         self,
-        srv_type: Any,
+        srv_type: type[Srv[RequestT, ResponseT]],
         srv_name: str,
-        take: Take,
+        take: Take[RequestT, ResponseT],
         *,
         join: bool = False,
         role: Role = Role.SUBMIT,
@@ -274,12 +274,12 @@ class Node(NodeTopics):
 
     def create_client(
         self,
-        srv_type: Any,
+        srv_type: type[Srv[RequestT, ResponseT]],
         srv_name: str,
         *,
         timeout: float | None = DEFAULT_TIMEOUT,
         retry: RetryPolicy | None = None,
-    ) -> Client:
+    ) -> Client[RequestT, ResponseT]:
         """A client of a service; `timeout` (seconds) and `retry` hold for all its calls."""
         client = self._client_maker()(
             self._started(),
@@ -343,14 +343,14 @@ class Node(NodeTopics):
 
             told(tell, self._observer)
 
-    def _client_maker(self) -> Callable[..., Client]:
+    def _client_maker(self) -> Callable[..., Client[Any, Any]]:
         if self._observer is None:
             return Client
         from taskrpc.observed_client import ObservedClient  # programs that want it are few
 
         return partial(ObservedClient, self._observer)
 
-    def _forget_client(self, client: Client) -> None:
+    def _forget_client(self, client: Client[Any, Any]) -> None:
         if client in self._clients:
             del self._clients[client]
             name = client.service_name

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Callable
 from copy import copy
 from typing import TYPE_CHECKING, Any, Protocol
 
 from taskrpc import names
 from taskrpc.access import Role
-from taskrpc.given_types import message_type
+from taskrpc.given_types import MsgT, message_type
 from taskrpc.qos import QoS, qos_of
 from taskrpc.transport.base import OnMismatch, Transport
 
@@ -17,7 +18,6 @@ if TYPE_CHECKING:
 
     from taskrpc.introspection import IntrospectionState
     from taskrpc.observer import Observer, TopicStatus
-    from taskrpc.running import Callback
     from taskrpc.service import Service
     from taskrpc.timer import Timer
     from taskrpc.topic import Publisher, Subscription
@@ -39,7 +39,7 @@ class NodeTopics:
         self._parts: dict[_Part, None] = {}
         self._topics_before: dict[str, TopicStatus] = {}
         """What those have done that are gone."""
-        self._events: dict[asyncio.Future[None], Publisher] = {}
+        self._events: dict[asyncio.Future[None], Publisher[Any]] = {}
         """What tells of a service's calls, by that which is done at the service's end."""
 
     @abstractmethod
@@ -58,13 +58,13 @@ class NodeTopics:
 
     def create_publisher(
         self,
-        msg_type: Any,
+        msg_type: type[MsgT],
         topic: str,
         qos: QoS | int = 10,
         *,
         role: Role = Role.OBSERVE,
         on_mismatch: OnMismatch | None = None,
-    ) -> Publisher:
+    ) -> Publisher[MsgT]:
         """Publish messages of a type on a topic; a number as `qos` is the depth.
 
         `role` is the least that a subscriber's account must have, where the node has accounts.
@@ -90,14 +90,14 @@ class NodeTopics:
 
     def create_subscription(
         self,
-        msg_type: Any,
+        msg_type: type[MsgT],
         topic: str,
-        callback: Callback,
+        callback: Callable[[MsgT], object],
         qos: QoS | int = 10,
         *,
         threaded: bool = False,
         on_mismatch: OnMismatch | None = None,
-    ) -> Subscription:
+    ) -> Subscription[MsgT]:
         """Call `callback(message)` for each message of a topic; a number as `qos` is the depth.
 
         The callback may be async. A plain one runs on the event loop and must be quick;
@@ -124,7 +124,9 @@ class NodeTopics:
         self._parts[subscription] = None
         return subscription
 
-    def create_timer(self, period: float, callback: Callback, *, threaded: bool = False) -> Timer:
+    def create_timer(
+        self, period: float, callback: Callable[[], object], *, threaded: bool = False
+    ) -> Timer:
         """Call `callback()` every `period` seconds, first after one period.
 
         The callback may be async; a plain one runs on the event loop unless `threaded=True`. What

@@ -10,6 +10,7 @@ from typing import Any
 
 from taskrpc.client import UNSET, Client, Unset
 from taskrpc.errors import Code, TaskRpcError
+from taskrpc.given_types import RequestT, ResponseT
 from taskrpc.observer import Observer, told
 from taskrpc.retry import RetryPolicy
 from taskrpc.transport.base import Tell, WaitingThread
@@ -19,7 +20,7 @@ _span: ContextVar[bytes] = ContextVar("taskrpc_span", default=b"")
 """Of the call whose request is being sent, each time that it is."""
 
 
-class ObservedClient(Client):
+class ObservedClient(Client[RequestT, ResponseT]):
     """Calls one service and tells its observer; all else is `Client`'s."""
 
     def __init__(self, observer: Observer, *settings: Any, **more: Any) -> None:
@@ -29,11 +30,11 @@ class ObservedClient(Client):
 
     async def call(
         self,
-        request: Any,
+        request: RequestT,
         timeout: float | Unset | None = UNSET,
         retry: RetryPolicy | Unset | None = UNSET,
         request_id: str = "",
-    ) -> Any:
+    ) -> ResponseT:
         """Call the service; see `Client.call`."""
         began = self._begin()
         token = _span.set(began.span)
@@ -50,11 +51,11 @@ class ObservedClient(Client):
 
     def call_async(
         self,
-        request: Any,
+        request: RequestT,
         timeout: float | Unset | None = UNSET,
         retry: RetryPolicy | Unset | None = UNSET,
         request_id: str = "",
-    ) -> asyncio.Future[Any]:
+    ) -> asyncio.Future[ResponseT]:
         """Send the request now; see `Client.call_async`."""
         began = self._begin()
         token = _span.set(began.span)

@@ -26,6 +26,7 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
+from taskrpc.given_types import RequestT, ResponseT
 from taskrpc.stepping import Stepper
 from taskrpc.transport.base import IncomingCall, Mode, Offer, Transport
 from taskrpc.transport.codec import ServiceType, codec_of
@@ -37,12 +38,17 @@ from taskrpc.wire.once import CompletionStore
 
 if TYPE_CHECKING:
     from taskrpc.daemons import DaemonThreads
-    from taskrpc.deduplication import OnceDesk
+    from taskrpc.deduplication import Effect, OnceDesk
     from taskrpc.observer import Observer, ServiceStatus
 
 log = logging.getLogger("taskrpc.server")
 
-Callback: TypeAlias = Callable[[Any, Any], Any] | Callable[[Any, Any], Awaitable[Any]]
+Returned: TypeAlias = "ResponseT | Effect[ResponseT]"
+"""What a callback returns; an Effect only where the service is exactly-once."""
+
+Callback: TypeAlias = Callable[
+    [RequestT, ResponseT], "Returned[ResponseT] | Awaitable[Returned[ResponseT]]"
+]
 """`callback(request, response)`, plain or async; returns the response."""
 
 QUEUE_LIMIT = 1024
@@ -65,7 +71,7 @@ class Service:
         srv_type: ServiceType,
         name: str,
         node: str,
-        callback: Callback,
+        callback: Callback[Any, Any],
         *,
         concurrency: int | None = None,
         threaded: bool = False,
@@ -388,7 +394,7 @@ def _end_program(error: BaseException) -> None:
     raise error
 
 
-def _run_to_end(callback: Callback, request: Any, response: Any) -> Any:
+def _run_to_end(callback: Callback[Any, Any], request: Any, response: Any) -> Any:
     try:
         result = callback(request, response)
         return asyncio.run(result) if inspect.iscoroutine(result) else result

@@ -14,7 +14,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import TYPE_CHECKING, Any, Generic, Self
 
 from taskrpc import client as _client
 from taskrpc import node as _node
@@ -22,6 +22,7 @@ from taskrpc import platform
 from taskrpc.access import Accounts, Role
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
 from taskrpc.deferred import DeferredService, Take
+from taskrpc.given_types import RequestT, ResponseT, Srv
 from taskrpc.loop_thread import SLICE, LoopThread, wait
 from taskrpc.retry import RetryPolicy
 from taskrpc.service import Callback, Service
@@ -100,9 +101,9 @@ class Node(SyncTopics):
 
     def create_service(
         self,
-        srv_type: Any,
+        srv_type: type[Srv[RequestT, ResponseT]],
         srv_name: str,
-        callback: Callback,
+        callback: Callback[RequestT, ResponseT],
         *,
         concurrency: int | None = None,
         threaded: bool = True,
@@ -129,9 +130,9 @@ class Node(SyncTopics):
 
     def create_deferred_service(
         self,
-        srv_type: Any,
+        srv_type: type[Srv[RequestT, ResponseT]],
         srv_name: str,
-        take: Take,
+        take: Take[RequestT, ResponseT],
         *,
         join: bool = False,
         role: Role = Role.SUBMIT,
@@ -149,12 +150,12 @@ class Node(SyncTopics):
 
     def create_client(
         self,
-        srv_type: Any,
+        srv_type: type[Srv[RequestT, ResponseT]],
         srv_name: str,
         *,
         timeout: float | None = DEFAULT_TIMEOUT,
         retry: RetryPolicy | None = None,
-    ) -> Client:
+    ) -> Client[RequestT, ResponseT]:
         """A client of a service; as `taskrpc.Node.create_client`."""
         inner = self._loop.do(
             lambda: self._node.create_client(srv_type, srv_name, timeout=timeout, retry=retry),
@@ -191,10 +192,10 @@ class Node(SyncTopics):
         self._loop.run(self._node.destroy(), "destroy()")
 
 
-class Client:
+class Client(Generic[RequestT, ResponseT]):
     """Calls one service and waits; may be used from several threads at once."""
 
-    def __init__(self, loop: LoopThread, inner: _client.Client) -> None:
+    def __init__(self, loop: LoopThread, inner: _client.Client[RequestT, ResponseT]) -> None:
         self._loop = loop
         self._inner = inner
         self._untold: set[Future[Any]] = set()
@@ -212,11 +213,11 @@ class Client:
 
     def call(
         self,
-        request: Any,
+        request: RequestT,
         timeout: float | Unset | None = UNSET,
         retry: RetryPolicy | Unset | None = UNSET,
         request_id: str = "",
-    ) -> Any:
+    ) -> ResponseT:
         """Call the service and return the response; errors as in `taskrpc.Client.call`.
 
         Raises WouldDeadlock when called on the event loop's own thread.
@@ -225,27 +226,28 @@ class Client:
         if not request_id:
             sent = self._inner._send_in_thread(request, timeout, retry)
             if sent is not None:
-                return sent.wait()
+                response: ResponseT = sent.wait()
+                return response
         return wait(self.call_async(request, timeout, retry, request_id))
 
     def call_async(
         self,
-        request: Any,
+        request: RequestT,
         timeout: float | Unset | None = UNSET,
         retry: RetryPolicy | Unset | None = UNSET,
         request_id: str = "",
-    ) -> Future[Any]:
+    ) -> Future[ResponseT]:
         """Send the request now; returns a `concurrent.futures.Future` of the response.
 
         Cancelling the future cancels the call.
         """
         self._loop.refuse_without_loop("call_async()")
-        outer: Future[Any] = Future()
+        outer: Future[ResponseT] = Future()
         self._loop.soon(lambda: self._begin(outer, request, timeout, retry, request_id))
         return outer
 
     def call_then(
-        self, request: Any, tell: Tell, timeout: float | Unset | None = UNSET
+        self, request: RequestT, tell: Tell, timeout: float | Unset | None = UNSET
     ) -> Callable[[], object]:
         """Send the request now and have `tell(response, error)` called at its end.
 
@@ -260,13 +262,13 @@ class Client:
             if sent is not None:
                 return sent.give_up
         # What was handed over before must be sent before, and told before.
-        future: Future[Any] = Future()
+        future: Future[ResponseT] = Future()
         future.add_done_callback(lambda done: self._told(done, tell))
         self._untold.add(future)
         self._loop.soon(lambda: self._begin(future, request, timeout, UNSET, ""))
         return future.cancel
 
-    def _told(self, done: Future[Any], tell: Tell) -> None:
+    def _told(self, done: Future[ResponseT], tell: Tell) -> None:
         self._untold.discard(done)  # now the caller's thread may send by itself again
         if not done.cancelled():
             error = done.exception()
@@ -278,8 +280,8 @@ class Client:
 
     def _begin(
         self,
-        outer: Future[Any],
-        request: Any,
+        outer: Future[ResponseT],
+        request: RequestT,
         timeout: float | Unset | None,
         retry: RetryPolicy | Unset | None,
         request_id: str,

@@ -3,33 +3,34 @@
 from __future__ import annotations
 
 import inspect
-from typing import TYPE_CHECKING, Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Generic
 
 from taskrpc import node as _node
 from taskrpc import timer as _timer
 from taskrpc import topic as _topic
 from taskrpc.access import Role
+from taskrpc.given_types import MsgT
 from taskrpc.loop_thread import LoopThread
 from taskrpc.qos import QoS
 from taskrpc.transport.base import OnMismatch
 
 if TYPE_CHECKING:
     from taskrpc.introspection import IntrospectionState
-    from taskrpc.running import Callback
     from taskrpc.service import Service
 
 
-class Publisher:
+class Publisher(Generic[MsgT]):
     """Publishes messages of one type on a topic; from several threads at once if need be."""
 
-    def __init__(self, loop: LoopThread, inner: _topic.Publisher) -> None:
+    def __init__(self, loop: LoopThread, inner: _topic.Publisher[MsgT]) -> None:
         self._loop = loop
         self._inner = inner
         self.msg_type = inner.msg_type
         self.topic_name = inner.topic_name
         self.qos = inner.qos
 
-    def publish(self, message: Any) -> None:
+    def publish(self, message: MsgT) -> None:
         """Send a message to all subscriptions; errors as in `taskrpc.Publisher.publish`."""
         self._loop.refuse_without_loop("publish()")
         self._inner.publish(message)
@@ -53,10 +54,10 @@ class Publisher:
         self._loop.do(self._inner.destroy, "destroy()")
 
 
-class Subscription:
+class Subscription(Generic[MsgT]):
     """Calls its callback, in a thread of its own, with each message of a topic."""
 
-    def __init__(self, loop: LoopThread, inner: _topic.Subscription) -> None:
+    def __init__(self, loop: LoopThread, inner: _topic.Subscription[MsgT]) -> None:
         self._loop = loop
         self._inner = inner
         self.msg_type = inner.msg_type
@@ -121,13 +122,13 @@ class SyncTopics:
 
     def create_publisher(
         self,
-        msg_type: Any,
+        msg_type: type[MsgT],
         topic: str,
         qos: QoS | int = 10,
         *,
         role: Role = Role.OBSERVE,
         on_mismatch: OnMismatch | None = None,
-    ) -> Publisher:
+    ) -> Publisher[MsgT]:
         """Publish messages of a type on a topic; as `taskrpc.Node.create_publisher`."""
         inner = self._loop.do(
             lambda: self._node.create_publisher(
@@ -139,14 +140,14 @@ class SyncTopics:
 
     def create_subscription(
         self,
-        msg_type: Any,
+        msg_type: type[MsgT],
         topic: str,
-        callback: Callback,
+        callback: Callable[[MsgT], object],
         qos: QoS | int = 10,
         *,
         threaded: bool = True,
         on_mismatch: OnMismatch | None = None,
-    ) -> Subscription:
+    ) -> Subscription[MsgT]:
         """Call `callback(message)` for each message of a topic.
 
         As `taskrpc.Node.create_subscription`, but plain callbacks run in a thread.
@@ -173,7 +174,9 @@ class SyncTopics:
             "configure_introspection()",
         )
 
-    def create_timer(self, period: float, callback: Callback, *, threaded: bool = True) -> Timer:
+    def create_timer(
+        self, period: float, callback: Callable[[], object], *, threaded: bool = True
+    ) -> Timer:
         """Call `callback()` every `period` seconds, in a thread if it is plain."""
         inner = self._loop.do(
             lambda: self._node.create_timer(
@@ -184,5 +187,5 @@ class SyncTopics:
         return Timer(self._loop, inner)
 
 
-def _in_thread(callback: Callback, threaded: bool) -> bool:
+def _in_thread(callback: Callable[..., object], threaded: bool) -> bool:
     return threaded and not inspect.iscoroutinefunction(callback)

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from taskrpc.running import Callback, Runner
+from taskrpc.running import Runner
 
 
 class Timer:
@@ -19,7 +19,7 @@ class Timer:
     def __init__(
         self,
         period: float,
-        callback: Callback,
+        callback: Callable[[], object],
         *,
         threaded: bool = False,
         forget: Callable[[Timer], object] = lambda _: None,

@@ -7,10 +7,11 @@ import logging
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Generic
 
 from taskrpc.access import Role
 from taskrpc.errors import InvalidRequest, TaskRpcError
+from taskrpc.given_types import MsgT
 from taskrpc.qos import QoS
 from taskrpc.running import HOLDS_LOOP_AFTER, Callback, Runner
 from taskrpc.transport.base import OnMismatch, Reception, Transport
@@ -34,18 +35,18 @@ _SLICE = 0.1
 """Seconds of one wait: on Windows Ctrl-C does not reach a longer one before its end."""
 
 
-class Publisher:
+class Publisher(Generic[MsgT]):
     """Publishes messages of one type on a topic; made by `Node.create_publisher`."""
 
     def __init__(
         self,
         transport: Transport,
-        msg_type: Any,
+        msg_type: type[MsgT],
         name: str,
         node: str,
         qos: QoS,
         role: Role,
-        forget: Callable[[Publisher], object] = lambda _: None,
+        forget: Callable[[Publisher[MsgT]], object] = lambda _: None,
         on_mismatch: OnMismatch | None = None,
     ) -> None:
         self.msg_type = msg_type
@@ -63,7 +64,7 @@ class Publisher:
         self._turn_began: float | None = None
         self._warned = False
 
-    def publish(self, message: Any) -> None:
+    def publish(self, message: MsgT) -> None:
         """Send a message to all subscriptions, without waiting for them; from any thread.
 
         Raises InvalidRequest for a message of another type, a value that does not fit its field, or
@@ -162,7 +163,7 @@ class Publisher:
             self._publication.publish(body)
 
 
-class Subscription:
+class Subscription(Generic[MsgT]):
     """Calls its callback with each message of a topic; made by `Node.create_subscription`.
 
     One call at a time, in order. While one runs, the last `depth` messages wait. Plain callbacks
@@ -173,14 +174,14 @@ class Subscription:
     def __init__(
         self,
         transport: Transport,
-        msg_type: Any,
+        msg_type: type[MsgT],
         name: str,
         node: str,
         callback: Callback,
         qos: QoS,
         *,
         threaded: bool = False,
-        forget: Callable[[Subscription], object] = lambda _: None,
+        forget: Callable[[Subscription[MsgT]], object] = lambda _: None,
         on_mismatch: OnMismatch | None = None,
         otherwise: str = "",
     ) -> None:

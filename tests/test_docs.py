@@ -200,11 +200,13 @@ NOT_CONSTRUCTED = {
     "Client",
     "DeferredCall",
     "Kind",
+    "Msg",
     "NodeStatus",
     "Publisher",
     "Robot",
     "Role",
     "Service",
+    "Srv",
     "Subscription",
     "Timer",
 }

@@ -2,6 +2,7 @@
 
 import sys
 import time
+from typing import Any
 
 import srvgen
 import taskrpc
@@ -14,7 +15,7 @@ LONG = float(sys.argv[1]) if len(sys.argv) > 1 else 2.0
 SHORT = float(sys.argv[2]) if len(sys.argv) > 2 else 0.4
 
 
-def try_call(client: sync.Client, timeout: float) -> None:
+def try_call(client: sync.Client[Any, Any], timeout: float) -> None:
     began = time.monotonic()
     try:
         outcome = str(client.call(Trigger.Request(), timeout=timeout).message)

@@ -1,6 +1,7 @@
 """Why a retry can be dangerous: the robot shall drive ONE metre, and its answer is late."""
 
 import sys
+from typing import Any
 
 import srvgen
 import taskrpc
@@ -9,7 +10,7 @@ from taskrpc import sync
 Trigger = srvgen.load("std_srvs/srv/Trigger")
 
 
-def drive_blindly(client: sync.Client) -> None:
+def drive_blindly(client: sync.Client[Any, Any]) -> None:
     # Wrong: no answer does not mean that nothing was done.
     for attempt in range(1, 4):
         try:
@@ -19,7 +20,7 @@ def drive_blindly(client: sync.Client) -> None:
             print(f"  attempt {attempt}: no answer (certainly not run: {error.not_executed})")
 
 
-def drive_with_policy(client: sync.Client) -> None:
+def drive_with_policy(client: sync.Client[Any, Any]) -> None:
     try:
         client.call(Trigger.Request(), timeout=0.2, retry=taskrpc.RetryPolicy())
     except taskrpc.DeadlineExceeded:

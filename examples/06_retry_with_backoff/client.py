@@ -2,6 +2,7 @@
 
 import sys
 import time
+from typing import Any
 
 import srvgen
 import taskrpc
@@ -12,7 +13,7 @@ Trigger = srvgen.load("std_srvs/srv/Trigger")
 FIRST_WAIT = float(sys.argv[1]) if len(sys.argv) > 1 else 1.0
 
 
-def read_by_hand(client: sync.Client) -> str:
+def read_by_hand(client: sync.Client[Any, Any]) -> str:
     # The lecture's loop: wait 1 s, then 2 s, then 4 s, so that a server in trouble gets air.
     for attempt in range(3):
         try:
@@ -24,7 +25,7 @@ def read_by_hand(client: sync.Client) -> str:
     return "all attempts failed"
 
 
-def read_with_policy(client: sync.Client, policy: taskrpc.RetryPolicy) -> str:
+def read_with_policy(client: sync.Client[Any, Any], policy: taskrpc.RetryPolicy) -> str:
     # The same in one argument, and it repeats only what is safe to repeat.
     return str(client.call(Trigger.Request(), retry=policy).message)
 

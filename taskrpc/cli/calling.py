@@ -74,7 +74,7 @@ class _Caller:
         self._service = service
         self._loop = asyncio.get_running_loop()
         self._retry = RetryPolicy(attempts=plan.retries + 1) if plan.retries else None
-        self._client: Client | None = None
+        self._client: Client[Any, Any] | None = None
         self._request: Any = None
         self._said_waiting = False
         self._silent = ""
@@ -113,7 +113,7 @@ class _Caller:
             print(json.dumps(_without_nan(srvgen.to_builtins(response))), flush=True)
         self._print(f"response:\n{response!r}\n")
 
-    async def _reach(self, deadline: float | None) -> Client:
+    async def _reach(self, deadline: float | None) -> Client[Any, Any]:
         """A client, and the request that fits it; both as the server defines them."""
         type_name, text = await self._definition(deadline)
         given = self._plan.type_name

@@ -82,7 +82,7 @@ class TaskServices:
         self._timeout = timeout
         self._place = place
         self._note = note
-        self._clients: dict[str, Client] = {}
+        self._clients: dict[str, Client[Any, Any]] = {}
 
     async def reach(self) -> None:
         """Wait for the server.
@@ -198,7 +198,7 @@ class TaskServices:
                 raise ServiceUnavailable(f"{client.service_name}: {error}") from None
             raise
 
-    def _client(self, verb: str) -> Client:
+    def _client(self, verb: str) -> Client[Any, Any]:
         client = self._clients.get(verb)
         if client is None:
             srv_type = srvgen.load(_TYPES[verb])

@@ -51,7 +51,7 @@ class _Printer:
         self._holds = condition(options.filter)
         self._lost = 0
         self._numbers = itertools.count(1)
-        self.subscription: Subscription | None = None
+        self.subscription: Subscription[Any] | None = None
         self.feed = Feed(self._print)
 
     def _print(self, message: Any) -> None:

@@ -75,7 +75,9 @@ async def _publish(options: argparse.Namespace, templates: Sequence[Template]) -
         await asyncio.sleep(options.keep_alive)
 
 
-async def _wait_for_readers(options: argparse.Namespace, publisher: Publisher, least: int) -> None:
+async def _wait_for_readers(
+    options: argparse.Namespace, publisher: Publisher[Any], least: int
+) -> None:
     if options.wait_matching_subscriptions is not None:
         least = options.wait_matching_subscriptions
     loop = asyncio.get_running_loop()
@@ -94,7 +96,10 @@ async def _wait_for_readers(options: argparse.Namespace, publisher: Publisher, l
 
 
 async def _loop(
-    options: argparse.Namespace, publisher: Publisher, templates: Sequence[Template], times: int
+    options: argparse.Namespace,
+    publisher: Publisher[Any],
+    templates: Sequence[Template],
+    times: int,
 ) -> None:
     loop = asyncio.get_running_loop()
     began, every = loop.time(), options.print

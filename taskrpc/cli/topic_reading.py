@@ -95,7 +95,7 @@ async def subscribed(
     callback: Callable[[Any], object],
     *,
     wait: bool,
-) -> Subscription:
+) -> Subscription[Any]:
     """Subscribe to a topic by the type that was given, or that it has."""
     topic = shells.expanded(name, kind="topic name")
     given = getattr(options, "message_type", "")

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Hashable
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any, Generic, final
 
 import msgspec
 
 from taskrpc.errors import Code, HandlerFailed, OutcomeUnknown, TaskRpcError
+from taskrpc.given_types import ResponseT
 from taskrpc.transport.base import IncomingCall
 from taskrpc.wire.once import Completion
 
@@ -17,13 +18,13 @@ if TYPE_CHECKING:
 
 
 @final
-class Effect(msgspec.Struct):
+class Effect(msgspec.Struct, Generic[ResponseT]):
     """What a handler of an exactly-once service returns where its store is to do something.
 
     The store applies `effect` in one transaction with the record that the request is done.
     """
 
-    response: Any
+    response: ResponseT
     effect: Any
 
 

@@ -28,7 +28,7 @@ it is taken over, written, read and told."""
 _PATIENCE = 0.05
 """Seconds after which a busy loop is not waited for."""
 
-Take = Callable[["DeferredCall"], object]
+Take = Callable[["DeferredCall[Any, Any]"], object]
 """Takes a call, on the loop's thread."""
 
 
@@ -114,7 +114,7 @@ def settle() -> None:
 class NativeClient:
     """A client on the loop, as far as the layer needs it from other threads."""
 
-    def __init__(self, bridge: Bridge, client: sync.Client) -> None:
+    def __init__(self, bridge: Bridge, client: sync.Client[Any, Any]) -> None:
         self.bridge = bridge
         self.inner = client._inner
         self.call_then = client.call_then
@@ -136,7 +136,7 @@ class NativeClient:
 class NativePublisher:
     """A publisher on the loop, as far as the layer needs it from other threads."""
 
-    def __init__(self, publisher: Publisher) -> None:
+    def __init__(self, publisher: Publisher[Any]) -> None:
         self.publish = publisher.publish
         self.get_subscription_count = publisher.get_subscription_count
         self._publisher = publisher
@@ -154,7 +154,7 @@ class NativePublisher:
 class NativeSubscription:
     """A subscription on the loop, as far as the layer needs it from other threads."""
 
-    def __init__(self, subscription: Subscription) -> None:
+    def __init__(self, subscription: Subscription[Any]) -> None:
         self.get_publisher_count = subscription.get_publisher_count
         self._subscription = subscription
 
@@ -169,7 +169,9 @@ class NativeSubscription:
 
 
 def _watch(
-    endpoint: Publisher | Subscription, count: Callable[[], int], tell: Callable[[int], object]
+    endpoint: Publisher[Any] | Subscription[Any],
+    count: Callable[[], int],
+    tell: Callable[[int], object],
 ) -> None:
     def changed() -> None:
         tell(count())
@@ -254,7 +256,7 @@ class _Shared:
         create = offered.bridge.native.create_deferred_service
         self._native = create(self._srv_type, self._name, self._take, join=join)
 
-    def _take(self, call: DeferredCall) -> None:
+    def _take(self, call: DeferredCall[Any, Any]) -> None:
         servers = list(self._servers if like_ros() else self._servers[:1])
         if not servers:  # another thread is just about to withdraw it
             call.fail(ServiceUnavailable(f"{self._name} is withdrawn"))

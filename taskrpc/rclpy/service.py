@@ -35,7 +35,7 @@ SrvResponseT = TypeVar("SrvResponseT")
 class RequestHeader(NamedTuple):
     """What came with a request that the program takes itself."""
 
-    call: DeferredCall
+    call: DeferredCall[Any, Any]
     source_timestamp: int
     """Nanoseconds since the epoch."""
 
@@ -61,7 +61,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         self.callback_group = callback_group
         self.qos_profile = qos_profile
         self.handle = ServiceHandle(self)
-        self._calls: deque[DeferredCall] = deque()
+        self._calls: deque[DeferredCall[Any, Any]] = deque()
         self._depth = depth_of(qos_profile)
         self._last: Callable[[], object] | None = None
         """What is to be done once the callback that runs has answered."""
@@ -115,7 +115,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
 
     # On the loop's thread
 
-    def _came(self, call: DeferredCall) -> None:
+    def _came(self, call: DeferredCall[Any, Any]) -> None:
         self._calls.append(call)
         if len(self._calls) > self._depth:
             if not _explain.like_ros():
@@ -140,13 +140,13 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         call = self._next()
         return None if call is None else lambda: self._serve(call)
 
-    def _next(self) -> DeferredCall | None:
+    def _next(self) -> DeferredCall[Any, Any] | None:
         try:
             return self._calls.popleft()
         except IndexError:  # another thread was quicker
             return None
 
-    def _serve(self, call: DeferredCall) -> Any:
+    def _serve(self, call: DeferredCall[Any, Any]) -> Any:
         call.started()
         if self._introspection.is_on:
             self._tell(call, "REQUEST_RECEIVED", request=call.request)
@@ -160,7 +160,9 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         self._answer(call, response)
         return None
 
-    async def _serve_async(self, call: DeferredCall, answer: CoroutineType[Any, Any, Any]) -> None:
+    async def _serve_async(
+        self, call: DeferredCall[Any, Any], answer: CoroutineType[Any, Any, Any]
+    ) -> None:
         try:
             response = await answer
         except BaseException as error:
@@ -168,7 +170,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
             raise
         self._answer(call, response)
 
-    def _answer(self, call: DeferredCall, response: Any) -> None:
+    def _answer(self, call: DeferredCall[Any, Any], response: Any) -> None:
         """Answer with what the callback returned."""
         try:
             if self._node.context.ok() and not self.handle.valid:
@@ -177,7 +179,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         finally:
             self._leave()
 
-    def _destroyed(self, call: DeferredCall) -> None:
+    def _destroyed(self, call: DeferredCall[Any, Any]) -> None:
         """Raise InvalidHandle, as ROS does: the callback has destroyed what it would answer by."""
         if not _explain.like_ros():
             _explain.destroyed(self)
@@ -190,7 +192,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
             last, self._last = self._last, None
             last()
 
-    def _reply(self, call: DeferredCall, response: Any) -> None:
+    def _reply(self, call: DeferredCall[Any, Any], response: Any) -> None:
         expected = self.srv_type.Response
         if not isinstance(response, expected):
             if _explain.like_ros():
@@ -214,17 +216,17 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         if self._introspection.is_on:
             self._tell(call, "RESPONSE_SENT", response=response)
 
-    def _send(self, call: DeferredCall, response: Any) -> None:
+    def _send(self, call: DeferredCall[Any, Any], response: Any) -> None:
         try:
             call.reply(response)
         except InvalidRequest as error:
             call.reply(wrapped_or_refused(response, self._full_name, error))
 
-    def _tell(self, call: DeferredCall, step: str, **messages: Any) -> None:
+    def _tell(self, call: DeferredCall[Any, Any], step: str, **messages: Any) -> None:
         info = call.info
         self._introspection.tell(step, gid_of(info.caller), info.number, **messages)
 
-    def _raised(self, call: DeferredCall, error: BaseException) -> None:
+    def _raised(self, call: DeferredCall[Any, Any], error: BaseException) -> None:
         if _explain.like_ros():
             self._leave()
             return

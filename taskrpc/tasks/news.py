@@ -50,7 +50,7 @@ class TaskNews:
         for part in self._parts:
             part.close()
 
-    async def _tell_events(self, publisher: Publisher) -> None:
+    async def _tell_events(self, publisher: Publisher[Any]) -> None:
         board, running = self._manager.board, self._manager.running
         revision = board.revision
         publisher.publish(self._events([] if running is None else [running.task_id], revision))
@@ -78,7 +78,7 @@ class TaskNews:
             ],
         )
 
-    async def _tell_pose(self, publisher: Publisher) -> None:
+    async def _tell_pose(self, publisher: Publisher[Any]) -> None:
         board, last = self._manager.board, None
         while not board.is_closed:
             pose, revision = self._manager.pose(), board.revision
@@ -108,7 +108,7 @@ class _Part:
         node: Node,
         msg_type: Any,
         topic: str,
-        tell: Callable[[Publisher], Coroutine[Any, Any, None]],
+        tell: Callable[[Publisher[Any]], Coroutine[Any, Any, None]],
     ) -> None:
         self._tell = tell
         self._task: asyncio.Task[None] | None = None

@@ -361,7 +361,7 @@ _DEFINITION = (
 )
 
 
-class Count_SendGoal(_runtime.Service):
+class Count_SendGoal(_runtime.Service[Count_SendGoal_Request, Count_SendGoal_Response]):
     """demo_interfaces/action/Count_SendGoal"""
 
     _TYPE = "demo_interfaces/action/Count_SendGoal"
@@ -373,7 +373,7 @@ class Count_SendGoal(_runtime.Service):
     Event: _typing.TypeAlias = Count_SendGoal_Event
 
 
-class Count_GetResult(_runtime.Service):
+class Count_GetResult(_runtime.Service[Count_GetResult_Request, Count_GetResult_Response]):
     """demo_interfaces/action/Count_GetResult"""
 
     _TYPE = "demo_interfaces/action/Count_GetResult"

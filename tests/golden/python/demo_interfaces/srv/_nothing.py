@@ -87,7 +87,7 @@ _DEFINITION = (
 )
 
 
-class Nothing(_runtime.Service):
+class Nothing(_runtime.Service[Nothing_Request, Nothing_Response]):
     """demo_interfaces/srv/Nothing"""
 
     _TYPE = "demo_interfaces/srv/Nothing"

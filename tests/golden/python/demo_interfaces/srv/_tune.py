@@ -115,7 +115,7 @@ _DEFINITION = (
 )
 
 
-class Tune(_runtime.Service):
+class Tune(_runtime.Service[Tune_Request, Tune_Response]):
     """demo_interfaces/srv/Tune"""
 
     _TYPE = "demo_interfaces/srv/Tune"

@@ -119,7 +119,7 @@ _DEFINITION = (
 )
 
 
-class Twist(_runtime.Service):
+class Twist(_runtime.Service[Twist_Request, Twist_Response]):
     """demo_interfaces/srv/Twist"""
 
     _TYPE = "demo_interfaces/srv/Twist"
