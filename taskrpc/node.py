@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import inspect
 import os
 from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
 from functools import partial
@@ -11,10 +12,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
-from taskrpc import names, platform
+from taskrpc import mistakes, names, platform
 from taskrpc.access import Accounts, Role
 from taskrpc.client import DEFAULT_TIMEOUT, Client
-from taskrpc.errors import ServiceUnavailable, TaskRpcError
+from taskrpc.errors import ServiceUnavailable, TaskRpcError, WouldDeadlock
 from taskrpc.given_types import RequestT, ResponseT, Srv, service_type
 from taskrpc.node_topics import NodeTopics
 from taskrpc.retry import RetryPolicy
@@ -80,6 +81,7 @@ class Node(NodeTopics):
         observer: Observer | None = None,
     ) -> None:
         super().__init__()
+        mistakes.show_in_one_message()
         self._name = names.check_node_name(name)
         in_lab = "" if namespace else lab_namespace(transport, peers)
         self._namespace = names.check_namespace(namespace or in_lab)
@@ -132,7 +134,19 @@ class Node(NodeTopics):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        mistakes.explain(error)
         await self.destroy()
+
+    if not TYPE_CHECKING:  # checkers say that there is no `with`; programs get a better sentence
+
+        def __enter__(self):
+            raise TaskRpcError(
+                "taskrpc.Node is asynchronous: write `async with taskrpc.Node(...) as node:`,"
+                " or `with taskrpc.sync.Node(...) as node:` in a program without async"
+            )
+
+        def __exit__(self, *_):
+            """Never called: `with` asks for it before it calls `__enter__`."""
 
     async def start(self) -> None:
         """Join the network; `async with` does it."""
@@ -359,9 +373,10 @@ class Node(NodeTopics):
 
     def _started(self) -> Transport:
         if self._transport is None:
-            way = "with taskrpc.sync.Node" if self._threads else "async with taskrpc.Node"
-            problem = f"the node {self._name} has not started; write `{way}(...) as node:`"
-            raise TaskRpcError(problem)
+            way = "async with taskrpc.Node(...) as node:` or call `await node.start()"
+            if self._threads:
+                way = "with taskrpc.sync.Node(...) as node:` or call `node.start()"
+            raise TaskRpcError(f"the node {self._name} has not started; write `{way}`")
         return self._transport
 
 
@@ -384,9 +399,38 @@ async def stop_requested() -> AsyncIterator[asyncio.Future[None]]:
 
 
 def run(main: Coroutine[Any, Any, _Result]) -> _Result:
-    """Run a coroutine to its end: `asyncio.run`, on uvloop where it is installed."""
+    """Run a coroutine to its end: `asyncio.run`, on uvloop where it is installed.
+
+    An error of ours that escapes from a script is shown in one message, without a traceback, and
+    sets the script's exit status as in the commands' table.
+
+    Raises:
+        TaskRpcError: `main` is no coroutine.
+        WouldDeadlock: an event loop runs already, as in a notebook; await `main()` there.
+    """
+    mistakes.show_in_one_message()
+    _check_main(main)
     with asyncio.Runner(loop_factory=fast_loop()) as runner:
         return runner.run(main)
+
+
+def _check_main(main: Any) -> None:
+    """Refuse what `run` cannot run."""
+    name = getattr(main, "__name__", "main")
+    if not inspect.iscoroutine(main):
+        found = f"the function {name}" if callable(main) else repr(main)
+        raise TaskRpcError(
+            f"taskrpc.run: expected a coroutine, got {found}; write taskrpc.run({name}())"
+        )
+    try:
+        asyncio.get_running_loop()
+    except RuntimeError:
+        return
+    main.close()
+    raise WouldDeadlock(
+        "taskrpc.run: an event loop runs already, as in a notebook or an async function;"
+        f" write `await {name}()` there"
+    )
 
 
 def fast_loop() -> Callable[[], asyncio.AbstractEventLoop] | None:

@@ -17,8 +17,8 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Self
 
 from taskrpc import client as _client
+from taskrpc import mistakes, platform
 from taskrpc import node as _node
-from taskrpc import platform
 from taskrpc.access import Accounts, Role
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
 from taskrpc.deferred import DeferredService, Take
@@ -39,7 +39,8 @@ if TYPE_CHECKING:
 class Node(SyncTopics):
     """A node for blocking programs; arguments and methods are those of `taskrpc.Node`.
 
-    Use it as `with taskrpc.sync.Node("name") as node:`.
+    Use it as `with taskrpc.sync.Node("name") as node:`. In a notebook or at the prompt, call
+    `start()` at the beginning and `close()` at the end instead.
     """
 
     def __init__(
@@ -71,8 +72,7 @@ class Node(SyncTopics):
         )
 
     def __enter__(self) -> Self:
-        self._loop.run(self._node.start(), "entering a node")
-        return self
+        return self.start()
 
     def __exit__(
         self,
@@ -80,6 +80,16 @@ class Node(SyncTopics):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
+        mistakes.explain(error)
+        self.destroy()
+
+    def start(self) -> Self:
+        """Join the network; returns the node itself. `with` does it."""
+        self._loop.run(self._node.start(), "start()")
+        return self
+
+    def close(self) -> None:
+        """Withdraw all that it has and leave the network, as `destroy` does; `with` does it."""
         self.destroy()
 
     def get_name(self) -> str:

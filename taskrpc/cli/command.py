@@ -12,13 +12,8 @@ import sys
 from collections.abc import Callable, Sequence
 from enum import IntEnum
 
-from taskrpc.errors import (
-    ConnectionLost,
-    DeadlineExceeded,
-    ServerBusy,
-    ServiceUnavailable,
-    TaskRpcError,
-)
+from taskrpc.errors import TaskRpcError
+from taskrpc.mistakes import exit_status, is_ours
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
@@ -115,20 +110,12 @@ def exit_code(error: Exception) -> Exit:
     """The exit code that says what became of the call."""
     if isinstance(error, UsageError):
         return Exit.USAGE
-    if isinstance(error, DeadlineExceeded):
-        return Exit.NOT_RUN if error.not_executed else Exit.DEADLINE
-    if isinstance(error, ConnectionLost):
-        return Exit.NOT_RUN if error.not_executed else Exit.UNKNOWN
-    return Exit.NOT_RUN if isinstance(error, ServiceUnavailable | ServerBusy) else Exit.ERROR
+    return Exit(exit_status(error))
 
 
 def is_mistake(error: Exception) -> bool:
     """Whether an error is told in a sentence; any other is a defect and shows its traceback."""
-    if isinstance(error, TaskRpcError | OSError):
-        return True
-    from srvgen import DefinitionError, FieldError
-
-    return isinstance(error, DefinitionError | FieldError)
+    return isinstance(error, OSError) or is_ours(error)
 
 
 def hinted(error: Mistake, hint: str) -> Mistake:

@@ -443,3 +443,15 @@ def test_threads_answer_a_deferred_service(node):
     client = node.create_client(AddTwoInts, "add")
     assert [client.call(AddTwoInts.Request(a=n)).sum for n in range(50)] == list(range(50))
     threads.shutdown()
+
+
+def test_a_node_can_be_started_and_closed_without_with():
+    node = taskrpc.sync.Node("notebook").start()
+    try:
+        node.create_service(AddTwoInts, "add", add)
+        assert node.create_client(AddTwoInts, "add").call(AddTwoInts.Request(a=2, b=3)).sum == 5
+    finally:
+        node.close()
+    node.close()
+    with pytest.raises(taskrpc.TaskRpcError, match=r"has not started; write .* `node.start\(\)`"):
+        node.create_client(AddTwoInts, "add")

@@ -1,0 +1,88 @@
+"""How a program ends that lets one of our errors escape: one message and a documented status.
+
+Errors of other kinds, a script's own TypeError for instance, keep their traceback.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+from taskrpc.errors import (
+    ConnectionLost,
+    DeadlineExceeded,
+    ServerBusy,
+    ServiceUnavailable,
+    TaskRpcError,
+)
+
+TYPE_CHECKING = False  # typing itself is heavy
+if TYPE_CHECKING:
+    from types import TracebackType
+
+_ERROR, _DEADLINE, _NOT_RUN, _UNKNOWN = 1, 3, 4, 5
+_OURS = os.path.dirname(os.path.abspath(__file__)) + os.sep
+_POSITIONAL = "Extra positional arguments provided"
+"""What msgspec says; to ask each message's constructor ourselves would slow all calls."""
+_BY_NAME = "a message takes its fields by name: write Request(a=1, b=2), not Request(1, 2)"
+
+
+def exit_status(error: BaseException) -> int:
+    """The exit status that says what became of the call: 1, 3, 4 or 5."""
+    if isinstance(error, DeadlineExceeded):
+        return _NOT_RUN if error.not_executed else _DEADLINE
+    if isinstance(error, ConnectionLost):
+        return _NOT_RUN if error.not_executed else _UNKNOWN
+    return _NOT_RUN if isinstance(error, ServiceUnavailable | ServerBusy) else _ERROR
+
+
+def is_ours(error: BaseException) -> bool:
+    """Whether an error is one of ours, whose text says all that a user needs."""
+    if isinstance(error, TaskRpcError):
+        return True
+    from srvgen import DefinitionError, FieldError
+
+    return isinstance(error, DefinitionError | FieldError)
+
+
+def show_in_one_message() -> None:
+    """Have our errors that end this program shown without a traceback.
+
+    A program that has an excepthook of its own keeps it; `python -X dev` shows all tracebacks.
+    """
+    if sys.excepthook is sys.__excepthook__ and not sys.flags.dev_mode:
+        sys.excepthook = _show
+
+
+def explain(error: BaseException | None) -> None:
+    """Say in a TypeError for positional fields of a message how to write them."""
+    if isinstance(error, TypeError) and error.args == (_POSITIONAL,):
+        error.args = (_BY_NAME,)
+
+
+def _show(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
+    """Take the place of `sys.excepthook`. A SystemExit that it raises sets the exit status."""
+    explain(error)
+    if not is_ours(error) and error.args != (_BY_NAME,):
+        sys.__excepthook__(kind, error, traceback)
+        return
+    message = f"{_place(traceback)}{kind.__name__}: {error}"
+    print("\n  hint: ".join([message, *getattr(error, "__notes__", ())]), file=sys.stderr)
+    if not hasattr(sys, "ps1") and not sys.flags.interactive:
+        raise SystemExit(exit_status(error))
+
+
+def _place(traceback: TracebackType | None) -> str:
+    """`file.py:12: ` of the last line of the program itself that a traceback names."""
+    import sysconfig
+
+    folders = [sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")]
+    libraries = _OURS, *(os.path.join(folder, "") for folder in folders)
+    place = ""
+    while traceback is not None:
+        file = traceback.tb_frame.f_code.co_filename
+        if not file.startswith(("<", *libraries)):
+            folder = os.path.join(os.getcwd(), "")
+            place = f"{file.removeprefix(folder)}:{traceback.tb_lineno}: "
+        traceback = traceback.tb_next
+    return place
