@@ -16,6 +16,7 @@ from taskrpc.errors import OutcomeUnknown, ServiceUnavailable, TaskRpcError
 from taskrpc.given_types import RequestT, ResponseT
 from taskrpc.transport.base import IncomingCall, Offer, Transport
 from taskrpc.transport.codec import ServiceType, codec_of
+from taskrpc.wire.messages import Endpoint
 
 if TYPE_CHECKING:
     from taskrpc.observer import Observer, ServiceStatus
@@ -106,12 +107,33 @@ class DeferredService:
         self._offer = Offer(
             name, srv_type, node, self._arrived, join=join, observer=observer, role=role
         )
+        self._others: list[Endpoint] = []
         transport.offer(self._offer)
+
+    def add_server(self, node: str) -> None:
+        """Announce one more server of this service, a node's (fully qualified name).
+
+        `take` still gets all calls; the graph shows and counts the servers of a program that hands
+        calls over to several.
+        """
+        server = Endpoint(self.service_name, self.srv_type._TYPE, self.srv_type._HASH, node)
+        self._others.append(server)
+        self._transport.add_server(server)
+
+    def remove_server(self, node: str) -> None:
+        """Withdraw a server that `add_server` announced."""
+        for server in self._others:
+            if server.node == node:
+                self._others.remove(server)
+                self._transport.remove_server(server)
+                return
 
     def destroy(self) -> None:
         """Stop offering the service; calls that have arrived are still answered."""
         if not self._destroyed:
             self._destroyed = True
+            while self._others:
+                self._transport.remove_server(self._others.pop())
             self._transport.withdraw(self._offer)
             self._finish_if_idle()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import threading
 from collections.abc import Callable, Coroutine
+from functools import partial
 from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
 
 from taskrpc import sync
@@ -188,6 +189,7 @@ class Offered:
 
     def __init__(self, shared: _Shared, bridge: Bridge, take: Take) -> None:
         self.bridge = bridge
+        self.node = bridge.native.get_fully_qualified_name()
         self.take = take
         self._shared = shared
 
@@ -227,6 +229,8 @@ class _Shared:
             try:
                 if self._servers[0] is offered:
                     self._first(offered, join=join)
+                else:
+                    self._announce(offered)
             except BaseException:
                 self._servers.remove(offered)
                 raise
@@ -246,15 +250,26 @@ class _Shared:
                 return
             is_native = self._servers[0] is offered
             self._servers.remove(offered)
-            if is_native and self._native is not None:
-                offered.bridge.do(self._native.destroy)
-                self._native = None
-                if self._servers:
-                    self._offer(self._servers[0], join=True)
+            native = self._native
+            if native is None:
+                return
+            if not is_native:
+                offered.bridge.do(partial(native.remove_server, offered.node))
+                return
+            offered.bridge.do(native.destroy)
+            self._native = None
+            if self._servers:
+                self._offer(self._servers[0], join=True)
+                for other in self._servers[1:]:
+                    self._announce(other)
 
     def _offer(self, offered: Offered, *, join: bool) -> None:
         create = offered.bridge.native.create_deferred_service
         self._native = create(self._srv_type, self._name, self._take, join=join)
+
+    def _announce(self, offered: Offered) -> None:
+        if self._native is not None:
+            offered.bridge.do(partial(self._native.add_server, offered.node))
 
     def _take(self, call: DeferredCall[Any, Any]) -> None:
         servers = list(self._servers if like_ros() else self._servers[:1])

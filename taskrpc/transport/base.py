@@ -18,7 +18,7 @@ from taskrpc.callinfo import CallInfo
 from taskrpc.errors import TaskRpcError
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.entries import Entry
-from taskrpc.wire.messages import TopicEndpoint
+from taskrpc.wire.messages import Endpoint, TopicEndpoint
 from taskrpc.wire.once import Claim, Number, Numbers
 
 if TYPE_CHECKING:
@@ -302,6 +302,12 @@ class Transport(Protocol):
 
     def withdraw(self, offer: Offer) -> None:
         """Stop taking calls for a service; those that came before may still be answered."""
+
+    def add_server(self, server: Endpoint) -> None:
+        """Announce one more server of a service that is offered here; it takes no calls itself."""
+
+    def remove_server(self, server: Endpoint) -> None:
+        """Withdraw such an announcement."""
 
     def replace(self, offer: Offer, by: Offer) -> None:
         """Take the calls that come from now on for another offer of the same service."""

@@ -134,6 +134,14 @@ class Endpoint(Handing):
             self.publish(Change(service=_named(offer), gone=True))
             self._advertise()
 
+    def add_server(self, server: Named) -> None:
+        """Announce one more server of a service that is offered here; it takes no calls itself."""
+        self.publish(Change(service=server))
+
+    def remove_server(self, server: Named) -> None:
+        """Withdraw such an announcement."""
+        self.publish(Change(service=server, gone=True))
+
     def replace(self, offer: Offer, by: Offer) -> None:
         """Take the calls that come from now on for another offer of the same service."""
         if self._offers.remove(offer):

@@ -88,8 +88,10 @@ class Roster:
     def __init__(self, entry: Entry) -> None:
         self.about = entry
         """Who and where the process is; its own lists say what was there at the beginning."""
-        self.services = {service.name: service for service in entry.services}
-        """By absolute name."""
+        self.services: dict[str, Endpoint] = {}
+        """One server of each service, by absolute name."""
+        self._servers: dict[Endpoint, int] = {}
+        self._offered: dict[str, int] = {}
         self._nodes: dict[str, int] = {}
         self._clients: dict[Endpoint, int] = {}
         self._publishers: dict[TopicEndpoint, int] = {}
@@ -98,6 +100,8 @@ class Roster:
         self._entry: Entry | None = entry
         for node in entry.nodes:
             _add(self._nodes, node)
+        for service in entry.services:
+            self._count_server(service, gone=False)
         for client in entry.clients:
             _add(self._clients, client)
         for publisher in entry.publishers:
@@ -125,9 +129,7 @@ class Roster:
         if change.subscription is not None:
             count(self._subscriptions, change.subscription)
         if change.service is not None:
-            self.services.pop(change.service.name, None)
-            if not change.gone:
-                self.services[change.service.name] = change.service
+            self._count_server(change.service, gone=change.gone)
 
     @property
     def first_node(self) -> str:
@@ -148,12 +150,25 @@ class Roster:
             self._entry = msgspec.structs.replace(
                 self.about,
                 nodes=tuple(_each(self._nodes)),
-                services=tuple(self.services.values()),
+                services=tuple(_each(self._servers)),
                 clients=tuple(_each(self._clients)),
                 publishers=tuple(_each(self._publishers)),
                 subscriptions=tuple(_each(self._subscriptions)),
             )
         return self._entry
+
+    def _count_server(self, server: Endpoint, *, gone: bool) -> None:
+        name = server.name
+        if not gone:
+            _add(self._servers, server)
+            _add(self._offered, name)
+            self.services[name] = server
+            return
+        _drop(self._servers, server)
+        _drop(self._offered, name)
+        self.services.pop(name, None)
+        if name in self._offered:  # nodes of one program may share a name, which few do
+            self.services[name] = next(each for each in self._servers if each.name == name)
 
     def _count_publisher(self, publisher: TopicEndpoint, *, gone: bool) -> None:
         count = _drop if gone else _add

@@ -90,6 +90,27 @@ def test_endpoints_are_counted_by_relative_and_absolute_names(node):
     assert (node.count_clients("go"), node.count_services("go")) == (1, 0)
 
 
+def test_every_server_of_a_service_is_counted(world, node):
+    twin, caller = world.node("twin", namespace="/ns"), world.node("caller")
+
+    def counts():
+        servers = caller.get_servers_info_by_service("/ns/go")
+        names = sorted(one.node_name for one in servers)
+        return caller.count_services("/ns/go"), names
+
+    servers = [each.create_service(Trigger, "go", print) for each in (node, node, twin)]
+    assert counts() == (3, ["robot", "robot", "twin"])
+    node.destroy_service(servers[0])
+    assert counts() == (2, ["robot", "twin"])
+    node.destroy_service(servers[1])
+    assert counts() == (1, ["twin"])
+    again = node.create_service(Trigger, "go", print)
+    assert counts() == (2, ["robot", "twin"])
+    node.destroy_service(again)
+    twin.destroy_service(servers[2])
+    assert counts() == (0, [])
+
+
 def test_a_bad_name_is_refused_with_ross_words(node):
     for ask in (node.count_publishers, node.count_services, node.get_publishers_info_by_topic):
         with pytest.raises(TypeError, match="bad argument type"):

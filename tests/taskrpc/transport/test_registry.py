@@ -287,6 +287,23 @@ def test_what_is_written_for_a_service_does_not_grow_with_their_number(registry,
     assert spent(4000) < 2 * first
 
 
+def test_each_server_of_one_name_is_kept_until_it_goes(registry, other):
+    """Nodes of one program may offer the same name."""
+    first, second = (Endpoint("/s", "a/srv/B", "R", node) for node in ("/a", "/b"))
+    roster = Roster(entry())
+    for server in (first, second, second):
+        registry.publish(roster, Change(service=server))
+    (seen,) = other.entries()
+    assert sorted(each.node for each in seen.services) == ["/a", "/b", "/b"]
+    assert sorted(each.node for each in Roster(seen).entry().services) == ["/a", "/b", "/b"]
+    for server in (second, first):
+        registry.publish(roster, Change(service=server, gone=True))
+        assert roster.offers("/s")
+    registry.publish(roster, Change(service=second, gone=True))
+    assert not roster.offers("/s")
+    assert other.entries()[0].services == ()
+
+
 def test_domains_do_not_see_each_other(registry):
     publish(registry, entry())
     assert Registry(1).entries() == []
