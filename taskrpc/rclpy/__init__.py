@@ -6,7 +6,7 @@ Begin with `init()`, make nodes, let callbacks run with `spin`, end with `shutdo
 from __future__ import annotations
 
 import importlib
-from typing import Any
+from typing import TYPE_CHECKING
 
 from ._spinning import (
     InitContextManager,
@@ -28,6 +28,29 @@ from .utilities import (
     ok,
     try_shutdown,
 )
+
+if TYPE_CHECKING:
+    from . import action as action
+    from . import callback_groups as callback_groups
+    from . import client as client
+    from . import clock as clock
+    from . import clock_type as clock_type
+    from . import constants as constants
+    from . import duration as duration
+    from . import exceptions as exceptions
+    from . import executors as executors
+    from . import logging as logging
+    from . import node as node
+    from . import parameter as parameter
+    from . import publisher as publisher
+    from . import qos as qos
+    from . import service as service
+    from . import subscription as subscription
+    from . import task as task
+    from . import time as time
+    from . import timer as timer
+    from . import validate_topic_name as validate_topic_name
+    from .parameter import Parameter as Parameter
 
 __all__ = [
     "Context",
@@ -57,9 +80,11 @@ _LATER = frozenset(
 """Modules that are imported when a program names them, as in `rclpy.executors.Executor`."""
 
 
-def __getattr__(name: str) -> Any:
-    if name == "Parameter":
-        return importlib.import_module(".parameter", __name__).Parameter
-    if name in _LATER:
-        return importlib.import_module(f".{name}", __name__)
-    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+if not TYPE_CHECKING:  # a type checker would take every name that is not there for Any
+
+    def __getattr__(name):
+        if name == "Parameter":
+            return importlib.import_module(".parameter", __name__).Parameter
+        if name in _LATER:
+            return importlib.import_module(f".{name}", __name__)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Awaitable, Callable, Iterator
 from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from taskrpc.errors import NameInUse
+from taskrpc.given_types import MsgT, RequestT, ResponseT, Srv
 
 from .callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from .client import Client
@@ -17,7 +18,7 @@ from .guard_condition import GuardCondition
 from .publisher import Publisher
 from .qos import QoSProfile, qos_profile_services_default
 from .service import Service
-from .subscription import Subscription
+from .subscription import Subscription, SubscriptionCallback
 from .timer import Rate, Timer
 from .type_support import check_is_valid_msg_type, check_is_valid_srv_type
 from .waitable import Waitable
@@ -93,7 +94,7 @@ class NodeEntities:
 
     def create_publisher(
         self,
-        msg_type: Any,
+        msg_type: type[MsgT],
         topic: str,
         qos_profile: QoSProfile | int,
         *,
@@ -101,7 +102,7 @@ class NodeEntities:
         event_callbacks: Any = None,
         qos_overriding_options: Any = None,
         publisher_class: type[Publisher[Any]] = Publisher,
-    ) -> Publisher[Any]:
+    ) -> Publisher[MsgT]:
         """Publish messages of a type on a topic; a number as `qos_profile` is its depth."""
         qos = self._rclpy_topic_qos(qos_profile)
         check_is_valid_msg_type(msg_type)
@@ -117,9 +118,9 @@ class NodeEntities:
 
     def create_subscription(
         self,
-        msg_type: Any,
+        msg_type: type[MsgT],
         topic: str,
-        callback: Callable[..., Any],
+        callback: SubscriptionCallback[MsgT],
         qos_profile: QoSProfile | int,
         *,
         callback_group: CallbackGroup | None = None,
@@ -127,7 +128,7 @@ class NodeEntities:
         qos_overriding_options: Any = None,
         raw: bool = False,
         content_filter_options: Any = None,
-    ) -> Subscription[Any]:
+    ) -> Subscription[MsgT]:
         """Have `callback(message)` called for each message of a topic.
 
         A callback with two parameters gets a `MessageInfo`, too; with `raw`, the message is CDR.
@@ -139,7 +140,7 @@ class NodeEntities:
         group = self._rclpy_group(callback_group)
         node = self._rclpy_as_node()
         events = Events(node, group, event_callbacks or SubscriptionEventCallbacks(), name)
-        subscription: Subscription[Any]
+        subscription: Subscription[MsgT]
         with events.kept():
             subscription = Subscription(node, msg_type, name, callback, group, qos, raw, events)
         subscription.topic = topic
@@ -147,30 +148,31 @@ class NodeEntities:
 
     def create_client(
         self,
-        srv_type: Any,
+        srv_type: type[Srv[RequestT, ResponseT]],
         srv_name: str,
         *,
         qos_profile: QoSProfile = qos_profile_services_default,
         callback_group: CallbackGroup | None = None,
-    ) -> Client[Any, Any]:
+    ) -> Client[RequestT, ResponseT]:
         """A client of a service."""
         check_is_valid_srv_type(srv_type)
         name = self.resolve_service_name(srv_name)
         qos_profile.get_c_qos_profile()  # a number is no profile here
         group = self._rclpy_group(callback_group)
-        client: Client[Any, Any] = Client(self._rclpy_as_node(), srv_type, name, qos_profile, group)
+        client: Client[RequestT, ResponseT]
+        client = Client(self._rclpy_as_node(), srv_type, name, qos_profile, group)
         client.srv_name = srv_name
         return self._rclpy_added(self._rclpy_clients, client, group)
 
     def create_service(
         self,
-        srv_type: Any,
+        srv_type: type[Srv[RequestT, ResponseT]],
         srv_name: str,
-        callback: Callable[..., Any],
+        callback: Callable[[RequestT, ResponseT], ResponseT | Awaitable[ResponseT]],
         *,
         qos_profile: QoSProfile = qos_profile_services_default,
         callback_group: CallbackGroup | None = None,
-    ) -> Service[Any, Any]:
+    ) -> Service[RequestT, ResponseT]:
         """Offer a service: `callback(request, response)` is called for each and returns the answer.
 
         Raises NameInUse where another program offers it.
@@ -179,7 +181,7 @@ class NodeEntities:
         name = self.resolve_service_name(srv_name)
         qos_profile.get_c_qos_profile()
         group = self._rclpy_group(callback_group)
-        service: Service[Any, Any]
+        service: Service[RequestT, ResponseT]
         try:
             service = Service(self._rclpy_as_node(), srv_type, name, callback, group, qos_profile)
         except NameInUse as error:

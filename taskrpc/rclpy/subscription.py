@@ -8,7 +8,7 @@ from collections import deque
 from collections.abc import Callable
 from enum import Enum
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Generic, Self, TypedDict, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, Self, TypeAlias, TypedDict, TypeVar
 
 from srvgen import to_cdr
 
@@ -33,6 +33,15 @@ class MessageInfo(TypedDict):
     received_timestamp: int
     publication_sequence_number: int | None
     reception_sequence_number: int | None
+
+
+SubscriptionCallback: TypeAlias = (
+    Callable[[MsgT], object]
+    | Callable[[MsgT, MessageInfo], object]
+    | Callable[[bytes], object]
+    | Callable[[bytes, MessageInfo], object]
+)
+"""With `raw`, a callback gets the message as bytes."""
 
 
 class Subscription(Entity, Generic[MsgT]):
