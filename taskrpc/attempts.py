@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import asyncio
 import math
+import time
 from collections.abc import Callable
 from typing import Any
 
@@ -29,6 +30,7 @@ from taskrpc.errors import (
 )
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Channel, Mode, SentCall
+from taskrpc.wire.ledger import REPEATED_FOR
 from taskrpc.wire.once import Number, Numbers, number_of_id
 
 FREE_SENDINGS = 8
@@ -55,6 +57,8 @@ class Attempts(msgspec.Struct, eq=False):
     _only_what_is_lost: bool = False
     _made: int = 0
     _in_doubt: bool = False
+    _in_doubt_since: float = 0.0
+    """The time of day, which goes on while the machine sleeps."""
     _is_over: bool = False
     _counts_anew: bool = False
     _numbers: Numbers | None = None
@@ -117,6 +121,8 @@ class Attempts(msgspec.Struct, eq=False):
                 problem = "a request id was given, but the service is not exactly-once"
                 raise InvalidRequest("", problem)
             return None
+        if self._store and self._in_doubt and time.time() - self._in_doubt_since > REPEATED_FOR:
+            self._give_up("the server may have forgotten the request, which was sent long ago")
         if self._store != channel.store_id:
             if self._store and self._in_doubt:
                 self._give_up("the server that answers now has another store")
@@ -154,8 +160,8 @@ class Attempts(msgspec.Struct, eq=False):
         """Seconds until the next attempt; None where there is none."""
         if isinstance(error, SessionExpired) and self._may_count_anew():
             return 0.0
-        if error.not_executed is not True:
-            self._in_doubt = True
+        if error.not_executed is not True and not self._in_doubt:
+            self._in_doubt, self._in_doubt_since = True, time.time()
         policy = self.policy
         if policy is None or not policy.allows(self._made + 1) or not self._may_repeat(error):
             return None

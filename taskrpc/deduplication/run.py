@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Hashable
 from typing import TYPE_CHECKING, Any, Generic, final
 
@@ -80,7 +79,6 @@ class Run(IncomingCall, eq=False):
             body,
             code,
             self.arrived,
-            time.time(),
         )
 
     def nothing_done(self) -> None:

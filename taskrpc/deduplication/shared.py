@@ -6,9 +6,8 @@ import asyncio
 import logging
 import time
 import weakref
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 
-from taskrpc.deduplication.leases import LeaseClock
 from taskrpc.deduplication.run import Run
 from taskrpc.errors import Code, HandlerFailed, StoreError, TaskRpcError, told
 from taskrpc.transport.timers import clock_of
@@ -16,6 +15,24 @@ from taskrpc.wire.ledger import Ledger
 from taskrpc.wire.once import Completion, CompletionStore
 
 log = logging.getLogger("taskrpc.server")
+
+
+class LeaseClock:
+    """The clock by which leases end. It counts only the time in which a server of the store runs.
+
+    Nobody can tell the time between two servers from a leap of the machine's clock. If it counted,
+    several leaps would end a lease within minutes, and a repeated request would run again. So the
+    clock goes on from the newest completion of the store.
+
+    Args:
+        completions: those of the store.
+        wall: seconds since 1970, for a store without completions.
+        ticks: what the loop's clock shows now.
+    """
+
+    def __init__(self, completions: Iterable[Completion], wall: float, ticks: float) -> None:
+        self.offset = max((each.at for each in completions), default=wall) - ticks
+        """To be added to what the loop's clock shows."""
 
 
 class Shared:

@@ -8,7 +8,12 @@ from enum import Enum
 from taskrpc.wire.once import OPEN_PER_CLIENT, Claim, Client, Completion
 
 LEASE = 24 * 3600.0
-"""Seconds for which a client is remembered after its last request."""
+"""Seconds for which a client is remembered after its last request. Only the time in which a server
+of the store runs counts."""
+
+REPEATED_FOR = LEASE / 2
+"""Seconds for which a client repeats a request that may have run. After them a server may soon
+forget the request, and would run it again."""
 
 MEMORY = 128 * 2**20
 """Bytes that a ledger remembers. An account may have as many as are still free: one alone gets a

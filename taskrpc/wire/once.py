@@ -109,8 +109,6 @@ class Completion(msgspec.Struct, frozen=True, array_like=True, gc=False):
     """0 for a response, else the `Code` of the failure."""
     at: float
     """When it came, on the clock by which leases end."""
-    wall: float = 0.0
-    """The time of day when it was done, in seconds since 1970; 0 where nobody noted it."""
 
 
 class Remembered(msgspec.Struct, frozen=True):

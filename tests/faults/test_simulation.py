@@ -13,8 +13,7 @@ from msgspec.structs import replace
 from taskrpc import Node, attempts, service
 from taskrpc.attempts import Attempts
 from taskrpc.deduplication import OnceDesk, Run
-from taskrpc.deduplication.leases import LeaseClock
-from taskrpc.deduplication.shared import Shared
+from taskrpc.deduplication.shared import LeaseClock, Shared
 from taskrpc.errors import Code, ConnectionLost, HandlerFailed, StoreError
 from taskrpc.tasks.book import TaskBook
 from taskrpc.tasks.manager import TaskManager

@@ -11,12 +11,11 @@ import time
 import pytest
 
 from taskrpc import attempts, deduplication
-from taskrpc.deduplication import desk, leases
+from taskrpc.deduplication import desk
 from taskrpc.wire.ledger import Ledger
 
 LEASE = 20.0
-"""Seconds for which a simulated server remembers a client: half of it, the least that is left when
-the clock leaps, is longer than any call lasts."""
+"""Seconds for which a simulated server remembers a client: longer than any call lasts."""
 
 
 @contextlib.contextmanager
@@ -31,7 +30,6 @@ def only_chance(seed, wall_clock, counts):
         patch.setattr(os, "urandom", drawn.randbytes)
         patch.setattr(time, "time", wall_clock)
         patch.setitem(Ledger.__init__.__kwdefaults__, "lease", LEASE)
-        patch.setattr(leases, "DOWN_AT_MOST", LEASE / 2)
         patch.setattr(desk, "_EXPIRE_EVERY", 1.0)
         _count(patch, counts)
         try:

@@ -50,7 +50,6 @@ class World:
         self._clients = {}
         self._returning = set()
         self._partitioned = set()
-        self._was_ahead = False
         self._calm = asyncio.Event()
         self._context = contextvars.copy_context()
         self._calm_from = self._loop.time() + SECONDS
@@ -196,9 +195,6 @@ class World:
 
     async def _leap(self):
         seconds = self._chance.choice(LEAPS)
-        if self._was_ahead:  # no leap alone ends a lease; two would
-            seconds = -abs(seconds)
-        self._was_ahead = self._was_ahead or seconds > 0
         self._ledger.note(f"the clock leaps by {seconds}")
         self._ledger.counts["leaps of the clock"] += 1
         self.wall_clock.leap(seconds)

@@ -802,15 +802,37 @@ async def test_a_clock_that_was_set_between_two_servers_ends_no_lease(leap):
 
 async def test_a_time_of_day_that_leaps_makes_nothing_run_twice(monkeypatch):
     async with Lab(Store(), Counter()) as lab:
-        await lab.client.call(Add.Request(a=1), request_id="one")
-        leapt = time.time() + 10**6
-        monkeypatch.setattr(time, "time", lambda: leapt)
-        await lab.client.call(Add.Request(a=2), request_id="two")
-        await lab.restart()
-        await lab.client.call(Add.Request(a=3), request_id="three")
-        for a, request_id in enumerate(("one", "two", "three"), 1):
-            await lab.client.call(Add.Request(a=a), request_id=request_id)
-        assert lab.counter.ran == 3
+        await lab.client.call(Add.Request(a=1), request_id="1")
+        begin = time.time()
+        for number, days in enumerate((20, 40, 60), 2):
+            leapt = begin + days * 24 * 3600
+            monkeypatch.setattr(time, "time", lambda leapt=leapt: leapt)
+            await lab.restart()
+            await lab.client.call(Add.Request(a=number), request_id=f"{number}")
+        for number in range(1, 5):
+            await lab.client.call(Add.Request(a=number), request_id=f"{number}")
+        assert lab.counter.ran == 4
+
+
+@pytest.mark.parametrize(("hours", "is_repeated"), [(11, True), (13, False)])
+async def test_a_request_is_not_repeated_once_the_server_may_have_forgotten_it(
+    monkeypatch, hours, is_repeated
+):
+    async with Lab(Store(), Counter()) as lab:
+        lab.counter.gate = asyncio.Event()
+        call = asyncio.ensure_future(lab.client.call(Add.Request(a=1), timeout=None))
+        await turns()
+        lab.cut()
+        await turns()  # the call is in doubt, and waits a moment before it is sent again
+        later = time.time() + hours * 3600
+        monkeypatch.setattr(time, "time", lambda: later)
+        lab.counter.gate.set()
+        if is_repeated:
+            assert (await call).sum == 1
+        else:
+            with pytest.raises(OutcomeUnknown, match="the server may have forgotten the request"):
+                await call
+        assert lab.counter.ran == 1
 
 
 async def test_a_store_whose_memory_is_full_takes_requests_again_when_leases_end():

@@ -1,10 +1,12 @@
 """A request says which it is, and a client which of its requests it still waits for."""
 
+import msgspec
 import pytest
 
 from taskrpc.errors import ProtocolError
 from taskrpc.wire.once import (
     OPEN_PER_CLIENT,
+    Completion,
     Number,
     Numbers,
     claims_for,
@@ -84,3 +86,9 @@ def test_what_is_settled_twice_or_out_of_turn_counts_once():
     numbers.settle(4)
     numbers.settle(4)
     assert numbers.number(numbers.take()) == Number(ME, 5, 5)
+
+
+def test_a_completion_with_the_time_of_day_of_an_earlier_version_is_read():
+    done = Completion("ann", b"c" * 16, 1, 1, b"f" * 16, b"answer", 0, 1.5)
+    row = [*msgspec.json.decode(msgspec.json.encode(done)), 1_700_000_000.0]
+    assert msgspec.json.decode(msgspec.json.encode(row), type=Completion) == done
