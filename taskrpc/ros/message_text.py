@@ -9,7 +9,9 @@ from typing import Any
 
 import msgspec
 
-_FIXED = re.compile(r".+\[\d+\]")
+_ARRAY = re.compile(
+    r"sequence<(?P<item>.+?)(?:, (?P<bound>\d+))?>|(?P<element>.+)\[(?P<size>\d+)\]"
+)
 
 
 class Cut(msgspec.Struct, frozen=True):
@@ -66,17 +68,19 @@ def plain(
     if hasattr(value, "_FIELDS"):
         types = value.get_fields_and_field_types()
         attributes = value.__struct_fields__  # a keyword's has an underscore more
-        return {
-            name: plain(getattr(value, attribute), cut, types[name], byte)
-            for (name, _), attribute in zip(value._FIELDS, attributes, strict=True)
-        }
+        shown = {}
+        for (name, _), attribute in zip(value._FIELDS, attributes, strict=True):
+            field = getattr(value, attribute)
+            abbreviated = "" if cut.arrays else _abbreviated(value, name, types[name], field)
+            shown[name] = abbreviated or plain(field, cut, types[name], byte)
+        return shown
     if isinstance(value, str):
         return _text(value, cut)
     if isinstance(value, bool | int | float | dict):
         return value
     if isinstance(value, bytes) and type_ in ("", "octet"):
         return byte(value)
-    return _array(list(value), cut, type_, byte)
+    return _array(list(value), cut, byte)
 
 
 def _text(value: str, cut: Cut) -> str:
@@ -87,11 +91,21 @@ def _text(value: str, cut: Cut) -> str:
     return value
 
 
-def _array(values: list[Any], cut: Cut, type_: str, byte: Callable[[bytes], Any]) -> Any:
-    if not cut.arrays and type_:
-        if _FIXED.fullmatch(type_):
-            return f"<array type: {type_}>"
-        element = type_.removeprefix("sequence<").removesuffix(">").partition(",")[0]
-        return f"<sequence type: {element}, length: {len(values)}>"
+def _abbreviated(message: Any, name: str, type_: str, values: Any) -> str:
+    """An array field as its type and length, as rosidl_runtime_py writes it; "" for others."""
+    found = _ARRAY.fullmatch(type_)
+    if found is None:
+        return ""
+    nested = message._NESTED.get(name)
+    element = (
+        (found["item"] or found["element"]).partition("<")[0] if nested is None else nested._TYPE
+    )
+    if found["size"]:
+        return f"<array type: {element}[{found['size']}]>"
+    bound = f"[{found['bound']}]" if found["bound"] else ""
+    return f"<sequence type: {element}{bound}, length: {len(values)}>"
+
+
+def _array(values: list[Any], cut: Cut, byte: Callable[[bytes], Any]) -> Any:
     shown = [plain(each, cut, "", byte) for each in values[: cut.length]]
     return shown if len(shown) == len(values) else [*shown, "..."]

@@ -17,7 +17,7 @@ from taskrpc.cli.topic_measures import Rate, _text
 from taskrpc.cli.topic_messages import Template, documents
 from taskrpc.cli.topic_reading import condition
 from taskrpc.errors import TaskRpcError
-from taskrpc.ros.message_text import Cut, csv_of, yaml_of
+from taskrpc.ros.message_text import Cut, csv_of, plain, yaml_of
 
 String = srvgen.load("std_msgs/msg/String")
 Pose = srvgen.load("geometry_msgs/msg/PoseStamped")
@@ -255,6 +255,55 @@ def test_arrays_and_texts_are_cut_off_or_left_out():
     assert "data: '<sequence type: uint8, length: 5>'\n" in told
     assert "covariance: '<array type: double[36]>'\n" in yaml_of(Covariance(), Cut(arrays=False))
     assert yaml_of(image, Cut(None)).endswith("- 3\n- 4\n")
+
+
+@pytest.mark.parametrize(
+    ("type_", "field", "text"),
+    [
+        ("test_msgs/msg/UnboundedSequences", "byte_values", "<sequence type: octet, length: 0>"),
+        ("test_msgs/msg/BoundedSequences", "bool_values", "<sequence type: boolean[3], length: 0>"),
+        (
+            "test_msgs/msg/BoundedSequences",
+            "char_values_default",
+            "<sequence type: uint8[3], length: 3>",
+        ),
+        (
+            "test_msgs/msg/WStrings",
+            "bounded_sequence_of_wstrings",
+            "<sequence type: wstring[3], length: 0>",
+        ),
+        ("test_msgs/msg/WStrings", "array_of_wstrings", "<array type: wstring[3]>"),
+        ("test_msgs/msg/Arrays", "basic_types_values", "<array type: test_msgs/msg/BasicTypes[3]>"),
+        (
+            "sensor_msgs/msg/PointCloud2",
+            "fields",
+            "<sequence type: sensor_msgs/msg/PointField, length: 0>",
+        ),
+        (
+            "shape_msgs/msg/SolidPrimitive",
+            "dimensions",
+            "<sequence type: double[3], length: 0>",
+        ),
+        (
+            "rcl_interfaces/msg/ParameterDescriptor",
+            "integer_range",
+            "<sequence type: rcl_interfaces/msg/IntegerRange[1], length: 0>",
+        ),
+    ],
+)
+def test_no_arr_writes_types_and_bounds_as_rosidl_runtime_py(type_, field, text):
+    message = srvgen.load(type_)()
+    assert plain(message, Cut(arrays=False))[field] == text
+
+
+def test_no_arr_leaves_the_bound_of_strings_out():
+    text = "string<=22[] words\nstring<=22[<=4] few\n"
+    message = srvgen.define("wordy_msgs/msg/Words", text)()
+    message.words = ["a"]
+    assert plain(message, Cut(arrays=False)) == {
+        "words": "<sequence type: string, length: 1>",
+        "few": "<sequence type: string[4], length: 0>",
+    }
 
 
 def test_values_between_commas_are_in_order():
