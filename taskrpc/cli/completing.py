@@ -133,7 +133,7 @@ def _programs(given: list[str]) -> Names:
     """Packages of the workspace here, then a package's executables; files the shell knows."""
     from pathlib import Path
 
-    from taskrpc.ros import executables, workspace
+    from taskrpc.ros import cmake, executables, workspace
 
     found = workspace.packages(Path.cwd())
     if not given:
@@ -141,7 +141,7 @@ def _programs(given: list[str]) -> Names:
     folder = found.get(given[0]) if len(given) == 1 else None
     if folder is None:
         return ()
-    return {*executables.entry_points(folder), *executables.installed_scripts(folder)}
+    return {*executables.entry_points(folder), *cmake.programs(folder)}
 
 
 _FINDERS: dict[str, Callable[[list[str]], Names]] = {

@@ -43,10 +43,11 @@ def _colcon(options: argparse.Namespace) -> int:
 
 def _last(done: Exported) -> str:
     """A command that shows that the workspace is built."""
-    from taskrpc.ros.executables import entry_points, installed_scripts
+    from taskrpc.ros import cmake
+    from taskrpc.ros.executables import entry_points
 
     for package, folder in done.folders.items():
-        found = {*entry_points(folder), *installed_scripts(folder)}
+        found = {*entry_points(folder), *cmake.programs(folder)}
         if found:
             return f"ros2 run {package} {min(found)}"
     return f"ros2 pkg xml {next(iter(done.folders))}"

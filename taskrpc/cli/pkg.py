@@ -76,14 +76,15 @@ def _list(_: argparse.Namespace) -> int:
 
 
 def _executables(options: argparse.Namespace) -> int:
-    from taskrpc.ros.executables import entry_points, installed_scripts
+    from taskrpc.ros import cmake
+    from taskrpc.ros.executables import entry_points
 
     here = _here()
     if options.package_name and options.package_name not in here:
         raise _unknown(f"Package '{options.package_name}' not found", options.package_name)
     for package in [options.package_name] if options.package_name else sorted(here):
         folder = here[package]
-        for name in sorted({*entry_points(folder), *installed_scripts(folder)}):
+        for name in sorted({*entry_points(folder), *cmake.programs(folder)}):
             print(folder / name if options.full_path else f"{package} {name}")
     return Exit.DONE
 

@@ -9,7 +9,7 @@ from typing import TypeAlias
 from xml.etree import ElementTree
 
 from taskrpc.graduation.program import Finding
-from taskrpc.ros import executables
+from taskrpc.ros import cmake, executables
 
 Found: TypeAlias = "Iterator[tuple[Path, Finding]]"
 
@@ -107,7 +107,7 @@ def _cmake(package: Path, root: ElementTree.Element) -> Found:
                 f"add <member_of_group>{_GROUP}</member_of_group>",
             ),
         )
-    installed = executables.installed_scripts(package).values()
+    installed = cmake.programs(package).values()
     for script in sorted((package / "scripts").glob("*.py")):
         is_node = re.search(r"^(import|from) rclpy\b", _text(script), re.MULTILINE) is not None
         if is_node and script not in installed and "scripts/" not in _directories(text):

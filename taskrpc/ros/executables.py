@@ -1,4 +1,4 @@
-"""What `ros2 run PACKAGE EXECUTABLE` would run, read from the sources without executing them."""
+"""What a package installs: executables of `ros2 run`, and modules; read without executing it."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from configparser import Error as ConfigError
 from pathlib import Path
 from typing import Any
 
-_PROGRAMS = re.compile(
-    r"\binstall\s*\(\s*PROGRAMS\s(?P<files>[^()]*?)\sDESTINATION\s+\S+(?:\s+RENAME\s+(?P<name>[^\s)]+))?",
-    re.IGNORECASE,
-)
+from taskrpc.ros import cmake
+
+_PYTHON_BUILDS = ("setup.py", "setup.cfg", "pyproject.toml")
+_TESTS = ("test", "tests")
 _SOURCE_FOLDERS = ("src", "python")
 _SCRIPT_FOLDERS = ("scripts", "nodes", "src", "bin", "")
 
@@ -41,45 +41,36 @@ def source_folder(package: Path) -> Path:
     return package if is_plain else next(found, package)
 
 
-def installed_scripts(package: Path) -> dict[str, Path]:
-    """The executables of a CMake package that are Python files: names, and the file of each."""
-    try:
-        text = (package / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return {}
-    found = {}
-    for command in _PROGRAMS.finditer(re.sub(r"#.*", "", text)):
-        for word in command["files"].replace('"', " ").split():
-            path = package / _expanded(word, package.name)
-            if path.is_file() and _is_python(path):
-                found[command["name"] or path.name] = path
-    return found
+def modules(package: Path, name: str) -> dict[str, Path]:
+    """What programs import of a package of this name: modules, with their files or folders.
+
+    `a.b` is a module in a package `a`, which may have no folder of its own.
+    """
+    found = cmake.modules(package)
+    inner = source_folder(package)
+    for value in _keywords(package, "package_dir"):
+        if isinstance(value, dict):
+            found.update((each, package / str(place)) for each, place in value.items() if each)
+    for value in _keywords(package, "py_modules"):
+        found.update((each, inner / f"{each}.py") for each in value or ())
+    is_python = any((package / each).is_file() for each in _PYTHON_BUILDS)
+    for init in sorted(inner.glob("*/__init__.py")):
+        folder = init.parent
+        if folder.name == name or (is_python and folder.name not in _TESTS):
+            found.setdefault(folder.name, folder)
+    return {each: path for each, path in found.items() if path.exists()}
 
 
 def script(package: Path, name: str) -> Path | None:
     """A file that a CMake package would install as an executable of this name."""
-    if (installed := installed_scripts(package).get(name)) is not None:
+    if (installed := cmake.programs(package).get(name)) is not None:
         return installed
     folders = [package / folder for folder in _SCRIPT_FOLDERS] + [package / package.name]
     for folder in folders:
         path = folder / name
-        if path.is_file() and _is_python(path):
+        if path.is_file() and cmake.is_python(path):
             return path
     return None
-
-
-def _expanded(word: str, package: str) -> str:
-    """A path of a CMakeLists.txt, from the package's folder."""
-    word = word.replace("${CMAKE_CURRENT_SOURCE_DIR}/", "").replace("${PROJECT_SOURCE_DIR}/", "")
-    return word.replace("${PROJECT_NAME}", package)
-
-
-def _is_python(path: Path) -> bool:
-    if path.suffix == ".py":
-        return True
-    with path.open("rb") as file:
-        first = file.readline()
-    return first.startswith(b"#!") and b"python" in first
 
 
 def _of_setup_py(package: Path) -> Iterator[tuple[str, str]]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
+from functools import cache
 from importlib.machinery import ModuleSpec, PathFinder
 from importlib.util import spec_from_file_location
 from pathlib import Path
@@ -85,23 +86,52 @@ class _OurFinder(MetaPathFinder):
 
 
 class _NeighbourFinder(MetaPathFinder):
-    """Finds Python packages of the workspace, which ROS would have installed."""
+    """Finds Python modules of the workspace, which ROS would have installed."""
 
     def __init__(self) -> None:
         self.starts: list[Path] = []
+        self._found: set[str] = set()
+        """Packages whose modules may lie elsewhere than in their folder."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        if "." in fullname:
+        top, _, inner = fullname.partition(".")
+        if inner and top not in self._found:
             return None
-        folder = workspace.packages(*self.starts).get(fullname)
-        if folder is None:
-            return None
-        from taskrpc.ros.executables import source_folder
+        packages = workspace.packages(*self.starts)
+        # The package of this name first: most are called like their module.
+        own = [(top, packages[top])] if top in packages else []
+        for name, folder in [*own, *packages.items()]:
+            known = _modules_of(folder, name)
+            place = known.get(fullname)
+            if place is None and not any(each.startswith(f"{fullname}.") for each in known):
+                continue
+            self._found.add(top)
+            return _spec(fullname, place)
+        return None
 
-        inner = source_folder(folder) / fullname
-        return _package(fullname, inner) if (inner / "__init__.py").is_file() else None
+
+@cache  # a program asks for every module that it cannot import
+def _modules_of(package: Path, name: str) -> dict[str, Path]:
+    from taskrpc.ros.executables import modules
+
+    return modules(package, name)
+
+
+def _spec(name: str, place: Path | None) -> ModuleSpec | None:
+    """The spec of a module that is a file or a folder; of a package without a folder for None."""
+    if place is None:
+        return ModuleSpec(name, None, is_package=True)
+    if place.name == "__init__.py":
+        return _package(name, place.parent)
+    if place.is_file():
+        return spec_from_file_location(name, place)
+    if (place / "__init__.py").is_file():
+        return _package(name, place)
+    spec = ModuleSpec(name, None, is_package=True)
+    spec.submodule_search_locations = [str(place)]
+    return spec
 
 
 _finder = _OurFinder()

@@ -69,7 +69,7 @@ def run_executable(package: str, name: str, arguments: Sequence[str]) -> int:
 
     Raises TaskRpcError where there is no such package or executable.
     """
-    from taskrpc.ros import executables  # whose readers of files nobody else needs
+    from taskrpc.ros import cmake, executables  # whose readers of files nobody else needs
 
     folder = workspace.packages(Path.cwd()).get(package)
     if folder is None:
@@ -81,7 +81,7 @@ def run_executable(package: str, name: str, arguments: Sequence[str]) -> int:
         return _reported(lambda: _ended(lambda: _call(targets[name])))
     if (script := executables.script(folder, name)) is not None:
         return _reported(lambda: run_script(script, arguments))
-    known = ", ".join(sorted({*targets, *executables.installed_scripts(folder)}))
+    known = ", ".join(sorted({*targets, *cmake.programs(folder)}))
     has = known or "no entry points in setup.py"
     raise _with_hint(TaskRpcError("No executable found"), f"{package} has {has}; got '{name}'")
 

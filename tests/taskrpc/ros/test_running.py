@@ -287,3 +287,35 @@ def test_a_prefix_goes_before_the_program(workspace, tmp_path):
     assert workspace(*prefix, "nodes", "ask", "-x") == (3, _SAID + _FAILED, "")
     code, _, error = workspace("--prefix", "env '", "program.py")
     assert (code, error) == (2, "--prefix: expected a command, got env ': No closing quotation\n")
+
+
+def test_modules_are_imported_by_the_names_that_their_packages_install(workspace, tmp_path):
+    source = tmp_path / "ws" / "src"
+    for path, text in {
+        "lights/package.xml": "<package><name>lights</name></package>",
+        "lights/CMakeLists.txt": (
+            "project(lights)\nament_python_install_package(lamp_tools PACKAGE_DIR python/lib)\n"
+            "install(DIRECTORY plain/ DESTINATION ${PYTHON_INSTALL_DIR}/plain_lamps)\n"
+            "install(FILES one.py DESTINATION ${PYTHON_INSTALL_DIR}/spread RENAME two.py)\n"
+            "install(PROGRAMS nodes/shine.py DESTINATION lib/${PROJECT_NAME} RENAME shine)\n"
+        ),
+        "lights/python/lib/__init__.py": "",
+        "lights/python/lib/glow.py": "from . import __name__ as name\n",
+        "lights/plain/bulb.py": "",
+        "lights/one.py": "",
+        "lights/nodes/shine.py": "import nodes.ask\nnodes.ask.main()\n",
+        "kit/package.xml": "<package><name>kit</name></package>",
+        "kit/setup.py": "setup(packages=['other'], package_dir={'third': 'lib/x'})",
+        "kit/other/__init__.py": "",
+        "kit/lib/x/__init__.py": "",
+        "nodes/nodes/ask.py": (
+            "import lamp_tools.glow, plain_lamps.bulb, spread.two, other, third\n"
+            "def main():\n"
+            "    print(lamp_tools.glow.name, plain_lamps.bulb.__name__, spread.two.__name__)\n"
+        ),
+    }.items():
+        file = source / path
+        file.parent.mkdir(parents=True, exist_ok=True)
+        file.write_text(text)
+    said = "lamp_tools plain_lamps.bulb spread.two\n"
+    assert workspace("lights", "shine") == (0, said, "")
