@@ -13,13 +13,10 @@ MANIFEST = "package.xml"
 
 _LEFT_OUT = {"build", "install", "log", "node_modules", "__pycache__"}
 _IGNORED = ("COLCON_IGNORE", "AMENT_IGNORE")
-_DEPTH = 4
-"""Levels of folders, from a workspace's `src` on, in which packages are looked for."""
-
 _DEPTH_ELSEWHERE = 2
-"""The same where there is no `src`: the folder itself, and those in it."""
+"""Levels of folders in which packages are looked for outside `src`: a folder, and those in it."""
 
-_MOST = 1_000
+_MOST = 5_000
 """Folders that are looked into: a home folder's `src` is no workspace, and may be large."""
 
 
@@ -70,31 +67,47 @@ def _tops(start: Path) -> Iterator[Path]:
 
 
 @cache  # a program asks for every module that it cannot import
-def _packages_in(top: Path) -> tuple[tuple[str, Path], ...]:
+def _packages_in(given: Path) -> tuple[tuple[str, Path], ...]:
+    """The packages below a folder, those that lie less deep first; as colcon finds them."""
     found = []
+    top = given.resolve()
     level = [top]
-    looked_at = 0
-    for _ in range(_DEPTH if top.name == "src" else _DEPTH_ELSEWHERE):
+    seen = {str(top)}
+    depth = 0
+    while level and (given.name == "src" or depth < _DEPTH_ELSEWHERE):
         below: list[Path] = []
-        for folder in level[: _MOST - looked_at]:
-            looked_at += 1
-            if any((folder / name).exists() for name in _IGNORED):
+        for folder in level:
+            entries = _entries(folder)
+            if any(name in entries for name in _IGNORED):
                 continue
-            if (folder / MANIFEST).is_file():
+            if MANIFEST in entries:
                 found.append((_name_of(folder), folder))
             else:
-                below += _folders_in(folder)
+                below += _new_folders(entries, seen)
         level = below
+        depth += 1
     return tuple(found)
 
 
-def _folders_in(folder: Path) -> list[Path]:
+def _entries(folder: Path) -> dict[str, os.DirEntry[str]]:
     try:
-        entries = sorted(os.scandir(folder), key=lambda entry: entry.name)
+        with os.scandir(folder) as found:
+            return {entry.name: entry for entry in found}
     except OSError:
-        return []
-    wanted = (one for one in entries if one.name not in _LEFT_OUT and not one.name.startswith("."))
-    return [Path(entry.path) for entry in wanted if entry.is_dir(follow_symlinks=False)]
+        return {}
+
+
+def _new_folders(entries: dict[str, os.DirEntry[str]], seen: set[str]) -> Iterator[Path]:
+    """The folders among the entries in which packages may lie, each folder of the disk once."""
+    for name in sorted(entries):
+        entry = entries[name]
+        if name in _LEFT_OUT or name.startswith(".") or len(seen) >= _MOST or not entry.is_dir():
+            continue
+        # A link may lead back to a folder that contains it: from here on use where it leads.
+        real = os.path.realpath(entry.path) if entry.is_symlink() else entry.path
+        if real not in seen:
+            seen.add(real)
+            yield Path(real)
 
 
 def _name_of(folder: Path) -> str:

@@ -28,6 +28,32 @@ def test_packages_are_found_from_the_workspace_its_src_a_package_and_a_file(make
     assert workspace.roots(ws) == [ws / "src", ws / "src" / "group", ws / "src" / "group" / "deep"]
 
 
+def test_packages_are_found_at_any_depth_below_src(make):
+    deep = "a/b/c/d/e/f/g/h/deep"
+    ws = make("one", deep, "one/inside")
+    assert workspace.packages(ws) == {"one": ws / "src" / "one", "deep": ws / "src" / deep}
+    for start in (ws / "src" / "one", ws / "src" / deep / "nodes"):
+        assert sorted(workspace.packages(start)) == ["deep", "one"]
+
+
+def test_packages_behind_links_are_found_once_and_loops_of_links_end(make, tmp_path):
+    ws = make("one")
+    elsewhere = tmp_path / "elsewhere" / "two"
+    elsewhere.mkdir(parents=True)
+    (elsewhere / "package.xml").write_text("<package><name>two</name></package>")
+    (elsewhere.parent / "back").symlink_to(ws)
+    (ws / "src" / "linked").symlink_to(elsewhere.parent, target_is_directory=True)
+    (ws / "src" / "loop").symlink_to(ws / "src", target_is_directory=True)
+    found = workspace._packages_in(ws / "src")
+    assert [name for name, _ in found] == ["one", "two"]
+
+
+def test_a_folder_without_end_is_not_searched_for_ever(make, monkeypatch):
+    monkeypatch.setattr(workspace, "_MOST", 20)
+    ws = make("zz", *(f"many/{number}/deep/pkg" for number in range(30)))
+    assert list(workspace.packages(ws)) == ["zz"]
+
+
 def test_packages_are_found_from_a_folder_of_packages_in_src(make):
     ws = make("one", "group/two")
     assert sorted(workspace.packages(ws / "src" / "group")) == ["one", "two"]
