@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from .closure import closure, whole_error
 from .errors import DefinitionError
-from .files import KINDS, read_definition, read_text
+from .files import KINDS, kind_folder, read_definition, read_text
 from .model import Definition
 from .report import Report
 from .search import Search
@@ -229,14 +229,27 @@ def _search_of_sources(options: argparse.Namespace) -> Search:
     return Search([*search_paths(options.sources), *options.include])
 
 
+def _second(path: Path, first: Path) -> DefinitionError:
+    return DefinitionError(
+        f"expected one file that defines {path.stem}, got a second one",
+        path=str(path),
+        hint=f"the other is {first}: rename or remove one; subfolders do not make names differ",
+    )
+
+
 def _files(sources: Sequence[str], search: Search, report: Report) -> list[Path]:
-    """The files of the sources, each once."""
+    """The files of the sources, each once; two that define one type of a package are an error."""
     paths: dict[Path, Path] = {}
+    first: dict[tuple[Path, str], Path] = {}
     for source in sources:
         try:
             for path in files_of(source, search):
-                paths.setdefault(path.resolve(), path)
+                place = path.resolve()
+                paths.setdefault(place, path)
                 report.remember(path)
+                twin = first.setdefault((kind_folder(place) or place.parent, path.name), path)
+                if twin.resolve() != place:
+                    report.error(_second(path, twin))
         except DefinitionError as error:
             report.error(error)
     return list(paths.values())

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import codecs
+import os
+from collections.abc import Iterator
 from pathlib import Path
 from typing import cast, get_args
 
@@ -33,7 +35,7 @@ def read_definition(path: Path, package: str | None = None) -> Definition:
     """Read and parse one file.
 
     The type is named after the file, its package after the folder above `msg`, `srv` or `action`
-    unless `package` says otherwise.
+    unless `package` says otherwise; subfolders of these do not count.
 
     Raises:
         DefinitionError: the file cannot be read, is not UTF-8 or is not a valid definition.
@@ -124,14 +126,51 @@ def meant_path(path: Path) -> Path | None:
     return path.with_name(path.stem + right) if is_slip else None
 
 
+def kind_folder(path: Path) -> Path | None:
+    """The folder `msg`, `srv` or `action` that a definition belongs to; None elsewhere.
+
+    It is the file's own folder, or one above that lies in a package with a `package.xml`: without
+    one, `msg` may be the name of any folder.
+    """
+    inner, *above = path.resolve().parents
+    if inner.name in KINDS:
+        return inner
+    return next(
+        (each for each in above if each.name in KINDS and has_subfolders(each.parent)), None
+    )
+
+
+def has_subfolders(package: Path) -> bool:
+    """Whether subfolders of `msg`, `srv` and `action` belong to a package, too."""
+    return (package / "package.xml").is_file()
+
+
+def subfolders(folder: Path) -> Iterator[Path]:
+    """All folders below a folder `msg`, `srv` or `action`, in which definitions may lie, too."""
+    try:
+        with os.scandir(folder) as entries:
+            inner = sorted(
+                entry.name
+                for entry in entries
+                if entry.is_dir(follow_symlinks=False) and not entry.name.startswith(".")
+            )
+    except OSError:
+        return
+    for name in inner:
+        if name.rpartition(".")[2] not in KINDS:  # a folder `X.srv` is a slip, which is reported
+            yield folder / name
+            yield from subfolders(folder / name)
+
+
 def package_of(path: Path) -> str:
     """The package of a definition file: the folder above `msg`, `srv` or `action`.
 
-    A file that lies elsewhere takes the name of its folder, made valid, so that it can be checked
-    before it has found its place.
+    The file may lie in a subfolder of these, where the package has a `package.xml`. A file that
+    lies elsewhere takes the name of its folder, made valid, so that it can be checked before it
+    has found its place.
     """
-    folder = path.resolve().parent
-    if folder.name in KINDS:
+    folder = kind_folder(path)
+    if folder is not None:
         return folder.parent.name
-    name = snake_case(folder.name)
+    name = snake_case(path.resolve().parent.name)
     return name if is_package_name(name) else "unnamed_package"

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from .closure import check_ros2_types, closure, full_text, whole_error
 from .errors import DefinitionError
-from .files import KINDS, read_definition, read_text
+from .files import KINDS, read_definition, read_text, subfolders
 from .implied import implied_types
 from .model import Definition, Kind
 from .names import TypeName, is_package_name, split_type_name
@@ -252,8 +252,8 @@ class Search:
         for owner in owners:
             local: Path | None = None
             for folder in folders:
-                path = folder / owner.kind / f"{owner.name}.{owner.kind}"
-                if _is_file(path):
+                path = _file_of(folder, owner)
+                if path is not None:
                     if local and folder.parent == BUNDLED:
                         _note_bundled(local, owner)
                     return path, owner
@@ -349,9 +349,24 @@ def _is_package(folder: Path) -> bool:
     return is_package_name(folder.name) and any(next(_files(folder, kind), None) for kind in KINDS)
 
 
-def _files(folder: Path, kind: Kind) -> Iterator[Path]:
-    """The definitions of a kind; a folder or a link to nothing of such a name is none."""
-    inner = folder / kind
+def _file_of(package: Path, name: TypeName) -> Path | None:
+    """The file of a type in a package's folder, or in a subfolder of `msg`, `srv` or `action`."""
+    inner, file = package / name.kind, f"{name.name}.{name.kind}"
+    if _is_file(inner / file):
+        return inner / file
+    below = () if package.parent == BUNDLED else subfolders(inner)
+    return next((folder / file for folder in below if _is_file(folder / file)), None)
+
+
+def _files(package: Path, kind: Kind) -> Iterator[Path]:
+    """The definitions of a kind, those in subfolders last."""
+    yield from _files_in(package / kind, kind)
+    for folder in subfolders(package / kind):
+        yield from _files_in(folder, kind)
+
+
+def _files_in(inner: Path, kind: Kind) -> Iterator[Path]:
+    """The definitions in a folder; a folder or a link to nothing of such a name is none."""
     try:
         entries = os.scandir(inner)
     except OSError:

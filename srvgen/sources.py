@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from .errors import DefinitionError
-from .files import KINDS, kind_of
+from .files import KINDS, has_subfolders, kind_folder, kind_of, subfolders
 from .names import did_you_mean
 from .search import Search
 
@@ -99,8 +99,8 @@ def search_paths(sources: Sequence[str]) -> list[Path]:
             continue
         if folder.is_file():
             folder = folder.parent
-        if folder.name in KINDS:
-            folder = folder.parent
+        if (kind := kind_folder(folder / "any file")) is not None:
+            folder = kind.parent
         found[folder] = None
         if any((folder / kind).is_dir() for kind in KINDS):
             found[folder.parent] = None
@@ -122,9 +122,12 @@ def _in_packages(source: Path) -> list[Path]:
 
 
 def _in_package(folder: Path) -> list[Path]:
-    return [
-        path for kind in KINDS if (folder / kind).is_dir() for path in _in_folder(folder / kind)
-    ]
+    found = []
+    for inner in (folder / kind for kind in KINDS if (folder / kind).is_dir()):
+        found += _in_folder(inner)
+        for below in subfolders(inner) if has_subfolders(folder) else ():
+            found += _in_folder(below)
+    return found
 
 
 def _in_folder(folder: Path) -> list[Path]:

@@ -9,7 +9,7 @@ from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
 from .errors import DefinitionWarning
-from .files import KINDS, read_text
+from .files import kind_folder, read_text
 from .literals import CURLY
 from .model import Constant, Definition, Field, sections
 
@@ -22,9 +22,10 @@ def suspicions(definition: Definition, path: Path) -> Iterator[DefinitionWarning
     """Everything suspicious about a definition in a file; its package's manifest is read too."""
     text = read_text(path)
     yield from suspicious_values(definition, text, path)
-    if path.resolve().parent.name in KINDS:
+    folder = kind_folder(path)
+    if folder is not None:
         try:
-            declared = declared_packages(path.resolve().parents[1])
+            declared = declared_packages(folder.parent)
         except DefinitionWarning as warning:
             yield warning
         else:

@@ -85,7 +85,7 @@ def _cmake(package: Path, root: ElementTree.Element) -> Found:
     definitions = [
         one.relative_to(package).as_posix()
         for kind in _GENERATED
-        for one in sorted((package / kind).glob(f"*.{kind}"))
+        for one in sorted((package / kind).rglob(f"*.{kind}"))
     ]
     is_listed = re.search(r"\bfile\s*\(\s*GLOB", text, re.IGNORECASE) is not None
     for each in definitions:

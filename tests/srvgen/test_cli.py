@@ -54,6 +54,18 @@ def test_a_problem_of_a_whole_file_has_no_line(run):
     assert f"{slip}: error: expected a file that ends in" in err
 
 
+def test_two_files_of_a_package_that_define_one_type_are_an_error(run):
+    first = put("my_msgs/msg/Dot", "int32 x\n")
+    (first.parents[1] / "package.xml").write_text("<package/>", encoding="utf-8")
+    second = first.parent / "plane" / "Dot.msg"
+    second.parent.mkdir()
+    second.write_text("int8 x\n", encoding="utf-8")
+    code, out, err = run("check", "my_msgs")
+    assert (code, out) == (1, "")
+    assert f"{second}: error: expected one file that defines Dot, got a second one\n" in err
+    assert f"hint: the other is {first}: rename" in err
+
+
 def test_check_prints_json_lines_for_programs(run):
     path = put("my_msgs/msg/Bad", "int a\nint b\n")
     code, out, err = run("check", "--json", path)

@@ -99,3 +99,15 @@ def test_the_neighbours_of_a_source_are_within_reach(tmp_path, monkeypatch):
         assert search_paths([str(source), "std_srvs/srv/Trigger"]) == expected
     monkeypatch.chdir(a.parent)
     assert search_paths(["A.srv", "."]) == expected
+
+
+def test_a_file_in_a_subfolder_belongs_to_the_package_above_that_has_a_manifest(tmp_path):
+    path = write(tmp_path / "my_msgs" / "srv" / "arm" / "left" / "Fetch.srv")
+    assert read_definition(path).full_name == "left/srv/Fetch"
+    write(tmp_path / "my_msgs" / "package.xml", b"<package/>")
+    assert read_definition(path).full_name == "my_msgs/srv/Fetch"
+    plain = write(tmp_path / "my_msgs" / "srv" / "Put.srv")
+    for source in (tmp_path / "my_msgs", tmp_path):
+        assert definition_files(source) == [plain, path]
+    for source in (path, path.parent, plain.parent):
+        assert search_paths([str(source)]) == [tmp_path / "my_msgs", tmp_path]

@@ -317,3 +317,32 @@ def test_looks_of_several_threads_leave_nothing_behind(tmp_path):
     assert shared.is_missing("new_msgs/msg/New")
     put("new_msgs/msg/New", "int32 x\n", tmp_path)
     assert not shared.is_missing("new_msgs/msg/New")
+
+
+def test_definitions_in_subfolders_of_a_kind_are_found_under_the_package(workspace):
+    deep = put("robot_msgs/msg/Pose", "int32 x", workspace)
+    inner = deep.parent / "arm" / "left" / "Joint.msg"
+    inner.parent.mkdir(parents=True)
+    inner.write_text("Pose pose\n", encoding="utf-8")
+    (deep.parents[1] / "srv" / "arm").mkdir(parents=True)
+    service = deep.parents[1] / "srv" / "arm" / "Move.srv"
+    service.write_text("Joint joint\n---\n", encoding="utf-8")
+    search = Search()
+    assert search.find("robot_msgs/msg/Joint") == inner
+    assert search.find("robot_msgs/srv/Move_Request") == service
+    assert [one.full_name for one in search.closure("robot_msgs/srv/Move")][:2] == [
+        "robot_msgs/msg/Pose",
+        "robot_msgs/msg/Joint",
+    ]
+    names = ["robot_msgs/msg/Joint", "robot_msgs/msg/Pose", "robot_msgs/srv/Move"]
+    assert search.interfaces("robot_msgs") == names
+    with search.one_look():
+        assert search.find("robot_msgs/Move") == service
+
+
+def test_a_package_may_have_definitions_in_subfolders_only(workspace):
+    inner = workspace / "robot_msgs" / "action" / "arm" / "Reach.action"
+    inner.parent.mkdir(parents=True)
+    inner.write_text("---\n---\n", encoding="utf-8")
+    (inner.parent / "round").symlink_to(inner.parents[1], target_is_directory=True)
+    assert Search().interfaces("robot_msgs") == ["robot_msgs/action/Reach"]
