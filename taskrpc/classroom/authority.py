@@ -81,7 +81,7 @@ def _require_cryptography() -> None:
         import cryptography  # noqa: F401 - only whether it is there
     except ImportError:
         raise TaskRpcError(
-            "making certificates needs the library cryptography: pip install 'taskrpc[tls]'"
+            "making certificates needs the library cryptography: pip install cryptography"
         ) from None
 
 

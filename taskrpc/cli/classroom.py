@@ -51,6 +51,12 @@ def configure(parser: argparse.ArgumentParser) -> None:
     days = whole(1, _MOST_DAYS)
     adding.add_argument("--days", metavar="N", type=days, default=_DAYS, help=f"({_DAYS})")
     adding.set_defaults(run=_add)
+    bundling = add_command(commands, "bundle", "Make a folder that installs taskrpc offline")
+    what = "the folder, made if need be; on a stick, for instance"
+    bundling.add_argument("folder", metavar="DIR", help=what)
+    what = "a Python version of the laptops (3.11, 3.12, 3.13 and 3.14)"
+    bundling.add_argument("--python", action="append", metavar="VERSION", type=_python, help=what)
+    bundling.set_defaults(run=_bundle)
     revoking = add_command(commands, "revoke", "Let students in no more; a running server obeys")
     revoking.add_argument("names", nargs="+", metavar="NAME", help="of the account")
     revoking.set_defaults(run=_revoke)
@@ -71,6 +77,14 @@ def _port(text: str) -> int:
     return port
 
 
+def _python(text: str) -> str:
+    import re
+
+    if not re.fullmatch(r"3\.\d{1,2}", text) or int(text[2:]) < 11:
+        raise argparse.ArgumentTypeError(f"expected a version such as 3.12, got {text!r}")
+    return text
+
+
 def _make(options: argparse.Namespace) -> Exit:
     register = _register()
     place = _place(options, register)
@@ -85,6 +99,7 @@ def _make(options: argparse.Namespace) -> Exit:
     if options.serve is None:
         _print_strings(register, accounts)
         print("start the server: taskrpc classroom --serve", file=sys.stderr)
+        print("laptops without taskrpc: taskrpc classroom bundle DIR", file=sys.stderr)
         return Exit.DONE
     # In class this is seen by everybody, and each student's line is a secret.
     if options.students or len(accounts) == 1:
@@ -182,6 +197,22 @@ def _add(options: argparse.Namespace) -> Exit:
     assert register.place  # raises where there is no class
     accounts = register.add(options.names, time.time() + options.days * _DAY)
     _print_strings(register, accounts)
+    return Exit.DONE
+
+
+def _bundle(options: argparse.Namespace) -> Exit:
+    from pathlib import Path
+
+    from taskrpc.classroom.bundle import INSTALL, PYTHONS, make_bundle
+
+    folder = Path(options.folder)
+    make_bundle(
+        folder,
+        options.python or PYTHONS,
+        lambda step: print(f"getting {step} ...", file=sys.stderr, flush=True),
+    )
+    megabytes = sum(file.stat().st_size for file in folder.iterdir()) / 1e6
+    print(f"{folder} is ready ({megabytes:.0f} MB); {folder / INSTALL} tells the students how")
     return Exit.DONE
 
 

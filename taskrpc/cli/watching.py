@@ -22,7 +22,7 @@ try:
 except ModuleNotFoundError as error:
     if error.name and error.name.startswith("taskrpc"):
         raise
-    raise TaskRpcError(f"--web needs {error.name}: pip install 'taskrpc[web]'") from None
+    raise TaskRpcError(f"--web needs {error.name}: pip install aiohttp") from None
 
 
 class Watch:

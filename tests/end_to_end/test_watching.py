@@ -127,7 +127,7 @@ def test_without_aiohttp_the_command_that_installs_it_is_named(tmp_path):
     (tmp_path / "aiohttp.py").write_text("raise ModuleNotFoundError(name='aiohttp')\n")
     path = os.pathsep.join([str(tmp_path), os.environ["PYTHONPATH"]])
     code, said = refused("--web", "127.0.0.1:0", env={**os.environ, "PYTHONPATH": path})
-    assert (code, said) == (1, "--web needs aiohttp: pip install 'taskrpc[web]'\n")
+    assert (code, said) == (1, "--web needs aiohttp: pip install aiohttp\n")
 
 
 def test_a_server_without_pages_imports_neither_metrics_nor_aiohttp(start):

@@ -142,7 +142,7 @@ def test_without_the_extra_one_sentence_has_the_pip_command(say, monkeypatch):
     monkeypatch.setitem(sys.modules, "cryptography", None)
     said = say("classroom", "--address", "192.0.2.7", code=1)
     assert said.splitlines()[-1] == (
-        "making certificates needs the library cryptography: pip install 'taskrpc[tls]'"
+        "making certificates needs the library cryptography: pip install cryptography"
     )
 
 
