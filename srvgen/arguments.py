@@ -7,6 +7,8 @@ import re
 from pathlib import Path
 from typing import Any, NoReturn, TypeAlias
 
+from . import process
+
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 SOURCE = """\
@@ -16,6 +18,11 @@ reach"""
 
 class Parser(argparse.ArgumentParser):
     """An argument parser that knows what a misspelt command was meant to be."""
+
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        """End the command; a help text that cannot be written is the caller's to report."""
+        process.check_output()
+        super().exit(status, message)
 
     def error(self, message: str) -> NoReturn:
         """Print usage and message, with a hint, and exit with 2."""

@@ -5,11 +5,11 @@ from __future__ import annotations
 import atexit
 import gc
 import io
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from . import process
 from .arguments import Commands, Parser, add_command, root, with_sources, with_type
 
 _GARBAGE = 100_000
@@ -17,17 +17,45 @@ _GARBAGE = 100_000
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the command and return its exit code: 0 done, 1 an error, 2 wrong usage."""
-    if argv is None:
-        # A command is short: looking for garbage, at the end once more, would cost it a tenth.
-        gc.set_threshold(_GARBAGE)
-        atexit.register(gc.freeze)
+    """Run the command and return its exit code: 0 done, 1 an error, 2 wrong usage, 130 Ctrl-C."""
+    if argv is not None:
+        return _guarded(argv)
+    process.begin()
+    # A command is short: looking for garbage, at the end once more, would cost it a tenth.
+    gc.set_threshold(_GARBAGE)
+    atexit.register(gc.freeze)
+    try:
+        code = _guarded(sys.argv[1:])
+    except KeyboardInterrupt:  # once more, while a message was printed
+        code = process.INTERRUPTED
+    return process.end(code)
+
+
+def _guarded(argv: Sequence[str]) -> int:
+    """Run the command; output that cannot be written is one message, or none for a closed pipe."""
+    try:
+        code = _run(argv)
+        process.check_output()
+    except KeyboardInterrupt:
+        return process.INTERRUPTED
+    except OSError as error:
+        failure = process.output_failure()
+        if failure is None:
+            raise
+        if isinstance(error, BrokenPipeError):
+            return 0  # the reader of our output has read enough
+        print(f"cannot write to standard output: {failure.strerror}", file=sys.stderr)
+        return 1
+    return code
+
+
+def _run(argv: Sequence[str]) -> int:
     parser = _parser()
     options = parser.parse_args(argv)
     if "run" not in options:
         parser.print_help(sys.stderr)
         return 2
-    # Not at the top: whoever asks for help needs none of it.
+    # Not at the top: a request for help needs none of it.
     from . import commands
     from .errors import DefinitionError
     from .report import Report
@@ -37,18 +65,13 @@ def main(argv: Sequence[str] | None = None) -> int:
         # Comments have characters that the code page of a Windows pipe may lack.
         sys.stdout.reconfigure(errors="backslashreplace")
     report = Report(as_json=getattr(options, "json", False))
+    process.start_work()
     try:
-        try:
-            getattr(commands, options.run)(options, report)
-        except DefinitionError as error:
-            report.error(error)
-        sys.stdout.flush()
-        report.finish()
-    except BrokenPipeError:
-        # The reader of our output has gone, and Python must not trip over that at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except KeyboardInterrupt:
-        return 130
+        getattr(commands, options.run)(options, report)
+    except DefinitionError as error:
+        report.error(error)
+    sys.stdout.flush()
+    report.finish()
     return report.exit_code
 
 

@@ -1,10 +1,38 @@
-"""`python -m taskrpc`: the `taskrpc` command where its script is not on the PATH."""
+"""Where the processes of the commands begin; `python -m taskrpc` is the `taskrpc` command.
+
+Each function handles Ctrl-C before it imports the command itself, which takes longer.
+"""
 
 from __future__ import annotations
 
 import sys
 
-from taskrpc.cli.main import main
+from srvgen import process
+
+
+def main() -> int:
+    """Run `taskrpc` with the arguments of this process and return its exit code."""
+    process.begin()
+    from taskrpc.cli.main import main
+
+    return main()
+
+
+def call() -> int:
+    """Run `taskrpc-call` with the arguments of this process and return its exit code."""
+    process.begin()
+    from taskrpc.cli.call import main
+
+    return main()
+
+
+def server() -> int:
+    """Run `taskrpc-server` with the arguments of this process and return its exit code."""
+    process.begin(sigterm_is_success=True)
+    from taskrpc.cli.server import main
+
+    return main()
+
 
 if __name__ == "__main__":
     sys.exit(main())

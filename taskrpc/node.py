@@ -381,18 +381,19 @@ class Node(NodeTopics):
 
 
 @contextlib.asynccontextmanager
-async def stop_requested() -> AsyncIterator[asyncio.Future[None]]:
+async def stop_requested() -> AsyncIterator[asyncio.Future[int]]:
     """A future that is done once the program is told to end: Ctrl-C, SIGTERM, Ctrl-Break.
 
-    The signals are caught as long as the block runs; a second one ends the program at once.
+    Its result is the signal's number. The signals are caught as long as the block runs; a second
+    one ends the program at once.
     """
     loop = asyncio.get_running_loop()
-    stopped: asyncio.Future[None] = loop.create_future()
+    stopped: asyncio.Future[int] = loop.create_future()
 
     def stop(number: int) -> None:
         if stopped.done():
             os._exit(128 + number)
-        stopped.set_result(None)
+        stopped.set_result(number)
 
     with platform.stop_signals(lambda number: loop.call_soon_threadsafe(stop, number)):
         yield stopped

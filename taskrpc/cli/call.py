@@ -6,7 +6,8 @@ import math
 import sys
 from collections.abc import Sequence
 
-from taskrpc.cli.command import Exit, UsageError, run_main
+from srvgen import process
+from taskrpc.cli.command import Exit, UsageError, run_main, standard_input
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
@@ -84,7 +85,9 @@ def _run(arguments: list[str]) -> int:
 
     parser = Parser(prog="taskrpc-call")
     configure(parser)
-    return run(parser.parse_args(arguments))
+    options = parser.parse_args(arguments)
+    process.start_work()
+    return run(options)
 
 
 def _add_positional(parser: argparse.ArgumentParser) -> None:
@@ -137,13 +140,6 @@ def _time_limit(text: str) -> float | None:
         expected = "seconds, or 0 or inf for no limit"
         raise ArgumentTypeError(f"expected {expected}, got {text!r}")
     return seconds if 0 < seconds < math.inf else None
-
-
-def standard_input() -> str:
-    """What is piped in: UTF-8, or the UTF-16 that some Windows tools write."""
-    data = sys.stdin.buffer.read()
-    is_utf16 = data.startswith((b"\xff\xfe", b"\xfe\xff"))
-    return data.decode("utf-16" if is_utf16 else "utf-8-sig", errors="replace")
 
 
 if __name__ == "__main__":

@@ -1,17 +1,16 @@
-"""How every command begins and ends: exit codes, one message for a mistake, Ctrl-C, broken pipes.
+"""How every command begins and ends: exit codes, one message for a mistake, Ctrl-C, lost output.
 
-Nothing heavy is imported here, so that Ctrl-C finds `guarded` at work as early as possible.
+Nothing heavy is imported here: `--help` shall be quick.
 """
 
 from __future__ import annotations
 
-import contextlib
 import gc
-import os
 import sys
 from collections.abc import Callable, Sequence
 from enum import IntEnum
 
+from srvgen import process
 from taskrpc.errors import TaskRpcError
 from taskrpc.mistakes import exit_status, is_ours
 
@@ -29,6 +28,10 @@ _GARBAGE_LATER = (10_000, 50, 100)
 through them halted the server for 40 ms, on a busy machine for 250; of 10,000 for 3 ms. Python's
 own 700 took twice the time of all. Our own calls leave no cycles behind, so that the older ones
 need not be looked through often: for them it takes as long as there are tasks."""
+
+
+_INPUT_LIMIT = 16 * 2**20
+"""Bytes that are read from standard input: far more than the YAML of any request."""
 
 
 class Exit(IntEnum):
@@ -51,6 +54,10 @@ class NotFound(TaskRpcError):
     """What was asked for is not there."""
 
 
+class OutputLost(TaskRpcError):
+    """The command's results could not be written: standard output is closed, or its disk full."""
+
+
 class UsageError(TaskRpcError):
     """The command line cannot be understood; `usage` is printed before the message."""
 
@@ -59,16 +66,28 @@ class UsageError(TaskRpcError):
         super().__init__(message)
 
 
-def run_main(action: Callable[[list[str]], int], argv: Sequence[str] | None) -> int:
-    """Run a command with the given arguments, or with those of this process."""
+def run_main(
+    action: Callable[[list[str]], int],
+    argv: Sequence[str] | None,
+    *,
+    sigterm_is_success: bool = False,
+) -> int:
+    """Run a command with the given arguments, or with those of this process.
+
+    The action calls `process.start_work` once its imports are done: see `process.begin`.
+    """
     if argv is not None:
         return guarded(action, list(argv))
+    process.begin(sigterm_is_success=sigterm_is_success)
     # A command is short: looking for garbage, at the end once more, would cost it a tenth.
     gc.set_threshold(_GARBAGE)
     try:
-        return guarded(action, sys.argv[1:])
+        code = guarded(action, sys.argv[1:])
+    except KeyboardInterrupt:  # once more, while a message was printed
+        code = Exit.INTERRUPTED
     finally:
         gc.freeze()
+    return process.end(code)
 
 
 def goes_on() -> None:
@@ -83,27 +102,43 @@ def guarded(action: Callable[[list[str]], int], argv: list[str]) -> int:
 
     A user's mistake becomes one message on stderr; one line of JSON where `argv` has `--json`.
     """
-    try:
-        # Not at the top: Ctrl-C while this is imported must find us at work.
-        from taskrpc import platform
+    from taskrpc import platform
 
-        platform.prepare_output()
+    platform.prepare_output()
+    try:
         code = int(action(argv))
-        sys.stdout.flush()
+        process.check_output()
         return code
     except KeyboardInterrupt:
         return Exit.INTERRUPTED
-    except BrokenPipeError:
-        # The reader of our output has gone, and Python must not trip over that at exit.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        return Exit.DONE
     except Exception as error:
+        failure = process.output_failure()
+        if isinstance(error, BrokenPipeError) and isinstance(failure, BrokenPipeError):
+            return Exit.DONE  # the reader of our output has read enough
         if not is_mistake(error):
             raise
-        with contextlib.suppress(BrokenPipeError):
-            sys.stdout.flush()
-            print(_as_json(error) if "--json" in argv else _as_text(error), file=sys.stderr)
+        if isinstance(error, OSError) and failure is not None:
+            error = OutputLost(f"cannot write to standard output: {failure.strerror}")
+        print(_as_json(error) if "--json" in argv else _as_text(error), file=sys.stderr)
         return exit_code(error)
+
+
+def standard_input() -> str:
+    """All of standard input: UTF-8, or the UTF-16 that some Windows tools write.
+
+    Raises UsageError where it is closed, cannot be read or has no end.
+    """
+    if sys.stdin is None:
+        raise UsageError("expected text on standard input, which is closed")
+    try:
+        data = sys.stdin.buffer.read(_INPUT_LIMIT + 1)
+    except OSError as error:
+        raise UsageError(f"cannot read standard input: {error.strerror}") from None
+    if len(data) > _INPUT_LIMIT:
+        problem = f"at most {_INPUT_LIMIT // 2**20} MiB of text on standard input, got more"
+        raise UsageError(f"expected {problem}")
+    is_utf16 = data.startswith((b"\xff\xfe", b"\xfe\xff"))
+    return data.decode("utf-16" if is_utf16 else "utf-8-sig", errors="replace")
 
 
 def exit_code(error: Exception) -> Exit:

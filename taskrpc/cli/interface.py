@@ -8,7 +8,7 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from taskrpc.cli import definitions
-from taskrpc.cli.command import Exit, NotFound, UsageError, hinted
+from taskrpc.cli.command import Exit, NotFound, UsageError, hinted, standard_input
 from taskrpc.cli.parsing import Commands, add_command, add_group, print_names
 
 if TYPE_CHECKING:
@@ -163,6 +163,6 @@ def _show(options: argparse.Namespace) -> int:
 
 def _piped() -> str:
     """A type that another command tells, such as `taskrpc topic type /chatter`."""
-    if sys.stdin.isatty():
+    if sys.stdin is not None and sys.stdin.isatty():
         raise UsageError("expected a type on standard input, as of taskrpc topic type NAME | …")
-    return sys.stdin.readline().strip()
+    return standard_input().strip().partition("\n")[0].strip()

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 
-from taskrpc.cli.command import Exit, NotFound, UsageError, hinted
+from taskrpc.cli.command import Exit, NotFound, UsageError, hinted, standard_input
 from taskrpc.errors import AuthenticationFailed
 from taskrpc.lab import Lab, forget_lab, remember_lab, remembered_lab
 
@@ -47,7 +46,7 @@ def _join(text: str) -> Exit:
     from taskrpc.classroom.joining import find_lab
 
     # What is typed on a command line is seen by all users of the machine; hence also from stdin.
-    lab = find_lab(from_join_string(sys.stdin.read() if text == "-" else text))
+    lab = find_lab(from_join_string(standard_input() if text == "-" else text))
     listing = _visited(lab)
     remember_lab(lab)
     print(f"You have joined the lab at {lab.place} as {_account(lab)}{_until(lab)}.")

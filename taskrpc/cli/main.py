@@ -17,6 +17,7 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
+from srvgen import process
 from taskrpc.cli.command import UsageError, run_main
 
 TYPE_CHECKING = False  # typing itself is heavy
@@ -75,6 +76,7 @@ def _run(arguments: list[str]) -> int:
     options: Namespace = parser_of(command).parse_args(arguments)
     if options.version:
         return _print_version()
+    process.start_work()
     return int(options.run(options))
 
 

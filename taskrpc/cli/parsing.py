@@ -6,6 +6,7 @@ import argparse
 import math
 from collections.abc import Callable, Sequence
 
+from srvgen import process
 from taskrpc.cli.command import Exit, UsageError
 
 TYPE_CHECKING = False  # typing itself is heavy
@@ -35,6 +36,11 @@ class Parser(argparse.ArgumentParser):
             return self.parse_known_intermixed_args(args, namespace)
         finally:
             self.mixed = True
+
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        """End the command; a help text that cannot be written is the caller's to report."""
+        process.check_output()
+        super().exit(status, message)
 
     def error(self, message: str) -> NoReturn:
         """Refuse a command line, showing how it should look."""

@@ -8,12 +8,14 @@ import contextlib
 import importlib
 import inspect
 import logging
+import signal
 import sys
 from collections.abc import Awaitable, Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+from srvgen import process
 from taskrpc import logs, platform
 from taskrpc.cli import remote
 from taskrpc.cli.command import Exit, UsageError, goes_on, run_main
@@ -38,7 +40,7 @@ _ROBOT_MEMBERS = "speed task_types plan pose execute remaining pause resume stop
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the task server until it is told to end; returns the exit code."""
-    return run_main(_run, argv)
+    return run_main(_run, argv, sigterm_is_success=True)
 
 
 def _run(arguments: list[str]) -> Exit:
@@ -49,15 +51,16 @@ def _run(arguments: list[str]) -> Exit:
         raise UsageError(f"taskrpc-server: error: {problem}")
     handler = logs.handler(options.log_format)
     logging.basicConfig(level=options.log_level.upper(), handlers=[handler])
+    from taskrpc.node import run
+
+    process.start_work()
     # Not on the loop: there Ctrl-C would have to wait until the map is read.
     robot = _robot(options)
     if not options.standby:  # else the server before still has what it may be connected to
         made = robot()
         robot = lambda: made  # noqa: E731
-    from taskrpc.node import run
-
-    run(_serve(options, robot))
-    return Exit.DONE
+    signal_number = run(_serve(options, robot))
+    return Exit.INTERRUPTED if signal_number == signal.SIGINT else Exit.DONE
 
 
 def _parser() -> Parser:
@@ -128,7 +131,8 @@ def _add_security_options(parser: argparse.ArgumentParser) -> None:
     add("--tls-ca", metavar="FILE", help="callers must show a certificate signed by this one")
 
 
-async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> None:
+async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int:
+    """Serve until a signal comes; returns its number."""
     from taskrpc.node import Node, stop_requested
     from taskrpc.tasks import SqliteStore, TaskServer
 
@@ -153,7 +157,7 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> Non
 
             started = once_free
             if not await claimed(store, stopped, partial(_say, options)):
-                return
+                return stopped.result()
         server = TaskServer(
             node,
             robot(),
@@ -173,8 +177,9 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> Non
         what = "/robot_task [my_robot_interfaces/srv/RobotTask]"
         _print(options, f"taskrpc-server ready: {what} at {node.address}")
         goes_on()
-        await stopped
+        number = await stopped
         await _shut_down(node, server)
+    return number
 
 
 def _observer(options: argparse.Namespace, watch: Watch | None) -> Observer | None:

@@ -19,7 +19,7 @@ _LOOK = 0.05
 
 
 async def claimed(
-    store: SqliteStore, stopped: asyncio.Future[None], say: Callable[[str], object]
+    store: SqliteStore, stopped: asyncio.Future[int], say: Callable[[str], object]
 ) -> bool:
     """Wait until the store is ours; False where this server is told to end before.
 

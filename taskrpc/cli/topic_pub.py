@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import srvgen
 from taskrpc.cli import definitions, shells
-from taskrpc.cli.command import Exit, NotFound, UsageError, goes_on
+from taskrpc.cli.command import Exit, NotFound, UsageError, goes_on, standard_input
 from taskrpc.cli.remote import remote_of
 from taskrpc.cli.topic_graph import message_type_name
 from taskrpc.cli.topic_messages import Template, documents
@@ -40,8 +40,6 @@ def _given(options: argparse.Namespace) -> list[list[str]]:
     if options.values or (options.stdin and options.yaml_file):
         raise UsageError("expected one of values, --stdin and --yaml-file, got several")
     if options.stdin:
-        from taskrpc.cli.call import standard_input
-
         return [[standard_input()]]
     found = documents(options.yaml_file)
     if not found:

@@ -307,6 +307,12 @@ def test_ctrl_c_leaves_the_task_alone_and_says_so(start, task, tmp_path):
     assert "RUNNING" in task("list")[1]
 
 
+@POSIX
+def test_a_server_that_ctrl_c_ends_exits_with_130_after_its_drain(start):
+    server = start("--speed", 20)
+    assert server.end(signal.SIGINT)[0] == 130
+
+
 def test_without_a_server_the_exit_code_is_four_and_there_is_a_hint(task):
     code, out, err = task("list", "--timeout", 0.2)
     assert (code, out) == (4, "")

@@ -124,7 +124,9 @@ def test_an_unknown_type_is_one_message(run, verb, name):
 
 
 def test_show_reads_a_type_that_is_piped_in(capsys, monkeypatch):
-    monkeypatch.setattr("sys.stdin", io.StringIO("example_interfaces/srv/AddTwoInts\n"))
+    monkeypatch.setattr(
+        "sys.stdin", io.TextIOWrapper(io.BytesIO(b"example_interfaces/srv/AddTwoInts\n"))
+    )
     assert main(["interface", "show", "-", "--no-comments"]) == 0
     assert capsys.readouterr().out == "int64 a\nint64 b\n---\nint64 sum\n"
 

@@ -1,0 +1,178 @@
+"""How the process of a command begins and ends: Ctrl-C, SIGTERM and the standard streams.
+
+Used by `srvgen` and by the commands of taskrpc. A command calls `begin` in its first statement,
+`start_work` once its imports are done, and `end` with its exit code.
+"""
+
+from __future__ import annotations
+
+import atexit
+import io
+import os
+import sys
+
+INTERRUPTED = 130
+"""The exit code after Ctrl-C."""
+
+try:
+    import signal
+except KeyboardInterrupt:
+    os._exit(INTERRUPTED)
+
+TYPE_CHECKING = False  # importing typing would take longer than all of this file
+if TYPE_CHECKING:
+    from typing import NoReturn, TextIO
+
+
+def begin(*, sigterm_is_success: bool = False) -> None:
+    """Make this process end at once and silently on Ctrl-C, with the exit code 130.
+
+    Python's own KeyboardInterrupt would leave an import half done: it shows a traceback there, or
+    is lost in a callback of the import system. With `sigterm_is_success`, SIGTERM ends the process
+    as quietly, with 0. Standard streams that are closed get a substitute. Does nothing the second
+    time.
+    """
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored
+        signal.signal(signal.SIGINT, _exit_interrupted)
+    if sigterm_is_success and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
+        signal.signal(signal.SIGTERM, _exit_done)
+    if not isinstance(sys.stderr, _Stderr):
+        _replace_streams()
+        atexit.register(_ignore_signals)  # the first function to be registered runs last
+
+
+def start_work() -> None:
+    """Let Ctrl-C raise KeyboardInterrupt, and SIGTERM SystemExit, where `begin` was called.
+
+    From here on there is something to put in order before the end.
+    """
+    if signal.getsignal(signal.SIGINT) is _exit_interrupted:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+    if signal.getsignal(signal.SIGTERM) is _exit_done:
+        signal.signal(signal.SIGTERM, _raise_exit)
+
+
+def end(code: int) -> int:
+    """Return the exit code, which no later signal changes: Ctrl-C now ends the process with it."""
+
+    def leave(*_: object) -> NoReturn:
+        os._exit(code)
+
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) in _HANDLERS:
+            signal.signal(number, leave)
+    return code
+
+
+def check_output() -> None:
+    """Flush standard output. Raises OSError if that or an earlier write failed."""
+    sys.stdout.flush()
+    if failure := getattr(sys.stdout, "failure", None):  # argparse swallows it, for one
+        raise failure
+
+
+def output_failure() -> OSError | None:
+    """Why standard output could not be written, None where it could; the rest is discarded."""
+    failure = None
+    try:
+        check_output()
+    except OSError as error:
+        failure = error
+        # Python flushes once more at exit, and must not fail there again.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    return failure
+
+
+def _exit_interrupted(*_: object) -> NoReturn:
+    os._exit(INTERRUPTED)
+
+
+def _exit_done(*_: object) -> NoReturn:
+    os._exit(0)
+
+
+def _raise_exit(*_: object) -> NoReturn:
+    raise SystemExit(0)
+
+
+_HANDLERS = (_exit_interrupted, _exit_done, _raise_exit, signal.default_int_handler)
+
+
+def _ignore_signals() -> None:
+    # In the last milliseconds Python gives signals back to the system, which would kill with them.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        if signal.getsignal(number) is not signal.SIG_DFL:
+            signal.signal(number, signal.SIG_IGN)
+
+
+class _Stdout(io.TextIOWrapper):
+    """Standard output that remembers its first failure; the buffer below may forget it."""
+
+    failure: OSError | None = None
+
+    def write(self, text: str, /) -> int:
+        """Write, or raise OSError."""
+        try:
+            return super().write(text)
+        except OSError as error:
+            self.failure = self.failure or error
+            raise
+
+    def flush(self) -> None:
+        """Flush, or raise OSError."""
+        try:
+            super().flush()
+        except OSError as error:
+            self.failure = self.failure or error
+            raise
+
+
+class _Stderr(io.TextIOWrapper):
+    """Standard error. A message that cannot be written is dropped: the command goes on."""
+
+    def write(self, text: str, /) -> int:
+        """Write, as far as possible."""
+        try:
+            return super().write(text)
+        except OSError:
+            return len(text)
+
+    def flush(self) -> None:
+        """Flush, as far as possible."""
+        try:
+            super().flush()
+        except OSError:
+            return
+
+
+def _replace_streams() -> None:
+    """Open descriptors 0 to 2 where they are closed; replace stdout and stderr by ours.
+
+    A socket that got one of these numbers would receive whatever is written to the stream. Writing
+    to a stdout that is closed fails, so that the command reports it.
+    """
+    for descriptor, flags in enumerate((os.O_WRONLY, os.O_RDONLY, os.O_WRONLY)):
+        try:
+            os.fstat(descriptor)
+        except OSError:
+            opened = os.open(os.devnull, flags)
+            os.dup2(opened, descriptor)
+            if opened != descriptor:
+                os.close(opened)
+    sys.stdout = _over(_Stdout, sys.stdout, 1)
+    sys.stderr = _over(_Stderr, sys.stderr, 2)
+
+
+def _over(kind: type[io.TextIOWrapper], stream: TextIO | None, descriptor: int) -> TextIO:
+    """A stream of ours over the buffer of Python's own, which stays usable."""
+    if stream is None:
+        return kind(open(descriptor, "wb", closefd=False), "utf-8", errors="backslashreplace")
+    if not isinstance(stream, io.TextIOWrapper):  # an editor's shell has streams of its own
+        return stream
+    return kind(
+        stream.buffer,
+        stream.encoding,
+        errors="backslashreplace",  # a terminal's code page may lack characters
+        line_buffering=stream.line_buffering,
+        write_through=stream.write_through,
+    )
