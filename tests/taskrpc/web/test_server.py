@@ -133,15 +133,16 @@ async def test_a_page_that_is_being_made_is_not_cut_off_for_new_connections(monk
         return Page("slow\n")
 
     async with WebServer({"/slow": slow}, listen="127.0.0.1:0") as web:
-        fetching = asyncio.create_task(fetch(f"{web.url}/slow"))
-        await asked.wait()
         host, _, port = web.url.rpartition("/")[2].rpartition(":")
+        head = f"GET /slow HTTP/1.1\r\nHost: {host}:{port}\r\n\r\n"
+        fetching = asyncio.create_task(raw(web, head.encode()))
+        await asked.wait()
         first, first_writer = await asyncio.open_connection(host, int(port))
         _, second_writer = await asyncio.open_connection(host, int(port))
         with contextlib.suppress(ConnectionResetError):
             assert await first.read() == b""
         go_on.set()
-        assert (await fetching)[2] == "slow\n"
+        assert (await fetching).endswith(b"\r\n\r\nslow\n")
         first_writer.close()
         second_writer.close()
 
