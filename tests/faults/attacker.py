@@ -181,16 +181,18 @@ class Attacker:
 
     async def attempt(self, way: Way) -> Heard:
         """Go one way, then ask for everything, whatever the server has said to it."""
-        refusals = []
-        async with self.connected() as line:
-            try:
-                await way(line)
-            except Refused as refused:
-                refusals.append(str(refused))
-            except (EOFError, OSError):
-                pass  # closed: it asks all the same
-            line.send(questions(self.service, self.topic))
-            heard = await line.listen()
+        refusals: list[str] = []
+        try:
+            async with self.connected() as line:
+                with contextlib.suppress(EOFError, ConnectionError):  # closed: it asks all the same
+                    try:
+                        await way(line)
+                    except Refused as refused:
+                        refusals.append(str(refused))
+                line.send(questions(self.service, self.topic))
+                heard = await line.listen()
+        except OSError as error:  # not even connected
+            return Heard(refusals=[str(error)])
         heard.refusals = refusals + heard.refusals
         return heard
 

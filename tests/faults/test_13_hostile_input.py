@@ -24,7 +24,9 @@ from taskrpc.wire.handshake import Identity, Peer
 from taskrpc.wire.link import State
 from taskrpc.wire.messages import DEFAULT_LIMITS, Auth, Hello, HelloAck, Resolve, encode
 from taskrpc.wire.session import Session
+from tests.faults.attacker import Line, questions
 from tests.faults.harness import Bug
+from tests.faults.test_22_attacker import any_proof_accepted
 
 pytestmark = [
     pytest.mark.faults,
@@ -285,7 +287,7 @@ class Attack:
                 if number % 10:
                     await shake_hands(reader, writer)
                 elif number % 20:
-                    writer.write(b"TRPC")
+                    await self.pretend(reader, writer)
                 frames = self.mutator.stream(50)
                 self.counts["frames"] += len(frames)
                 writer.write(b"".join(frames))
@@ -297,6 +299,17 @@ class Attack:
             pass  # closed while we still talked
         finally:
             writer.close()
+
+    async def pretend(self, reader, writer):
+        """Ask for work although the server has refused the proof."""
+        line = Line(reader, writer, b"")
+        with contextlib.suppress(EOFError):
+            await line.hello()
+        line.auth(line.proof("guess"))
+        line.send(questions("/work", ("/none", "", "")))
+        heard = await line.listen()
+        self.counts["refused a proof"] += bool(heard.refusals)
+        self.counts["served without a proof"] += heard.let_in
 
     async def neighbour(self):
         async with taskrpc.Node("neighbour", peers=[self.place], token=TOKEN.decode()) as node:
@@ -364,6 +377,7 @@ def connections_are_kept(patch):
     Bug(a_line_too_many, "lines too many"),
     Bug(one_ends_all, "neighbour troubles"),
     Bug(connections_are_kept, "drifted"),
+    Bug(any_proof_accepted, "served without a proof"),
 )
 async def test_a_server_ends_one_connection_with_one_line_and_no_neighbour_notices(
     counts, seed, large, bug, programs, tmp_path
@@ -375,7 +389,8 @@ async def test_a_server_ends_one_connection_with_one_line_and_no_neighbour_notic
     await attack.run(100_000 if large else 1000 if bug is None else 600)
     attack.read(log)
     broken = ("crashes", "hangs", "drifted", "lines too many", "neighbour troubles")
-    counts.check(*broken, happened=("ended with a line",) if bug is None else ())
+    happened = ("ended with a line", "refused a proof") if bug is None else ()
+    counts.check(*broken, "served without a proof", happened=happened)
     counts.require(neighbour_calls=20, frames=20_000)
 
 

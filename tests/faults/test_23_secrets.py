@@ -1,6 +1,6 @@
 """Promise 23: a secret is in no log, repr, traceback, process list, error or byte on the wire."""
 
-import hmac
+import datetime
 import json
 import logging
 import os
@@ -19,6 +19,7 @@ from taskrpc.transport import endpoint, memory, network
 from taskrpc.wire import handshake
 from tests.faults.harness import Bug
 from tests.taskrpc.transport.helpers import Add, add, ask
+from tests.taskrpc.wire.helpers import Comparisons
 
 pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 
@@ -48,11 +49,40 @@ def logs_accounts(patch):
     patch(accounts_module.AccountBook, "look", look)
 
 
-def compares_by_hand(patch):
+def server_compares_by_hand(patch):
     def proves(self, auth, hello, token):
-        return auth.proof == handshake._proof(token, b"client", hello.nonce, self._me.nonce)
+        nonces = hello.nonce, self._me.nonce
+        return handshake._proof(token, b"client", *nonces, self.channel) == auth.proof
 
     patch(handshake.ServerHandshake, "_proves", proves)
+
+
+def client_compares_by_hand(patch):
+    accept = handshake.ClientHandshake._accept
+
+    def accept_right(self, auth, ack):
+        if auth.proof != self._proof(b"server", ack):
+            raise taskrpc.AuthenticationFailed("the server could not prove the token")
+        return accept(self, auth, ack)
+
+    patch(handshake.ClientHandshake, "_accept", accept_right)
+
+
+def compares_byte_by_byte(patch):
+    def proves(self, auth, hello, token):
+        nonces = hello.nonce, self._me.nonce
+        expected = handshake._proof(token, b"client", *nonces, self.channel)
+        return all(one == other for one, other in zip(auth.proof, expected, strict=True))
+
+    patch(handshake.ServerHandshake, "_proves", proves)
+
+
+def believes_every_server(patch):
+    def accept(self, auth, ack):
+        self.peer = handshake.Peer(ack.boot_id, "", ack.limits)
+        return b""
+
+    patch(handshake.ClientHandshake, "_accept", accept)
 
 
 def tells_what_was_wrong(patch):
@@ -63,13 +93,15 @@ def tells_what_was_wrong(patch):
     Bug(shows_accounts, "in a repr"),
     Bug(shows_addresses, "in a repr"),
     Bug(logs_accounts, "in the log"),
-    Bug(compares_by_hand, "not compared in constant time"),
+    Bug(server_compares_by_hand, "compared by hand"),
+    Bug(client_compares_by_hand, "compared by hand"),
+    Bug(compares_byte_by_byte, "compared by hand"),
+    Bug(believes_every_server, "not compared in constant time"),
     Bug(tells_what_was_wrong, "answers that differ"),
 )
 async def test_a_secret_is_in_nothing_that_anybody_reads(counts, monkeypatch, caplog, tmp_path):
     caplog.set_level(logging.DEBUG)
-    compared, compare = [], hmac.compare_digest
-    monkeypatch.setattr(hmac, "compare_digest", lambda *a: compared.append(1) or compare(*a))
+    comparisons = Comparisons().watch(monkeypatch)
     monkeypatch.setattr(endpoint, "TICK", 0.01)
     monkeypatch.setenv("TASKRPC_TOKEN", "")
     server = taskrpc.Node("server", token=CANARY, accounts=Accounts([ACCOUNT]))
@@ -106,17 +138,22 @@ async def test_a_secret_is_in_nothing_that_anybody_reads(counts, monkeypatch, ca
     counts["in a repr"] += sum(CANARY in text for text in texts)
     counts["in an error"] += sum(CANARY in text for text in said)
     counts["in the log"] += CANARY in caplog.text
-    counts["not compared in constant time"] += len(compared) < len(tokens)
+    counts["proofs"] = comparisons.received
+    counts["compared by hand"] = comparisons.by_hand
+    counts["not compared in constant time"] = max(
+        0, comparisons.received - comparisons.in_constant_time
+    )
     counts["answers that differ"] += len(answers) - 1
     counts.check(
         "in a repr",
         "in an error",
         "in the log",
+        "compared by hand",
         "not compared in constant time",
         "answers that differ",
         happened=("refused", "let in", "looked at"),
     )
-    counts.require(let_in=2, refused=3)
+    counts.require(let_in=2, refused=3, proofs=7)
 
 
 def sends_the_token(patch):
@@ -155,7 +192,7 @@ async def test_a_secret_does_not_travel(counts, monkeypatch):
 def leaves_files_open(patch):
     from taskrpc import platform
 
-    def open_private(path):
+    def open_private(path, **options):
         made = os.open(path, os.O_RDWR | os.O_CREAT, 0o644)
         os.fchmod(made, 0o644)
         return made
@@ -222,18 +259,75 @@ async def test_the_commands_keep_the_secrets_of_their_files(counts, programs, tm
     )
 
 
+def believes_open_files(patch):
+    from taskrpc import platform
+
+    patch(platform, "why_not_private", lambda *_, **options: "")
+
+
 @posix
-def test_a_token_file_that_others_can_read_is_refused(counts, tmp_path, capsys):
+@pytest.mark.planted(Bug(believes_open_files, "taken although others can read it"))
+def test_a_file_of_secrets_that_others_can_read_is_refused(counts, tmp_path, capsys):
     from taskrpc.cli.main import main
 
     for mode in (0o600, 0o400, 0o640, 0o644, 0o602, 0o666):
-        token = tmp_path / f"token-{mode:o}"
+        token, people = tmp_path / f"token-{mode:o}", tmp_path / f"people-{mode:o}.json"
         token.write_text(CANARY)
-        token.chmod(mode)
+        people.write_text(json.dumps({"accounts": {"ana": {"secret": ACCOUNT.secret}}}))
+        for path in (token, people):
+            path.chmod(mode)
         options = ["--connect", "127.0.0.1:9", "--token-file", str(token)]
         assert main(["service", "list", *options]) in (0, 1, 4)
-        told = "".join(capsys.readouterr())
-        counts["refused"] += "chmod 600" in told
-        counts["taken"] += "chmod 600" not in told
-        assert CANARY not in told
-    assert (counts["taken"], counts["refused"]) == (2, 4)
+        said = "".join(capsys.readouterr())
+        try:
+            accounts_module.read_accounts(people)
+        except taskrpc.TaskRpcError as error:
+            said_of_accounts = str(error)
+        else:
+            said_of_accounts = ""
+        for told in (said, said_of_accounts):
+            refused = "chmod 600" in told
+            counts["refused"] += refused
+            counts["taken"] += not refused
+            counts["refused although private"] += refused and not mode & 0o077
+            counts["taken although others can read it"] += not refused and bool(mode & 0o077)
+            assert CANARY not in told
+    counts.check(
+        "refused although private", "taken although others can read it", happened=("taken",)
+    )
+    counts.require(refused=8, taken=4)
+
+
+def writes_for_everybody(patch):
+    from taskrpc import platform
+
+    def write_private(path, content, *, sync=True):
+        path.write_bytes(content)
+        path.chmod(0o644)
+
+    patch(platform, "write_private", write_private)
+
+
+@posix
+@pytest.mark.planted(
+    Bug(leaves_files_open, "readable by others"), Bug(writes_for_everybody, "readable by others")
+)
+def test_no_file_of_a_class_can_be_read_by_others(counts, tmp_path):
+    """Whatever the umask is, and also where their folder is open."""
+    from taskrpc.classroom.authority import make_certificates
+    from taskrpc.classroom.register import Place, Register
+
+    before = os.umask(0)
+    try:
+        lab = tmp_path / "lab"
+        register = Register(lab)
+        register.place = Place(("192.0.2.7",), 7450)
+        make_certificates(lab, ["localhost"], datetime.datetime.now(datetime.UTC))
+        register.add(["ana"], expires=0.0)
+    finally:
+        os.umask(before)
+    for path in lab.rglob("*"):
+        counts["files"] += 1
+        counts["readable by others"] += bool(stat.S_IMODE(path.stat().st_mode) & 0o077)
+    counts.check("readable by others")
+    counts.require(files=6)

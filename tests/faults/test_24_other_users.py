@@ -11,6 +11,7 @@ import pytest
 
 from tests.faults.harness import Bug
 from tests.faults.programs import ROOT
+from tests.faults.test_22_attacker import any_proof_accepted
 
 IS_ROOT = hasattr(os, "geteuid") and os.geteuid() == 0
 pytestmark = [
@@ -38,6 +39,7 @@ taskrpc.run(main())
 OTHER = """\
 import asyncio, json, os, pathlib, sys, tempfile
 import srvgen, taskrpc
+from tests.faults.attacker import Attacker, broken_handshakes, knowing, proving
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
 runtime, *places = sys.argv[1:]
 
@@ -49,19 +51,32 @@ async def call(place, service, token):
             return type(error).__name__
     return "called"
 
+WAYS = broken_handshakes("guess") | {
+    "zeros": proving("", lambda line: bytes(32)),
+    "a guess": knowing("guess"),
+    "the empty token": knowing(""),
+    "an account": knowing("eve.guess", "eve"),
+}
+
+async def attack(place, service):
+    # How many raw attempts there were, and how many of them the server took for proved.
+    heard = [await Attacker(place, service).attempt(way) for way in WAYS.values()]
+    return len(heard), sum(each.let_in for each in heard)
+
 async def main():
     # All that is imported late must be here before the files of Python are out of reach.
     async with taskrpc.Node("warm", transport="memory") as node:
         node.create_service(Add, "warm", lambda request, response: response)
         await node.create_client(Add, "warm").call(Add.Request())
     await call("127.0.0.1:9", "/none", "guess")
+    await attack("127.0.0.1:9", "/none")
     own = tempfile.mkdtemp()
     os.chmod(own, 0o777)
     os.environ["XDG_RUNTIME_DIR"] = os.environ["XDG_STATE_HOME"] = own
     os.setgroups([])
     os.setgid(65534)
     os.setuid(65534)
-    told = {"read": 0, "unreadable": 0, "called": 0, "refused": []}
+    told = {"read": 0, "unreadable": 0, "called": 0, "refused": [], "attempts": 0, "let in": 0}
     for folder, folders, files in os.walk(runtime, onerror=lambda error: told.__setitem__(
         "unreadable", told["unreadable"] + 1
     )):
@@ -75,6 +90,9 @@ async def main():
             what = await call(place, service, token)
             told["called"] += what == "called"
             told["refused"] += [what] if what != "called" else []
+        attempts, let_in = await attack(place, service)
+        told["attempts"] += attempts
+        told["let in"] += let_in
     print(json.dumps(told), flush=True)
 
 asyncio.run(main())
@@ -113,7 +131,26 @@ def runtime():
         yield Path(made)
 
 
-@pytest.mark.planted(Bug(opens_the_registry, "read the token"), Bug(opens_the_socket, "called"))
+def makes_readable_files(patch):
+    """Their folder keeps others out still, as long as nobody moves or copies it."""
+    from taskrpc import platform
+
+    known = platform.open_private
+
+    def open_private(path, **options):
+        made = known(path, **options)
+        os.fchmod(made, 0o644)
+        return made
+
+    patch(platform, "open_private", open_private)
+
+
+@pytest.mark.planted(
+    Bug(opens_the_registry, "read the token"),
+    Bug(makes_readable_files, "open to others"),
+    Bug(opens_the_socket, "called"),
+    Bug(any_proof_accepted, "let in"),
+)
 async def test_a_second_user_can_neither_read_the_token_nor_call(
     counts, programs, tmp_path, monkeypatch, runtime
 ):
@@ -132,14 +169,22 @@ async def test_a_second_user_can_neither_read_the_token_nor_call(
         check=False,
     )
     assert server.poll() is None
+    for path in runtime.rglob(
+        "*"
+    ):  # each by itself: one that keeps others out must not hide another
+        counts["files"] += 1
+        counts["open to others"] += bool(path.lstat().st_mode & 0o077)
     assert found.returncode == 0, found.stderr
     told = json.loads(found.stdout)
     counts["read the token"] += told["read"]
     counts["called"] += told["called"]
     counts["unreadable"] += told["unreadable"]
+    counts["raw attempts"] += told["attempts"]
+    counts["let in"] += told["let in"]
     counts["refused"] += len(told["refused"])
-    counts.check("read the token", "called", happened=("unreadable", "refused"))
-    counts.require(refused=6)
+    broken = ("read the token", "open to others", "called", "let in")
+    counts.check(*broken, happened=("unreadable", "refused"))
+    counts.require(refused=6, raw_attempts=32, files=4)
 
 
 def _addresses(runtime: Path) -> str:

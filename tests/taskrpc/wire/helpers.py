@@ -2,8 +2,13 @@
 
 from __future__ import annotations
 
+import hmac
+from collections.abc import Iterator
+from typing import Any
+
 from msgspec.structs import replace
 
+from taskrpc.wire import messages
 from taskrpc.wire.events import Event
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.link import State
@@ -84,3 +89,77 @@ def open_pair(*, limits: Limits | None = None) -> ConnectionPair:
     pair.run()
     assert pair.client.state is pair.server.state is State.OPEN
     return pair
+
+
+class Comparisons:
+    """How secrets that came from outside were compared.
+
+    How long `==` takes tells how many bytes are right, which no test over a socket can see. So
+    each such secret is a `Watched`, and what looks into it by any other way is counted.
+    """
+
+    def __init__(self) -> None:
+        self.received = 0
+        self.in_constant_time = 0
+        """Calls of `hmac.compare_digest` with one of them."""
+        self.by_hand = 0
+        """Uses of `==`, of a hash, or of a single byte."""
+
+    def watch(self, monkeypatch: Any) -> Comparisons:
+        """Watch the proofs of all handshakes from now on."""
+        decode, compare = messages.decode_auth, hmac.compare_digest
+
+        def decode_watched(body: bytes) -> messages.Auth:
+            return messages.Auth(self.watched(decode(body).proof))
+
+        def counting(one: Any, other: Any) -> bool:
+            self.in_constant_time += Watched in (type(one), type(other))
+            return compare(one, other)
+
+        monkeypatch.setattr(messages, "decode_auth", decode_watched)
+        monkeypatch.setattr(hmac, "compare_digest", counting)
+        return self
+
+    def watched(self, secret: bytes) -> Watched:
+        """A secret as if it had come from outside."""
+        self.received += 1
+        return Watched(secret, self)
+
+
+class Watched(bytes):
+    """Bytes that count each look into them; as a subclass they are asked on both sides of `==`."""
+
+    comparisons: Comparisons
+
+    def __new__(cls, secret: bytes, comparisons: Comparisons) -> Watched:
+        made = super().__new__(cls, secret)
+        made.comparisons = comparisons
+        return made
+
+    def _looked_into(self) -> None:
+        self.comparisons.by_hand += 1
+
+    def __eq__(self, other: object) -> bool:
+        self._looked_into()
+        return bytes(self).__eq__(other)
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    def __hash__(self) -> int:
+        self._looked_into()
+        return super().__hash__()
+
+    def __iter__(self) -> Iterator[int]:
+        self._looked_into()
+        return super().__iter__()
+
+    def __getitem__(self, place: Any) -> Any:
+        if isinstance(place, slice):
+            return Watched(super().__getitem__(place), self.comparisons)
+        self._looked_into()
+        return super().__getitem__(place)
+
+    def startswith(self, *given: Any) -> bool:
+        self._looked_into()
+        return super().startswith(*given)

@@ -11,10 +11,18 @@ from taskrpc.errors import AuthenticationFailed, ProtocolError, TaskRpcError
 from taskrpc.wire import messages
 from taskrpc.wire.events import Advertised, Announced, Closed, Ready, RequestReceived
 from taskrpc.wire.frames import LARGE, MAGIC, FrameType, pack_frame
+from taskrpc.wire.handshake import Voucher
 from taskrpc.wire.link import HANDSHAKE_LIMIT, State
 from taskrpc.wire.messages import DEFAULT_LIMITS, Auth, Hello, HelloAck, Limits, Resolve
 from taskrpc.wire.session import Session
-from tests.taskrpc.wire.helpers import CLIENT, SERVER, ConnectionPair, open_pair, receive
+from tests.taskrpc.wire.helpers import (
+    CLIENT,
+    SERVER,
+    Comparisons,
+    ConnectionPair,
+    open_pair,
+    receive,
+)
 
 
 def hello(**changes):
@@ -43,6 +51,17 @@ def why_closed(events):
     assert isinstance(events[-1], Closed)
     assert not any(isinstance(event, Ready) for event in events)
     return events[-1].error
+
+
+@pytest.mark.parametrize("token", [CLIENT.token, b"another token"])
+def test_proofs_are_compared_by_compare_digest_and_in_no_other_way(token, monkeypatch):
+    comparisons = Comparisons().watch(monkeypatch)
+    pair = ConnectionPair(replace(CLIENT, token=token))
+    pair.server.vouch(Voucher("", is_owner=True))  # so that the empty token is compared as well
+    pair.run()
+    assert comparisons.received == 1 + (token == CLIENT.token)
+    assert comparisons.in_constant_time == 2
+    assert comparisons.by_hand == 0
 
 
 @pytest.mark.parametrize("piece", [1, 7, 65_536])
