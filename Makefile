@@ -26,6 +26,7 @@ lint:
 types:
 	$(BIN)/mypy
 	for folder in examples/0*/; do $(BIN)/mypy "$$folder" || exit 1; done
+	$(BIN)/pytest -m types
 
 layers:
 	$(BIN)/lint-imports

@@ -13,6 +13,8 @@ import pytest
 from taskrpc.testing import VirtualTimeLoop
 from tests.faults.harness import HAPPENED
 
+PLAIN_RUN = "not faults and not types"
+"""What pyproject.toml leaves out of the plain run."""
 MOST_PROCESSES = 4
 """More than these gain little: the longest tests wait for programs that they start."""
 
@@ -35,7 +37,7 @@ def pytest_cmdline_main(config):
     option = config.option
     picked = option.keyword or option.usepdb or option.trace or option.capture == "no"
     whole = config.args_source is config.ArgsSource.TESTPATHS and not option.soak
-    whole &= option.markexpr in ("not faults", "faults")
+    whole &= option.markexpr in (PLAIN_RUN, "faults")
     if whole and not picked and getattr(option, "numprocesses", 0) is None and not option.tx:
         option.numprocesses = min(os.cpu_count() or 1, MOST_PROCESSES)
         option.dist = "worksteal"
@@ -43,8 +45,8 @@ def pytest_cmdline_main(config):
 
 def pytest_ignore_collect(collection_path, config):
     """What the plain run leaves out need not be read either, in each of its processes."""
-    left_out = "faults" if config.option.markexpr == "not faults" else None
-    return True if collection_path.name == left_out else None
+    left_out = ("faults", "types") if config.option.markexpr == PLAIN_RUN else ()
+    return True if collection_path.name in left_out else None
 
 
 def pytest_configure():

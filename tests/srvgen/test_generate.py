@@ -6,7 +6,6 @@ import ast
 import importlib
 import os
 import pickle
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -170,6 +169,7 @@ def wrong_lines(demo, tmp_path, mypy):
     return call
 
 
+@pytest.mark.types
 def test_type_checkers_accept_lists_and_know_what_is_read(wrong_lines):
     program = (
         "from demo_interfaces.msg import Awkward, Everything\n"
@@ -184,6 +184,7 @@ def test_type_checkers_accept_lists_and_know_what_is_read(wrong_lines):
     assert wrong_lines(program) == ["6", "7"]
 
 
+@pytest.mark.types
 def test_annotations_can_name_what_services_and_actions_hold(wrong_lines):
     program = (
         "from demo_interfaces.action import Count\n"
@@ -224,21 +225,27 @@ def different(everything) -> list[Path]:
     return [path for path in sorted(everything.rglob("*.py")) if path not in runtimes[1:]]
 
 
+@pytest.mark.types
 def test_mypy_finds_nothing_in_what_is_generated(different, mypy):
     (result,) = mypy("--follow-imports=silent", *different)
     assert result == f"Success: no issues found in {len(different)} source files"
 
 
-@pytest.mark.slow
+@pytest.mark.types
 def test_pyright_finds_nothing_in_what_is_generated(tmp_path):
     """In modules with each kind of field, default and constant; mypy reads all others too."""
-    pyright = shutil.which("pyright", path=str(Path(sys.executable).parent))
-    if not pyright or not shutil.which("node"):
-        pytest.skip("pyright and Node are not installed")
     put_all(generated(DEFINITIONS / "demo_interfaces", BUNDLED / "test_msgs"), tmp_path)
     others = [f"test_msgs/msg/_{name}.py" for name in ("arrays", "strings", "unbounded_sequences")]
     done = subprocess.run(
-        [pyright, "--pythonpath", sys.executable, "demo_interfaces", *others],
+        [
+            sys.executable,
+            "-m",
+            "pyright",
+            "--pythonpath",
+            sys.executable,
+            "demo_interfaces",
+            *others,
+        ],
         capture_output=True,
         text=True,
         cwd=tmp_path,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import ast
 import os
-import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -136,6 +135,7 @@ def test_the_stub_of_srvgen_hands_on_every_public_name():
         assert f"import {name} as {name}\n" in text
 
 
+@pytest.mark.types
 def test_mypy_knows_what_is_imported_and_what_is_loaded(run, mypy, monkeypatch):
     run("stubs", "my_msgs", "std_msgs", "example_interfaces")
     Path("user.py").write_text(USER + MISTAKES, encoding="utf-8")
@@ -146,15 +146,22 @@ def test_mypy_knows_what_is_imported_and_what_is_loaded(run, mypy, monkeypatch):
     assert list(dict.fromkeys(lines)) == WRONG_LINES, found
 
 
-@pytest.mark.slow
+@pytest.mark.types
 def test_pyright_knows_the_same(run):
-    pyright = shutil.which("pyright", path=str(Path(sys.executable).parent))
-    if not pyright or not shutil.which("node"):
-        pytest.skip("pyright and Node are not installed")
     run("stubs", "my_msgs", "std_msgs", "example_interfaces")
     Path("user.py").write_text(USER + MISTAKES, encoding="utf-8")
     done = subprocess.run(
-        [pyright, "--pythonpath", sys.executable, "--level", "error", "user.py", "typings"],
+        [
+            sys.executable,
+            "-m",
+            "pyright",
+            "--pythonpath",
+            sys.executable,
+            "--level",
+            "error",
+            "user.py",
+            "typings",
+        ],
         capture_output=True,
         text=True,
     )

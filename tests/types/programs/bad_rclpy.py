@@ -1,0 +1,48 @@
+"""The same mistakes with rclpy's names."""
+
+import srvgen
+from taskrpc import rclpy
+from taskrpc.rclpy.node import Node
+
+srvgen.install_import_hook()
+
+from my_interfaces.msg import Spot
+from my_interfaces.srv import Add, Greet
+
+
+def forgets(request: Greet.Request, response: Greet.Response) -> None:
+    response.greeting = request.name
+
+
+def heard(message: Greet.Request) -> None:
+    print(message.name)
+
+
+def main(node: Node) -> None:
+    node.create_service(Greet, "greet", forgets)
+    # mypy reports: Argument 3 to "create_service" of "NodeEntities" has incompatible type "Callable[[Greet_Request, Greet_Response], None]"; expected …
+    # pyright reports: …Function return type "None" is incompatible…
+    client = node.create_client(Greet, "greet")
+    client.call_async(Add.Request())
+    # mypy reports: Argument 1 to "call_async" of "Client" has incompatible type "Add_Request"; expected "Greet_Request"
+    # pyright reports: …"Add_Request" is not assignable to "Greet_Request"
+    response = client.call(Greet.Request())
+    print(response.greeting)
+    # mypy reports: Item "None" of "Greet_Response | None" has no attribute "greeting"
+    # pyright reports: "greeting" is not a known attribute of "None"
+    assert response is not None
+    print(response.greting)
+    # mypy reports: "Greet_Response" has no attribute "greting"; maybe "greeting"?
+    # pyright reports: Cannot access attribute "greting" for class "Greet_Response"
+    node.create_publisher(Spot, "spots", 10).publish(Greet.Request())
+    # mypy reports: Argument 1 to "publish" of "Publisher" has incompatible type "Greet_Request"; expected "Spot | bytes"
+    # pyright reports: …"Greet_Request" is not assignable to "Spot"
+    node.create_subscription(Spot, "spots", heard, 10)
+    # mypy reports: Argument 3 to "create_subscription" of "NodeEntities" has incompatible type "Callable[[Greet_Request], None]"; expected …
+    # pyright reports: …"Spot" is not assignable to "Greet_Request"
+    node.create_client(Spot, "greet")
+    # mypy reports: Argument 1 to "create_client" of "NodeEntities" has incompatible type "type[Spot]"; expected "type[Srv[Never, Never]]"
+    # pyright reports: …"Spot" is incompatible with protocol "Srv…
+    rclpy.spin_onse(node)
+    # mypy reports: Module has no attribute "spin_onse"; maybe "spin_once"?
+    # pyright reports: "spin_onse" is not a known attribute of module "taskrpc.rclpy"

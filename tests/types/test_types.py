@@ -1,0 +1,159 @@
+"""mypy and pyright accept good programs, and report each mistake of bad ones with its message.
+
+Below a line that is wrong, a program in `programs` has what the checkers say of it, as comments
+that begin with `mypy reports:` and `pyright reports:`; `…` stands for any text.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+import pytest
+
+from srvgen.search import BUNDLED
+from tests.docs.markdown import read_page
+
+pytestmark = [pytest.mark.types, pytest.mark.real_time]
+
+ROOT = Path(__file__).parents[2]
+PROGRAMS = Path(__file__).parent / "programs"
+NAMES = sorted(path.name for path in PROGRAMS.glob("*.py"))
+WITHOUT_LOAD = sorted(
+    path.name for path in PROGRAMS.glob("*.py") if "srvgen.load" not in path.read_text("utf-8")
+)
+_EXPECTED = re.compile(r"\s*# (mypy|pyright) reports: (.*)")
+
+Messages = dict[int, list[str]]
+"""What a checker says of a file's lines."""
+
+
+def _run(*command: str | Path, cwd: Path, **environment: str) -> str:
+    done = subprocess.run(
+        [sys.executable, "-m", *map(str, command)],
+        cwd=cwd,
+        env={**os.environ, **environment},
+        capture_output=True,
+        text=True,
+    )
+    assert not done.stderr, done.stderr
+    return done.stdout
+
+
+def _mypy(folder: Path, names: Iterable[str], *options: str) -> dict[str, Messages]:
+    found: dict[str, Messages] = {}
+    command = ("mypy", "--output=json", "--no-error-summary", *options, *names)
+    for line in _run(*command, cwd=folder, MYPYPATH="typings").splitlines():
+        report = json.loads(line)
+        if report["severity"] == "error":
+            lines = found.setdefault(Path(report["file"]).name, {})
+            lines.setdefault(report["line"], []).append(report["message"])
+    return found
+
+
+def _pyright(folder: Path, names: Iterable[str]) -> dict[str, Messages]:
+    found: dict[str, Messages] = {}
+    command = ("pyright", "--outputjson", "--pythonpath", sys.executable, *names)
+    output = _run(*command, cwd=folder, PYRIGHT_PYTHON_IGNORE_WARNINGS="1")
+    for report in json.loads(output)["generalDiagnostics"]:
+        if report["severity"] == "error":
+            lines = found.setdefault(Path(report["file"]).name, {})
+            message = report["message"].replace("\N{NO-BREAK SPACE}", " ")
+            lines.setdefault(report["range"]["start"]["line"] + 1, []).append(message)
+    return found
+
+
+@pytest.fixture(scope="module")
+def with_stubs(tmp_path_factory) -> Mapping[str, Mapping[str, Messages]]:
+    """What each checker says of the programs beside the folder of `srvgen stubs`."""
+    folder = tmp_path_factory.mktemp("stubs")
+    shutil.copytree(PROGRAMS, folder, dirs_exist_ok=True)
+    _run("srvgen", "stubs", "my_interfaces", "std_msgs", cwd=folder)
+    return {"mypy": _mypy(folder, NAMES, "--strict"), "pyright": _pyright(folder, NAMES)}
+
+
+@pytest.fixture(scope="module")
+def with_generated(tmp_path_factory) -> Mapping[str, Mapping[str, Messages]]:
+    """What each checker says of them beside the packages of `srvgen generate`."""
+    folder = tmp_path_factory.mktemp("generated")
+    for name in WITHOUT_LOAD:
+        shutil.copy(PROGRAMS / name, folder)
+    sources = PROGRAMS / "my_interfaces", BUNDLED / "std_msgs"
+    _run("srvgen", "generate", *sources, "-o", folder, cwd=folder)
+    return {
+        "mypy": _mypy(folder, WITHOUT_LOAD, "--strict"),
+        "pyright": _pyright(folder, WITHOUT_LOAD),
+    }
+
+
+def _expected(name: str, checker: str) -> Messages:
+    expected: Messages = {}
+    wrong = 0
+    for number, line in enumerate((PROGRAMS / name).read_text("utf-8").splitlines(), 1):
+        if (match := _EXPECTED.match(line)) is None:
+            wrong = number
+        elif match[1] == checker:
+            expected.setdefault(wrong, []).append(match[2])
+    return expected
+
+
+def _matches(message: str, expected: str) -> bool:
+    return re.match(".*".join(map(re.escape, expected.split("…"))), message, re.DOTALL) is not None
+
+
+def _compare(found: Messages, expected: Messages) -> None:
+    assert sorted(found) == sorted(expected), found
+    for line, messages in found.items():
+        pairs = zip(messages, expected[line], strict=True)
+        assert all(_matches(*pair) for pair in pairs), (line, messages)
+
+
+@pytest.mark.parametrize("checker", ["mypy", "pyright"])
+@pytest.mark.parametrize("name", NAMES)
+def test_checkers_report_the_mistakes_of_a_program_and_nothing_else(name, checker, with_stubs):
+    assert name.startswith("bad_") == bool(_expected(name, checker))
+    _compare(with_stubs[checker].get(name, {}), _expected(name, checker))
+
+
+@pytest.mark.parametrize("checker", ["mypy", "pyright"])
+@pytest.mark.parametrize("name", WITHOUT_LOAD)
+def test_generated_packages_are_as_precise_as_stubs(name, checker, with_generated):
+    _compare(with_generated[checker].get(name, {}), _expected(name, checker))
+
+
+@pytest.fixture(scope="module")
+def readme(tmp_path_factory) -> Path:
+    """README's programs as they stand, the same with mistakes, and the stubs of their service."""
+    folder = tmp_path_factory.mktemp("readme")
+    blocks = [one for one in read_page(ROOT / "README.md").blocks if one.kind in ("srv", "python")]
+    for number, block in enumerate(blocks):
+        path = folder / (block.file or f"block_{number}.py")
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(block.text, encoding="utf-8")
+    client = (folder / "client.py").read_text("utf-8")
+    misread = client.replace("response.greeting", "response.greting")
+    wrong = client.replace('Greet.Request(name="Ada", times=2)', "Greet.Response()")
+    server = (folder / "server.py").read_text("utf-8").replace("    return response\n", "")
+    for name, text in {"misread": misread, "wrong": wrong, "forgets": server}.items():
+        (folder / f"{name}.py").write_text(text, encoding="utf-8")
+    _run("srvgen", "stubs", "my_interfaces", cwd=folder)
+    return folder
+
+
+@pytest.mark.parametrize("checker", ["mypy", "pyright"])
+def test_the_programs_of_the_readme_are_checked_as_they_stand(readme, checker):
+    names = sorted(path.name for path in readme.glob("*.py"))
+    assert {"server.py", "client.py"} < set(names)
+    if checker == "mypy":
+        found = _mypy(readme, names, "--check-untyped-defs")
+        reported = {"misread.py", "wrong.py"}  # mypy infers no types of functions without any
+    else:
+        found = _pyright(readme, names)
+        reported = {"misread.py", "wrong.py", "forgets.py"}
+    assert set(found) == reported, found
