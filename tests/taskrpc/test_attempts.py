@@ -5,10 +5,16 @@ import asyncio
 import pytest
 
 from taskrpc.attempts import FREE_SENDINGS, Attempts
-from taskrpc.errors import ConnectionLost
+from taskrpc.errors import (
+    ConnectionLost,
+    DeadlineExceeded,
+    OutcomeUnknown,
+    ServiceUnavailable,
+    SessionExpired,
+)
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Mode
-from taskrpc.wire.once import Numbers
+from taskrpc.wire.once import Numbers, number_of_id
 
 AT_ONCE = RetryPolicy(wait_initial=0.01, wait_max=0.01, wait_jitter=0)
 
@@ -20,39 +26,69 @@ class Sent:
 
     def __init__(self, outcome):
         self.future = asyncio.get_running_loop().create_future()
+        self.given_up = False
         if isinstance(outcome, BaseException):
             self.future.set_exception(outcome)
-        else:
+        elif outcome is not NEVER:
             self.future.set_result(outcome)
+
+    def give_up(self, future=None):
+        self.given_up = True
+
+
+NEVER = object()
+"""The outcome of a call that is never answered."""
 
 
 class FakeChannel:
-    """Gives each sending the next of these outcomes."""
+    """Gives each sending the next of these outcomes; a function changes the server in between."""
 
-    ready = True
     service_name = "/add"
 
-    def __init__(self, *outcomes, mode=Mode.EXACTLY_ONCE, store_id=b"S" * 16):
+    def __init__(self, *outcomes, mode=Mode.EXACTLY_ONCE, store_id=b"S" * 16, ready=True):
         self.outcomes = list(outcomes)
-        self.mode, self.store_id = mode, store_id
-        self.sent = []
+        self.mode, self.store_id, self.ready = mode, store_id, ready
+        self.sent, self.calls, self.deadlines = [], [], []
+        self.counters = {}
 
     def numbers(self):
-        return Numbers(b"C" * 16, self.store_id)
+        counter = self.counters.get(self.store_id)
+        if counter is None or counter.is_over:
+            client = bytes([len(self.counters) + 1]) * 16
+            counter = self.counters[self.store_id] = Numbers(client, self.store_id)
+        return counter
+
+    async def connect(self, deadline):
+        self.deadlines.append(deadline)
+        self.ready = True
 
     def send(self, request, deadline, number):
         self.sent.append(number)
-        return Sent(self.outcomes.pop(0))
+        outcome = self.outcomes.pop(0)
+        if isinstance(outcome, tuple):
+            outcome, change = outcome
+            change(self)
+        self.calls.append(Sent(outcome))
+        return self.calls[-1]
 
 
-def attempts(channel, policy=AT_ONCE, budget=None, timeout=600.0):
+def attempts(channel, policy=AT_ONCE, budget=None, timeout=600.0, request_id=""):
     loop = asyncio.get_running_loop()
+    deadline = None if timeout is None else loop.time() + timeout
     budget = budget or RetryBudget()
-    return Attempts(channel, "request", loop.time() + timeout, policy, budget, loop.time)
+    return Attempts(channel, "request", deadline, policy, budget, loop.time, request_id)
 
 
-def lost():
-    return ConnectionLost("lost", not_executed=False)
+def lost(not_executed=False):
+    return ConnectionLost("lost", not_executed=not_executed)
+
+
+def another_store(channel):
+    channel.store_id = b"T" * 16
+
+
+def no_longer_exactly_once(channel):
+    channel.mode, channel.store_id = Mode.IDEMPOTENT, b""
 
 
 @pytest.mark.parametrize("losses", [1, FREE_SENDINGS, FREE_SENDINGS + 1, FREE_SENDINGS + 3])
@@ -69,3 +105,109 @@ async def test_idempotent_call_takes_every_retry_from_the_budget():
     budget = RetryBudget()
     assert await attempts(channel, budget=budget).result() == "response"
     assert budget.booked == 2
+
+
+async def test_success_earns_a_tenth_of_a_retry():
+    budget = RetryBudget()
+    channel = FakeChannel(lost(), "response", mode=Mode.IDEMPOTENT, store_id=b"")
+    await attempts(channel, budget=budget).result()
+    assert budget.spent == pytest.approx(0.9)
+
+
+async def test_call_whose_deadline_has_passed_is_not_sent():
+    channel = FakeChannel(ready=False)
+    with pytest.raises(DeadlineExceeded, match="had passed before the call began") as caught:
+        await attempts(channel, timeout=0.0).result()
+    assert caught.value.not_executed is True
+    assert (channel.sent, channel.deadlines) == ([], [])
+
+
+@pytest.mark.parametrize("timeout", [None, 5.0])
+async def test_service_is_searched_for_until_the_deadline(timeout):
+    channel = FakeChannel("response", ready=False)
+    assert await attempts(channel, timeout=timeout).result() == "response"
+    now = asyncio.get_running_loop().time()
+    assert channel.deadlines == [None if timeout is None else now + timeout]
+
+
+async def test_call_without_a_deadline_is_repeated_too():
+    channel = FakeChannel(lost(), "response")
+    assert await attempts(channel, timeout=None).result() == "response"
+
+
+@pytest.mark.parametrize(("timeout", "sendings"), [(0.009, 1), (0.01, 1), (0.011, 2)])
+async def test_retry_that_would_come_after_the_deadline_is_not_awaited(timeout, sendings):
+    channel, loop = FakeChannel(lost(), "response"), asyncio.get_running_loop()
+    began = loop.time()
+    call = attempts(channel, timeout=timeout)
+    if sendings == 1:
+        with pytest.raises(ConnectionLost):
+            await call.result()
+        assert loop.time() == began
+    else:
+        assert await call.result() == "response"
+    assert len(channel.sent) == sendings
+
+
+async def test_cancelled_call_is_given_up_at_the_server():
+    channel = FakeChannel(NEVER)
+    call = asyncio.ensure_future(attempts(channel).result())
+    await asyncio.sleep(1)
+    assert not channel.calls[0].given_up
+    call.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await call
+    assert channel.calls[0].given_up
+
+
+# The number of a request
+
+
+async def test_request_id_becomes_the_number_of_this_service():
+    channel = FakeChannel("response")
+    await attempts(channel, request_id="order 1").result()
+    assert channel.sent == [number_of_id("/add", "order 1")]
+
+
+@pytest.mark.parametrize("change", [another_store, no_longer_exactly_once])
+async def test_request_that_may_have_run_goes_to_no_other_store(change):
+    channel, loop = FakeChannel((lost(), change)), asyncio.get_running_loop()
+    began = loop.time()
+    with pytest.raises(OutcomeUnknown, match="may have run the call"):
+        await attempts(channel).result()
+    assert len(channel.sent) == 1
+    assert loop.time() - began < 1, "there is nothing to wait for"
+
+
+async def test_request_that_certainly_did_not_run_is_counted_by_the_next_store():
+    channel = FakeChannel((lost(not_executed=True), another_store), "response")
+    assert await attempts(channel).result() == "response"
+    assert [number.client[0] for number in channel.sent] == [1, 2]
+    for counter in channel.counters.values():
+        assert counter.number(2).first_incomplete == 2, "the number is still in use"
+
+
+async def test_request_that_certainly_did_not_run_needs_no_number_any_more():
+    unsent = ServiceUnavailable("gone", not_executed=True)
+    channel = FakeChannel((unsent, no_longer_exactly_once), "response")
+    assert await attempts(channel).result() == "response"
+    assert [number is None for number in channel.sent] == [False, True]
+
+
+async def test_forgotten_client_counts_anew_at_once_but_only_once():
+    channel, loop = (
+        FakeChannel(SessionExpired("a"), SessionExpired("b")),
+        asyncio.get_running_loop(),
+    )
+    began = loop.time()
+    with pytest.raises((OutcomeUnknown, SessionExpired), match="b"):
+        await attempts(channel).result()
+    assert [number.client[0] for number in channel.sent] == [1, 2]
+    assert loop.time() == began
+
+
+async def test_forgotten_request_id_is_not_counted_anew():
+    channel = FakeChannel(SessionExpired("forgotten"))
+    with pytest.raises((OutcomeUnknown, SessionExpired)):
+        await attempts(channel, request_id="order 1").result()
+    assert len(channel.sent) == 1
