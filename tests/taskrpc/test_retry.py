@@ -151,3 +151,34 @@ def test_reconnecting_waits_between_half_and_all_of_a_growing_cap(failures, chan
     cap = min(5.0, 0.05 * 1.6 ** min(failures, 20))
     assert cap / 2 <= reconnect_delay(failures, chance) <= cap
     assert reconnect_delay(failures, chance) <= reconnect_delay(failures + 1, chance)
+
+
+def test_reconnecting_waits_between_half_and_all_of_its_cap_by_chance():
+    assert [reconnect_delay(0, chance) for chance in (0.0, 0.5, 1.0)] == pytest.approx(
+        [0.025, 0.0375, 0.05]
+    )
+    assert [reconnect_delay(failures, 1.0) for failures in (1, 2)] == pytest.approx([0.08, 0.128])
+
+
+def test_budget_counts_its_retries():
+    budget = RetryBudget()
+    assert budget.booked == 0
+    for count in range(1, 13):  # ten while it is full, two at the floor
+        budget.book(0.0, 0.0, math.inf)
+        assert budget.booked == count
+    assert budget.book(0.0, 0.0, 0.0) is None
+    assert budget.booked == 12
+
+
+def test_retry_at_the_floor_must_begin_before_the_deadline():
+    budget = RetryBudget()
+    for _ in range(10):
+        budget.book(0.0, 0.0, math.inf)
+    assert budget.book(0.0, 0.0, 1 / 3) is None
+    assert budget.book(0.0, 0.0, 0.334) == pytest.approx(1 / 3)
+
+
+def test_one_attempt_is_a_valid_policy():
+    policy = RetryPolicy(attempts=1)
+    assert policy.allows(1)
+    assert not policy.allows(2)
