@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install test faults soak lint types layers check format demo bench clean
+.PHONY: install test faults soak mutants lint types layers check format demo bench clean
 
 install:
 	$(PYTHON) -m venv $(VENV)
@@ -18,6 +18,14 @@ faults:
 
 soak:
 	$(BIN)/pytest -m faults --soak
+
+# `make mutants SAMPLE=0` for all of them, MODULES=taskrpc/retry.py for one module.
+SAMPLE ?= 60
+MODULES ?=
+
+mutants:
+	$(BIN)/pip install --quiet --editable '.[mutants]'
+	$(BIN)/python tests/mutation/run.py --sample $(SAMPLE) $(MODULES)
 
 lint:
 	$(BIN)/ruff check .
@@ -45,4 +53,4 @@ bench:
 	$(BIN)/python benchmarks/run.py
 
 clean:
-	rm -rf $(VENV) .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf $(VENV) .mutants .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
