@@ -2,6 +2,7 @@
 
 import asyncio
 import gc
+import itertools
 import random
 import time
 from functools import partial
@@ -208,6 +209,49 @@ def test_every_call_ends_exactly_once_and_no_more_run_than_allowed(actions, seed
 
     with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
         runner.run(play())
+
+
+async def test_one_call_runs_at_a_time_in_whatever_order_calls_end_leave_and_come():
+    """A place that was given to a new call is not given to one that waits, too."""
+    running, most = {}, []
+
+    def work(request, response):
+        future = asyncio.get_running_loop().create_future()
+        running[request.a] = future, response
+        most.append(len(running))
+        return future
+
+    def end(number):
+        future, response = running.pop(number)
+        future.set_result(response)
+
+    async def rehearse(order, pauses):
+        transport, made = service(work, concurrency=1)
+        calls = [FakeCall(number) for number in range(4)]
+        transport.serve(calls[0])
+        transport.serve(calls[1])  # waits
+        for step, turns in zip(order, pauses, strict=True):
+            if step == "end 0":
+                end(0)
+            elif step != "leave 1":
+                transport.serve(calls[int(step[-1])])
+            elif not calls[1].ends and 1 not in running:
+                calls[1].cancel()
+                calls[1].fail(taskrpc.TaskRpcError("cancelled by the caller"))
+            for _ in range(turns):
+                await asyncio.sleep(0)
+        for _ in range(20):
+            await asyncio.sleep(0)
+            for number in list(running):
+                end(number)
+        assert [len(call.ends) for call in calls] == [1] * 4, (order, pauses)
+        assert max(most) == 1, (order, pauses)
+        made.destroy()
+        assert made.finished.done()
+
+    for order in itertools.permutations(("end 0", "leave 1", "come 2", "come 3")):
+        for pauses in itertools.product(range(3), repeat=4):
+            await rehearse(order, pauses)
 
 
 async def test_order_is_kept_when_calls_come_while_one_ends():
