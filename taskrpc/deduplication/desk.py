@@ -136,7 +136,7 @@ class OnceDesk:
         if completion is None and effect is None:
             self.done(run, None, error)
             return
-        run.completion = completion
+        run.completion, run.is_storing = completion, True
         try:
             storing = self._store.complete(completion, effect)
         except BaseException as problem:

@@ -38,6 +38,8 @@ class Run(IncomingCall, eq=False):
     """Who waits for the answer."""
     completion: Completion | None = None
     """Once the transaction has begun: what it remembers."""
+    is_storing: bool = False
+    """Whether the transaction has begun. From then on nobody can cancel the run."""
     refused: bool = False
     """Whether the callback has done nothing, and is to be asked again."""
     response: Any = None
@@ -63,6 +65,7 @@ class Run(IncomingCall, eq=False):
         """
         if self.claim is not None:
             self.completion = self.completed(self.desk.codec.encode(response), 0)
+        self.is_storing = True
         return self.completion
 
     def completed(self, body: bytes, code: int) -> Completion | None:
@@ -145,7 +148,7 @@ class Run(IncomingCall, eq=False):
             self.callers.remove(call)
             # What one who leaves is told: for others it may run, also where it has not begun.
             call.started = self.started or bool(self.callers)
-            if not self.callers and self.completion is None:
+            if not self.callers and not self.is_storing:
                 self._give_up()
 
     def _give_up(self) -> None:
