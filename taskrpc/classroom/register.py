@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import re
 import secrets
 from collections.abc import Callable, Iterable
@@ -66,7 +67,7 @@ class Register:
         """Accounts of these names until `expires` (seconds since 1970).
 
         Old ones keep their secret and their role. A revoked one may be used again, as if it were
-        new.
+        new. Raises TaskRpcError, and adds none, where two accounts would have one namespace.
         """
         wanted = list(names)
 
@@ -77,6 +78,8 @@ class Register:
                     old = _Row(secrets.token_urlsafe(_SECRET_BYTES))
                 row = _Row(old.secret, old.role, expires)
                 rows[_account(name, row).name] = row
+            for name in wanted:
+                _check_namespace(name, rows)
 
         self._edit(change)
         return [account for account in self.accounts() if account.name in wanted]
@@ -107,7 +110,11 @@ class Register:
         platform.write_private(self._place_file, msgspec.json.encode(place))
 
     def join_string(self, account: Account) -> str:
-        """The line with which the laptop of this account joins."""
+        """The line with which the laptop of this account joins.
+
+        Raises TaskRpcError where another account has its namespace.
+        """
+        _check_namespace(account.name, self._read().accounts)
         place = self.place
         return to_join_string(
             Invitation(
@@ -140,6 +147,26 @@ class Register:
 
 def _account(name: str, row: _Row) -> Account:
     return Account(name, row.secret, Role[row.role.upper()], row.expires, row.revoked)
+
+
+def _check_namespace(name: str, rows: dict[str, _Row]) -> None:
+    """Each student's nodes need a namespace of their own; many names become the same one."""
+    namespace = namespace_of(name)
+    for other, row in rows.items():
+        if other != name and not row.revoked and namespace_of(other) == namespace:
+            raise TaskRpcError(
+                f"the accounts {other} and {name} would share the namespace {namespace}:"
+                f" give one of them another name, such as {_free_name(name, rows)}"
+            )
+
+
+def _free_name(name: str, rows: dict[str, _Row]) -> str:
+    taken = {namespace_of(each) for each in rows}
+    return next(
+        f"{name}{number}"
+        for number in itertools.count(2)
+        if namespace_of(f"{name}{number}") not in taken
+    )
 
 
 def namespace_of(name: str) -> str:

@@ -5,6 +5,7 @@ import time
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
+from msgspec.structs import replace
 
 from taskrpc import names
 from taskrpc.access import Role
@@ -39,6 +40,44 @@ def test_who_is_revoked_is_refused_and_needs_a_new_secret_to_come_back(register)
     (after,) = register.add(["ada"], 0)
     assert not after.revoked
     assert after.secret != before.secret
+
+
+@pytest.mark.parametrize(
+    ("there", "added", "namespace", "free"),
+    [
+        ([], ["ana.k", "ana_k"], "/ana_k", "ana.k2"),
+        (["ana.k"], ["bo", "ana_k"], "/ana_k", "ana_k2"),
+        (["7"], ["s_7"], "/s_7", "s_72"),
+        (["ana@k", "ana_k2"], ["ana.k"], "/ana_k", "ana.k3"),
+    ],
+)
+def test_two_accounts_never_share_a_namespace(register, there, added, namespace, free):
+    before = register.add(there, 0)
+    with pytest.raises(TaskRpcError) as caught:
+        register.add(added, 0)
+    told = str(caught.value)
+    assert f"would share the namespace {namespace}: give one of them another name" in told
+    assert told.endswith(f"such as {free}")
+    assert register.accounts() == before
+
+
+def test_the_namespace_of_a_revoked_account_is_free_until_it_comes_back(register):
+    register.add(["ana.k"], 0)
+    register.revoke("ana.k")
+    register.add(["ana_k"], 0)
+    with pytest.raises(TaskRpcError, match=r"ana_k and ana\.k would share the namespace /ana_k"):
+        register.add(["ana.k"], 0)
+
+
+def test_no_join_string_gives_a_namespace_that_another_account_has(register):
+    """As a file may have it that was edited by hand."""
+    (ana,) = register.add(["ana"], 0)
+    register.place = Place(("192.0.2.7",), 7450)
+    text = register.accounts_file.read_text()
+    row = text[text.index("{", text.index('"ana"')) : text.index("}") + 1]
+    register.accounts_file.write_text(f'{{"accounts": {{"ana.k": {row}, "ana_k": {row}}}}}')
+    with pytest.raises(TaskRpcError, match="would share the namespace /ana_k"):
+        register.join_string(replace(ana, name="ana_k"))
 
 
 def test_what_the_lecturer_has_written_into_the_file_stays(register):
