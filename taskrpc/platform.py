@@ -180,6 +180,14 @@ def is_ours_or_roots(found: os.stat_result) -> bool:
     return WINDOWS or found.st_uid in (os.getuid(), 0)
 
 
+def is_written_by_us_only(descriptor: int) -> bool:
+    """Whether nobody but this user, or root, can have written a file, whoever can read it."""
+    if WINDOWS:
+        return True
+    found = os.fstat(descriptor)
+    return found.st_uid in (os.getuid(), 0) and not found.st_mode & 0o022
+
+
 def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
     """Write a file that only this user can read; whoever reads it sees it whole, old or new.
 

@@ -4,18 +4,25 @@ from __future__ import annotations
 
 import logging
 import os
+import time
 from codecs import BOM_UTF8
 from datetime import datetime
 from pathlib import Path
 from typing import Literal
 
 import msgspec
+from msgspec.structs import replace
 
 from taskrpc import platform
 from taskrpc.access import MIN_SECRET, Account, Accounts, Role
 from taskrpc.errors import TaskRpcError
 
 log = logging.getLogger("taskrpc.transport")
+
+TELL_EVERY = 60.0
+"""Seconds between two log lines about a file that cannot be used."""
+
+_ONLY_TAKES_AWAY = "only what this file of accounts takes away holds, nothing new in it: "
 
 _RoleName = Literal["observe", "submit", "operate", "admin"]
 
@@ -37,11 +44,17 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class AccountBook:
-    """Accounts as they are now: given once, or those of a file, read afresh when it changes."""
+    """Accounts as they are now: given once, or those of a file, read afresh when it changes.
+
+    Raises TaskRpcError for a file that cannot be read, or that others can read.
+    """
 
     def __init__(self, given: Accounts | str | Path) -> None:
         self._path: Path | None = None
         self._seen: object = None
+        self._problem = ""
+        """Why the file as it is now does not count, with what counts instead."""
+        self._told = 0.0
         if isinstance(given, Accounts):
             self.now = given
         else:
@@ -49,21 +62,39 @@ class AccountBook:
             self._seen = _signature(self._path)
             self.now = read_accounts(self._path)
 
+    @property
+    def may_change(self) -> bool:
+        """Whether they are a file's, which somebody must look at."""
+        return self._path is not None
+
     def look(self) -> bool:
         """Look whether the file has changed; returns whether the accounts did.
 
-        One that cannot be read changes nothing but the log.
+        While it cannot be used, the accounts of the last good file hold, and the log says so again
+        and again. What others can read, but not write, still takes away: a revocation holds.
         """
-        if self._path is None or (seen := _signature(self._path)) == self._seen:
+        if self._path is None:
             return False
-        self._seen = seen
+        if (seen := _signature(self._path)) == self._seen:
+            self._tell_problem(every=TELL_EVERY)
+            return False
+        self._seen, before = seen, self.now
         try:
-            self.now = read_accounts(self._path)
+            found, self._problem = _read(self._path)
         except TaskRpcError as error:
-            log.error("the accounts stay as they were: %s", error)
-            return False
-        log.info("%s: %d accounts", self._path, len(self.now))
-        return True
+            self._problem = f"the accounts stay as they were: {error}"
+        else:
+            self.now = _narrowed(before, found) if self._problem else found
+        self._tell_problem(every=0.0)
+        if not self._problem:
+            log.info("%s: %d accounts", self._path, len(self.now))
+        return self.now is not before
+
+    def _tell_problem(self, *, every: float) -> None:
+        now = time.monotonic()
+        if self._problem and now - self._told >= every:
+            self._told = now
+            log.error("%s", self._problem)
 
 
 def read_accounts(path: Path) -> Accounts:
@@ -71,14 +102,33 @@ def read_accounts(path: Path) -> Accounts:
 
     Raises TaskRpcError for a file that others can read or that has no accounts in this form.
     """
-    decode = msgspec.json.decode if path.suffix == ".json" else msgspec.toml.decode
+    found, problem = _read(path)
+    if problem:
+        raise TaskRpcError(problem.removeprefix(_ONLY_TAKES_AWAY))
+    return found
+
+
+def _read(path: Path) -> tuple[Accounts, str]:
+    """The accounts of a file, and why they may only take away ("" if they are good).
+
+    Raises TaskRpcError where they may not even do that.
+    """
     try:
         with open(path, "rb") as file:
-            platform.check_private(file.fileno(), path)
+            problem = platform.why_not_private(file.fileno(), path)
+            if problem and not platform.is_written_by_us_only(file.fileno()):
+                raise TaskRpcError(problem)
             # Some editors put a mark before what they write.
-            found = decode(file.read().removeprefix(BOM_UTF8), type=_File)
+            content = file.read().removeprefix(BOM_UTF8)
     except OSError as error:
         raise TaskRpcError(f"{path}: {error.strerror}") from None
+    return _parsed(path, content), f"{_ONLY_TAKES_AWAY}{problem}" if problem else ""
+
+
+def _parsed(path: Path, content: bytes) -> Accounts:
+    decode = msgspec.json.decode if path.suffix == ".json" else msgspec.toml.decode
+    try:
+        found = decode(content, type=_File)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         # What the parser says may have a piece of the file in it, though only where it is no file
         # of accounts.
@@ -96,6 +146,20 @@ def read_accounts(path: Path) -> Accounts:
         raise TaskRpcError(f"{path}: {error}") from None
     except (ValueError, OverflowError) as error:  # an instant that no clock can show
         raise TaskRpcError(f"{path}: expires: {error}") from None
+
+
+def _narrowed(old: Accounts, new: Accounts) -> Accounts:
+    """The old accounts, without what the new ones do not allow any more."""
+    by_name = {account.name: account for account in new}
+    return Accounts(_least(account, by_name.get(account.name)) for account in old)
+
+
+def _least(old: Account, new: Account | None) -> Account:
+    if new is None or new.secret != old.secret:
+        return replace(old, revoked=True)
+    expires = min((each for each in (old.expires, new.expires) if each), default=0.0)
+    revoked = old.revoked or new.revoked
+    return replace(old, role=min(old.role, new.role), expires=expires, revoked=revoked)
 
 
 def _account(name: str, row: _Row) -> Account:

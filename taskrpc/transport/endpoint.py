@@ -290,8 +290,13 @@ class Endpoint(Handing):
         if not self.address:
             self._admission = Admission()
             self.address = self.network.listen(self._accepted)
-            if self.network.certificate:  # it may change before anybody comes
+            if self._watches_files:  # they may change before anybody comes
                 self._look_again()
+
+    @property
+    def _watches_files(self) -> bool:
+        book = self.network.accounts
+        return bool(self.network.certificate) or (book is not None and book.may_change)
 
     def _traffic_of(self, connection: Connection) -> Traffic:
         return self._called if isinstance(connection, ServingConnection) else self._calls
@@ -376,7 +381,7 @@ class Endpoint(Handing):
         self._ticker = None
         connections = self._connections()
         # First: whatever fails below, revoked accounts must be found a second later.
-        if connections or (self.address and self.network.certificate):
+        if connections or (self.address and self._watches_files):
             self._look_again()
         self.unread.measure_all()
         self.load.settle()

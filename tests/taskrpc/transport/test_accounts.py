@@ -8,9 +8,11 @@ import ssl
 
 import pytest
 import trustme
+from msgspec.structs import replace
 
 import taskrpc
 from taskrpc import Account, Accounts, Role
+from taskrpc.transport import accounts as accounts_module
 from taskrpc.transport import endpoint
 from taskrpc.transport.accounts import AccountBook, read_accounts
 from taskrpc.transport.tls import Tls
@@ -211,6 +213,74 @@ async def test_a_broken_file_changes_nothing_but_the_log(file, caplog):
     file.unlink()
     assert book.look() is False
     assert len(book.now) == 1
+
+
+@posix
+@pytest.mark.parametrize(
+    ("change", "role"),
+    [
+        ([replace(ANA, revoked=True), OTTO], None),
+        ([OTTO], None),
+        ([replace(ANA, expires=1.0), OTTO], None),
+        ([replace(ANA, secret="another-secret-for-ana"), OTTO], None),
+        ([replace(ANA, role=Role.OBSERVE), OTTO], Role.OBSERVE),
+        ([replace(ANA, role=Role.ADMIN), OTTO], Role.SUBMIT),
+        ([ANA, OTTO, EYE], Role.SUBMIT),
+    ],
+)
+def test_a_file_that_others_can_read_takes_away_and_gives_nothing(tmp_path, change, role, caplog):
+    """A revocation must hold although an editor has saved the file with another mode."""
+    file = write(tmp_path / "accounts.json", ANA, OTTO)
+    book = AccountBook(file)
+    write(file, *change, mode=0o644)
+    assert book.look() is True
+    found = book.now.find("ana", 2.0)
+    assert (None if found is None else (found.role, found.secret)) == (
+        None if role is None else (role, ANA.secret)
+    )
+    assert book.now.find("otto", 2.0) == OTTO
+    assert book.now.find("eye", 2.0) is None
+    (line,) = caplog.messages
+    assert line.startswith("only what this file of accounts takes away holds, nothing new in it: ")
+    assert line.endswith(f"do `chmod 600 {file}`")
+    file.chmod(0o600)
+    assert book.look() is True
+    assert {each.name for each in book.now} == {each.name for each in change}
+
+
+@posix
+def test_a_file_that_others_can_write_changes_nothing(file, caplog):
+    book = AccountBook(file)
+    before = book.now
+    write(file, OTTO, mode=0o666)
+    assert book.look() is False
+    assert book.now is before
+    (line,) = caplog.messages
+    assert line.startswith("the accounts stay as they were: ")
+    assert "mode is 0666" in line
+
+
+def test_a_file_that_cannot_be_used_is_told_again(file, caplog, monkeypatch):
+    book = AccountBook(file)
+    file.write_text("{")
+    book.look()
+    monkeypatch.setattr(accounts_module, "TELL_EVERY", 0.0)
+    book.look()
+    first, second = caplog.messages
+    assert first == second
+    write(file, ANA)
+    book.look()
+    book.look()
+    assert len([record for record in caplog.records if record.levelname == "ERROR"]) == 2
+
+
+@posix
+async def test_a_file_that_goes_bad_is_told_although_nobody_is_connected(file, caplog, monkeypatch):
+    monkeypatch.setattr(endpoint, "TICK", 0.02)
+    async with taskrpc.Node("server", accounts=file) as server:
+        server.create_service(Add, "add", add)
+        file.chmod(0o644)
+        await until(lambda: "its mode is 0644" in caplog.text)
 
 
 def test_a_file_may_be_toml(tmp_path):
