@@ -97,12 +97,15 @@ def add_connect(parser: argparse.ArgumentParser) -> None:
     add_secrets(group)
 
 
-def add_discovery(parser: argparse.ArgumentParser) -> None:
-    """Give a command ros2's options about its daemon, so that a habit does no harm."""
+def add_discovery(parser: argparse.ArgumentParser, sim_time: str = "") -> None:
+    """Give a command ros2's options about its daemon, so that a habit does no harm.
+
+    `sim_time` says what `--use-sim-time` does; by default it changes nothing.
+    """
     what = "as in ros2; changes nothing, since there is no daemon here"
     parser.add_argument("--no-daemon", action="store_true", help=what)
     parser.add_argument("--spin-time", metavar="SPIN_TIME", type=float, help=what)
-    what = "as in ros2; changes nothing, since these commands ask for no time"
+    what = sim_time or "as in ros2; changes nothing, since this command asks for no time"
     parser.add_argument("-s", "--use-sim-time", action="store_true", help=what)
 
 

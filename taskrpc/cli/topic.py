@@ -39,7 +39,8 @@ def _add(
     if topic:
         parser.add_argument("topic_name", help=f"{topic} of the topic (e.g. '/chatter')")
     add_connect(parser)
-    add_discovery(parser)
+    what = "Measure by the time that a simulation publishes on /clock"
+    add_discovery(parser, what if home == _MEASURES else "")
     parser.set_defaults(run=lambda options: int(getattr(import_module(home), action)(options)))
     return parser
 
@@ -159,7 +160,7 @@ def _add_hz(commands: Commands) -> None:
     _add_window(parser, 10_000)
     what = "Measure messages for which a Python expression is true; m is the message"
     parser.add_argument("--filter", metavar="EXPR", help=what)
-    what = "as in ros2; changes nothing, since time is not simulated here"
+    what = "Measure by wall time, also with --use-sim-time"
     parser.add_argument("--wall-time", action="store_true", help=what)
 
 

@@ -3,48 +3,86 @@
 from __future__ import annotations
 
 import asyncio
+import sys
 import time
 from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 from math import sqrt
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import srvgen
 from taskrpc.cli.command import goes_on
 from taskrpc.cli.remote import remote_of
 from taskrpc.cli.topic_reading import Feed, condition, subscribed
 from taskrpc.errors import InvalidRequest
+from taskrpc.qos import QoS
 
 if TYPE_CHECKING:
     import argparse
 
+    from taskrpc.node import Node
+
 _TELL = 1.0
 """Seconds between two lines."""
+
+Now: TypeAlias = Callable[[], "float | None"]
+"""Gives the time in seconds; None while it is unknown."""
 
 
 def hz(options: argparse.Namespace) -> int:
     """Print how often messages come."""
-    measures = [Rate(options.window, condition(options.filter)) for _ in options.topic_names]
-    return asyncio.run(_measure(options, measures))
+    clock = _clock(options, time.monotonic)
+    holds = condition(options.filter)
+    measures = [Rate(options.window, holds, clock) for _ in options.topic_names]
+    return asyncio.run(_measure(options, measures, clock))
 
 
 def bw(options: argparse.Namespace) -> int:
     """Print how many bytes they are."""
-    measures = [Bandwidth(options.window) for _ in options.topic_names]
-    return asyncio.run(_measure(options, measures))
+    clock = _clock(options, time.monotonic)
+    measures = [Bandwidth(options.window, clock) for _ in options.topic_names]
+    return asyncio.run(_measure(options, measures, clock))
 
 
 def delay(options: argparse.Namespace) -> int:
     """Print how old they are when they come."""
-    return asyncio.run(_measure(options, [Delay(options.window)]))
+    clock = _clock(options, time.time)
+    return asyncio.run(_measure(options, [Delay(options.window, clock)], clock))
 
 
-async def _measure(options: argparse.Namespace, measures: Sequence[Measure]) -> int:
+class SimulatedTime:
+    """The time that a simulation publishes on `/clock`; None before its first message."""
+
+    def __init__(self) -> None:
+        self._now: float | None = None
+
+    def __call__(self) -> float | None:
+        """The latest time, in seconds."""
+        return self._now
+
+    def take(self, message: Any) -> None:
+        """Take the time from a `rosgraph_msgs/msg/Clock`."""
+        self._now = message.clock.sec + message.clock.nanosec * 1e-9
+
+    def listen(self, node: Node) -> None:
+        """Follow `/clock` from now on."""
+        qos = QoS(1, "best_effort")
+        node.create_subscription(srvgen.load("rosgraph_msgs/msg/Clock"), "/clock", self.take, qos)
+
+
+def _clock(options: argparse.Namespace, wall: Callable[[], float]) -> Now:
+    is_wall = not options.use_sim_time or getattr(options, "wall_time", False)
+    return wall if is_wall else SimulatedTime()
+
+
+async def _measure(options: argparse.Namespace, measures: Sequence[Measure], clock: Now) -> int:
     names = getattr(options, "topic_names", None) or [options.topic_name]
     told: dict[str, Measure] = {}
     async with remote_of(options).node() as node:
+        if isinstance(clock, SimulatedTime):
+            clock.listen(node)
         feed = Feed(lambda taken: taken[0](taken[1]))
         for name, measure in zip(names, measures, strict=True):
             take = partial(_hand_over, feed, measure.take)
@@ -53,9 +91,13 @@ async def _measure(options: argparse.Namespace, measures: Sequence[Measure]) -> 
             if isinstance(measure, Bandwidth):
                 print(f"Subscribed to [{subscription.topic_name}]", flush=True)
         goes_on()
+        is_unknown = False
         while not await feed.wait(_TELL):
             if text := _text(told):
                 print(text, flush=True)
+            elif clock() is None and not is_unknown:
+                is_unknown = True
+                print("WARNING: waiting for the time on /clock", file=sys.stderr, flush=True)
     raise AssertionError  # a feed of measures ends by an error only
 
 
@@ -107,19 +149,26 @@ class Rate(Measure):
 
     columns = ("rate", "min_delta", "max_delta", "std_dev", "window")
 
-    def __init__(self, window: int, holds: Callable[[Any], bool]) -> None:
+    def __init__(self, window: int, holds: Callable[[Any], bool], now: Now) -> None:
         self._holds = holds
-        self._last = 0.0
-        self._told = 0.0
+        self._now = now
+        self._last: float | None = None
+        """When the latest message came."""
+        self._told: float | None = None
+        """The same for the latest message of which something was printed."""
         self._spans: deque[float] = deque(maxlen=window)
 
     def take(self, message: Any) -> None:
         """Note when a message came."""
         if not self._holds(message):
             return
-        now = time.monotonic()
-        if self._last:
+        now = self._now()
+        if now is None:
+            return
+        if self._last is not None and now >= self._last:
             self._spans.append(now - self._last)
+        elif self._last is not None:  # the simulation has started again
+            self._spans.clear()
         self._last = now
 
     def line(self) -> str:
@@ -147,7 +196,8 @@ class Rate(Measure):
 class Delay(Measure):
     """How old messages are when they come."""
 
-    def __init__(self, window: int) -> None:
+    def __init__(self, window: int, now: Now) -> None:
+        self._now = now
         self._fresh = False
         self._spans: deque[float] = deque(maxlen=window)
 
@@ -155,8 +205,11 @@ class Delay(Measure):
         """Note the age of a message."""
         if not hasattr(message, "header"):
             raise InvalidRequest("", "msg does not have header")
+        now = self._now()
+        if now is None:
+            return
         stamp = message.header.stamp
-        self._spans.append((time.time_ns() - stamp.sec * 10**9 - stamp.nanosec) * 1e-9)
+        self._spans.append(now - stamp.sec - stamp.nanosec * 1e-9)
         self._fresh = True
 
     def line(self) -> str:
@@ -173,31 +226,38 @@ class Delay(Measure):
 class Bandwidth(Measure):
     """How many bytes messages are, as ROS would send them."""
 
-    columns = ("bandwidth", "mean", "min", "max", "window")
+    columns = ("bandwidth", "window", "mean", "min", "max")
 
-    def __init__(self, window: int) -> None:
+    def __init__(self, window: int, now: Now) -> None:
+        self._now = now
         self._came: deque[tuple[float, int]] = deque(maxlen=window)
 
     def take(self, message: Any) -> None:
         """Note the size of a message."""
-        self._came.append((time.monotonic(), len(srvgen.to_cdr(message))))
+        now = self._now()
+        if now is None:
+            return
+        if self._came and now < self._came[-1][0]:  # the simulation has started again
+            self._came.clear()
+        self._came.append((now, len(srvgen.to_cdr(message))))
 
     def line(self) -> str:
         """The bytes a second, and the sizes of messages."""
         if not (cells := self.row()):
             return ""
-        rate, mean, least, most, count = cells
+        rate, count, mean, least, most = cells
         return f"{rate} from {count} messages\n\tMessage size mean: {mean} min: {least} max: {most}"
 
     def row(self) -> list[str]:
         """The same in cells."""
-        if len(self._came) < 2:
+        now = self._now()
+        if len(self._came) < 2 or now is None or now <= self._came[0][0]:
             return []
         sizes = [size for _, size in self._came]
-        rate = sum(sizes) / (time.monotonic() - self._came[0][0])
+        rate = sum(sizes) / (now - self._came[0][0])
         figures = rate, sum(sizes) / len(sizes), min(sizes), max(sizes)
         first, *others = (_bytes(each, rate) for each in figures)
-        return [f"{first}/s", *others, str(len(sizes))]
+        return [f"{first}/s", str(len(sizes)), *others]
 
 
 def _bytes(count: float, rate: float) -> str:
