@@ -12,6 +12,7 @@ from taskrpc.node import Node
 from taskrpc.transport.entries import Entry, entry_of
 from taskrpc.transport.registry import Registry
 from taskrpc.transport.tcp import domain_id
+from taskrpc.wire.messages import Endpoint, TopicEndpoint
 
 _SHOWN = 5
 _OF_EVERY_NODE = {
@@ -55,6 +56,31 @@ def services(entries: Iterable[Entry], *, hidden: bool = False) -> dict[str, lis
             if hidden or not names.is_hidden(service.name):
                 found.setdefault(service.name, set()).add(service.type_name)
     return {name: sorted(found[name]) for name in sorted(found)}
+
+
+def gid(entry: Entry, endpoint: Endpoint | TopicEndpoint, kind: int) -> str:
+    """The GID of an endpoint as ros2 prints it; the one that rclpy programs see.
+
+    `kind` is the value of rclpy's `EndpointTypeEnum`.
+    """
+    from taskrpc.introspection import gid_of
+
+    numbers = gid_of(entry.pid, endpoint.node, endpoint.name, kind)
+    return ".".join(f"{each:02x}" for each in numbers)
+
+
+def qos_lines(*, reliable: bool = True, depth: int = 10, latched: bool = False) -> list[str]:
+    """A QoS profile as ros2 prints it; by default that of services."""
+    return [
+        "QoS profile:",
+        f"  Reliability: {'RELIABLE' if reliable else 'BEST_EFFORT'}",
+        f"  History (Depth): KEEP_LAST ({depth})",
+        f"  Durability: {'TRANSIENT_LOCAL' if latched else 'VOLATILE'}",
+        "  Lifespan: Infinite",
+        "  Deadline: Infinite",
+        "  Liveliness: AUTOMATIC",
+        "  Liveliness lease duration: Infinite",
+    ]
 
 
 def domains() -> dict[int, list[Entry]]:

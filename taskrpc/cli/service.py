@@ -156,7 +156,7 @@ def _info(options: argparse.Namespace) -> int:
     found = [facts for facts in servers + clients if facts.pop("Service name") == name]
     if not found:
         raise _unknown(options, name, entries)
-    types = sorted({facts["Service type"] for facts in found})
+    types = sorted({str(facts["Service type"]) for facts in found})
     ends = {
         "Clients count": [each for each in found if each["Endpoint type"] == "CLIENT"],
         "Services count": [each for each in found if each["Endpoint type"] == "SERVER"],
@@ -167,7 +167,7 @@ def _info(options: argparse.Namespace) -> int:
         counts = {label: len(group) for label, group in ends.items()}
         print(json.dumps({"Type": ", ".join(types), **counts, "Endpoints": found}))
         return Exit.DONE
-    print(f"Type: {', '.join(types)}")
+    print(f"Type: {types[0] if len(types) == 1 else types}")
     for label, group in ends.items():
         print(f"{label}: {len(group)}")
         if options.verbose:
@@ -178,8 +178,10 @@ def _info(options: argparse.Namespace) -> int:
     return Exit.DONE
 
 
-def _facts(kind: str, endpoint: Endpoint, entry: Entry) -> dict[str, str]:
+def _facts(kind: str, endpoint: Endpoint, entry: Entry) -> dict[str, str | int]:
     """What is known of one end of a service, under the names that are printed."""
+    from taskrpc.cli import graph
+
     namespace, _, node = endpoint.node.rpartition("/")
     return {
         "Service name": endpoint.name,
@@ -188,6 +190,8 @@ def _facts(kind: str, endpoint: Endpoint, entry: Entry) -> dict[str, str]:
         "Service type": endpoint.type_name,
         "Service type hash": endpoint.type_hash,
         "Endpoint type": kind,
+        "Endpoint count": 1,
+        "GID": graph.gid(entry, endpoint, {"CLIENT": 3, "SERVER": 4}[kind]),
         "Process": f"{entry.script} (pid {entry.pid}, in {entry.folder})" if entry.pid else "",
         "Address": entry.address,
     }
@@ -197,6 +201,9 @@ def _print_facts(facts: Mapping[str, object]) -> None:
     for label, value in facts.items():
         if value != "":
             print(f"{label}: {value}")
+    from taskrpc.cli import graph
+
+    print("\n".join(graph.qos_lines()))
 
 
 def _look(options: argparse.Namespace) -> list[Entry]:

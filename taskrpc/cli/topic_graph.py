@@ -17,6 +17,9 @@ from taskrpc.wire.messages import TopicEndpoint
 if TYPE_CHECKING:
     import argparse
 
+_KINDS = {"PUBLISHER": 1, "SUBSCRIPTION": 2}
+"""The kinds of endpoints, with their values in rclpy's `EndpointTypeEnum`."""
+
 Ends: TypeAlias = list[tuple[TopicEndpoint, Entry]]
 
 
@@ -125,27 +128,22 @@ def _end(kind: str, end: TopicEndpoint, entry: Entry) -> Iterator[str]:
     yield f"Topic type: {end.type_name}"
     yield f"Topic type hash: {end.type_hash}"
     yield f"Endpoint type: {kind}"
+    yield f"GID: {graph.gid(entry, end, _KINDS[kind])}"
     if entry.pid:
         yield f"Process: {entry.script} (pid {entry.pid}, in {entry.folder})"
     if entry.address:
         yield f"Address: {entry.address}"
-    yield "QoS profile:"
-    yield f"  Reliability: {'RELIABLE' if end.reliable else 'BEST_EFFORT'}"
-    yield f"  History (Depth): KEEP_LAST ({end.depth})"
-    yield f"  Durability: {'TRANSIENT_LOCAL' if end.latched else 'VOLATILE'}"
-    yield "  Lifespan: Infinite"
-    yield "  Deadline: Infinite"
-    yield "  Liveliness: AUTOMATIC"
-    yield "  Liveliness lease duration: Infinite"
+    yield from graph.qos_lines(reliable=end.reliable, depth=end.depth, latched=end.latched)
 
 
 def _as_json(name: str, topic: Topic) -> dict[str, object]:
-    ends = {"publishers": topic.publishers, "subscriptions": topic.subscriptions}
+    ends = {"PUBLISHER": topic.publishers, "SUBSCRIPTION": topic.subscriptions}
     told = {
-        kind: [
+        f"{kind.lower()}s": [
             {
                 "node": each.node,
                 "type": each.type_name,
+                "gid": graph.gid(entry, each, _KINDS[kind]),
                 "depth": each.depth,
                 "reliability": "reliable" if each.reliable else "best_effort",
                 "durability": "transient_local" if each.latched else "volatile",

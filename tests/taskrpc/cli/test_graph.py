@@ -10,7 +10,7 @@ from taskrpc.cli import graph
 from taskrpc.cli.call import main as call_main
 from taskrpc.cli.main import main
 from taskrpc.transport.entries import Entry
-from taskrpc.wire.messages import Endpoint
+from taskrpc.wire.messages import Endpoint, TopicEndpoint
 
 ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
 
@@ -87,3 +87,32 @@ def test_an_empty_secret_is_refused(tmp_path, capsys):
     empty.touch(0o600)
     assert main(["service", "list", "--connect", "a:1", "--token-file", str(empty)]) == 1
     assert capsys.readouterr().err == f"--token-file {empty}: the file is empty\n"
+
+
+def test_gids_are_those_that_rclpy_programs_see():
+    from taskrpc.rclpy import _endpoints as rclpy
+
+    hash_ = "RIHS01_" + "0" * 64
+    topic = TopicEndpoint("/t", "a/msg/A", hash_, "/n", 1, True, False)
+    service = Endpoint("/s", "a/srv/A", hash_, "/n")
+    one = Entry(
+        7,
+        "s.py",
+        "/",
+        0.0,
+        services=(service,),
+        clients=(service,),
+        publishers=(topic,),
+        subscriptions=(topic,),
+    )
+    seen = [
+        *rclpy.publishers_of([one], "/t"),
+        *rclpy.subscriptions_of([one], "/t"),
+        *rclpy.clients_of([one], "/s"),
+        *rclpy.servers_of([one], "/s"),
+    ]
+    shown = [graph.gid(one, topic, kind) for kind in (1, 2)]
+    shown += [graph.gid(one, service, kind) for kind in (3, 4)]
+    for info, gid in zip(seen, shown, strict=True):
+        assert f"GID: {gid}\n" in str(info)
+    assert len(set(shown)) == 4

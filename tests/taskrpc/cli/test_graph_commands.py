@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -89,7 +90,9 @@ def test_service_info(server, run):
     out = run("service", "info", "-v", "/add_two_ints")[1]
     clients, _, servers = out.partition("Services count: 1\n\nNode name: add_two_ints_server\n")
     assert clients.startswith(f"Type: {ADD}\nClients count: 1\n\nNode name: other\n")
-    assert "Endpoint type: SERVER\n" in servers
+    assert "Endpoint type: SERVER\nEndpoint count: 1\nGID: " in servers
+    assert len(re.findall(r"^GID: (?:[0-9a-f]{2}\.){15}[0-9a-f]{2}$", out, re.MULTILINE)) == 2
+    assert "QoS profile:\n  Reliability: RELIABLE\n  History (Depth): KEEP_LAST (10)\n" in servers
     assert out.endswith("\n\n")
     assert "Node name: add_two_ints_server\nNode namespace: /\n" in out
     assert "Node name: other\n" in out

@@ -147,6 +147,10 @@ def test_info(talker, run):
     assert "QoS profile:\n  Reliability: BEST_EFFORT\n  History (Depth): KEEP_LAST (5)\n" in told
     assert "  Durability: VOLATILE\n" in told
     assert told.endswith("\nSubscription count: 0\n\n")
+    gids = re.findall(r"^Endpoint type: PUBLISHER\nGID: ((?:[0-9a-f]{2}\.){15}..)$", told, re.M)
+    assert len(gids) == 1
+    found = json.loads(run("info", "/pose", "--json")[1])
+    assert [each["gid"] for each in found["publishers"]] == gids
     found = json.loads(run("info", "/state", "--json")[1])
     assert found["publishers"][0]["durability"] == "transient_local"
 
