@@ -36,7 +36,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = "Display all nodes even hidden ones"
     listing.add_argument("-a", "--all", action="store_true", help=what)
     what = "Only display the number of nodes discovered"
-    listing.add_argument("-c", "--count-nodes", action="store_true", help=what)
+    listing.add_argument("-c", "--count-nodes", "--count", action="store_true", help=what)
     listing.set_defaults(run=_list)
     for command in (info, listing):
         add_connect(command)
@@ -48,7 +48,7 @@ def _list(options: argparse.Namespace) -> int:
     entries = graph.look(remote_of(options))
     found = sorted(name for entry in entries for name in entry.nodes)
     shown = [name for name in found if options.all or not names.is_hidden(name)]
-    if len(set(shown)) < len(shown):
+    if len(set(shown)) < len(shown) and not options.count_nodes:
         problem = "there are nodes in the graph that share an exact name"
         effect = "which can have unintended side effects"
         print(f"WARNING: Be aware that {problem}, {effect}.", file=sys.stderr)

@@ -88,7 +88,7 @@ def _add_with_name(commands: Commands, name: str, purpose: str) -> argparse.Argu
 
 def _add_list_options(parser: argparse.ArgumentParser) -> None:
     what = "Only display the number of services discovered"
-    parser.add_argument("-c", "--count-services", action="store_true", help=what)
+    parser.add_argument("-c", "--count-services", "--count", action="store_true", help=what)
     # Without a default of its own, so that it does not undo the group's option of this name.
     parser.add_argument(
         "--include-hidden-services",

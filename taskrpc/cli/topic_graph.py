@@ -69,7 +69,8 @@ def print_list(options: argparse.Namespace) -> int:
     elif options.json:
         print(json.dumps([{"name": name, "types": each.types} for name, each in found.items()]))
     elif options.verbose:
-        print("\n".join(_verbose(found)))
+        if found:
+            print("\n".join(_verbose(found)))
     else:
         for name, topic in found.items():
             print(f"{name} [{', '.join(topic.types)}]" if options.show_types else name)

@@ -17,7 +17,7 @@ from taskrpc.cli.call import main as call_main
 from taskrpc.cli.main import main
 from taskrpc.cli.processes import Process
 from taskrpc.transport.entries import Entry
-from taskrpc.wire.messages import Endpoint
+from taskrpc.wire.messages import Endpoint, TopicEndpoint
 
 pytestmark = pytest.mark.real_time
 
@@ -368,6 +368,7 @@ def test_nodes_of_one_name_are_warned_of(run, monkeypatch):
         Entry(2, "n.py", "/home", 0.0, nodes=("/twin",)),
     ]
     monkeypatch.setattr("taskrpc.cli.graph.look", lambda remote: there)
+    assert run("node", "list", "--count") == (0, "3\n", "")
     assert run("node", "list") == (
         0,
         "/one\n/twin\n/twin\n",
@@ -381,3 +382,54 @@ def test_nodes_of_one_name_are_warned_of(run, monkeypatch):
         " You are seeing information about all of them.\n"
     )
     assert run("node", "info", "/one")[2] == ""
+
+
+HIDDEN = Entry(
+    1,
+    "n.py",
+    "/home",
+    0.0,
+    nodes=("/lab/_secret", "/_lab/plain", "/seen"),
+    services=tuple(Endpoint(name, ADD, "", "/seen") for name in ("/a", "/a/_b", "/_c/d")),
+    publishers=tuple(
+        TopicEndpoint(name, "std_msgs/msg/String", "", "/seen", 1, True, False)
+        for name in ("/t", "/t/_u", "/_v/w")
+    ),
+)
+
+
+@pytest.mark.parametrize(
+    ("listing", "option", "seen", "hidden"),
+    [
+        (("node", "list"), "-a", ["/seen"], ["/_lab/plain", "/lab/_secret"]),
+        (("node", "list"), "--all", ["/seen"], ["/_lab/plain", "/lab/_secret"]),
+        (("service", "list"), "--include-hidden-services", ["/a"], ["/_c/d", "/a/_b"]),
+        (("service", "find", ADD), "--include-hidden-services", ["/a"], ["/_c/d", "/a/_b"]),
+        (("topic", "list"), "--include-hidden-topics", ["/t"], ["/_v/w", "/t/_u"]),
+        (("topic", "list"), "-a", ["/t"], ["/_v/w", "/t/_u"]),
+        (
+            ("topic", "find", "std_msgs/String"),
+            "--include-hidden-topics",
+            ["/t"],
+            ["/_v/w", "/t/_u"],
+        ),
+    ],
+)
+def test_names_with_a_hidden_part_are_listed_and_counted_on_request_only(
+    run, monkeypatch, listing, option, seen, hidden
+):
+    monkeypatch.setattr("taskrpc.cli.graph.look", lambda remote: [HIDDEN])
+    everything = sorted(seen + hidden)
+    assert run(*listing)[1].split() == seen
+    assert run(*listing, option)[1].split() == everything
+    for count in ("-c", "--count"):
+        assert run(*listing, count) == (0, f"{len(seen)}\n", "")
+        assert run(*listing, count, option) == (0, f"{len(everything)}\n", "")
+
+
+def test_lists_of_nothing_print_nothing_and_count_0(run, monkeypatch):
+    monkeypatch.setattr("taskrpc.cli.graph.look", lambda remote: [])
+    for kind in ("node", "service", "topic"):
+        assert run(kind, "list") == (0, "", "")
+        assert run(kind, "list", "-c") == (0, "0\n", "")
+    assert run("topic", "list", "-v") == (0, "", "")
