@@ -11,7 +11,7 @@ import reprlib
 import struct
 import sys
 from array import array
-from collections.abc import Callable, Iterable, Mapping, Sized
+from collections.abc import Callable, Iterable, Mapping, Sequence, Sized
 from copy import deepcopy
 from functools import cache, partial
 from types import GenericAlias
@@ -378,8 +378,10 @@ def to_items(
         return [convert(item, f"{path}[{i}]") for i, item in enumerate(items)]
 
 
-def wrong_class(value: object, expected: type[Any], path: str) -> NoReturn:
-    """Say that a nested message is not of exactly the expected class."""
+def wrong_class(value: object, expected: type[Any], path: str) -> None:
+    """Say that a nested message is not of the expected class; its subclasses only add checks."""
+    if isinstance(value, expected):
+        return
     if getattr(value, "_TYPE", None) == expected._TYPE:
         raise FieldError(path, f"expected {expected._TYPE}, got one of another class of that name")
     _wrong(path, expected._TYPE, value)
@@ -443,6 +445,11 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
 
     def _check(self) -> None:
         """Bring every field to its exact type, or raise FieldError."""
+
+    @classmethod
+    def _check_lines(cls, lines: Sequence[str]) -> Sequence[str]:
+        """The lines of a `_check` as they are compiled, from those that were rendered."""
+        return lines
 
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]:

@@ -162,12 +162,13 @@ class _Planner:
         blank = cls()
         for (name, type_), attribute in zip(cls._FIELDS, cls.__struct_fields__, strict=True):
             inner = f"{path}.{name}" if path else name
-            read = f"{variable}.{attribute}"
+            stored = _stored(cls, name, attribute)
+            read = f"{variable}.{stored}"
             nested = cls._NESTED.get(name)
             if nested is not None and "[" not in type_:
                 node.fields[attribute] = self._message(nested, f"m{self._number()}", read, inner)
             else:
-                made = nested or type(getattr(blank, attribute))
+                made = nested or type(getattr(blank, stored))
                 value = _value(self._number(), read, inner, type_, made)
                 node.fields[attribute] = value
                 self._add(value)
@@ -196,6 +197,11 @@ class _Planner:
             self.starts = run.ends
             self.least += run.least
             self._items = []
+
+
+def _stored(cls: Any, name: str, attribute: str) -> str:
+    """The attribute that reads a field as it is stored; the other one may show numpy's arrays."""
+    return f"_{name}" if isinstance(getattr(cls, f"_{name}", None), property) else attribute
 
 
 def _value(number: int, source: str, path: str, type_: str, made: Any) -> Value:

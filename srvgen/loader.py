@@ -39,6 +39,8 @@ _loaded: dict[str, _Loaded] = {}
 # definitions keeps only those that it works with.
 _built: WeakValueDictionary[_Key, ModuleType] = WeakValueDictionary()
 _versions = count()
+_base: ModuleType = _runtime
+"""What generated modules know as their runtime."""
 
 
 class _Key(NamedTuple):
@@ -109,6 +111,18 @@ def type_hash(type_name: str) -> str:
     name = str(_search.resolve_name(type_name))
     _search.closure(name)  # says where a nested type is missing or contains itself
     return hash_of(_search.load(name), _search.load)
+
+
+def make_ros_classes() -> None:
+    """From now on, make classes with what programs for ROS expect of them (`rosidl_classes`).
+
+    Classes that were made before stay as they are.
+    """
+    global _base
+    from . import rosidl_classes  # which only programs for ROS need
+
+    if _base is _runtime:
+        _base = rosidl_classes.runtime()
 
 
 def search() -> Search:
@@ -252,7 +266,7 @@ def _execute(source: Source, nested: Mapping[str, type]) -> ModuleType:
         "_math": math,
         "_msgspec": msgspec,
         "_typing": typing,
-        "_runtime": _runtime,
+        "_runtime": _base,
     }
     # The header's imports are done here, by hand, since the modules are in no sys.modules.
     module.__dict__.update(names, **nested)
@@ -296,7 +310,7 @@ def _late_check(cls: Any, block: Block, before: int, filename: str) -> Callable[
     """
 
     def _check(self: Any) -> None:
-        lines = [*[""] * before, f"class {block.name}:", *block.check]
+        lines = [*[""] * before, f"class {block.name}:", *cls._check_lines(block.check)]
         made: dict[str, type] = {}
         exec(_compiled(lines, filename), cls._MODULE.__dict__, made)
         cls._check = vars(made[block.name])["_check"]

@@ -36,7 +36,7 @@ _PYTHON = {
     ),
     **dict.fromkeys(
         "message_filters moveit moveit_commander nav2_simple_commander rosbag2_py"
-        " rosidl_generator_py rosidl_parser rpyutils rqt_gui_py sensor_msgs_py".split(),
+        " rosidl_generator_py rpyutils rqt_gui_py sensor_msgs_py".split(),
         _NONE,
     ),
 }

@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import srvgen
+from srvgen.loader import make_ros_classes
 from taskrpc.ros import workspace
 from taskrpc.ros.absent import AbsentFinder, of_ros, of_ros_or_interfaces
 
@@ -24,6 +25,7 @@ _OURS = Path(__file__).resolve().parent.parent
 _HOMES = {
     "rclpy": _OURS / "rclpy",
     "ament_index_python": _OURS / "ros" / "ament_index_python",
+    "rosidl_parser": _OURS / "ros" / "rosidl_parser",
     "rosidl_runtime_py": _OURS / "ros" / "rosidl_runtime_py",
 }
 """What is imported under ROS's names, and where it lies; real ones go before, but for rclpy."""
@@ -41,6 +43,7 @@ def install(*folders: Path | str) -> None:
     """
     if (watcher := sys.modules.get(_WATCHER)) is not None:
         vars(watcher)["_over"] = True  # it would find ours again, and take it for somebody else's
+    make_ros_classes()
     starts = [Path(folder).resolve() for folder in folders]
     srvgen.install_import_hook(*starts, *workspace.roots(*starts))
     _neighbours.starts = list(dict.fromkeys([*starts, *_neighbours.starts]))

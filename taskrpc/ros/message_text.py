@@ -80,7 +80,8 @@ def plain(
         return value
     if isinstance(value, bytes) and type_ in ("", "octet"):
         return byte(value)
-    return _array(list(value), cut, byte)
+    items = value.tolist() if hasattr(value, "tolist") else list(value)  # not numpy's own numbers
+    return _array(items, cut, byte)
 
 
 def _text(value: str, cut: Cut) -> str:

@@ -18,6 +18,7 @@ _MANIFESTS = ("package.xml", "setup.py")
 _NAMES = (
     "rclpy",
     "ament_index_python",
+    "rosidl_parser",
     "rosidl_runtime_py",
     # Not there, and the hook says why.
     "cv_bridge",

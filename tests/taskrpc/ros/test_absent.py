@@ -5,13 +5,14 @@ import sys
 
 import pytest
 
-from srvgen import importer
+from srvgen import importer, loader
 from taskrpc.ros import hook
 
 
 @pytest.fixture
 def hooked(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
+    monkeypatch.setattr(loader, "_base", loader._base)
     importer.uninstall_import_hook()
     for ours in (hook._finder, hook._neighbours, hook._absent, hook._nowhere):
         while ours in sys.meta_path:

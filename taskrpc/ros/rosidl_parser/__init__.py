@@ -1,0 +1,1 @@
+"""What programs import to look at the types of a message's fields; nothing is parsed here."""

@@ -1,0 +1,3 @@
+"""The types of fields, as `SLOT_TYPES` of a message class holds them."""
+
+from srvgen.slot_types import *  # noqa: F403
