@@ -3,13 +3,15 @@
 import inspect
 import re
 import weakref
+from typing import ClassVar
 
 import pytest
 
 from taskrpc.rclpy import logging
 from taskrpc.rclpy.clock import Clock, ROSClock
 from taskrpc.rclpy.context import Context
-from taskrpc.rclpy.impl import log_output
+from taskrpc.rclpy.impl import log_output, rcutils_logger
+from taskrpc.rclpy.impl.rcutils_logger import CallerId, LoggingFilter, Once, SkipFirst
 from taskrpc.rclpy.logging import LoggingSeverity, get_logger
 from taskrpc.rclpy.time import Time
 
@@ -135,6 +137,44 @@ def test_once_and_skip_first_remember_the_place_in_the_program():
     assert logged(3, once=False) == [True] * 3
     two = [[logger.info("m", once=True), logger.info("m", once=True)] for _ in range(2)]
     assert two == [[True, True], [False, False]]
+
+
+def test_filters_are_known_by_the_names_of_ros_and_remember_in_a_context():
+    assert list(rcutils_logger.supported_filters) == ["throttle", "skip_first", "once"]
+    wanted = rcutils_logger.get_filters_from_kwargs(once=True, skip_first=True)
+    assert wanted == ["skip_first", "once"]
+    assert rcutils_logger.get_filters_from_kwargs(once=False) == []
+    seen = []
+    for cls, options in ((Once, {"once": True}), (SkipFirst, {"skip_first": True})):
+        context = {}
+        cls.initialize_context(context, **options)
+        seen.append([cls.should_log(context) for _ in range(3)])
+    assert seen == [[True, False, False], [False, True, True]]
+    with pytest.raises(TypeError, match='Required parameter "once" was not specified'):
+        Once.initialize_context({})
+    assert LoggingFilter.should_log({})
+
+
+def test_a_program_can_add_a_filter_of_its_own(monkeypatch):
+    class EverySecond(LoggingFilter):
+        params: ClassVar = {"every_second": None}
+
+        @staticmethod
+        def should_log(context):
+            context["count"] = context.get("count", 0) + 1
+            return context["count"] % 2 == 1
+
+    monkeypatch.setitem(rcutils_logger.supported_filters, "every_second", EverySecond)
+    logger = get_logger("n")
+    assert [logger.info("m", every_second=True) for _ in range(4)] == [True, False] * 2
+    (context,) = logger.contexts.values()
+    assert (context["name"], context["filters"], context["count"]) == ("n", ["every_second"], 4)
+
+
+def test_a_caller_id_is_the_place_that_asks():
+    caller = CallerId()
+    assert (caller.function_name, caller.file_path) == (inspect.stack()[0].function, __file__)
+    assert CallerId(inspect.currentframe()).function_name == caller.function_name
 
 
 def test_throttling_goes_by_its_clock():

@@ -1,103 +1,139 @@
-"""What keeps a line of the log back: `throttle_duration_sec=`, `skip_first=`, `once=`."""
+"""What keeps a line of the log back: `throttle_duration_sec=`, `skip_first=`, `once=`.
+
+Programs may add filters of their own to `supported_filters`: classes like those here. What a filter
+remembers is in the context of one place in the program, a dict.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any, Protocol
+from collections import OrderedDict
+from typing import Any, ClassVar, TypeAlias
 
 from ..clock import Clock
 
-
-class LoggingFilter(Protocol):
-    """Remembers, for one place in the program, what it logged before."""
-
-    def should_log(self) -> bool:
-        """Whether the next line may be logged."""
-        ...
+Context: TypeAlias = dict[str, Any]
+"""What is known of one place in a program that logs: name, severity, filters and their state."""
 
 
-class Throttle:
-    """Lets a line through when the last one is long enough ago."""
+class LoggingFilter:
+    """The base of filters; it lets every line through."""
 
-    def __init__(self, options: Mapping[str, Any]) -> None:
-        self._clock = options["throttle_time_source_type"]
-        if not isinstance(self._clock, Clock):
-            raise ValueError(
-                f'Received throttle_time_source_type of "{self._clock}" is not a clock instance'
-            )
-        self._ns = options["throttle_duration_sec"] * 1e9
-        self._last = 0
+    params: ClassVar[dict[str, Any]] = {}
+    """The options that ask for the filter, with their defaults. None: it must be given."""
 
-    def should_log(self) -> bool:
-        """Whether enough time of its clock has gone by."""
-        now = self._clock.now().nanoseconds
-        if now < self._last + self._ns:
-            return False
-        self._last = now
+    @classmethod
+    def initialize_context(cls, context: Context, **kwargs: Any) -> None:
+        """Note the options of one place in the program, which logs for the first time.
+
+        Raises TypeError for an option that must be given and is not.
+        """
+        for name, default in cls.params.items():
+            value = kwargs.get(name, default)
+            if value is None:
+                raise TypeError(
+                    f'Required parameter "{name}" was not specified for logging filter'
+                    f' "{cls.__name__}"'
+                )
+            context[name] = value
+
+    @staticmethod
+    def should_log(context: Context) -> bool:
+        """Whether the next line of the place may be logged."""
         return True
 
 
-class SkipFirst:
-    """Lets every line through but the first."""
-
-    def __init__(self, options: Mapping[str, Any]) -> None:
-        self._skipped = False
-
-    def should_log(self) -> bool:
-        """False the first time."""
-        skipped, self._skipped = self._skipped, True
-        return skipped
-
-
-class Once:
+class Once(LoggingFilter):
     """Lets the first line through and no other."""
 
-    def __init__(self, options: Mapping[str, Any]) -> None:
-        self._logged = False
+    params: ClassVar[dict[str, Any]] = {"once": None}
 
-    def should_log(self) -> bool:
+    @classmethod
+    def initialize_context(cls, context: Context, **kwargs: Any) -> None:
+        """As `LoggingFilter.initialize_context`."""
+        super().initialize_context(context, **kwargs)
+        context["has_been_logged_once"] = False
+
+    @staticmethod
+    def should_log(context: Context) -> bool:
         """True the first time."""
-        logged, self._logged = self._logged, True
+        logged, context["has_been_logged_once"] = context["has_been_logged_once"], True
         return not logged
 
 
-_CLOCK = Clock()
-_FILTERS: dict[str, tuple[type[Throttle | SkipFirst | Once], dict[str, Any]]] = {
-    "throttle": (
-        Throttle,
-        {"throttle_duration_sec": None, "throttle_time_source_type": _CLOCK},
-    ),
-    "skip_first": (SkipFirst, {"skip_first": None}),
-    "once": (Once, {"once": None}),
-}
-"""In the order in which they are asked; an option whose default is None must be given."""
+class Throttle(LoggingFilter):
+    """Lets a line through when the last one is long enough ago."""
 
-_OPTIONS = [name for _, defaults in _FILTERS.values() for name in defaults]
+    params: ClassVar[dict[str, Any]] = {
+        "throttle_duration_sec": None,
+        "throttle_time_source_type": Clock(),
+    }
+
+    @classmethod
+    def initialize_context(cls, context: Context, **kwargs: Any) -> None:
+        """As `LoggingFilter.initialize_context`; raises ValueError for a clock that is none."""
+        super().initialize_context(context, **kwargs)
+        clock = context["throttle_time_source_type"]
+        if not isinstance(clock, Clock):
+            raise ValueError(
+                f'Received throttle_time_source_type of "{clock}" is not a clock instance'
+            )
+        context["throttle_last_logged"] = 0
+
+    @staticmethod
+    def should_log(context: Context) -> bool:
+        """Whether enough time of its clock has gone by."""
+        now = context["throttle_time_source_type"].now().nanoseconds
+        if now < context["throttle_last_logged"] + context["throttle_duration_sec"] * 1e9:
+            return False
+        context["throttle_last_logged"] = now
+        return True
 
 
-def settings(options: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Which filters a call of the logger asks for, each with its options.
+class SkipFirst(LoggingFilter):
+    """Lets every line through but the first."""
+
+    params: ClassVar[dict[str, Any]] = {"skip_first": None}
+
+    @classmethod
+    def initialize_context(cls, context: Context, **kwargs: Any) -> None:
+        """As `LoggingFilter.initialize_context`."""
+        super().initialize_context(context, **kwargs)
+        context["first_has_been_skipped"] = False
+
+    @staticmethod
+    def should_log(context: Context) -> bool:
+        """False the first time."""
+        skipped, context["first_has_been_skipped"] = context["first_has_been_skipped"], True
+        return bool(skipped)
+
+
+supported_filters: OrderedDict[str, type[LoggingFilter]] = OrderedDict(
+    throttle=Throttle, skip_first=SkipFirst, once=Once
+)
+"""In the order in which they are asked."""
+
+
+def get_filters_from_kwargs(**kwargs: Any) -> list[str]:
+    """The names of the filters that these options of a call of the logger ask for.
 
     Raises TypeError for an option that does not exist, or lacks another that it needs.
     """
-    found: dict[str, dict[str, Any]] = {}
-    for kind, (_, defaults) in _FILTERS.items():
-        if any(options.get(name) for name in defaults):
-            found[kind] = {name: options.get(name, defaults[name]) for name in defaults}
-            for name, value in found[kind].items():
-                if value is None:
-                    raise TypeError(
-                        f'required parameter "{name}" not specified but is required for the'
-                        f' the logging filter "{kind}"'
-                    )
-    for name in options:
-        if name not in _OPTIONS:
+    wanted = []
+    known: list[str] = []
+    for kind, cls in supported_filters.items():
+        known += cls.params
+        if not any(kwargs.get(name) for name in cls.params):
+            continue
+        for name, default in cls.params.items():
+            if kwargs.get(name, default) is None:
+                raise TypeError(
+                    f'required parameter "{name}" not specified but is required for the'
+                    f' the logging filter "{kind}"'
+                )
+        wanted.append(kind)
+    for name in kwargs:
+        if name not in known:
             raise TypeError(
-                f'parameter "{name}" is not one of the recognized logging options "{_OPTIONS}"'
+                f'parameter "{name}" is not one of the recognized logging options "{known}"'
             )
-    return found
-
-
-def filters_of(wanted: Mapping[str, dict[str, Any]]) -> list[LoggingFilter]:
-    """New filters, one for each entry of what `settings` returned."""
-    return [_FILTERS[kind][0](options) for kind, options in wanted.items()]
+    return wanted

@@ -6,42 +6,52 @@ import os
 import sys
 import time
 from types import FrameType
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Self
 
 from . import log_levels, log_output
-from .log_filters import LoggingFilter, filters_of, settings
+from .log_filters import (
+    Context,
+    LoggingFilter,
+    Once,
+    SkipFirst,
+    Throttle,
+    get_filters_from_kwargs,
+    supported_filters,
+)
 from .log_format import Record
 from .logging_severity import LoggingSeverity
 
+__all__ = [
+    "CallerId",
+    "LoggingFilter",
+    "LoggingSeverity",
+    "Once",
+    "RcutilsLogger",
+    "SkipFirst",
+    "Throttle",
+    "get_filters_from_kwargs",
+    "supported_filters",
+]
 
-class CallerId(NamedTuple):
-    """A place in a program that logs; two on one line differ."""
 
+class _Place(NamedTuple):
     function_name: str
     file_path: str
     line_number: int
     last_index: int
 
 
-class _CallSite(NamedTuple):
-    """What a place in a program logged first; it may not change later."""
+class CallerId(_Place):
+    """A place in a program that logs, by default the one that asks; two on one line differ."""
 
-    severity: LoggingSeverity
-    name: str
-    wanted: dict[str, dict[str, Any]]
-    filters: list[LoggingFilter]
+    __slots__ = ()
 
-    def check(
-        self, severity: LoggingSeverity, name: str, wanted: dict[str, dict[str, Any]]
-    ) -> None:
-        if severity is not self.severity:
-            raise ValueError("Logger severity cannot be changed between calls.")
-        if name != self.name:
-            raise ValueError("Logger name cannot be changed between calls.")
-        if wanted.keys() != self.wanted.keys():
-            raise ValueError("Requested logging filters cannot be changed between calls.")
-        if wanted != self.wanted:
-            raise ValueError("Logging filter parameters cannot be changed between calls.")
+    def __new__(cls, frame: FrameType | None = None) -> Self:
+        """The place of a frame, or of the first one outside of this module."""
+        if frame is None:
+            frame = _caller()
+        code = frame.f_code
+        return super().__new__(cls, code.co_name, code.co_filename, frame.f_lineno, frame.f_lasti)
 
 
 class RcutilsLogger:
@@ -55,7 +65,8 @@ class RcutilsLogger:
 
     def __init__(self, name: str = "") -> None:
         self.name = name
-        self._sites: dict[CallerId, _CallSite] = {}
+        self.contexts: dict[CallerId, Context] = {}
+        """What each place in the program logged first; it may not change later."""
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, RcutilsLogger) and other.name == self.name
@@ -81,19 +92,26 @@ class RcutilsLogger:
         """Whether it logs lines of this severity."""
         return LoggingSeverity(severity) >= log_levels.effective_level_of(self.name)
 
-    def log(self, message: str, severity: LoggingSeverity | int, **options: Any) -> bool:
-        """Log a message with the severity; `name=` logs it under another name."""
+    def log(
+        self,
+        message: str,
+        severity: LoggingSeverity | int,
+        name: str | None = None,
+        **options: Any,
+    ) -> bool:
+        """Log a message with the severity; `name` logs it under another name."""
         severity = LoggingSeverity(severity)
         if severity < log_levels.effective_level_of(self.name):
             return False
-        name = options.pop("name", self.name)
-        wanted = settings(options) if options else {}
-        caller = _caller()
-        if (site := self._sites.get(caller)) is None:
-            site = self._sites[caller] = _CallSite(severity, name, wanted, filters_of(wanted))
+        if name is None:
+            name = self.name
+        caller = CallerId()
+        context = self.contexts.get(caller)
+        if context is None:
+            context = self.contexts[caller] = _begun(severity, name, options)
         else:
-            site.check(severity, name, wanted)
-        if not all(each.should_log() for each in site.filters):
+            _check(context, severity, name, options)
+        if not all(supported_filters[kind].should_log(context) for kind in context["filters"]):
             return False
         _emit(severity, name, message, caller)
         return True
@@ -123,6 +141,30 @@ class RcutilsLogger:
         return self.log(message, LoggingSeverity.FATAL, **options)
 
 
+def _begun(severity: LoggingSeverity, name: str, options: dict[str, Any]) -> Context:
+    """The context of a place in the program that logs for the first time."""
+    filters = get_filters_from_kwargs(**options) if options else []
+    context: Context = {"name": name, "severity": severity, "filters": filters}
+    for kind in filters:
+        supported_filters[kind].initialize_context(context, **options)
+    return context
+
+
+def _check(context: Context, severity: LoggingSeverity, name: str, options: dict[str, Any]) -> None:
+    """Refuse what is not as it was when the place logged first."""
+    if severity is not context["severity"]:
+        raise ValueError("Logger severity cannot be changed between calls.")
+    if name != context["name"]:
+        raise ValueError("Logger name cannot be changed between calls.")
+    filters = get_filters_from_kwargs(**options) if options else []
+    if filters != context["filters"]:
+        raise ValueError("Requested logging filters cannot be changed between calls.")
+    for kind in filters:
+        for option, default in supported_filters[kind].params.items():
+            if context[option] != options.get(option, default):
+                raise ValueError("Logging filter parameters cannot be changed between calls.")
+
+
 def _emit(severity: LoggingSeverity, name: str, message: object, caller: CallerId) -> None:
     if message is None or isinstance(message, (bytes, bytearray)):
         message = _as_c_takes_it(message)
@@ -142,10 +184,9 @@ def _as_c_takes_it(message: bytes | bytearray | None) -> str:
     return "(null)" if message is None else message.decode(errors="backslashreplace")
 
 
-def _caller() -> CallerId:
-    """The place in the program that called a logger."""
+def _caller() -> FrameType:
+    """The frame of the program that called a logger."""
     frame: FrameType = sys._getframe(1)
     while frame.f_code.co_filename == __file__ and frame.f_back is not None:
         frame = frame.f_back
-    code = frame.f_code
-    return CallerId(code.co_name, code.co_filename, frame.f_lineno, frame.f_lasti)
+    return frame

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import Any
 
+from srvgen.slot_types import slot_type
 from taskrpc.ros.message_text import Cut, csv_of, plain, yaml_of
 
 
@@ -39,6 +40,13 @@ def message_to_csv(
 ) -> str:
     """All values of a message in order, between commas; otherwise as `message_to_ordereddict`."""
     return csv_of(msg, _cut(truncate_length, no_arr, no_str))
+
+
+def get_message_slot_types(msg: Any) -> OrderedDict[str, Any]:
+    """The type of each field of a message, by its name, as `rosidl_parser.definition` has it."""
+    nested = msg._NESTED
+    types = ((name, slot_type(type_, nested.get(name))) for name, type_ in msg._FIELDS)
+    return OrderedDict(types)
 
 
 def _cut(length: int | None, no_arr: bool, no_str: bool) -> Cut:

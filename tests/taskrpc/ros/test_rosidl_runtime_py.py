@@ -6,12 +6,23 @@ import pytest
 import yaml
 
 import srvgen
+from srvgen.slot_types import BasicType, NamespacedType, UnboundedSequence, UnboundedString
 from taskrpc.ros.rosidl_runtime_py import (
+    get_action_interfaces,
+    get_interface_packages,
+    get_interface_path,
+    get_interfaces,
+    get_message_interfaces,
+    get_message_slot_types,
+    get_service_interfaces,
     message_to_csv,
     message_to_ordereddict,
     message_to_yaml,
     set_message_fields,
+    utilities,
 )
+from taskrpc.ros.rosidl_runtime_py.import_message import import_message_from_namespaced_type
+from tests.srvgen.definitions import put_all
 
 PoseStamped = srvgen.load("geometry_msgs/msg/PoseStamped")
 Log = srvgen.load("rcl_interfaces/msg/Log")
@@ -101,3 +112,67 @@ def test_now_and_auto_stand_for_a_time_where_that_is_allowed():
         set_message_fields(message, {"header": "auto"})
     with pytest.raises(TypeError, match=r"^Value 'now' is expected to be a dictionary"):
         set_message_fields(message, {"header": {"stamp": "now"}})
+
+
+def test_interfaces_are_listed_by_their_packages_and_kinds(tmp_path, monkeypatch):
+    put_all({"src/plain/package.xml": "<package><name>plain</name></package>"}, tmp_path)
+    monkeypatch.chdir(tmp_path)
+    assert get_interfaces(["plain", "std_srvs"]).keys() == {"std_srvs"}
+    packages = get_interface_packages()
+    assert {"std_msgs", "test_msgs"} <= set(packages)
+    assert set(get_interfaces()) == set(packages)
+    assert "msg/String" in get_interfaces()["std_msgs"]
+    test_msgs = get_interfaces(["test_msgs"])
+    assert list(test_msgs) == ["test_msgs"]
+    assert {"msg/BasicTypes", "srv/Empty", "action/Fibonacci"} <= set(test_msgs["test_msgs"])
+    assert get_action_interfaces(["test_msgs", "std_msgs"]) == {
+        "test_msgs": [name for name in test_msgs["test_msgs"] if name.startswith("action/")]
+    }
+    assert "std_srvs" not in get_message_interfaces()
+    assert get_service_interfaces(["std_srvs"]) == {
+        "std_srvs": ["srv/Empty", "srv/SetBool", "srv/Trigger"]
+    }
+    for ask in (get_interfaces, get_message_interfaces):
+        with pytest.raises(LookupError, match="Unknown package 'no_such_package'"):
+            ask(["no_such_package"])
+
+
+def test_the_file_of_an_interface_is_found_with_and_without_its_ending():
+    path = get_interface_path("test_msgs/msg/BasicTypes")
+    assert path == get_interface_path("test_msgs/msg/BasicTypes.msg")
+    assert path.endswith("BasicTypes.msg")
+    for name in ("test_msgs/msg/NoSuch", "test_msgs/msg/BasicTypes.idl", "no_such/msg/A"):
+        with pytest.raises(LookupError, match="Could not find the interface"):
+            get_interface_path(name)
+    with pytest.raises(ValueError, match="at least two parts"):
+        get_interface_path("BasicTypes")
+
+
+def test_the_types_of_fields_are_told_by_name():
+    types = get_message_slot_types(Log())
+    assert list(types) == list(Log.get_fields_and_field_types())
+    assert types["stamp"] == NamespacedType(["builtin_interfaces", "msg"], "Time")
+    assert (types["level"], types["msg"]) == (BasicType("uint8"), UnboundedString())
+
+
+def test_interfaces_are_told_by_types_and_by_what_they_have():
+    assert utilities.get_namespaced_type("std_msgs/String").namespaces == ["std_msgs", "msg"]
+    trigger = utilities.get_service_namespaced_type("std_srvs/Trigger")
+    assert trigger == NamespacedType(["std_srvs", "srv"], "Trigger")
+    Trigger = srvgen.load("std_srvs/srv/Trigger")
+    Fibonacci = srvgen.load("test_msgs/action/Fibonacci")
+    kinds = (utilities.is_message, utilities.is_service, utilities.is_action)
+    told = [[is_one(cls) for is_one in kinds] for cls in (Log, Trigger, Fibonacci)]
+    assert told == [[True, False, False], [False, True, False], [False, False, True]]
+    with pytest.raises(ValueError, match="package/action/Name, got 'a/srv/B'"):
+        utilities.get_action_namespaced_type("a/srv/B")
+
+
+def test_a_class_is_imported_by_its_type():
+    name = NamespacedType("taskrpc.ros.rosidl_runtime_py".split("."), "message_to_yaml")
+    assert import_message_from_namespaced_type(name) is message_to_yaml
+    with pytest.warns(DeprecationWarning, match="AbstractNestedType"):
+        found = import_message_from_namespaced_type(UnboundedSequence(name))
+    assert found is message_to_yaml
+    with pytest.raises(TypeError, match="expected a NamespacedType, got BasicType"):
+        import_message_from_namespaced_type(BasicType("int8"))

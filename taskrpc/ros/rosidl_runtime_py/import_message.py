@@ -1,0 +1,27 @@
+"""Find the class of a message by a type of `rosidl_parser.definition`."""
+
+from __future__ import annotations
+
+import warnings
+from importlib import import_module
+from typing import Any
+
+from srvgen.slot_types import AbstractNestedType, AbstractType, NamespacedType
+
+
+def import_message_from_namespaced_type(message_type: AbstractType) -> Any:
+    """The class of an interface; for an array, with a warning, that of its elements.
+
+    Raises ImportError for a package that does not exist, AttributeError for an interface, and
+    TypeError for a type that is no interface's.
+    """
+    if isinstance(message_type, AbstractNestedType):
+        warnings.warn(
+            "Passing an AbstractNestedType is deprecated; pass its value_type",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        message_type = message_type.value_type
+    if not isinstance(message_type, NamespacedType):
+        raise TypeError(f"expected a NamespacedType, got {message_type}")
+    return getattr(import_module(".".join(message_type.namespaces)), message_type.name)
