@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import contextlib
 import math
 import sys
 from typing import Any
@@ -13,7 +12,7 @@ import msgspec
 import srvgen
 from taskrpc.cli import shells
 from taskrpc.cli.command import hinted
-from taskrpc.cli.graph import others, unknown_service_hint
+from taskrpc.cli.graph import why_unavailable
 from taskrpc.cli.remote import HERE, Remote
 from taskrpc.cli.service_types import differs_here, local_service_type, service_type_name
 from taskrpc.cli.values import build_request
@@ -25,10 +24,12 @@ from taskrpc.errors import (
     InvalidRequest,
     ProtocolError,
     ServiceUnavailable,
+    TaskRpcError,
     TypeMismatch,
 )
 from taskrpc.node import Node
 from taskrpc.retry import RetryPolicy
+from taskrpc.transport.dialling import placed
 
 POLL = 0.05
 """Seconds between two looks for a service that is not there yet."""
@@ -77,7 +78,8 @@ class _Caller:
         self._client: Client[Any, Any] | None = None
         self._request: Any = None
         self._said_waiting = False
-        self._silent = ""
+        self._lost: TaskRpcError | None = None
+        """Why the last connection was not made."""
 
     async def run(self) -> None:
         began = self._loop.time()
@@ -136,8 +138,10 @@ class _Caller:
             try:
                 async with asyncio.timeout_at(deadline):
                     return await self._node.definition(self._service)
-            except (ServiceUnavailable, ConnectionLost, TimeoutError):
-                pass
+            except (ConnectionLost, TimeoutError) as error:
+                self._lost = error if isinstance(error, ConnectionLost) else self._lost
+            except ServiceUnavailable:
+                self._lost = None
             except (AuthenticationFailed, ProtocolError):
                 if not self._plan.remote.places:
                     raise
@@ -157,6 +161,8 @@ class _Caller:
         await self._ask_places(deadline)
         if not self._plan.as_json:
             print("waiting for service to become available...", file=sys.stderr, flush=True)
+            if self._lost:
+                print(f"({self._lost})", file=sys.stderr, flush=True)
 
     async def _ask_places(self, deadline: float | None) -> None:
         """Find out why a program elsewhere does not tell of the service.
@@ -164,27 +170,18 @@ class _Caller:
         Raises AuthenticationFailed: waiting would not help.
         """
         for place in self._plan.remote.places:
-            self._silent = place
-            with contextlib.suppress(ConnectionLost, ProtocolError, TimeoutError):
+            try:
                 async with asyncio.timeout_at(deadline):
                     await self._plan.remote.listing(place)
-                self._silent = ""
                 return
+            except (ConnectionLost, ProtocolError) as error:
+                self._lost = type(error)(placed(place, error))
+            except TimeoutError:
+                self._lost = self._lost or ConnectionLost(f"{place} did not answer in time")
 
     async def _unknown(self) -> ServiceUnavailable:
-        waited = f"(waited {self._plan.timeout:g} s)"
-        if self._silent:
-            problem = f"no taskrpc program answers at {self._silent} {waited}"
-            hint = f"find out why: taskrpc doctor {self._silent}"
-            return hinted(ServiceUnavailable(problem), hint)
-        entries = others(await self._node.graph())
-        for entry in entries:
-            if entry.offers(self._service):
-                problem = f"{entry.script} (pid {entry.pid}) offers {self._service} but is silent"
-                hint = f"find out why: taskrpc doctor {entry.address}"
-                return hinted(ServiceUnavailable(f"{problem} {waited}"), hint)
-        hint = unknown_service_hint(self._service, entries, self._plan.remote.place)
-        return hinted(ServiceUnavailable(f"nobody offers {self._service} {waited}"), hint)
+        waited, place = f"(waited {self._plan.timeout:g} s)", self._plan.remote.place
+        return await why_unavailable(self._service, place, self._node, waited, self._lost)
 
     def _too_late(self, error: DeadlineExceeded) -> DeadlineExceeded:
         fate = "the call was not sent" if error.not_executed else "the call may have run"

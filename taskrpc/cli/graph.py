@@ -7,11 +7,15 @@ import os
 from collections.abc import Iterable
 
 from taskrpc import names, platform
+from taskrpc.cli.command import hinted
 from taskrpc.cli.remote import Remote
+from taskrpc.errors import ServiceUnavailable, TaskRpcError
+from taskrpc.lab import remembered_lab
 from taskrpc.node import Node
+from taskrpc.transport.dialling import STOPPED
 from taskrpc.transport.entries import Entry, entry_of
 from taskrpc.transport.registry import Registry
-from taskrpc.transport.tcp import domain_id
+from taskrpc.transport.tcp import domain_id, environment_peers
 from taskrpc.wire.messages import Endpoint, TopicEndpoint
 
 _SHOWN = 5
@@ -93,6 +97,48 @@ def domains() -> dict[int, list[Entry]]:
     return found
 
 
+async def why_unavailable(
+    service: str, place: str, node: Node, waited: str, lost: TaskRpcError | None
+) -> ServiceUnavailable:
+    """What to say of a service that was waited for in vain, and what to do.
+
+    `place` is the one that the command names, "" for none; `lost` says why a connection was not
+    made, None where all who were asked have answered.
+    """
+    # A place that does not answer need not be asked once more.
+    entries = domains().get(domain_id(), []) if lost else others(await node.graph())
+    for entry in entries:
+        if entry.offers(service):
+            return _silent(entry, service, waited)
+    if lost:
+        return _out_of_reach(place, lost, waited)
+    hint = unknown_service_hint(service, entries, place)
+    return hinted(ServiceUnavailable(f"nobody offers {service} {waited}"), hint)
+
+
+def _out_of_reach(place: str, lost: TaskRpcError, waited: str) -> ServiceUnavailable:
+    if not place and remembered_lab() is not None and not environment_peers():
+        return hinted(ServiceUnavailable(f"{lost} {waited}"), "ask the lecturer whether it runs")
+    doctor = f"taskrpc doctor {place}".rstrip()
+    problem = f"no taskrpc program answers: {lost} {waited}"
+    return hinted(ServiceUnavailable(problem), f"find out why: {doctor}")
+
+
+def _silent(entry: Entry, service: str, waited: str) -> ServiceUnavailable:
+    """What is said of a living process that offers a service and does not answer."""
+    who = f"{entry.script} (pid {entry.pid})"
+    if platform.is_stopped(entry.pid):
+        return hinted(
+            ServiceUnavailable(f"{who} offers {service}, but {STOPPED} {waited}"),
+            f"`fg` in its terminal or `kill -CONT {entry.pid}` lets it go on, `taskrpc stop"
+            f" {entry.pid}` ends it",
+        )
+    return hinted(
+        ServiceUnavailable(f"{who} offers {service} but is silent {waited}"),
+        f"find out why: taskrpc doctor {entry.address}",
+    )
+
+
 def unknown_service_hint(service: str, entries: Iterable[Entry], place: str = "") -> str:
     """What whoever asked for a service that nobody offers may do about it."""
     from srvgen.names import near
@@ -112,5 +158,7 @@ def unknown_service_hint(service: str, entries: Iterable[Entry], place: str = ""
         return f"there are {', '.join(shown[:_SHOWN])}{more}"
     if place:
         return f"the program at {place} offers no service"
+    if (lab := remembered_lab()) and not environment_peers():
+        return f"neither this machine nor the lab at {lab.place} offers a service: taskrpc doctor"
     where = f"on this machine in domain {domain_id()}"
     return f"no taskrpc program offers a service {where}; start one, for example taskrpc-server"

@@ -14,6 +14,7 @@ from taskrpc.cli import encryption, socket_file
 from taskrpc.cli.findings import Finding, ok, problem
 from taskrpc.cli.remote import Remote
 from taskrpc.errors import AuthenticationFailed, ConnectionLost, ProtocolError, TaskRpcError
+from taskrpc.transport.dialling import STOPPED, placed
 from taskrpc.transport.tcp import split_place
 from taskrpc.transport.unix import is_unix
 
@@ -136,23 +137,29 @@ async def _ask(remote: Remote) -> Finding:
         listing = await remote.listing(place)
     except AuthenticationFailed as error:
         return await encryption.fault(remote, PATIENCE) or problem(
-            f"{place} is taskrpc, but: {error}",
+            f"{place} is taskrpc, but: {_without(place, error)}",
             "join again if the lecturer's string was for it (the account may be revoked or"
             " expired), or give the server's secret with --token-file or TASKRPC_TOKEN",
         )
     except (ConnectionLost, ProtocolError) as error:
         if advice := _advice(str(error)):
-            return problem(f"{place}: {error}", advice)
+            return problem(placed(place, error), advice)
+        if STOPPED in str(error):
+            return problem(*str(error).split("; ", 1))
         waits = "within" in str(error) or "did not answer" in str(error)
         advice = _OF_THE_SILENT if waits else "something else than taskrpc listens there"
-        return await encryption.fault(remote, PATIENCE) or problem(f"{place}: {error}", advice)
+        return await encryption.fault(remote, PATIENCE) or problem(placed(place, error), advice)
     except TaskRpcError as error:
         return problem(
-            f"{place}: {error}",
+            placed(place, error),
             "check the files given here; if they are right, see the server's log",
         )
     names = ", ".join(service.name for service in listing.services) or "no service"
     return ok(f"{place} offers {names}")
+
+
+def _without(place: str, error: TaskRpcError) -> str:
+    return str(error).removeprefix("the lab's server at ").removeprefix(place).lstrip(": ")
 
 
 def _advice(error: str) -> str:

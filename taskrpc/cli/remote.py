@@ -80,7 +80,8 @@ class Remote:
             return found
         except AuthenticationFailed as error:
             hint = f"give the secret of {place} with --token-file or TASKRPC_TOKEN"
-            raise hinted(error, hint) from None
+            has_hint = bool(getattr(error, "__notes__", ()))
+            raise error if has_hint else hinted(error, hint) from None
         finally:
             await endpoint.release()
 

@@ -8,8 +8,8 @@ from typing import Any, NamedTuple
 
 import srvgen
 from taskrpc import names
-from taskrpc.cli.command import NotFound, hinted
-from taskrpc.cli.graph import others, unknown_service_hint
+from taskrpc.cli.command import NotFound
+from taskrpc.cli.graph import why_unavailable
 from taskrpc.client import Client
 from taskrpc.errors import (
     Code,
@@ -91,10 +91,11 @@ class TaskServices:
         """
         try:
             type_name, _ = await self._node.definition(self.service)
-        except (ServiceUnavailable, ConnectionLost):
+        except (ServiceUnavailable, ConnectionLost) as error:
+            lost = error if isinstance(error, ConnectionLost) else None
             self._note(f"waiting for {self.service} to become available; taskrpc-server offers it")
             if not await self._client("").wait_for_service(self._timeout):
-                raise await self._nobody() from None
+                raise await self._nobody(lost) from None
             return
         if type_name != _TYPES[""]:
             raise TypeMismatch(f"{self.service} is offered as {type_name}, not as {_TYPES['']}")
@@ -178,13 +179,13 @@ class TaskServices:
             raise OutcomeUnknown(f"{gone}; what it had accepted is stored, and goes on with it")
         self._note("the task server is back")
 
-    async def _nobody(self) -> ServiceUnavailable:
-        entries = others(await self._node.graph())
-        hint = unknown_service_hint(self.service, entries, self._place)
-        if "taskrpc-server" not in hint:
-            hint = f"start the task server: taskrpc-server ({hint})"
-        problem = f"nobody offers {self.service} (waited {self._timeout:g} s)"
-        return hinted(ServiceUnavailable(problem), hint)
+    async def _nobody(self, lost: TaskRpcError | None) -> ServiceUnavailable:
+        waited = f"(waited {self._timeout:g} s)"
+        error = await why_unavailable(self.service, self._place, self._node, waited, lost)
+        (hint,) = error.__notes__
+        if str(error).startswith("nobody offers") and "taskrpc-server" not in hint:
+            error.__notes__ = [f"start the task server: taskrpc-server ({hint})"]
+        return error
 
     async def _call(self, verb: str, timeout: float, fields: dict[str, Any]) -> Any:
         client = self._client(verb)

@@ -39,6 +39,8 @@ from taskrpc.wire.session import LAST_CALL_ID, Session, refused_error, unknown_e
 if TYPE_CHECKING:
     from taskrpc.transport.subscribing import Link
 
+HANDSHAKE_LOST = "the connection was lost in the handshake"
+
 MAX_MOVES = 8
 """How often one call may be refused and sent elsewhere before its caller learns of it."""
 
@@ -276,7 +278,7 @@ class CallingConnection(Connection):
         self.epoch += 1
         reason = self.why_closed
         if not self.ready.done():
-            lost = ConnectionLost("the connection was lost in the handshake", not_executed=True)
+            lost = ConnectionLost(HANDSHAKE_LOST, not_executed=True)
             self.ready.set_exception(reason or lost)
             self.ready.exception()  # nobody may be left to ask
         for call in self.session.lost():

@@ -21,7 +21,7 @@ from taskrpc.transport.base import Mode, Tell
 from taskrpc.transport.calling import CallingConnection, OpenCall
 from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.transport.counting import Counting
-from taskrpc.transport.dialling import Dialler
+from taskrpc.transport.dialling import Dialler, why_silent
 from taskrpc.transport.network import Address, Network
 from taskrpc.transport.news import News
 from taskrpc.transport.threads import ThreadedConnection, Told, Waiter
@@ -196,7 +196,9 @@ class RemoteChannel:
             # Several calls may wait for one connection: none of them may take it from the others.
             done, _ = await asyncio.wait((connecting,), timeout=left)
             if not done:
-                raise ServiceUnavailable(f"{self._shown} could not be reached in time")
+                silent = next(filter(None, (why_silent(each) for _, each in self._locate())), "")
+                reason = f": {silent}" if silent else " in time"
+                raise ServiceUnavailable(f"{self._shown} could not be reached{reason}")
             if not connecting.cancelled():
                 connecting.result()
 

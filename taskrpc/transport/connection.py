@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable, Iterable
 from typing import Any, ClassVar, Protocol, cast
 
-from taskrpc.errors import ProtocolError, TaskRpcError
+from taskrpc.errors import ConnectionLost, ProtocolError, TaskRpcError
 from taskrpc.transport.keepalive import Keepalive
 from taskrpc.transport.patience import Patience
 from taskrpc.transport.seldom import FewLines
@@ -293,7 +293,11 @@ class Connection(asyncio.BufferedProtocol):
 
     def _handshake_late(self) -> None:
         if self.session.state is State.HANDSHAKE:
-            self._refuse(ProtocolError(f"no handshake within {HANDSHAKE_TIMEOUT:g} s"))
+            problem = f"no handshake within {HANDSHAKE_TIMEOUT:g} s"
+            if self.session.is_client:
+                self._refuse(ConnectionLost(problem, not_executed=True))
+            else:
+                self._refuse(ProtocolError(problem))
 
 
 class _Watch:

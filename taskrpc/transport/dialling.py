@@ -7,10 +7,16 @@ import os
 import ssl
 from collections.abc import Callable
 
-from taskrpc.errors import ConnectionLost
-from taskrpc.transport.calling import CallingConnection
+from taskrpc import platform
+from taskrpc.access import account_of
+from taskrpc.errors import AuthenticationFailed, ConnectionLost, TaskRpcError
+from taskrpc.transport.calling import HANDSHAKE_LOST, CallingConnection
 from taskrpc.transport.network import Address, Network
 from taskrpc.transport.tls import reason_of
+
+STOPPED = "was stopped, as by Ctrl-Z"
+
+ASK_FOR_STRING = "the account was revoked or has expired: ask for a new join string"
 
 READY_TIMEOUT = 4.0
 """Seconds for dialling and the handshake together."""
@@ -81,30 +87,85 @@ class Dialler:
             task.exception()  # nobody may be left to ask
 
     async def _dial(self, address: Address) -> CallingConnection:
-        connection = self._make(address)
+        connection, is_plain = self._make(address), False
         try:
             async with asyncio.timeout(READY_TIMEOUT):
                 await self._network.dial(address, lambda: connection)
+                is_plain = _is_plain(connection)
                 await connection.ready
             if connection.why_closed is not None:  # by what followed the handshake
                 raise connection.why_closed
+        except TaskRpcError as error:
+            raise _explained(address, error, is_plain=is_plain) from None
         except TimeoutError:
-            raise ConnectionLost(f"{address.place} did not answer", not_executed=True) from None
+            raise _unreached(address, "it did not answer") from None
         except ssl.SSLError as error:
-            problem = f"{address.place}: no TLS connection: {reason_of(error)}"
-            raise ConnectionLost(problem, not_executed=True) from None
+            raise _unreached(address, f"no TLS connection: {reason_of(error)}") from None
         except OSError as error:
             reason = os.strerror(error.errno) if error.errno else str(error)
-            raise ConnectionLost(f"{address.place}: {reason}", not_executed=True) from None
+            raise _unreached(address, reason) from None
         except UnicodeError:
-            problem = f"{address.place}: no host can have this name"
-            raise ConnectionLost(problem, not_executed=True) from None
+            raise _unreached(address, "no host can have this name") from None
         else:
             self._newest[address.place] = connection
             return connection
         finally:
             if not connection.is_open:
                 connection.abort(ConnectionLost(f"{address.place} was given up"))
+
+
+def placed(place: str, error: TaskRpcError) -> str:
+    """An error's text, with the place in front of it unless the text names the place itself."""
+    text = str(error)
+    return text if place in text else f"{place}: {text}"
+
+
+def why_silent(address: Address) -> str:
+    """Why a process of this machine does not answer, "" where nobody knows."""
+    if not address.pid or not platform.is_stopped(address.pid):
+        return ""
+    return (
+        f"{address.script} (pid {address.pid}) {STOPPED}; `fg` in its terminal or"
+        f" `kill -CONT {address.pid}` lets it go on, `taskrpc stop {address.pid}` ends it"
+    )
+
+
+def _explained(address: Address, error: TaskRpcError, *, is_plain: bool) -> TaskRpcError:
+    """What went wrong in a handshake, and what to do about it."""
+    if isinstance(error, AuthenticationFailed):
+        # Only a lab's token certainly begins with a name; another one may be all secret.
+        if address.domain is None:
+            return AuthenticationFailed(placed(address.place, error))
+        account = account_of(address.token)
+        problem = f"the lab's server at {address.place} refuses the account {account}: {error}"
+        refusal = AuthenticationFailed(problem)
+        refusal.add_note(ASK_FOR_STRING)
+        return refusal
+    if not isinstance(error, ConnectionLost):
+        return error
+    reason = str(error)
+    if is_plain and not address.pid and reason == HANDSHAKE_LOST:
+        reason += (
+            "; if the server takes encrypted connections only, join its lab (taskrpc join) or give"
+            " its certificate: --tls-ca, in a program tls=taskrpc.Tls(ca=...)"
+        )
+    return _unreached(address, reason)
+
+
+def _unreached(address: Address, reason: str) -> ConnectionLost:
+    """Why a process could not be reached; no call was sent to it."""
+    problem = why_silent(address) or f"{address.place}: {reason}"
+    if address.domain is not None:
+        problem = (
+            f"the lab's server at {problem}; is it on, and this computer in its network?"
+            " `taskrpc doctor` looks at the way, `taskrpc leave` forgets the lab"
+        )
+    return ConnectionLost(problem, not_executed=True)
+
+
+def _is_plain(connection: CallingConnection) -> bool:
+    transport = connection.transport
+    return transport is not None and transport.get_extra_info("ssl_object") is None
 
 
 def _destroyed() -> ConnectionLost:

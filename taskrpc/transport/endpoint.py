@@ -29,7 +29,7 @@ from taskrpc.transport.channel import RemoteChannel
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.connection import READ_BUFFER, Connection
 from taskrpc.transport.counting import Counting
-from taskrpc.transport.dialling import READY_TIMEOUT, Dialler
+from taskrpc.transport.dialling import READY_TIMEOUT, Dialler, placed
 from taskrpc.transport.entries import Change, Entry, Roster, entry_of
 from taskrpc.transport.handing import Handing
 from taskrpc.transport.keepalive import DEFAULT, Keepalive
@@ -364,7 +364,7 @@ class Endpoint(Handing):
             connection = await self.dialler.connection(address, deadline)
             listing = await connection.resolve(Resolve(""), deadline).future
         except TaskRpcError as error:
-            log.warning("%s: %s", address.place, error)
+            log.warning("%s", placed(address.place, error))
             return None
         return entry_of(address.place, listing)
 

@@ -27,6 +27,10 @@ class Address(msgspec.Struct, frozen=True):
     """The one that a directory says is shown there (PEM), "" for none; None where nobody says."""
     domain: int | None = None
     """The one that it is in where that is another than ours."""
+    pid: int = 0
+    """The process, where a directory of this machine names it."""
+    script: str = ""
+    """The same process as its user knows it."""
 
     def __repr__(self) -> str:
         return f"Address({self.place!r})"  # without the token: what is printed ends in logs

@@ -245,7 +245,7 @@ def _address(entry: Entry) -> Address:
     for everywhere, here in (("0.0.0.0:", "127.0.0.1:"), ("[::]:", "[::1]:")):
         place = place.replace(everywhere, here) if place.startswith(everywhere) else place
     token = bytes.fromhex(entry.token)
-    return Address(place, token, certificate=entry.certificate)
+    return Address(place, token, certificate=entry.certificate, pid=entry.pid, script=entry.script)
 
 
 def _address_of_lab(lab: Lab) -> Address:

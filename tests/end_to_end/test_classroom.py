@@ -121,7 +121,7 @@ def test_a_laptop_joins_calls_and_is_revoked(lecturer, strings, laptop):
 
     lecturer.run("taskrpc", "classroom", "revoke", "ada")
     deadline = time.monotonic() + PATIENCE
-    while "refuses this laptop" not in laptop.run("taskrpc", "join", "--status", code=None):
+    while "refuses the account" not in laptop.run("taskrpc", "join", "--status", code=None):
         assert time.monotonic() < deadline
     assert "token" in submit(laptop, code=1)
     assert "revoked" in laptop.run("taskrpc", "join", strings["ada"], code=1)

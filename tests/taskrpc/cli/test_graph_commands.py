@@ -353,8 +353,21 @@ def test_a_program_that_ctrl_z_stopped_is_shown_and_can_be_ended(own_server, run
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")
-def test_a_server_that_hangs_is_named(own_server, run):
+def test_a_server_that_was_stopped_is_named_with_how_it_goes_on(own_server, run):
+    pid = own_server.process.pid
+    os.kill(pid, signal.SIGSTOP)
+    os.waitpid(pid, os.WUNTRACED)
+    code, out, err = run("/add_two_ints", "--timeout", "0.3", command=call_main)
+    assert (code, out) == (4, "")
+    said = (
+        f"adder.py (pid {pid}) offers /add_two_ints, but was stopped, as by Ctrl-Z (waited 0.3 s)"
+    )
+    assert f"{said}\n  hint: `fg` in its terminal or `kill -CONT {pid}` lets it go on" in err
+
+
+def test_a_server_that_hangs_is_named(own_server, run, monkeypatch):
     os.kill(own_server.process.pid, signal.SIGSTOP)
+    monkeypatch.setattr("taskrpc.platform.is_stopped", lambda _: False)
     code, out, err = run("/add_two_ints", "--timeout", "0.3", command=call_main)
     assert (code, out) == (4, "")
     pid = own_server.process.pid
