@@ -4,8 +4,19 @@ from __future__ import annotations
 
 from typing import Any, Protocol, TypeVar
 
-RequestT = TypeVar("RequestT")
-ResponseT = TypeVar("ResponseT")
+
+class Msg(Protocol):
+    """What type checkers require of a message class; service classes do not fit."""
+
+    @classmethod
+    def get_fields_and_field_types(cls) -> dict[str, str]:
+        """Each field's name and its type in rosidl's spelling."""
+
+
+MsgT = TypeVar("MsgT", bound=Msg)
+# The bounds let pyright blame a callback that returns None, even one without annotations.
+RequestT = TypeVar("RequestT", bound=Msg)
+ResponseT = TypeVar("ResponseT", bound=Msg)
 
 
 class Srv(Protocol[RequestT, ResponseT]):
@@ -17,17 +28,6 @@ class Srv(Protocol[RequestT, ResponseT]):
     # A protocol cannot match names nested in a class, such as `Request: TypeAlias`. The type
     # variables are both taken and returned, so that no checker widens them to a common base.
     def _types(self, request: RequestT, response: ResponseT) -> tuple[RequestT, ResponseT]: ...
-
-
-class Msg(Protocol):
-    """What type checkers require of a message class; service classes do not fit."""
-
-    @classmethod
-    def get_fields_and_field_types(cls) -> dict[str, str]:
-        """Each field's name and its type in rosidl's spelling."""
-
-
-MsgT = TypeVar("MsgT", bound=Msg)
 
 
 def service_type(srv_type: Any) -> Any:

@@ -110,8 +110,9 @@ def _matches(message: str, expected: str) -> bool:
 def _compare(found: Messages, expected: Messages) -> None:
     assert sorted(found) == sorted(expected), found
     for line, messages in found.items():
-        pairs = zip(messages, expected[line], strict=True)
-        assert all(_matches(*pair) for pair in pairs), (line, messages)
+        assert len(messages) == len(expected[line]), (line, messages)
+        for message, wanted in zip(messages, expected[line], strict=True):
+            assert _matches(message, wanted), f"line {line}: {message}"
 
 
 @pytest.mark.parametrize("checker", ["mypy", "pyright"])

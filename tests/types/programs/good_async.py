@@ -12,8 +12,8 @@ from my_interfaces.msg import Spot
 from my_interfaces.srv import Add, Greet
 from std_msgs.msg import String
 
-RequestT = TypeVar("RequestT")
-ResponseT = TypeVar("ResponseT")
+RequestT = TypeVar("RequestT", bound=taskrpc.Msg)
+ResponseT = TypeVar("ResponseT", bound=taskrpc.Msg)
 
 Loaded = srvgen.load("my_interfaces/srv/Greet")
 
