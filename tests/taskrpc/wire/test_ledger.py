@@ -1,5 +1,6 @@
 """Whatever is repeated, lost or restarted: no request runs twice or gets the answer of another."""
 
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
@@ -329,3 +330,27 @@ def test_a_run_that_was_stored_before_its_ledger_was_read_is_done_once():
     after.completed(done, came)
     assert send(after, number) is Verdict.DONE
     assert after.size == Ledger([done]).size
+
+
+def test_a_restored_lease_lasts_from_the_latest_completion():
+    old = [completion(Number(ME, 1, 1), at=0.0), completion(Number(ME, 2, 1), at=8.0)]
+    ledger = Ledger(old, lease=10.0)
+    assert ledger.expire(17.9) == []
+    assert ledger.expire(18.0) == [("", ME)]
+
+
+@pytest.mark.parametrize("done", [1, 3, 9])
+def test_settling_many_requests_at_once_frees_their_bytes(done):
+    ledger = Ledger()
+    for sequence in range(1, done + 1):
+        send(ledger, Number(ME, sequence, 1))
+        ledger.completed(completion(Number(ME, sequence, 1), answer=b"12345"))
+    assert ledger.size == PER_CLIENT + done * (PER_REQUEST + 5)
+    assert send(ledger, Number(ME, done + 1, done + 1)) is Verdict.NEW
+    assert ledger.size == PER_CLIENT + PER_REQUEST
+
+
+def test_a_completion_that_settles_others_frees_their_bytes():
+    old = [completion(Number(ME, n, 1), answer=b"12345") for n in (1, 2)]
+    ledger = Ledger([*old, completion(Number(ME, 3, 3), at=1.0)])
+    assert ledger.size == PER_CLIENT + PER_REQUEST

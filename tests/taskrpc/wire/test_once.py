@@ -24,9 +24,17 @@ def test_a_number_travels_before_the_body():
     assert (came.client, came.sequence, came.first_incomplete, body) == (ME, 7, 3, b"body")
 
 
-@pytest.mark.parametrize("body", [b"", b"x" * 31, with_number(Number(ME, 3, 4), b"")])
-def test_a_request_without_a_valid_number_is_no_request(body):
-    with pytest.raises(ProtocolError):
+@pytest.mark.parametrize(
+    ("body", "problem"),
+    [
+        (b"", "without its number"),
+        (b"x" * 31, "without its number"),
+        (with_number(Number(ME, 3, 4), b""), "first open number is not up to its own"),
+        (with_number(Number(ME, 1, 0), b""), "first open number is not up to its own"),
+    ],
+)
+def test_a_request_without_a_valid_number_is_no_request(body, problem):
+    with pytest.raises(ProtocolError, match=problem):
         cut_off(body)
 
 
@@ -39,6 +47,8 @@ def test_one_id_means_one_request_of_one_service():
     assert number_of_id("/a", "x") == number_of_id("/a", "x")
     assert number_of_id("/a", "x").client != number_of_id("/b", "x").client
     assert number_of_id("/a", "x").client != number_of_id("/a", "y").client
+    number = number_of_id("/a", "x")
+    assert (len(number.client), number.sequence, number.first_incomplete) == (16, 1, 1)
 
 
 def test_an_id_need_not_be_text():
@@ -46,8 +56,18 @@ def test_an_id_need_not_be_text():
 
 
 def test_the_same_body_means_something_else_to_another_service():
-    request = with_number(Number(ME, 1, 1), b"one")
-    assert cut_off(request)[0].fingerprint != claims_for("/drop")(request)[0].fingerprint
+    for message in (b"one", b"one" * 1000):
+        request = with_number(Number(ME, 1, 1), message)
+        assert cut_off(request)[0].fingerprint != claims_for("/drop")(request)[0].fingerprint
+
+
+def test_a_long_body_is_known_by_a_short_fingerprint():
+    message = b"long" * 1000
+    claim, body = cut_off(with_number(Number(ME, 7, 3), message))
+    assert (claim.client, claim.sequence, claim.first_incomplete, body) == (ME, 7, 3, message)
+    assert len(claim.fingerprint) == 16
+    other = cut_off(with_number(Number(ME, 7, 3), message[:-1] + b"."))[0]
+    assert other.fingerprint != claim.fingerprint
 
 
 def test_a_client_says_from_which_number_on_it_waits():
@@ -74,7 +94,7 @@ def test_a_client_that_has_left_an_old_number_open_counts_on_as_another():
     while not numbers.is_over:
         latest = numbers.take()
         numbers.settle(latest)
-    assert OPEN_PER_CLIENT // 2 <= latest < OPEN_PER_CLIENT
+    assert latest == OPEN_PER_CLIENT // 2 + 1
 
 
 def test_what_is_settled_twice_or_out_of_turn_counts_once():

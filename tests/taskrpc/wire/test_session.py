@@ -16,11 +16,14 @@ from taskrpc.errors import (
 )
 from taskrpc.wire.events import (
     Advertised,
+    Announced,
     Answered,
     CancelReceived,
     Closed,
+    Crowded,
     Draining,
     Event,
+    Failed,
     Overrun,
     RequestReceived,
     ResolveReceived,
@@ -510,3 +513,76 @@ def test_pings_of_a_peer_that_does_not_read_are_not_answered():
     pair.client.answers_pings = True
     pair.client.feed(frame(FrameType.PING, arg=8))
     assert b"".join(pair.client.take()) == frame(FrameType.PONG, arg=8)
+
+
+def test_frames_of_a_server_have_no_flags_and_the_documented_fields():
+    pair = open_pair()
+    first, second = (pair.client.request(n, 3, b"question", 250) for n in range(2))
+    pair.deliver(pair.server)
+    server = pair.server
+    assert server.respond(first, b"answer", 7)
+    assert b"".join(server.take()) == frame(FrameType.RESPONSE, first, 7, b"answer")
+    assert server.answer_beside(second, b"other", 8) == (
+        frame(FrameType.RESPONSE, second, 8, b"other"),
+        len(b"question"),
+    )
+    server.freed(len(b"question"))
+    assert server.bytes_in_flight == 0
+    server.advertise()
+    server.drain()
+    end = frame(FrameType.ADVERTISE) + frame(FrameType.GOAWAY, arg=second)
+    assert b"".join(server.take()) == end
+
+
+def test_call_can_fail_only_once():
+    pair = open_pair()
+    call_id = pair.client.request("ticket", 3, b"question", 250)
+    pair.deliver(pair.server)
+    assert pair.server.fail(call_id, TaskRpcError("no"))
+    assert not pair.server.fail(call_id, TaskRpcError("no"))
+    assert types(pair.deliver(pair.client)) == [Failed]
+
+
+@pytest.mark.parametrize(("second", "kind"), [(5, RequestReceived), (6, Crowded)])
+def test_request_is_crowded_when_it_exceeds_the_free_bytes(second, kind):
+    pair = open_pair()
+    pair.server.free_bytes = 10
+    pair.client.request("a", 3, bytes(5), 250)
+    pair.client.request("b", 3, bytes(second), 250)
+    assert types(pair.deliver(pair.server)) == [RequestReceived, kind]
+
+
+def test_large_request_that_exceeds_the_free_bytes_is_announced_once_and_can_be_refused():
+    pair = open_pair()
+    server, size = pair.server, 2 * LARGE
+    server.free_bytes = LARGE
+    refused = pair.client.request("large", 3, bytes(size), 250)
+    pair.client.request("small", 4, b"x", 250)
+    assert pair.deliver(server, LARGE) == [Announced(3, size)]
+    assert server.bytes_coming == size
+    server.skip_large(ServerBusy("no room", retry_after=0.5))
+    assert types(pair.deliver(server)) == [RequestReceived], "the rest is not announced again"
+    (failed,) = pair.deliver(pair.client)
+    assert (failed.ticket, str(failed.error)) == ("large", "no room")
+    assert server.last_call_id == refused + 1
+    assert (server.in_flight, server.bytes_in_flight) == (1, 1)
+
+
+def test_only_a_request_that_may_begin_is_announced():
+    header = pack_header(FrameType.REQUEST, 0, 3, 1, 250, 2 * LARGE)
+    publish = pack_header(FrameType.PUBLISH, 0, 3, 9, 250, 2 * LARGE)
+    for data, state, announced in (
+        (header, State.OPEN, True),
+        (header, State.DRAINING, False),
+        (publish, State.OPEN, False),
+    ):
+        server = open_pair().server
+        server.free_bytes, server.state = LARGE, state
+        events = receive(server, data + bytes(100))
+        assert (types(events) == [Announced]) is announced
+
+
+def test_nothing_is_skipped_where_nothing_large_arrives():
+    server = open_pair().server
+    server.skip_large(ServerBusy("no room", retry_after=0.5))
+    assert not server.take()
