@@ -24,15 +24,21 @@ from mutmut.stats import status_by_exit_code  # noqa: E402
 from mutmut.utils.format_utils import get_mutant_name  # noqa: E402
 
 
-def main(module: str, size: int, seed: int, children: int, report: str) -> None:
-    """Test `size` mutants of a module (0: all of them), and write what became of each."""
+def main(module: str, size: int, seed: int, children: int, report: str, again: str = "") -> None:
+    """Test `size` mutants of a module (0: all of them), and write what became of each.
+
+    With `again`, an earlier report, only those that survived then.
+    """
     path = Path(module)
     names = sorted(
         get_mutant_name(path, name)
         for name in mutate_file_contents(module, path.read_text()).mutant_names
     )
     made = len(names)
-    if 0 < size < made:
+    if again:
+        before = json.loads(Path(again).read_text())[module]["results"]
+        names = [name for name in names if name in before and before[name]["diff"]]
+    elif 0 < size < made:
         names = sorted(random.Random(f"{seed} {module}").sample(names, size))
     if names:
         mutmut_command._run(names, children)
@@ -50,4 +56,4 @@ def main(module: str, size: int, seed: int, children: int, report: str) -> None:
 
 
 if __name__ == "__main__":
-    main(sys.argv[1], *map(int, sys.argv[2:5]), sys.argv[5])
+    main(sys.argv[1], *map(int, sys.argv[2:5]), *sys.argv[5:])

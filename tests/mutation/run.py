@@ -82,6 +82,7 @@ def parsed() -> argparse.Namespace:
     parser.add_argument("--sample", type=int, default=0, help="mutants a module, 0 for all (0)")
     parser.add_argument("--seed", type=int, default=1, help="what the sample is drawn with (1)")
     parser.add_argument("--children", type=int, default=os.cpu_count() or 1, help="processes")
+    parser.add_argument("--again", metavar="FILE", help="only what survived in these results")
     parser.add_argument("--json", metavar="FILE", help="write the results to this file, too")
     return parser.parse_args()
 
@@ -98,6 +99,8 @@ def tested(module: str, tests: list[str], arguments: argparse.Namespace) -> dict
     report = FOLDER / "report.json"
     numbers = [str(arguments.sample), str(arguments.seed), str(arguments.children)]
     command = [sys.executable, str(HERE / "mutate.py"), module, *numbers, str(report)]
+    if arguments.again:
+        command.append(str(Path(arguments.again).resolve()))
     with (FOLDER / "log").open("w") as log:
         done = subprocess.run(command, cwd=FOLDER, stdout=log, stderr=subprocess.STDOUT)
     if done.returncode or not report.exists():

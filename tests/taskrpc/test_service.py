@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import taskrpc
 from taskrpc.access import Role
 from taskrpc.callinfo import Denied
-from taskrpc.service import MEASURED, Service
+from taskrpc.service import MEASURED, QUEUE_LIMIT, Service
 from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport.base import IncomingCall
 from tests.taskrpc.transport.helpers import Add, ask
@@ -30,6 +30,14 @@ class FakeTransport:
 
 class Fake(IncomingCall, eq=False):
     ends: list
+    has_room: bool = True
+    postponed: int = 0
+
+    def must_wait(self):
+        return not self.has_room
+
+    def postpone(self):
+        self.postponed += 1
 
     def reply(self, response):
         self.ends.append(response)
@@ -483,3 +491,118 @@ async def test_calls_leave_no_work_to_the_garbage_collector(kind, once):
             assert gc.collect() < 30
         finally:
             gc.enable()
+
+
+async def begun_and_waiting(count, **options):
+    """A service whose one call runs until the gate opens, and calls that wait behind it."""
+    gate = asyncio.Event()
+
+    async def wait(request, response):
+        await gate.wait()
+        return response
+
+    transport, made = service(wait, **options)
+    calls = [FakeCall(n) for n in range(count + 1)]
+    for call in calls:
+        transport.serve(call)
+    return transport, made, gate, calls
+
+
+async def test_calls_without_room_for_their_answers_come_again_and_others_run():
+    transport, _, gate, calls = await begun_and_waiting(0)
+    mine, more, room = FakeCall(1), FakeCall(2), FakeCall(3)
+    other = FakeCall(4)
+    other.caller = "/other"
+    for call in (mine, more, room, other):
+        transport.serve(call)
+    mine.has_room = more.has_room = False
+    gate.set()
+    await asyncio.sleep(1)
+    assert [call.postponed for call in (mine, more, room, other)] == [1, 1, 0, 0]
+    assert [len(call.ends) for call in (mine, more, room, other)] == [0, 0, 1, 1]
+    assert len(calls[0].ends) == 1
+
+
+async def test_runaway_caller_loses_its_newest_call_when_the_queue_is_full():
+    transport, made, gate, calls = await begun_and_waiting(QUEUE_LIMIT)
+    other = FakeCall(-1)
+    other.caller = "/other"
+    transport.serve(other)
+    refused = calls[-1]
+    (error,) = refused.ends
+    assert isinstance(error, taskrpc.ServerBusy)
+    assert str(error) == f"/x has {QUEUE_LIMIT} calls waiting"
+    assert error.retry_after == 0.1
+    assert made.status().waiting == QUEUE_LIMIT
+    refused.cancel()  # it waits no more: that changes nothing
+    assert made.status().waiting == QUEUE_LIMIT
+    one_more = FakeCall(-2)
+    transport.serve(one_more)
+    assert isinstance(one_more.ends[0], taskrpc.ServerBusy), "its own caller has the most calls"
+    gate.set()
+    await asyncio.sleep(1)
+    assert len(other.ends) == 1
+    assert sum(bool(call.ends) for call in calls) == len(calls)
+
+
+async def test_call_that_was_refused_for_too_little_time_may_come_again_soon():
+    """16 calls took a second each, so a call with less than 1.255 s left is in vain."""
+    loop = asyncio.get_running_loop()
+
+    async def work(request, response):
+        await asyncio.sleep(1.0)
+        return response
+
+    transport, _ = service(work)
+    for number in range(MEASURED + 1):
+        transport.serve(FakeCall(number))
+    await asyncio.sleep(MEASURED - 0.5)
+    turn = loop.time() + 1.5  # when the next caller's turn comes
+    tight, last = FakeCall(100, deadline=turn + 1.252), FakeCall(101, deadline=turn + 9)
+    for call in (tight, last):
+        call.caller = "/other"
+        transport.serve(call)
+    await asyncio.sleep(4)
+    assert isinstance(tight.ends[0], taskrpc.ServerBusy)
+    assert tight.ends[0].retry_after == 0.1
+
+
+async def test_log_shows_what_a_callback_raised_or_returned(caplog):
+    def fail(request, response):
+        raise ZeroDivisionError("one of the callback's own")
+
+    def forget(request, response):
+        pass
+
+    for callback, expected in (
+        (fail, "one of the callback's own"),
+        (forget, "forget returned None; a service callback must `return response`"),
+        (lambda request, response: 5, "the response cannot be sent: "),
+    ):
+        caplog.clear()
+        transport, _ = service(callback)
+        call = Refusing(*_fields(FakeCall(1)))
+        transport.serve(call)
+        (record,) = caplog.records
+        assert expected in str(record.exc_info[1])
+        assert "the handler failed; see the server's log" in str(call.ends[0])
+
+
+class Refusing(Fake, eq=False):
+    """A call that takes nothing but a response, as a connection's does."""
+
+    def reply(self, response):
+        if not isinstance(response, Add.Response):
+            raise taskrpc.InvalidRequest("", f"expected a response, got {response!r}")
+        super().reply(response)
+
+
+def _fields(call):
+    return [getattr(call, name) for name in call.__struct_fields__]
+
+
+async def test_call_whose_deadline_has_passed_is_told_so():
+    transport, _ = service(lambda request, response: response)
+    call = FakeCall(1, deadline=asyncio.get_running_loop().time())
+    transport.serve(call)
+    assert str(call.ends[0]) == "the deadline passed before the call began"
