@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from taskrpc.errors import StoreError
+from taskrpc.robot.protocol import TargetError
 from taskrpc.tasks.answers import Resumed
 from taskrpc.tasks.listing import page
 from taskrpc.tasks.manager import TaskManager
@@ -447,4 +448,71 @@ async def test_what_nobody_waits_for_any_more_is_undone_when_it_cannot_be_stored
     await manager.resume()
     await asyncio.sleep(20)
     assert len(robot.log) == (state == "QUEUED")
+    await manager.close()
+
+
+async def test_manager_says_what_there_is_to_do(manager):
+    assert str(manager) == "no tasks in the queue"
+    await submit(manager, ("50", 5), ("1", 5))
+    await asyncio.sleep(5)
+    assert str(manager) == "1 task in the queue, task 1 in hand"
+    await submit(manager, ("2", 5))
+    await manager.pause()
+    assert str(manager) == "2 tasks in the queue, task 1 in hand, the queue is paused"
+
+
+@pytest.mark.parametrize("error", [TargetError, RuntimeError])
+async def test_long_refusal_of_a_robot_is_cut_at_400_characters(manager, monkeypatch, error):
+    def refuse(self, task_type, target, start):
+        raise error("x" * 1000)
+
+    monkeypatch.setattr(LineRobot, "plan", refuse)
+    refused = await manager.submit("move", "1", 5)
+    assert refused.message.endswith("x" * 300)
+    assert len(refused.message.partition(": ")[2]) == 400
+
+
+async def test_closed_manager_says_so():
+    manager = TaskManager(LineRobot(), MemoryStore())
+    await manager.start()
+    assert not manager.is_closed
+    await manager.close()
+    assert manager.is_closed
+
+
+async def test_task_that_was_dropped_is_dropped_already(manager):
+    await manager.pause()
+    await submit(manager, ("1", 5))
+    await manager.cancel(1)
+    answer = await manager.drop(1)
+    assert (answer.success, answer.message, answer.task_id) == (
+        True,
+        "Task 1 is dropped already",
+        1,
+    )
+
+
+async def test_restart_that_takes_no_time_moves_no_promise():
+    store = MemoryStore()
+    old = TaskManager(LineRobot(), store, wall_clock=lambda: 1000.0)
+    await old.start()
+    await old.pause()
+    await submit(old, ("50", 5))
+    await old.close()
+    new = TaskManager(LineRobot(), store, wall_clock=lambda: 1000.0)
+    await new.start()
+    assert not new.changes(new.book.find(1))
+    await new.close()
+
+
+async def test_only_a_stored_task_is_logged_as_queued(caplog):
+    caplog.set_level("INFO", "taskrpc.tasks")
+    store = Refusing(1)
+    manager = TaskManager(LineRobot(), store)
+    await manager.start()
+    with pytest.raises(StoreError):
+        await manager.submit("move", "3", 5)
+    assert "queued" not in caplog.text
+    await manager.submit("move", "3", 4)
+    assert "Task 2 queued: move to 3 (priority: 4)" in caplog.text
     await manager.close()

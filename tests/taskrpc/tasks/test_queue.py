@@ -2,6 +2,7 @@
 
 import asyncio
 import itertools
+import tracemalloc
 
 import hypothesis.strategies as st
 import msgspec
@@ -239,3 +240,49 @@ def count_plans(step, size):
     }
     steps[step]()
     return plans
+
+
+def test_amended_task_is_listed_as_it_is_now():
+    queue = TaskQueue(journey, HOME)
+    queue.put(make(1))
+    amended = msgspec.structs.replace(make(1), message="amended")
+    queue.amend(amended)
+    assert [task for task, _ in queue.ordered()] == [amended]
+    assert queue.find(1) == first(queue) == amended
+
+
+def test_task_that_was_handed_out_can_be_removed():
+    queue = TaskQueue(journey, HOME)
+    queue.put(make(1))
+    assert first(queue).task_id == 1
+    queue.remove(1)
+    assert len(queue) == 0
+    with pytest.raises(KeyError):
+        queue.remove(1)
+
+
+def test_tasks_that_ran_leave_nothing_behind_in_the_queue():
+    queue = TaskQueue(journey, HOME)
+
+    def run(numbers):
+        for number in numbers:
+            queue.put(make(number))
+            queue.begin(first(queue))
+
+    run(range(1, 1_000))
+    tracemalloc.start()
+    try:
+        run(range(1_000, 3_000))
+        kept, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert kept < 200_000, "a hundred bytes a task"
+
+
+def test_waiting_tasks_are_counted_by_account_and_machine():
+    queue = TaskQueue(journey, HOME)
+    callers = [("ann", "a"), ("ann", "b"), ("bob", "a"), ("ann", "a")]
+    for number, (client, machine) in enumerate(callers, 1):
+        queue.put(msgspec.structs.replace(make(number), client=client, machine=machine))
+    counts = [queue.waiting_of(*who) for who in (("ann", "a"), ("ann", "b"), ("bob", "b"))]
+    assert counts == [2, 1, 0]

@@ -362,3 +362,72 @@ def test_a_link_in_the_folder_is_not_followed(registry, tmp_path):
     link.symlink_to(tmp_path / "forged")
     assert registry.entries() == []
     assert Path(tmp_path / "forged").exists()
+
+
+def test_every_change_changes_the_signature_also_where_the_clock_stands_ahead(
+    registry, other, monkeypatch
+):
+    monkeypatch.setattr(time, "time_ns", lambda: 3 * 10**18)
+    roster, seen = Roster(entry()), []
+    for gone in (False, True, False):
+        registry.publish(roster, Change(node="/n", gone=gone))
+        seen.append(other.signature())
+    assert len(set(seen)) == 3
+
+
+def leave_behind(registry, name="1-dead.json"):
+    """The file of a process that died."""
+    left = registry._folder / name
+    left.write_bytes(line_of(1, entry(script="dead.py", services=(ADD,))))
+    return left
+
+
+def test_removing_a_dead_entry_is_a_change(registry, other):
+    publish(other, entry())
+    leave_behind(registry)
+    before = registry.signature()
+    assert len(registry.entries()) == 1
+    assert registry.signature() != before
+    assert len(files(registry)) == 1
+
+
+def test_dead_entries_that_cannot_be_removed_are_passed_over(registry, other, monkeypatch):
+    publish(other, entry())
+    leave_behind(registry)
+
+    def refused(self, missing_ok=False):
+        raise PermissionError(13, "not yours")
+
+    monkeypatch.setattr(Path, "unlink", refused)
+    assert [each.script for each in registry.entries()] == ["adder.py"]
+    other.close()  # its own file cannot be removed either
+    assert registry.entries() == []
+
+
+def test_name_of_a_living_server_is_refused_beside_many_dead_ones(registry, other):
+    publish(other, entry(services=(ADD,)))
+    for number in range(20):
+        leave_behind(registry, f"{number}-dead.json")
+    with pytest.raises(taskrpc.errors.NameInUse):
+        publish(registry, entry(), claim="/add")
+
+
+def test_lock_whose_time_cannot_be_set_stops_nobody(registry, other, monkeypatch):
+    utime = os.utime
+
+    def refused(path, **options):
+        if Path(path).name == "lock":
+            raise PermissionError(1, "not permitted")
+        utime(path, **options)
+
+    monkeypatch.setattr(os, "utime", refused)
+    publish(registry, entry())
+    assert other.entries() == [entry()]
+
+
+def test_abandoned_entry_is_dead(registry, other):
+    publish(registry, entry())
+    registry.abandon()
+    assert other.entries() == []
+    assert files(other) == []
+    registry.abandon()
