@@ -30,7 +30,7 @@ def check_node_name(name: str) -> str:
     _refuse_if(not name, name, 0, kind, "node name must not be empty")
     if found := _NOT_WORD.search(name):
         problem = "node name must not contain characters other than alphanumerics or '_'"
-        raise InvalidName(name, found.start(), kind=kind, problem=problem)
+        raise _invalid(name, found.start(), kind, problem)
     _refuse_if(name[0].isdigit(), name, 0, kind, "node name must not start with a number")
     _check_length(name, _MAX_NODE, kind)
     return name
@@ -42,7 +42,7 @@ def check_namespace(namespace: str) -> str:
     name = namespace if namespace.startswith("/") else f"/{namespace}"
     if found := _NOT_PATH.search(name):
         problem = "namespace must not contain characters other than alphanumerics, '_', or '/'"
-        raise InvalidName(name, found.start(), kind=kind, problem=problem)
+        raise _invalid(name, found.start(), kind, problem)
     ends = len(name) > 1 and name.endswith("/")
     _refuse_if(
         ends, name, len(name) - 1, kind, "namespace must not end with a '/', unless only a '/'"
@@ -80,7 +80,7 @@ def check_unexpanded(name: str, kind: str = "service name") -> None:
     index = _end_of(_WELL_FORMED, name, 0)
     if index < len(name):
         index, problem = _broken_at(name, index)
-        raise InvalidName(name, index, kind=kind, problem=problem)
+        raise _invalid(name, index, kind, problem)
     alone = name.startswith("~") and name[1:2] not in ("", "/")
     problem = "topic name must not have a tilde '~' that is not followed by a forward slash '/'"
     _refuse_if(alone, name, 1, kind, problem)
@@ -133,7 +133,7 @@ def _substituted(name: str, namespace: str, node: str, kind: str) -> str:
 def _check_whole(name: str, kind: str) -> None:
     _check_end(name, kind)
     if found := _NOT_PATH.search(name):
-        raise InvalidName(name, found.start(), kind=kind, problem=_OTHER_CHARACTER)
+        raise _invalid(name, found.start(), kind, _OTHER_CHARACTER)
     _check_tokens(name, kind, _DIGIT_PROBLEM)
     _check_length(name, _MAX_TOPIC, kind)
 
@@ -154,7 +154,7 @@ def _check_tokens(name: str, kind: str, digit_problem: str) -> None:
     problem = f"{subject} must not contain repeated '/'"
     _refuse_if(repeated >= 0, name, repeated + 1, kind, problem)
     if found := _DIGIT_TOKEN.search(name):
-        raise InvalidName(name, found.end(), kind=kind, problem=digit_problem)
+        raise _invalid(name, found.end(), kind, digit_problem)
 
 
 def _check_length(name: str, limit: int, kind: str) -> None:
@@ -164,4 +164,9 @@ def _check_length(name: str, limit: int, kind: str) -> None:
 
 def _refuse_if(wrong: bool, name: str, index: int, kind: str, problem: str) -> None:
     if wrong:
-        raise InvalidName(name, index, kind=kind, problem=problem)
+        raise _invalid(name, index, kind, problem)
+
+
+def _invalid(name: str, index: int, kind: str, problem: str) -> InvalidName:
+    # The rules are the same for topics and services, and worded for topics.
+    return InvalidName(name, index, kind=kind, problem=problem.replace("topic name", kind, 1))

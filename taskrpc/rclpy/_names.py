@@ -29,7 +29,12 @@ def kind_of(is_service: bool) -> str:
 
 def translated(error: InvalidName) -> NameValidationException:
     """rclpy's exception for a name that breaks a rule."""
-    return _EXCEPTIONS[error.kind](error.name, error.problem, error.index)
+    return _EXCEPTIONS[error.kind](error.name, ros_problem(error), error.index)
+
+
+def ros_problem(error: InvalidName) -> str:
+    """The rule in ROS's words, which speak of topics where a service is meant, too."""
+    return error.problem.replace("service name", "topic name", 1)
 
 
 def refuse_other_than_text(name: object, kind: str) -> None:

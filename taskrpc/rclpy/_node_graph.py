@@ -12,6 +12,7 @@ from taskrpc.transport.entries import Entry
 
 from ._bridge import Bridge
 from ._endpoints import clients_of, publishers_of, servers_of, split, subscriptions_of
+from ._names import ros_problem
 from .endpoint_info import ServiceEndpointInfo, TopicEndpointInfo
 from .exceptions import NodeNameNonExistentError
 
@@ -159,7 +160,7 @@ class NodeGraph:
         try:
             names.check_unexpanded(name, kind)
         except InvalidName as error:
-            raise ValueError(f"{kind} '{name}' is invalid: {error.problem}") from None
+            raise ValueError(f"{kind} '{name}' is invalid: {ros_problem(error)}") from None
         return self._rclpy_resolve(name, is_service=is_service)
 
 

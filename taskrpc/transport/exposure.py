@@ -16,8 +16,10 @@ def refuse_exposure(
     if not (certificate and (token or ca or accounts is not None)):
         raise CannotListen(
             f"cannot listen at {host}: beyond this machine's own addresses (127.0.0.1,"
-            " localhost, ::1) a certificate (tls) and a token are needed; accounts or client"
-            " certificates (ca) will do in the token's place"
+            " localhost, ::1) a server needs a certificate (--tls-cert and --tls-key, or"
+            " tls=taskrpc.Tls(cert, key)) and one of: a token (--token-file, token=), accounts"
+            " (--accounts, accounts=), or an authority for its callers' certificates (--tls-ca,"
+            " Tls(ca=))"
         )
     secrets = {"the token": token} if token else {}
     for account in accounts or ():

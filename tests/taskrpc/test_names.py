@@ -72,6 +72,7 @@ def test_a_bad_service_name_is_refused_at_its_character(name, index, problem):
         expand(name, namespace="/robot1", node="server")
     error = caught.value
     assert (error.name, error.index, error.kind) == (name, index, "service name")
+    problem = problem.replace("topic name", "service name", 1)
     assert error.problem == problem
     assert str(error) == f"Invalid service name: {problem}:\n  '{name}'\n   {' ' * index}^"
     assert error.not_executed is True
@@ -170,7 +171,7 @@ def test_a_name_means_this_to_a_node(name, in_robot1, in_root):
         ("~", "'~' stands for a node, and there is none here"),
         ("~/add", "'~' stands for a node, and there is none here"),
         ("a/{node}", "'{node}' stands for a node, and there is none here"),
-        ("{ns}", "topic name must not end with a forward slash"),
+        ("{ns}", "service name must not end with a forward slash"),
     ],
 )
 def test_what_stands_for_nothing_is_refused(name, sentence):

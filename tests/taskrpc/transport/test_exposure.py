@@ -68,6 +68,7 @@ def test_a_secret_that_can_be_guessed_is_named_with_its_length():
 def test_both_conditions_are_in_one_sentence():
     assert refused("0.0.0.0", False, "token") == (
         "cannot listen at 0.0.0.0: beyond this machine's own addresses (127.0.0.1, localhost, ::1)"
-        " a certificate (tls) and a token are needed; accounts or client certificates (ca) will do"
-        " in the token's place"
+        " a server needs a certificate (--tls-cert and --tls-key, or tls=taskrpc.Tls(cert, key))"
+        " and one of: a token (--token-file, token=), accounts (--accounts, accounts=), or an"
+        " authority for its callers' certificates (--tls-ca, Tls(ca=))"
     )
