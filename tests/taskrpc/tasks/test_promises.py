@@ -274,3 +274,27 @@ async def test_a_resumed_promise_still_adds_up_when_some_changes_are_forgotten()
     said = promised + sum(change.seconds for change in changes)
     assert said == pytest.approx(passed + manager.estimate(2), abs=0.01)
     await manager.close()
+
+
+async def test_cancel_that_is_refused_late_delays_only_its_own_task():
+    """Meanwhile a task went ahead; each promise still adds up to what is shown."""
+    manager = TaskManager(LineRobot(), StubbornStore())
+    await manager.start()
+    await manager.pause()
+    for target in ("3", "9", "1"):
+        await manager.submit("move", target, 5)
+    began = asyncio.get_running_loop().time()
+    manager.book._store.stubborn = 2
+    refused = asyncio.ensure_future(manager.cancel(2))
+    await asyncio.sleep(0.5)
+    await manager.submit("move", "20", 9)
+    with pytest.raises(StoreError):
+        await refused
+    await asyncio.sleep(1)
+    manager.reckon()
+    passed = asyncio.get_running_loop().time() - began
+    for number in (1, 2, 3):
+        task = manager.book.find(number)
+        said = task.accepted_estimate + sum(change.seconds for change in manager.changes(task))
+        assert said == pytest.approx(passed + manager.estimate(number), abs=0.01), number
+    await manager.close()

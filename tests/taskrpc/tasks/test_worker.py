@@ -420,3 +420,111 @@ async def test_a_robot_whose_execute_is_no_coroutine_fails_its_task_and_not_the_
     scene.robot.execute = good
     await scene.until(second, State.SUCCEEDED)
     assert not scene.manager.is_paused
+
+
+def kept(manager, task_id, accepted_at, ended_at):
+    """What a task was promised plus its changes, less the time that it really took."""
+    task = manager.book.find(task_id)
+    promised = task.accepted_estimate + sum(change.seconds for change in task.changes)
+    return promised - (ended_at - accepted_at)
+
+
+def causes(manager, task_id):
+    return [change.cause for change in manager.changes(manager.book.find(task_id))]
+
+
+async def test_promises_hold_after_a_start_that_could_not_be_stored():
+    scene = Scene(settle=1.0)
+    await scene.watch()
+    loop, ended = asyncio.get_running_loop(), {}
+    await scene.submit("3", "9")
+    accepted_at = loop.time()
+    before = [scene.manager.estimate(task_id) for task_id in (1, 2)]
+    scene.store.is_full = True
+    await asyncio.sleep(2)
+    assert scene.manager.is_paused
+    assert scene.robot.log == []
+    scene.manager.reckon()
+    # The second that it settled is over; the queue stands still for as long as it is paused.
+    after = [scene.manager.estimate(task_id) for task_id in (1, 2)]
+    assert after == pytest.approx([seconds - 1.0 for seconds in before])
+    scene.store.is_full = False
+    await scene.manager.resume()
+    for task_id in (1, 2):
+        await scene.until(task_id, State.SUCCEEDED)
+        ended[task_id] = loop.time()
+    for task_id in (1, 2):
+        assert kept(scene.manager, task_id, accepted_at, ended[task_id]) == pytest.approx(
+            0, abs=0.01
+        )
+    await scene.manager.close()
+
+
+async def test_cancelled_run_is_the_cause_of_what_follows_it(scene):
+    await scene.submit("10", "12", "1")
+    await asyncio.sleep(4)
+    await scene.manager.cancel(1)
+    assert causes(scene.manager, 3) == ["task 1 was cancelled"]
+
+
+@pytest.mark.parametrize(("slowness", "text"), [(2.0, "longer"), (0.5, "less time")])
+async def test_run_that_does_not_take_the_planned_time_is_named(scene, slowness, text):
+    await scene.submit("10", "12")
+    await asyncio.sleep(2)
+    scene.robot.slowness = slowness
+    await scene.until(1, State.SUCCEEDED)
+    assert causes(scene.manager, 2) == [f"task 1 took {text} than planned"]
+
+
+async def test_delay_before_a_pause_is_not_the_pause(scene):
+    await scene.submit("10", "12")
+    await asyncio.sleep(2)
+    scene.robot.slowness = 2.0
+    await asyncio.sleep(2)
+    await scene.manager.pause()
+    await asyncio.sleep(30)
+    await scene.manager.resume()
+    found = scene.manager.changes(scene.manager.book.find(2))
+    assert [change.cause for change in found] == [
+        "task 1 took longer than planned",
+        "the queue was paused",
+    ]
+    assert found[1].seconds == pytest.approx(30, abs=0.6)
+
+
+async def test_task_that_could_not_be_stored_while_the_worker_waited_pauses_nothing(scene):
+    scene.store.delay, scene.store.is_full = 1.0, True
+    with pytest.raises(StoreError):
+        await scene.submit("3")
+    scene.store.delay, scene.store.is_full = 0.0, False
+    await asyncio.sleep(1)
+    assert not scene.manager.is_paused
+    (task_id,) = await scene.submit("3")
+    await scene.until(task_id, State.SUCCEEDED)
+
+
+async def test_resuming_tells_the_robot_and_wakes_watchers(scene):
+    told = []
+    scene.robot.resume = lambda: told.append("resume")
+    await scene.manager.pause()
+    revision = scene.manager.board.revision
+    watching = asyncio.ensure_future(scene.manager.board.wait_for_change(revision, 1000))
+    await asyncio.sleep(1)
+    assert not watching.done()
+    answer = await scene.manager.resume()
+    assert (answer.success, answer.message) == (True, "The queue goes on")
+    assert told == ["resume"]
+    began = asyncio.get_running_loop().time()
+    await watching
+    assert asyncio.get_running_loop().time() - began < 1
+
+
+async def test_stopped_task_says_who_stopped_the_robot(scene):
+    await scene.submit("10")
+    await asyncio.sleep(4)
+    await scene.manager.stop(client="ann")
+    assert scene.manager.book.find(1).message == "the robot was stopped by ann"
+
+
+async def test_server_that_was_never_started_ends_at_once():
+    await Scene(settle=0.0).manager.close()
