@@ -1,8 +1,13 @@
 """A client's channel notices every change of the server, whenever the change arrives."""
 
+import asyncio
+
+import pytest
+
 import taskrpc
+from taskrpc.testing import FaultyNetwork
 from taskrpc.wire.frames import FrameType, pack_frame
-from tests.taskrpc.transport.helpers import Add, add, ask
+from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask, outcome, until
 
 
 async def test_change_that_arrives_with_the_answer_to_resolve_makes_the_client_resolve_again():
@@ -34,3 +39,68 @@ async def test_change_that_arrives_with_the_answer_to_resolve_makes_the_client_r
         assert await client.wait_for_service(1)
         assert asked.count(FrameType.RESOLVE) == 2
         assert (await client.call(ask(1, 2))).sum == 3
+
+
+async def test_known_server_that_cannot_be_reached_is_dialled_at_growing_intervals():
+    with FaultyNetwork(seed=3) as network:
+        async with (
+            taskrpc.Node("s", transport="memory", listen="server") as server,
+            taskrpc.Node("c", transport="memory", listen="client") as node,
+        ):
+            server.create_service(Add, "add", add)
+            network.partition("client", "server")
+            client = node.create_client(Add, "add")
+            dials, dial = [], node._transport.network.dial
+            loop = asyncio.get_running_loop()
+
+            async def counted(*arguments):
+                dials.append(loop.time())
+                return await dial(*arguments)
+
+            node._transport.network.dial = counted
+            waiting = asyncio.ensure_future(client.wait_for_service(300))
+            await asyncio.sleep(120)
+            assert 3 <= len(dials) <= 60
+            network.heal()
+            healed = loop.time()
+            assert await waiting
+            assert loop.time() - healed < 20
+            assert (await client.call(ask(1, 2))).sum == 3
+
+
+async def test_call_that_finds_no_other_server_fails_at_once():
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as node,
+    ):
+        gate = Gate()
+        service = server.create_service(Add, "gate", gate)
+        client = node.create_client(Add, "gate")
+        assert await client.wait_for_service(1)
+        running = client.call_async(ask(1), timeout=60)
+        await until(lambda: gate.started)
+        began = asyncio.get_running_loop().time()
+        service.destroy()
+        late = await outcome(client.call(ask(2), timeout=60))
+        assert isinstance(late, taskrpc.ServiceUnavailable)
+        assert late.not_executed
+        assert asyncio.get_running_loop().time() - began < 1
+        gate.opened.set()
+        assert (await running).sum == 1
+
+
+async def test_server_of_another_type_is_reported_once_while_a_client_waits(caplog):
+    async with (
+        taskrpc.Node("server", transport="memory", token="s") as server,
+        taskrpc.Node("client", transport="memory", token="c") as node,
+    ):
+        server.create_service(Text, "add", lambda request, response: response)
+        client = node.create_client(Add, "add")
+        waiting = asyncio.ensure_future(client.wait_for_service(60))
+        for number in range(3):  # each of these is a reason to look again
+            await asyncio.sleep(5)
+            server.create_service(Add, f"other_{number}", add)
+        assert not await waiting
+        assert caplog.text.count("has another definition") == 1
+        with pytest.raises(taskrpc.TypeMismatch):
+            await client.call(ask(), timeout=1)

@@ -9,7 +9,13 @@ from itertools import pairwise
 import pytest
 
 import taskrpc
-from taskrpc.transport.connection import STALL_PERIOD, UNREAD_LIMIT, _Watch
+from taskrpc.transport.connection import (
+    HANDSHAKE_TIMEOUT,
+    STALL_PERIOD,
+    UNREAD_LIMIT,
+    _Watch,
+    shown,
+)
 from taskrpc.transport.endpoint import Endpoint
 from taskrpc.transport.keepalive import DEFAULT
 from taskrpc.wire.events import Closed
@@ -357,3 +363,78 @@ async def test_thousands_of_connections_are_not_pinged_in_one_moment(server, mon
     for each in idle:
         assert 10 <= len(each.looks) <= 11
         assert max(late - early for early, late in pairwise(each.looks)) < 1.1
+
+
+@pytest.mark.parametrize(
+    ("peer", "text"),
+    [
+        (("127.0.0.1", 80), "127.0.0.1:80"),
+        (("::1", 80, 0, 0), "::1:80"),
+        ("/run/socket", "/run/socket"),
+        (None, "a peer in memory"),
+    ],
+)
+def test_address_of_a_peer_is_shown_as_users_write_it(peer, text):
+    assert shown(peer) == text
+
+
+class Leaver(asyncio.BufferedProtocol):
+    """Connects, writes this, and leaves when it is told to."""
+
+    def __init__(self, data=b""):
+        self.data = data
+
+    def connection_made(self, transport):
+        self.transport = transport
+        transport.write(self.data)
+
+    def get_buffer(self, sizehint):
+        return bytearray(1000)
+
+    def buffer_updated(self, nbytes):
+        pass
+
+    def connection_lost(self, exc):
+        pass
+
+
+async def test_peer_that_leaves_during_the_handshake_is_not_reported_later(server, caplog):
+    network = server._transport.network
+    stranger = await network.dial(network.locate("/add")[0], Leaver)
+    await asyncio.sleep(0.5)
+    (serving,) = server._transport._served
+    stranger.transport.abort()
+    await serving.gone
+    await asyncio.sleep(HANDSHAKE_TIMEOUT + 1)
+    assert not caplog.records
+
+
+async def test_reason_for_which_a_connection_was_closed_is_logged_and_kept(server, node, caplog):
+    _, connection = await connected(node)
+    serving = next(iter(server._transport._served))
+    connection.transport.write(pack_frame(0x55, 0, 0, 0, 0))
+    await serving.gone
+    reason = "frame type 85 is not part of this protocol"
+    (record,) = caplog.records
+    assert record.message.startswith("closed the connection from ")
+    assert record.message.endswith(f": {reason}")
+    assert str(serving.why_closed) == reason
+
+
+async def test_ping_carries_the_number_of_bytes_received(server, node):
+    _, connection = await connected(node)
+    frames = []
+    write = connection.transport.write
+    connection.transport.write = lambda data: (frames.append(bytes(data)), write(data))
+    received = connection.received
+    await asyncio.sleep(DEFAULT.silence + 1.5)
+    pings = [frame for frame in frames if frame[4] == FrameType.PING]
+    assert pings[0] == pack_frame(FrameType.PING, 0, 0, 0, received)
+    assert received > 0
+
+
+async def test_bytes_that_another_thread_wrote_are_counted(node, server):
+    _, connection = await connected(node)
+    before = connection.written
+    connection.count_written(100)
+    assert connection.written == before + 100
