@@ -9,14 +9,14 @@ from taskrpc import platform
 from taskrpc.errors import ServerBusy
 from taskrpc.transport.seldom import SeldomLog
 from taskrpc.transport.serving import ServingConnection
-from taskrpc.transport.shares import Caller, name_of
+from taskrpc.transport.shares import ByHost, Caller, name_of
 
 log = logging.getLogger("taskrpc.transport")
 
 MAX_CONNECTIONS = 10_000
 """Connections of callers that have proved themselves, where descriptors allow so many."""
 MAX_STRANGERS = 128
-"""Connections that have not; one more cuts the oldest off."""
+"""Connections that have not; one more cuts off the oldest of the machine that has most."""
 
 RETRY_AFTER = 1.0
 GRACE = 5.0
@@ -27,7 +27,8 @@ class Admission:
     """Counts the connections of one listener.
 
     A flood of strangers costs only strangers their places: whoever has proved himself stays, and
-    a proof takes far less time than 128 others need to come. Nor can one account's flood keep the
+    a proof takes far less time than 128 others need to come. A flood from one machine costs only
+    that machine's strangers theirs. Nor can one account's flood keep the
     others out, nor one machine's others of its account: whoever has most connections loses one to
     who has fewer.
     """
@@ -36,7 +37,7 @@ class Admission:
         descriptors = platform.descriptor_limit()
         self._most = min(MAX_CONNECTIONS, descriptors * 3 // 4)
         self._most_strangers = min(MAX_STRANGERS, descriptors // 8)
-        self._strangers: dict[ServingConnection, None] = {}
+        self._strangers = ByHost[ServingConnection]()
         self._known: dict[Caller, dict[ServingConnection, None]] = {}
         """By caller, in the order in which they came."""
         self._count = 0
@@ -49,22 +50,22 @@ class Admission:
         """Somebody connected; there is room for him, or there will be."""
         if len(self._strangers) >= self._most_strangers:
             self._cut_oldest(connection)
-        self._strangers[connection] = None
+        self._strangers.add(connection.host_name, connection)
 
     def proved(self, connection: ServingConnection) -> None:
         """Somebody showed that he may be here; he stays unless the server is full."""
-        if connection not in self._strangers:
+        if not self._strangers.remove(connection.host_name, connection):
             return
         if self._count >= self._most and not self._make_room(connection.shares):
+            self._strangers.add(connection.host_name, connection)
             self._refuse(connection)
             return
-        del self._strangers[connection]
         self._known.setdefault(connection.shares, {})[connection] = None
         self._count += 1
 
     def left(self, connection: ServingConnection) -> None:
         """A connection is gone."""
-        self._strangers.pop(connection, None)
+        self._strangers.remove(connection.host_name, connection)
         self._forget(connection)
 
     def _forget(self, connection: ServingConnection) -> None:
@@ -106,8 +107,7 @@ class Admission:
         return True
 
     def _cut_oldest(self, newest: ServingConnection) -> None:
-        oldest = next(iter(self._strangers))
-        del self._strangers[oldest]
+        oldest = self._strangers.pop_oldest(self._strangers.largest())
         self._crowded.warning(
             newest.owner.loop.time(),
             "more than %d connections without a proof; the oldest, from %s, was cut off",

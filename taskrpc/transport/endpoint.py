@@ -40,6 +40,7 @@ from taskrpc.transport.offers import Offers
 from taskrpc.transport.revoking import look_after_accounts
 from taskrpc.transport.seldom import FewLines
 from taskrpc.transport.serving import ServingConnection
+from taskrpc.transport.shares import host_of
 from taskrpc.transport.threads import ThreadedConnection
 from taskrpc.transport.timers import clock_of
 from taskrpc.transport.traffic import Traffic
@@ -266,7 +267,8 @@ class Endpoint(Handing):
         self._traffic_of(connection).began()
         if isinstance(connection, ServingConnection):
             self._served[connection] = None
-            if self._admission is not None:
+            if self._admission is not None and connection.transport is not None:
+                connection.host_name = host_of(connection.transport.get_extra_info("peername"))
                 self._admission.came(connection)
         elif isinstance(connection, CallingConnection):
             self.dialler.connections[connection] = None

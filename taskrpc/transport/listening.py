@@ -13,11 +13,13 @@ import logging
 import socket
 import ssl
 from collections.abc import Callable
-from typing import Any
+from functools import partial
+from typing import Any, NamedTuple
 
 from taskrpc.transport.connection import HANDSHAKE_TIMEOUT, shown
 from taskrpc.transport.network import Factory
 from taskrpc.transport.seldom import FewLines, SeldomLog
+from taskrpc.transport.shares import ByHost, host_of
 from taskrpc.transport.tls import reason_of
 
 log = logging.getLogger("taskrpc.transport")
@@ -25,7 +27,13 @@ log = logging.getLogger("taskrpc.transport")
 BACKLOG = 512
 """Connections that the kernel holds until they are accepted."""
 MAX_ARRIVING = 128
-"""Connections that are being made, TLS handshake included; one more cuts the oldest off."""
+"""Connections that are being made, TLS handshake included; one more cuts off the oldest of the
+machine that has most."""
+MAX_WAITING = 512
+"""Accepted connections that wait for their turn; one more closes the oldest of the machine that has
+most, where that is another machine."""
+ACCEPTS_A_TURN = 64
+"""Connections that are taken from the kernel in one turn of the loop; one of them begins."""
 
 _PAUSE = 0.1
 """Seconds until the next try, after the system could not accept."""
@@ -34,6 +42,14 @@ _EXHAUSTED = {
     getattr(errno, name, errno.EMFILE)
     for name in ("EMFILE", "ENFILE", "ENOBUFS", "ENOMEM", "WSAEMFILE", "WSAENOBUFS")
 }
+
+
+class _Accepted(NamedTuple):
+    """A connection that the kernel has made, and nobody has looked at."""
+
+    sock: socket.socket
+    peer: Any
+    host: str
 
 
 class Listener:
@@ -53,15 +69,19 @@ class Listener:
         self._factory = factory
         self._context = context
         self._reserve: socket.socket | None = _spare()
-        self._arriving: dict[asyncio.Task[None], socket.socket] = {}
+        self._waiting = ByHost[_Accepted]()
+        self._arriving = ByHost[asyncio.Task[None]]()
+        self._closing = False
         self._exhausted = SeldomLog(log)
         self._crowded = SeldomLog(log)
+        self._flooded = SeldomLog(log)
         self._refusals = FewLines(log)
         self._accepting = self._loop.create_task(self._accept())
         self._accepting.add_done_callback(self._stopped)
 
     async def close(self) -> None:
         """Take no more connections, and give up those that are being made."""
+        self._closing = True
         if not _shut_down(self._sock):
             self._accepting.cancel()
         for task in self._arriving:
@@ -70,13 +90,16 @@ class Listener:
 
     def _stopped(self, _: object) -> None:
         self._sock.close()
+        for accepted in self._waiting:
+            accepted.sock.close()
         if self._reserve is not None:
             self._reserve.close()
 
     async def _accept(self) -> None:
-        while True:
+        while not self._closing:
             try:
-                sock, peer = await self._loop.sock_accept(self._sock)
+                if not self._waiting:
+                    self._wait(*await self._loop.sock_accept(self._sock))
             except OSError as error:
                 if error.errno == errno.EINVAL:
                     return  # shut down
@@ -84,21 +107,49 @@ class Listener:
                     self._turn_away(error)
                 await asyncio.sleep(_PAUSE)
             else:
-                self._begin(sock, peer)
+                self._accept_more()
+                self._begin(self._waiting.pop_next())
                 # One a turn: a storm of connections must not keep those that are there waiting.
                 await asyncio.sleep(0)
 
-    def _begin(self, sock: socket.socket, peer: Any) -> None:
+    def _wait(self, sock: socket.socket, peer: Any) -> None:
+        accepted = _Accepted(sock, peer, host_of(peer))
+        self._waiting.add(accepted.host, accepted)
+
+    def _accept_more(self) -> None:
+        """Empty the kernel's queue, which drops whoever comes while it is full.
+
+        So one machine's flood of connections fills its own places only. Programs of this machine
+        are not closed for one: the kernel lets them wait.
+        """
+        for _ in range(ACCEPTS_A_TURN):
+            is_full = len(self._waiting) >= MAX_WAITING
+            greedy = self._waiting.largest() if is_full else ""
+            if is_full and not greedy:
+                return
+            try:
+                self._wait(*self._sock.accept())
+            except OSError:
+                return  # there is none; what else it may be, the next `sock_accept` says
+            if is_full:
+                self._close_oldest(greedy)
+
+    def _close_oldest(self, host: str) -> None:
+        self._waiting.pop_oldest(host).sock.close()
+        text = "more than %d connections wait; the oldest of %s was closed"
+        self._flooded.warning(self._loop.time(), text, MAX_WAITING, host)
+
+    def _begin(self, accepted: _Accepted) -> None:
         if len(self._arriving) >= MAX_ARRIVING:
-            next(iter(self._arriving)).cancel()
+            self._arriving.pop_oldest(self._arriving.largest()).cancel()
             self._crowded.warning(
                 self._loop.time(),
                 "more than %d connections are being made at a time; the oldest was cut off",
                 MAX_ARRIVING,
             )
-        task = self._loop.create_task(self._connect(sock, peer))
-        self._arriving[task] = sock
-        task.add_done_callback(self._arrived)
+        task = self._loop.create_task(self._connect(accepted.sock, accepted.peer))
+        self._arriving.add(accepted.host, task)
+        task.add_done_callback(partial(self._arrived, accepted))
 
     async def _connect(self, sock: socket.socket, peer: Any) -> None:
         context = self._context()
@@ -121,10 +172,10 @@ class Listener:
             sock.close()
             log.exception("the connection from %s could not be taken:", shown(peer))
 
-    def _arrived(self, task: asyncio.Task[None]) -> None:
-        sock = self._arriving.pop(task)
+    def _arrived(self, accepted: _Accepted, task: asyncio.Task[None]) -> None:
+        self._arriving.remove(accepted.host, task)
         if task.cancelled():
-            sock.close()  # nobody may have begun to use it
+            accepted.sock.close()  # nobody may have begun to use it
 
     def _turn_away(self, error: OSError) -> None:
         """Close whoever waits, with the descriptor kept for this, so that they learn it at once."""

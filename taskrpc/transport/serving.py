@@ -76,6 +76,7 @@ class ServingConnection(Connection):
         "account",
         "caller",
         "host",
+        "host_name",
         "lane",
         "principal",
         "role",
@@ -89,6 +90,8 @@ class ServingConnection(Connection):
         super().__init__(host, me, is_client=False)
         self.host = host
         self.unread = host.unread
+        self.host_name = ""
+        """The address of the machine that calls, "" for this one; known once it is connected."""
         self.caller = ""
         self.shares: Caller = ("", "")
         """Who he is where seats and memory are divided."""

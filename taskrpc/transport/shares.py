@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import ipaddress
-from typing import TypeAlias
+from collections.abc import Iterator
+from functools import lru_cache
+from typing import Generic, TypeAlias, TypeVar
+
+_Item = TypeVar("_Item")
 
 Caller: TypeAlias = tuple[str, str]
 """Who calls, where things are divided: the account, and the address of another machine."""
@@ -17,12 +21,16 @@ def caller_of(principal: str, peername: object) -> Caller:
     """
     if not isinstance(peername, tuple):
         return principal, ""
-    host: str = peername[0]
+    return principal, _machine(peername[0])
+
+
+@lru_cache(1024)  # a flood of connections comes from few machines
+def _machine(host: str) -> str:
     address = ipaddress.ip_address(host.partition("%")[0])
     if isinstance(address, ipaddress.IPv6Address) and address.ipv4_mapped is not None:
         address = address.ipv4_mapped  # as a socket for both versions shows it
         host = str(address)
-    return principal, "" if address.is_loopback else host
+    return "" if address.is_loopback else host
 
 
 def name_of(caller: Caller) -> str:
@@ -61,3 +69,60 @@ class Shares:
         self._taken[caller] -= amount
         if not self._taken[caller]:
             del self._taken[caller]
+
+
+def host_of(peername: object) -> str:
+    """The address of the machine at the other end, "" for this one."""
+    return caller_of("", peername)[1]
+
+
+class ByHost(Generic[_Item]):
+    """Things in their order of arrival, each from a machine; machines take turns."""
+
+    __slots__ = ("_count", "_hosts")
+
+    def __init__(self) -> None:
+        self._hosts: dict[str, dict[_Item, None]] = {}
+        """Whose turn is next comes first."""
+        self._count = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def __iter__(self) -> Iterator[_Item]:
+        for items in self._hosts.values():
+            yield from items
+
+    def add(self, host: str, item: _Item) -> None:
+        """Put a thing behind all others of its machine."""
+        self._hosts.setdefault(host, {})[item] = None
+        self._count += 1
+
+    def remove(self, host: str, item: _Item) -> bool:
+        """Take a thing out; returns whether it was there."""
+        items = self._hosts.get(host, {})
+        if item not in items:
+            return False
+        del items[item]
+        self._count -= 1
+        if not items:
+            del self._hosts[host]
+        return True
+
+    def largest(self) -> str:
+        """The machine that has most; "" where there is nothing."""
+        return max(self._hosts, key=lambda host: len(self._hosts[host]), default="")
+
+    def pop_oldest(self, host: str) -> _Item:
+        """Take out the oldest thing of a machine. Raises KeyError where it has none."""
+        item = next(iter(self._hosts[host]))
+        self.remove(host, item)
+        return item
+
+    def pop_next(self) -> _Item:
+        """Take out the oldest thing of the machine whose turn it is. Raises KeyError if empty."""
+        host = next(iter(self._hosts), "")
+        item = self.pop_oldest(host)
+        if host in self._hosts:
+            self._hosts[host] = self._hosts.pop(host)
+        return item

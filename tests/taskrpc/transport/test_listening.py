@@ -2,15 +2,17 @@
 
 import asyncio
 import contextlib
+import itertools
 import os
 import socket
 
 import pytest
 
 import taskrpc
-from taskrpc.transport import admission, listening
+from taskrpc.transport import admission, endpoint, listening
 from taskrpc.transport.listening import Listener
 from taskrpc.transport.seldom import LINES, PERIOD, FewLines, SeldomLog
+from taskrpc.transport.tcp import bound
 from tests.taskrpc.transport.helpers import Add, ask, outcome, until
 from tests.taskrpc.transport.test_tcp import host_and_port, offering
 
@@ -55,6 +57,63 @@ async def test_the_oldest_strangers_are_cut_off_and_who_has_proved_himself_stays
     assert [each.message.split(";")[0] for each in caplog.records] == [
         "more than 4 connections without a proof"
     ]
+
+
+async def test_one_machines_strangers_take_no_places_of_another_machines(monkeypatch, caplog):
+    monkeypatch.setattr(admission, "MAX_STRANGERS", 4)
+    machines = itertools.chain(["192.0.2.8"], itertools.repeat("192.0.2.7"))
+    monkeypatch.setattr(endpoint, "host_of", lambda peer: next(machines))
+    async with offering() as server:
+        connections = await strangers(server, 7)
+        await until(lambda: len(server._transport._served) == 4)
+        assert await ends(connections) == [1, 2, 3]
+        await close(connections)
+
+
+class Began(asyncio.Protocol):
+    """Notes the ports of the connections that began, in order."""
+
+    def __init__(self, ports):
+        self._ports = ports
+
+    def connection_made(self, transport):
+        self._ports.append(transport.get_extra_info("peername")[1])
+        transport.close()
+
+
+@contextlib.asynccontextmanager
+async def flooded(monkeypatch, machine, flood=40):
+    """Ports of a flood's connections, then of one from another machine, and those that begin.
+
+    All are in the kernel's queue before the listener has its first turn.
+    """
+    monkeypatch.setattr(listening, "MAX_WAITING", 8)
+    sock = bound("127.0.0.1", 0)
+    began, callers = [], [socket.create_connection(sock.getsockname()) for _ in range(flood + 1)]
+    ports = [each.getsockname()[1] for each in callers]
+    hosts = dict.fromkeys(ports, machine) | {ports[-1]: "192.0.2.8"}
+    monkeypatch.setattr(listening, "host_of", lambda peer: hosts[peer[1]])
+    listener = Listener(sock, lambda: Began(began))
+    try:
+        yield ports, began
+    finally:
+        await listener.close()
+        for each in callers:
+            each.close()
+
+
+async def test_a_flood_of_connections_from_one_machine_keeps_no_other_waiting(monkeypatch, caplog):
+    async with flooded(monkeypatch, "192.0.2.7") as (ports, began):
+        await until(lambda: len(began) == 8)
+    assert began[1] == ports[-1]
+    assert set(began) - {ports[-1]} == set(ports[-8:-1])
+    assert caplog.messages == ["more than 8 connections wait; the oldest of 192.0.2.7 was closed"]
+
+
+async def test_connections_from_this_machine_wait_and_are_not_closed(monkeypatch):
+    async with flooded(monkeypatch, "") as (ports, began):
+        await until(lambda: len(began) == len(ports))
+    assert sorted(began) == sorted(ports)
 
 
 async def test_a_full_server_says_so_and_takes_callers_again_once_there_is_room(

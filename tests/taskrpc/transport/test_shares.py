@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskrpc.transport.shares import Shares, caller_of, name_of
+from taskrpc.transport.shares import ByHost, Shares, caller_of, host_of, name_of
 
 ADA, BO = ("ada", ""), ("bo", "")
 callers = st.sampled_from([ADA, BO, ("", "192.0.2.7")])
@@ -82,3 +82,24 @@ def test_a_caller_is_named_for_the_log():
         "the account ada at this machine",
         "the account ada at the machine 192.0.2.7",
     ]
+
+
+def test_machines_take_turns_and_the_largest_loses_its_oldest():
+    waiting = ByHost()
+    for number in range(5):
+        waiting.add("192.0.2.7", f"flood {number}")
+    waiting.add("", "here")
+    waiting.add("192.0.2.8", "there")
+    assert (len(waiting), waiting.largest()) == (7, "192.0.2.7")
+    assert waiting.pop_oldest(waiting.largest()) == "flood 0"
+    assert [waiting.pop_next() for _ in range(4)] == ["flood 1", "here", "there", "flood 2"]
+    assert waiting.remove("192.0.2.7", "flood 3")
+    assert not waiting.remove("192.0.2.7", "flood 3")
+    assert list(waiting) == ["flood 4"]
+    assert waiting.pop_next() == "flood 4"
+    assert (len(waiting), waiting.largest()) == (0, "")
+
+
+def test_the_machine_of_a_peer_is_its_address_and_this_one_has_none():
+    assert host_of(("127.0.0.9", 1)) == host_of(("::1", 1, 0, 0)) == host_of("") == ""
+    assert host_of(("::ffff:192.0.2.7", 1, 0, 0)) == host_of(("192.0.2.7", 2)) == "192.0.2.7"
