@@ -32,7 +32,7 @@ machine that has most."""
 MAX_WAITING = 512
 """Accepted connections that wait for their turn; one more closes the oldest of the machine that has
 most, where that is another machine."""
-ACCEPTS_A_TURN = 64
+ACCEPTS_A_TURN = 16
 """Connections that are taken from the kernel in one turn of the loop; one of them begins."""
 
 _PAUSE = 0.1
