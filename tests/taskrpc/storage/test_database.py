@@ -10,6 +10,7 @@ import pytest
 
 from taskrpc import SqliteCompletions, platform
 from taskrpc.errors import StoreError
+from taskrpc.storage.database import Database, pragma
 from taskrpc.wire.once import Completion
 
 on_windows = pytest.mark.skipif(os.name == "nt", reason="an open file cannot be moved there")
@@ -294,3 +295,85 @@ async def test_a_folder_whose_files_cannot_be_locked_is_told(path, monkeypatch):
         f"{path}: its folder does not let files be locked (No locks available);"
         " keep it on a disk of this machine"
     )
+
+
+@pytest.fixture
+def database(path):
+    def prepare(connection):
+        connection.execute("CREATE TABLE IF NOT EXISTS taskrpc_store (store_id BLOB, commits INT)")
+        connection.execute("CREATE TABLE IF NOT EXISTS seat (number INTEGER)")
+        if connection.execute("SELECT 1 FROM taskrpc_store").fetchone() is None:
+            connection.execute("INSERT INTO taskrpc_store VALUES (?, 0)", (b"S" * 16,))
+
+    opened = Database(path, prepare, lambda connection: None, holder="test")
+    yield opened
+    opened.close()
+
+
+def contents(database):
+    def look(connection):
+        (commits,) = connection.execute("SELECT commits FROM taskrpc_store").fetchone()
+        return commits, [number for (number,) in connection.execute("SELECT number FROM seat")]
+
+    return database.read(look)
+
+
+def take_seat(number, *errors):
+    """Work that fails with these errors first; counts how often it was tried."""
+    tries = []
+
+    def work(connection):
+        tries.append(number)
+        if len(tries) <= len(errors):
+            raise errors[len(tries) - 1]
+        connection.execute("INSERT INTO seat VALUES (?)", (number,))
+
+    return work, tries
+
+
+def sqlite_error(code):
+    error = sqlite3.OperationalError("a text")
+    error.sqlite_errorcode = code
+    return error
+
+
+def test_each_change_is_one_commit_more(database):
+    for number in (1, 2):
+        database.change(take_seat(number)[0])
+    assert contents(database) == (2, [1, 2])
+
+
+def test_change_that_fails_by_itself_is_tried_once(database):
+    work, tries = take_seat(1, sqlite_error(sqlite3.SQLITE_CONSTRAINT))
+    with pytest.raises(sqlite3.Error):
+        database.change(work)
+    assert tries == [1]
+    assert contents(database) == (0, [])
+
+
+def test_change_without_room_is_tried_again_once_the_log_is_free(database):
+    database.change(take_seat(1)[0])
+    work, tries = take_seat(2, sqlite_error(sqlite3.SQLITE_FULL))
+    database.change(work)
+    assert tries == [2, 2]
+    assert contents(database) == (2, [1, 2])
+
+
+def test_statement_that_is_a_whole_transaction_counts_itself(database):
+    database.change_at_once("UPDATE taskrpc_store SET store_id = ?, commits = ?", (b"S" * 16,))
+    assert contents(database) == (1, [])
+    database.change(take_seat(1)[0])
+    assert contents(database) == (2, [1])
+
+
+def test_store_that_is_begun_anew_is_the_one_that_the_lock_knows(database, path):
+    def begin_anew(connection):
+        connection.execute("UPDATE taskrpc_store SET store_id = ?", (b"T" * 16,))
+
+    database.change(begin_anew)
+    assert (b"T" * 16).hex().encode() in path.with_name("tasks.db.lock").read_bytes()
+
+
+def test_what_is_stored_is_on_the_disk_before_it_is_acknowledged(database):
+    full = 2
+    assert database.read(lambda connection: pragma(connection, "synchronous")) == full

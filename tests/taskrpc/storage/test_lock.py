@@ -1,0 +1,78 @@
+"""One process has the lock of a file; its file says which one, and how far the store had come."""
+
+import os
+import pickle
+import re
+import stat
+
+import pytest
+
+from taskrpc import platform
+from taskrpc.storage.lock import FileInUse, Lock, Witness
+
+STORE = Witness(bytes(range(16)), 7)
+
+
+@pytest.fixture
+def path(tmp_path):
+    return tmp_path / "tasks.db"
+
+
+def test_second_process_is_told_which_one_has_the_file(path):
+    lock = Lock(path, "task server")
+    try:
+        with pytest.raises(FileInUse) as caught:
+            Lock(path, "task server")
+    finally:
+        lock.close()
+    error = caught.value
+    assert error.fact.startswith(f"{path} is in use by another task server (pid {os.getpid()}, ")
+    assert str(error) == f"{error.fact}; stop that one, or give this one another file"
+    copied = pickle.loads(pickle.dumps(error))
+    assert (type(copied), copied.fact, str(copied)) == (FileInUse, error.fact, str(error))
+    Lock(path, "task server").close()
+
+
+@pytest.mark.skipif(not os.path.isdir("/proc/self/fd"), reason="counts descriptors as Linux does")
+def test_refused_lock_keeps_no_descriptor(path):
+    lock = Lock(path, "task server")
+    before = len(os.listdir("/proc/self/fd"))
+    for _ in range(3):
+        with pytest.raises(FileInUse):
+            Lock(path, "task server")
+    assert len(os.listdir("/proc/self/fd")) == before
+    lock.close()
+
+
+def test_lock_file_has_a_line_of_80_bytes_and_then_the_witness(path):
+    lock = Lock(path, "task server")
+    assert lock.witness is None
+    lock.note(STORE)
+    lock.close()
+    head, witness = lock.path.read_bytes()[:80], lock.path.read_bytes()[80:]
+    assert re.fullmatch(rb"pid \d+, since \d{4}-\d\d-\d\d \d\d:\d\d:\d\d[+-]\d\d:\d\d *\n", head)
+    assert witness == b"store 000102030405060708090a0b0c0d0e0f, commit 00000000000000000007\n"
+    again = Lock(path, "task server")
+    assert again.witness == STORE
+    again.close()
+
+
+@pytest.mark.skipif(os.name == "nt", reason="Windows has no such rights")
+def test_lock_file_of_an_earlier_program_is_closed_to_others(path):
+    earlier = Lock(path, "task server")
+    earlier.path.chmod(0o644)
+    earlier.close()
+    lock = Lock(path, "task server")
+    assert stat.S_IMODE(lock.path.stat().st_mode) == 0o600
+    lock.close()
+
+
+def test_witness_that_cannot_be_written_refuses_nothing(path, monkeypatch):
+    lock = Lock(path, "task server")
+
+    def full(*_):
+        raise OSError(28, "no space left on device")
+
+    monkeypatch.setattr(platform, "write_at", full)
+    lock.note(STORE)
+    lock.close()

@@ -1,0 +1,85 @@
+"""Completions in memory: the same as a plain dictionary would keep, whatever comes in what order."""
+
+import tracemalloc
+
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taskrpc.storage.memory import KeptCompletions
+from taskrpc.wire.once import Completion
+
+clients = st.tuples(st.sampled_from(["ann", "bob"]), st.sampled_from([b"c" * 16, b"d" * 16]))
+completions = st.tuples(clients, st.integers(1, 6), st.integers(0, 5))
+
+
+def completion(client, sequence, first=1, answer=b""):
+    principal, number = client
+    return Completion(principal, number, sequence, first, b"f" * 16, answer, 0, 1.0)
+
+
+class Plain:
+    """The same, one step after another."""
+
+    def __init__(self):
+        self.kept, self.firsts = {}, {}
+
+    def keep(self, done, forgotten=()):
+        for client in forgotten:
+            self.kept = {key: each for key, each in self.kept.items() if key[0] != client}
+            self.firsts.pop(client, None)
+        if done is None:
+            return
+        client = done.principal, done.client
+        first = self.firsts[client] = max(self.firsts.get(client, 0), done.first_incomplete)
+        self.kept[client, done.sequence] = done
+        settled = [key for key in self.kept if key[0] == client and key[1] < first]
+        for key in settled:
+            del self.kept[key]
+
+    def all(self):
+        return sorted(self.kept.values(), key=key_of)
+
+
+def key_of(each):
+    return each.principal, each.client, each.sequence
+
+
+@settings(max_examples=300, deadline=None)
+@given(st.lists(st.one_of(completions, st.tuples(clients, st.just(0), st.just(0))), max_size=40))
+def test_kept_completions_are_those_that_no_client_has_settled(work):
+    kept, plain = KeptCompletions(), Plain()
+    for number, (client, ahead, behind) in enumerate(work):
+        if not ahead:
+            for each in (kept, plain):
+                each.keep(None, [client])
+        else:
+            sequence = number + ahead
+            done = completion(client, sequence, max(1, sequence - behind), b"%d" % number)
+            for each in (kept, plain):
+                each.keep(done)
+    assert sorted(kept.all(), key=key_of) == plain.all()
+
+
+def test_settled_completions_take_no_memory():
+    kept = KeptCompletions()
+    tracemalloc.start()
+    try:
+        for sequence in range(1, 5_000):
+            kept.keep(completion(("ann", b"c" * 16), sequence, sequence, bytes(1_000)))
+        held, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert held < 500_000
+    assert len(kept.all()) == 1
+
+
+def test_large_answers_do_not_gather():
+    kept = KeptCompletions()
+    tracemalloc.start()
+    try:
+        for sequence in range(1, 60):
+            kept.keep(completion(("ann", b"c" * 16), sequence, sequence, bytes(1_000_000)))
+        held, _ = tracemalloc.get_traced_memory()
+    finally:
+        tracemalloc.stop()
+    assert held < 3_000_000
