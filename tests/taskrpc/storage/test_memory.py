@@ -1,4 +1,4 @@
-"""Completions in memory: the same as a plain dictionary would keep, whatever comes in what order."""
+"""Completions in memory: what a plain dictionary would keep, whatever comes in what order."""
 
 import tracemalloc
 
