@@ -1,4 +1,4 @@
-"""When to look for calls whose deadline has passed: never early, at most one tick late.
+"""When to look for calls whose deadline has passed: never early, at most half a tick late.
 
 A timer a call costs a third of the call, an entry in a timer wheel a twentieth. Here a new call
 compares two numbers, and an answered one does nothing: who holds the open calls looks through
@@ -11,6 +11,10 @@ import math
 
 TICK = 0.005
 """Seconds by which a call may learn late that its time is over."""
+
+LOOK_LATE = TICK / 2
+"""Seconds by which a look may be late; in the rest of the tick the server may say whether a call
+that is late had begun."""
 
 _RESOLUTION = 1e-9  # an event loop's clock may stand so far before the instant that it woke for
 _COST = 1e-6
@@ -31,14 +35,14 @@ class Lookout:
     def expect(self, deadline: float) -> None:
         """Plan a look at a deadline."""
         self.at = deadline
-        self.threshold = deadline - TICK
+        self.threshold = deadline - LOOK_LATE
 
     def looked(self, now: float, earliest: float, calls: int) -> None:
         """After a look at so many calls; `earliest` is the first deadline of what is left."""
         if earliest == math.inf:
             self.at = self.threshold = math.inf
         else:
-            self.expect(max(earliest, now + max(TICK, calls * _COST)))
+            self.expect(max(earliest, now + max(LOOK_LATE, calls * _COST)))
 
 
 def is_over(deadline: float, now: float) -> bool:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import msgspec
 
+from taskrpc.deadline import LOOK_LATE, TICK
 from taskrpc.errors import (
     ConnectionLost,
     DeadlineExceeded,
@@ -64,15 +65,19 @@ class OpenCall(msgspec.Struct, eq=False):
     numbers: Numbers | None = None
     """What has counted it, where it came to an exactly-once service by `send_next`."""
     sequence: int = 0
+    is_late: bool = False
+    """Whether its deadline has passed, and the server is asked whether it had begun."""
 
     def failed(self, error: BaseException) -> None:
         """The call ended with an error."""
         if not self.future.done():
+            if self.is_late and isinstance(error, TaskRpcError):
+                error = _deadline_exceeded(error.not_executed)
             self.future.set_exception(error)
 
     def refused(self, error: TaskRpcError) -> None:
         """The server certainly did not begin the call, and will take no such call any more."""
-        if self.move is None or self.moves >= MAX_MOVES:
+        if self.move is None or self.is_late or self.moves >= MAX_MOVES:
             self.failed(error)
         elif not self.future.done():
             self.moves += 1
@@ -80,12 +85,26 @@ class OpenCall(msgspec.Struct, eq=False):
             self.move(self)
 
     def expired(self) -> None:
-        """The deadline passed: tell the caller at once, and the server that nobody waits."""
+        """The deadline passed: cancel the call, and tell the caller what became of it.
+
+        The server knows whether a call that was sent has begun. Its word is awaited for the rest of
+        the tick by which the caller may learn late.
+        """
+        if self.is_late or self.future.done():
+            return
+        if self.call_id and self.method:
+            self.connection.forget(self, but_hear=True)
+            self.is_late = True
+            # Not counted from the deadline: a loop that is late itself has not heard the word yet.
+            self.connection.owner.loop.call_later(TICK - LOOK_LATE, self._unheard)
+        else:  # not sent, or a question about a service: nothing can have run
+            self.future.set_exception(_deadline_exceeded(not_executed=True))
+            self.connection.forget(self)
+
+    def _unheard(self) -> None:
+        """The server has said nothing about a call that is late."""
         if not self.future.done():
-            sent = None if self.call_id else True
-            self.future.set_exception(
-                DeadlineExceeded("no answer by the deadline", not_executed=sent)
-            )
+            self.future.set_exception(_deadline_exceeded(not_executed=None))
             self.connection.forget(self)
 
     def give_up(self, future: asyncio.Future[Any] | None = None) -> None:
@@ -173,10 +192,15 @@ class CallingConnection(Connection):
             action(self.session)
             self.flush_soon()
 
-    def forget(self, call: OpenCall) -> None:
-        """A caller gave up."""
+    def forget(self, call: OpenCall, *, but_hear: bool = False) -> None:
+        """A caller gave up; with `but_hear` the call still gets the server's last word."""
         if call.call_id:
-            self.session.cancel(call.call_id)
+            if but_hear:
+                self.session.ask_to_stop(call.call_id)
+            elif call.is_late:  # it was cancelled before
+                self.session.drop(call.call_id)
+            else:
+                self.session.cancel(call.call_id)
             self.flush_soon()
         elif call in self._waiting:
             self._waiting.remove(call)
@@ -208,6 +232,9 @@ class CallingConnection(Connection):
     def _answered(self, event: Answered) -> None:
         call: OpenCall = event.ticket
         future = call.future
+        if call.is_late:
+            call.failed(_deadline_exceeded(not_executed=False))  # it ran
+            return
         try:
             future.set_result(call.decode(event.body))
         except (InvalidRequest, ProtocolError) as error:
@@ -322,6 +349,10 @@ def time_left(deadline: float, now: float) -> int:
     """Milliseconds as a request tells them: rounded up, 0 or less once the deadline has passed."""
     left = math.ceil((deadline - now) * 1000)
     return left if left < NO_DEADLINE else NO_DEADLINE - 1
+
+
+def _deadline_exceeded(not_executed: bool | None) -> DeadlineExceeded:
+    return DeadlineExceeded("no answer by the deadline", not_executed=not_executed)
 
 
 def _bad_answer(error: Exception) -> TaskRpcError:

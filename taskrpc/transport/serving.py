@@ -301,7 +301,8 @@ class ServingConnection(Connection):
         call = event.request.ticket
         if call is not None:
             call.cancel()
-            call.fail(TaskRpcError("cancelled by the caller"))
+            unstarted = None if call.started else True
+            call.fail(TaskRpcError("cancelled by the caller", not_executed=unstarted))
 
     def _overran(self, event: Overrun) -> None:
         error = self.why_closed = event.error

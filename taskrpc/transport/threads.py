@@ -191,10 +191,10 @@ class ThreadedConnection(CallingConnection):
         with self._mine:
             super().say(action)
 
-    def forget(self, call: OpenCall) -> None:
-        """A caller gave up."""
+    def forget(self, call: OpenCall, *, but_hear: bool = False) -> None:
+        """A caller gave up; with `but_hear` the call still gets the server's last word."""
         with self._mine:
-            super().forget(call)
+            super().forget(call, but_hear=but_hear)
 
     def resume_writing(self) -> None:
         """The server has caught up."""

@@ -146,10 +146,20 @@ class Session(Link):
 
     def cancel(self, call_id: int) -> None:
         """Give up a call: its answer will be dropped, the peer is told to stop."""
+        self.ask_to_stop(call_id)
+        self.drop(call_id)
+
+    def ask_to_stop(self, call_id: int) -> None:
+        """Tell the peer to stop; what it says then still comes back with the ticket."""
         held = self.open_calls.get(call_id)
         if held is not None and held[0] is not None:
-            self.open_calls[call_id] = (None, held[1])
             self.send(FrameType.CANCEL, 0, 0, call_id, 0, b"")
+
+    def drop(self, call_id: int) -> None:
+        """Drop the answer to a call."""
+        held = self.open_calls.get(call_id)
+        if held is not None:
+            self.open_calls[call_id] = (None, held[1])
 
     def open_tickets(self) -> list[Any]:
         """The tickets of all calls that are in flight and not given up."""

@@ -8,7 +8,7 @@ import pytest
 
 import taskrpc
 from taskrpc import service
-from taskrpc.transport import serving
+from taskrpc.transport import served, serving
 from taskrpc.wire.events import RequestReceived
 from tests.faults.harness import Bug
 from tests.taskrpc.transport.helpers import Add, ask, outcome
@@ -42,15 +42,37 @@ def counts_from_when_a_request_is_handled(patch):
     patch(serving.ServingConnection, "handlers", handlers)
 
 
+def says_nothing_of_what_it_cancels(patch):
+    fail = served.ServedCall.fail
+
+    def silent(call, error):
+        error.not_executed = None
+        fail(call, error)
+
+    patch(served.ServedCall, "fail", silent)
+
+
+def says_that_nothing_had_begun(patch):
+    cancel = served.ServedCall.cancel
+
+    def careless(call):
+        cancel(call)
+        call.started = False
+
+    patch(served.ServedCall, "cancel", careless)
+
+
 class Clock:
     """When each call is due, by the clock of its caller, which is the callback's as well."""
 
     def __init__(self, counts, unread=0.0):
         self.loop, self.counts, self.due = asyncio.get_running_loop(), counts, {}
         self.tolerance = ROUNDING + unread
+        self.begun = set()
 
     def started(self, number):
         self.counts["started"] += 1
+        self.begun.add(number)
         self.counts["started after expiry"] += self.loop.time() > self.due[number] + self.tolerance
 
     async def call(self, client, number):
@@ -58,7 +80,10 @@ class Clock:
         got = await outcome(client.call(ask(number), timeout=SPAN))
         if isinstance(got, taskrpc.DeadlineExceeded):
             self.counts["expired"] += 1
-            self.counts["known not to have run"] += got.not_executed is True
+            is_known = got.not_executed is True
+            self.counts["known not to have run"] += is_known
+            self.counts["not begun, and not told"] += not is_known and number not in self.begun
+            self.counts["begun, and told the contrary"] += is_known and number in self.begun
         elif isinstance(got, taskrpc.ServerBusy):
             self.counts["refused for load"] += 1
         else:
@@ -80,7 +105,11 @@ async def clients_of(callback, count):
         yield clients
 
 
-@pytest.mark.planted(Bug(runs_whatever_waited, "started after expiry"))
+@pytest.mark.planted(
+    Bug(runs_whatever_waited, "started after expiry"),
+    Bug(says_nothing_of_what_it_cancels, "not begun, and not told"),
+    Bug(says_that_nothing_had_begun, "begun, and told the contrary"),
+)
 async def test_of_5000_queued_calls_none_starts_after_its_deadline(counts, seed, large):
     clock, chance = Clock(counts), random.Random(seed)
 
@@ -96,7 +125,12 @@ async def test_of_5000_queued_calls_none_starts_after_its_deadline(counts, seed,
     async with clients_of(busy, 25) as clients:
         wanted = 50_000 if large else 5000
         await asyncio.gather(*[later(clients[n % 25], n) for n in range(wanted)])
-    counts.check("started after expiry", happened=("started", "answered", "expired"))
+    counts.check(
+        "started after expiry",
+        "not begun, and not told",
+        "begun, and told the contrary",
+        happened=("started", "answered", "expired"),
+    )
 
 
 @pytest.mark.planted(

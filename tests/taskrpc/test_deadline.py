@@ -1,4 +1,4 @@
-"""Who looks when the lookout says learns of each deadline: never early, at most a tick late."""
+"""A lookout plans looks so that each deadline is seen: never early, at most half a tick late."""
 
 import math
 
@@ -7,7 +7,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from taskrpc.deadline import TICK, Lookout, is_over
+from taskrpc.deadline import LOOK_LATE, TICK, Lookout, is_over
 
 RESOLUTION = 2e-9
 
@@ -26,16 +26,16 @@ def test_a_look_is_planned_for_the_deadline_itself():
     assert lookout.at == 3.0021
 
 
-def test_later_deadlines_and_those_within_a_tick_need_not_be_told():
+def test_later_deadlines_and_those_within_half_a_tick_need_not_be_told():
     lookout = Lookout()
     lookout.expect(3.0)
-    assert lookout.threshold == 3.0 - TICK
+    assert lookout.threshold == 3.0 - LOOK_LATE
 
 
-def test_looks_are_a_tick_apart():
+def test_looks_are_half_a_tick_apart():
     lookout = Lookout()
     lookout.looked(1.0, 1.0001, 2)
-    assert lookout.at == 1.0 + TICK
+    assert lookout.at == 1.0 + LOOK_LATE
 
 
 def test_a_look_through_very_many_calls_is_followed_by_a_longer_rest():

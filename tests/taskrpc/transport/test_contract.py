@@ -162,6 +162,8 @@ async def test_a_call_that_expired_in_the_servers_queue_never_starts(net):
     queued = [client.call_async(ask(n), timeout=0.05) for n in range(2, 300)]
     errors = await asyncio.gather(*queued, return_exceptions=True)
     assert {type(error) for error in errors} == {taskrpc.DeadlineExceeded}
+    known = {error.not_executed for error in errors}
+    assert known == {True} if net.is_virtual else known <= {True, None}
     gate.opened.set()
     await first
     assert (await client.call(ask(1000))).sum == 1000

@@ -129,6 +129,23 @@ def test_a_cancelled_call_keeps_its_place_until_its_terminal_frame():
     assert pair.client.can_send(0)
 
 
+def test_the_answer_to_a_call_that_was_asked_to_stop_comes_until_it_is_dropped():
+    pair = open_pair()
+    kept, dropped = (pair.client.request(name, 1, b"", NO_DEADLINE) for name in ("a", "b"))
+    pair.deliver(pair.server)
+    for call_id in (kept, dropped):
+        pair.client.ask_to_stop(call_id)
+    pair.client.drop(dropped)
+    assert [event.call_id for event in pair.deliver(pair.server)] == [kept, dropped]
+    for call_id in (kept, dropped):
+        pair.server.fail(call_id, TaskRpcError("cancelled by the caller", not_executed=True))
+    (failed,) = pair.deliver(pair.client)
+    assert (failed.ticket, failed.error.not_executed) == ("a", True)
+    pair.client.ask_to_stop(kept)
+    pair.client.drop(kept)
+    assert pair.deliver(pair.server) == []
+
+
 def test_the_servers_time_stops_at_what_a_frame_can_tell():
     pair = open_pair()
     call_id = pair.client.request("ticket", 1, b"", NO_DEADLINE)
