@@ -24,6 +24,7 @@ WINDOWS = sys.platform == "win32"
 _LOCK_OFFSET = 0x7FFF_0000  # far behind the contents: Windows forbids reading locked bytes
 _HELD = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)  # what systems say of a lock held by another
 _NO_LIMIT = 2**20
+_LONGEST_TEXT = 16 * 2**20
 _SOL_LOCAL, _LOCAL_PEERCRED = 0, 1  # macOS: who is at the other end of a unix socket
 _XUCRED = 76  # bytes of the answer: version, user id, groups
 
@@ -206,6 +207,20 @@ def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
     except BaseException:
         new.unlink(missing_ok=True)
         raise
+
+
+def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:
+    """The text of a file that a user has written, of at most 16 MiB; line ends as `\\n`.
+
+    It may be a pipe, such as a shell's `<(command)`. Raises OSError, and UnicodeDecodeError.
+    """
+    import io
+
+    with open(path, "rb") as file:
+        data = file.read(_LONGEST_TEXT + 1)
+    if len(data) > _LONGEST_TEXT:
+        raise OSError(errno.EFBIG, os.strerror(errno.EFBIG), os.fspath(path))
+    return io.TextIOWrapper(io.BytesIO(data), encoding).read()
 
 
 def write_at(descriptor: int, data: bytes, place: int) -> None:

@@ -144,12 +144,11 @@ def _students(given: str) -> list[str]:
         if not count:
             raise TaskRpcError("--students: expected at least one")
         return [f"student{number:0{len(given)}}" for number in range(1, count + 1)]
-    from pathlib import Path
-
+    from taskrpc import platform
     from taskrpc.access import why_no_name
 
     try:
-        lines = Path(given).read_text(encoding="utf-8-sig").splitlines()
+        lines = platform.read_text(given, "utf-8-sig").splitlines()
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "expected UTF-8 text"
         raise TaskRpcError(f"--students {given}: {reason}") from None

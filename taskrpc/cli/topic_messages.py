@@ -5,9 +5,9 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from operator import attrgetter, itemgetter
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
+from taskrpc import platform
 from taskrpc.cli.command import hinted
 from taskrpc.cli.values import NotAMapping, from_fields, read_fields
 from taskrpc.errors import InvalidRequest, TaskRpcError
@@ -47,9 +47,11 @@ def documents(path: str) -> list[str]:
     """The YAML documents of a file, as texts; the empty ones left out. Raises TaskRpcError."""
     import yaml
 
+    from taskrpc import yaml_text
+
     try:
-        text = Path(path).read_text(encoding="utf-8")
-        found = list(yaml.compose_all(text, yaml.SafeLoader))
+        text = platform.read_text(path)
+        found = yaml_text.compose_all(text)
     except (OSError, UnicodeDecodeError) as error:
         reason = getattr(error, "strerror", None) or "expected UTF-8 text"
         raise TaskRpcError(f"cannot read {path}: {reason}") from None

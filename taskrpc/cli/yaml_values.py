@@ -8,11 +8,13 @@ from typing import Any
 import yaml
 
 from srvgen import FieldError
+from taskrpc import yaml_text
 from taskrpc.cli import shells
 from taskrpc.cli.command import hinted
 from taskrpc.cli.values import NotAMapping, not_populated
 from taskrpc.errors import InvalidRequest
 
+_MERGE = "tag:yaml.org,2002:merge"
 _TYPE_SLIP = re.compile(r"[A-Za-z]\w*(?:(?:\.|::)\w+){1,2}|[A-Z]\w*")
 
 
@@ -48,7 +50,7 @@ class Reader:
         self._text = text
         self._hint = hint
         try:
-            self._loader = yaml.SafeLoader(text)
+            self._loader = yaml_text.Loader(text)
             self.node = self._loader.get_single_node()
         except yaml.YAMLError as error:
             raise self._invalid(error) from None
@@ -75,14 +77,25 @@ class Reader:
         """A mapping as the fields of a message."""
         types = dict(cls._FIELDS)
         values: dict[str, Any] = {}
+        merged = self._flatten(node)
         for key, value in node.value:
             name = key.value if isinstance(key, yaml.ScalarNode) else str(self.plain(key))
-            if name in values:
+            if name in values and not merged:
                 raise FieldError(name, "given twice")
             if name not in types:
                 self._refuse_stray(name, value)
             values[name] = self.value(value, types.get(name, ""), cls._NESTED.get(name))
         return values
+
+    def _flatten(self, node: yaml.MappingNode) -> bool:
+        """Put what `<<` merges before the mapping's own fields, which override it."""
+        if not any(key.tag == _MERGE for key, _ in node.value):
+            return False
+        try:
+            self._loader.flatten_mapping(node)
+        except yaml.YAMLError as error:
+            raise self._invalid(error) from None
+        return True
 
     def _refuse_stray(self, name: str, value: yaml.Node) -> None:
         """Say what a key without a value, which is no field either, was meant to be."""
@@ -103,9 +116,7 @@ class Reader:
         return value
 
     def _invalid(self, error: yaml.YAMLError) -> InvalidRequest:
-        problem = getattr(error, "problem", None) or str(error).partition("\n")[0]
-        if problem.startswith("but "):
-            problem = f"{getattr(error, 'context', '')}, {problem}"
+        problem = yaml_text.message(error)
         lines = [f"the request is not valid YAML: {problem}"]
         mark = getattr(error, "problem_mark", None)
         source = self._text.splitlines()

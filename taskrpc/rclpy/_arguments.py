@@ -6,8 +6,9 @@ import enum
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from pathlib import Path
 from typing import TYPE_CHECKING
+
+from taskrpc import platform
 
 from .exceptions import RCLInvalidROSArgsError, UnknownROSArgsError
 
@@ -217,7 +218,7 @@ def _take_file(found: Arguments, path: str) -> None:
     from ._yaml_parameters import read_file
 
     try:
-        text = Path(path).read_text(encoding="utf-8")
+        text = platform.read_text(path)
     except (OSError, UnicodeDecodeError):
         raise ValueError("Error opening YAML file") from None
     for node, values in read_file(text).items():

@@ -7,9 +7,12 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable
 from typing import TypeAlias
 
 import yaml
+
+from taskrpc import yaml_text
 
 Value: TypeAlias = bool | int | float | str | list[bool] | list[int] | list[float] | list[str]
 """What a parameter can be in a file or on a command line."""
@@ -35,6 +38,8 @@ _NAMED_FLOATS = {
     **dict.fromkeys("-.inf -.Inf -.INF -inf -Inf -INF".split(), -math.inf),
 }
 _STRING_STYLES = ("'", '"', "|", ">")
+_LONGEST_INTEGER = 100
+_WRITTEN_TAG = re.compile(r"(?:&\S+\s+)?!")
 _INT64 = range(-(2**63), 2**63)
 _TYPE_NAMES = {bool: "bool", int: "integer", float: "double", str: "string"}
 
@@ -57,11 +62,11 @@ def read_file(text: str) -> Parameters:
 
 def _compose(text: str) -> yaml.Node | None:
     try:
-        return yaml.compose(text, Loader=yaml.SafeLoader)
+        return yaml_text.compose(text)
     except yaml.YAMLError as error:
         mark = getattr(error, "problem_mark", None)
         line = 1 if mark is None else mark.line + 1
-        problem = getattr(error, "problem", None) or error
+        problem = yaml_text.message(error)
         raise ValueError(f"Error parsing a event near line {line}: {problem}") from None
 
 
@@ -128,28 +133,59 @@ def _array(node: yaml.SequenceNode) -> Value:
 
 def _scalar(node: yaml.ScalarNode) -> bool | int | float | str:
     text = str(node.value)
-    if node.style in _STRING_STYLES or _is_tagged(node):
+    is_tagged = _has_tag(node)
+    if is_tagged and node.tag in _TAGGED:
+        return _tagged(node, text)
+    if node.style in _STRING_STYLES or is_tagged:
         return text
     if not text:
         raise ValueError(f"No value at line {_line(node)}")
     if text in _BOOLS:
         return _BOOLS[text]
-    if (match := _INTEGER.fullmatch(text)) and (number := _integer(*match.groups())) in _INT64:
+    if (number := _integer(text)) is not None:
         return number
+    double = _double(text)
+    return text if double is None else double
+
+
+def _has_tag(node: yaml.Node) -> bool:
+    """Whether a tag is written before a scalar; else PyYAML has chosen one by its own rules."""
+    mark = node.start_mark
+    return mark.buffer is not None and _WRITTEN_TAG.match(mark.buffer, mark.pointer) is not None
+
+
+def _tagged(node: yaml.ScalarNode, text: str) -> bool | int | float:
+    """A scalar behind `!!bool`, `!!int` or `!!float`, quoted or not."""
+    name, read = _TAGGED[node.tag]
+    value = read(text)
+    if value is None:
+        raise ValueError(f"Invalid value {text[:40]!r} for {name} at line {_line(node)}")
+    return value
+
+
+def _integer(text: str) -> int | None:
+    """A 64-bit integer; None for anything else."""
+    match = _INTEGER.fullmatch(text)
+    if match is None or len(text) > _LONGEST_INTEGER:  # Python refuses some thousand digits
+        return None
+    sign, digits = match.groups()
+    base = 16 if digits[:2] in ("0x", "0X") else 8 if digits[0] == "0" else 10
+    number = int(digits, base) * (-1 if sign == "-" else 1)
+    return number if number in _INT64 else None
+
+
+def _double(text: str) -> float | None:
+    """A floating-point number; None for anything else."""
     if text in _NAMED_FLOATS:
         return _NAMED_FLOATS[text]
-    return float(text) if _FLOAT.fullmatch(text) else text
+    return float(text) if _FLOAT.fullmatch(text) else None
 
 
-def _is_tagged(node: yaml.Node) -> bool:
-    """Whether `!!str` stands before a scalar, which makes a string of a number."""
-    mark = node.start_mark
-    return mark.buffer is not None and mark.buffer.startswith("!", mark.pointer)
-
-
-def _integer(sign: str, digits: str) -> int:
-    base = 16 if digits[:2] in ("0x", "0X") else 8 if digits[0] == "0" else 10
-    return int(digits, base) * (-1 if sign == "-" else 1)
+_TAGGED: dict[str, tuple[str, Callable[[str], bool | int | float | None]]] = {
+    "tag:yaml.org,2002:bool": ("!!bool", _BOOLS.get),
+    "tag:yaml.org,2002:int": ("!!int", _integer),
+    "tag:yaml.org,2002:float": ("!!float", _double),
+}
 
 
 def _line(node: yaml.Node) -> int:

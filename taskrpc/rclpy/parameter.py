@@ -6,7 +6,6 @@ import array
 import enum
 import types
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 from typing import Any, TypeAlias
 
 import srvgen
@@ -182,8 +181,10 @@ def get_parameter_value(string_value: str) -> Any:
     """The ParameterValue of what somebody typed: YAML, and text where it is no YAML."""
     import yaml  # few programs need it
 
+    from taskrpc import yaml_text
+
     try:
-        value = yaml.safe_load(string_value)
+        value = yaml_text.load(string_value)
     except yaml.YAMLError:
         value = string_value
     try:
@@ -232,10 +233,10 @@ def parameter_dict_from_yaml_file(
     Raises:
         RuntimeError: nothing in the file is meant, or a node there has no parameters.
     """
-    import yaml
+    from taskrpc import platform, yaml_text
 
-    text = Path(parameter_file).read_text(encoding="utf-8")
-    nodes = list(_nodes(yaml.safe_load(text) or {}))
+    text = platform.read_text(parameter_file)
+    nodes = list(_nodes(yaml_text.load(text) or {}))
     found: dict[str, Any] = {}
     chosen = False
     for is_wild in (True, False) if use_wildcard else (False,):
@@ -263,14 +264,17 @@ def _is_meant(name: str, target_nodes: list[str] | None) -> bool:
     return not target_nodes or any(fits(name, node) for node in targets)
 
 
-def _nodes(content: dict[str, Any], prefix: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
+def _nodes(content: Any, prefix: str = "") -> Iterator[tuple[str, dict[str, Any]]]:
     """The names of nodes, with namespaces that are written above them, and their parameters."""
+    if not isinstance(content, dict):
+        raise RuntimeError("YAML file is not a valid ROS parameter file: expected a mapping")
     for key, below in content.items():
-        name = f"{prefix.rstrip('/')}/{key.lstrip('/')}" if prefix else key
-        if not isinstance(below, dict) or not below:
+        name = f"{prefix.rstrip('/')}/{str(key).lstrip('/')}" if prefix else str(key)
+        parameters = below.get(_ROS_PARAMETERS, {}) if isinstance(below, dict) else None
+        if not below or not isinstance(parameters, dict | None) or not isinstance(below, dict):
             raise RuntimeError(f"YAML file is not a valid ROS parameter file for node {name}")
         if _ROS_PARAMETERS in below:
-            yield name, below[_ROS_PARAMETERS] or {}
+            yield name, parameters or {}
         else:
             yield from _nodes(below, name)
 

@@ -13,7 +13,6 @@ if TYPE_CHECKING:
     from yaml import Mark
 
 _LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
-_MAX_DEPTH = 100
 
 
 class Node(Protocol):
@@ -75,10 +74,10 @@ class Document:
     def _compose(self, text: str) -> Any:
         import yaml  # here, because a server with hardware of its own reads no map
 
-        if _depth(text) > _MAX_DEPTH:
-            self.fail(None, "not valid YAML: nested too deeply")
+        from taskrpc import yaml_text
+
         try:
-            return yaml.compose(text, yaml.SafeLoader)
+            return yaml_text.compose(text)
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             place = (mark.line, mark.column) if mark else None
@@ -87,8 +86,6 @@ class Document:
             *above, before = _LINE_BREAK.split(text[: error.position])
             problem = f"not valid YAML: the character {text[error.position]!r} is not allowed"
             self._fail_at((len(above), len(before)), problem)
-        except RecursionError:
-            self.fail(None, "not valid YAML: nested too deeply")
 
     def fail(self, node: Node | None, problem: str) -> NoReturn:
         """Raise a `MapError` that shows the place of `node`; None means the whole file."""
@@ -168,15 +165,3 @@ def shown(node: Node) -> str:
 
 def _is_null(node: Node) -> bool:
     return node.tag == "tag:yaml.org,2002:null"
-
-
-def _depth(text: str) -> int:
-    """How deep brackets are nested at most; the parser would go as deep as Python lets it."""
-    depth = deepest = 0
-    for letter in text:
-        if letter in "[{":
-            depth += 1
-            deepest = max(deepest, depth)
-        elif letter in "]}":
-            depth -= 1
-    return deepest

@@ -6,6 +6,7 @@ The map that comes with the package, ``maps/default.yaml``, is also the example 
 from importlib import resources
 from pathlib import Path
 
+from taskrpc import platform
 from taskrpc.robot.document import Document, MapError, Node
 from taskrpc.robot.kinematics import Point
 from taskrpc.robot.obstacles import Box
@@ -22,7 +23,7 @@ def read_map(path: str | Path) -> World:
         MapError: it cannot be read, is not YAML, or something in it is wrong.
     """
     try:
-        text = Path(path).read_text(encoding="utf-8-sig")
+        text = platform.read_text(path, "utf-8-sig")
     except OSError as error:
         raise MapError(f"cannot read the map: {error.strerror or error}", str(path)) from None
     except UnicodeDecodeError:

@@ -129,7 +129,7 @@ def _parsed(path: Path, content: bytes) -> Accounts:
     decode = msgspec.json.decode if path.suffix == ".json" else msgspec.toml.decode
     try:
         found = decode(content, type=_File)
-    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
         # What the parser says may have a piece of the file in it, though only where it is no file
         # of accounts.
         problem = str(error) if isinstance(error, msgspec.ValidationError) else "it cannot be read"

@@ -150,6 +150,13 @@ def test_levels_and_switches():
         ("buzz", "buzz"),
         ("'1'", "1"),
         ("!!str 1", "1"),
+        ("!!float 10", 10.0),
+        ("!!float '10'", 10.0),
+        ("&a !!float 10", 10.0),
+        ("!!int 5", 5),
+        ("!!bool yes", True),
+        ("[!!float 1, 2.0]", [1.0, 2.0]),
+        ("!!timestamp foo", "foo"),
         ("12:30", "12:30"),
         ("2026-01-01", "2026-01-01"),
         ("null", "null"),
@@ -165,6 +172,12 @@ def test_values_have_ros_s_types(text, value):
     found = read_value(text)
     assert (found, type(found)) == (value, type(value))
     assert parse(["--ros-args", "-p", f"a.b:={text}"]).parameters == {"/**": {"a.b": value}}
+
+
+@pytest.mark.parametrize("text", ["!!float abc", "!!int 1.5", "!!bool maybe", "[!!int x]"])
+def test_a_value_that_contradicts_its_tag_is_refused(text):
+    with pytest.raises(ValueError, match=r"Invalid value '\S+' for !!\w+ at line 1"):
+        read_value(text)
 
 
 def test_nan_is_a_number():

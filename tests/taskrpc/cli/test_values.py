@@ -20,6 +20,7 @@ TASK = srvgen.load("my_robot_interfaces/srv/RobotTask").Request
 PLAN = srvgen.load("nav_msgs/srv/GetPlan").Request
 BASIC = srvgen.load("test_msgs/srv/BasicTypes").Request
 ARRAYS = srvgen.load("test_msgs/srv/Arrays").Request
+POINT = srvgen.load("geometry_msgs/msg/Point")
 TRIGGER = srvgen.load("std_srvs/srv/Trigger").Request
 
 
@@ -44,6 +45,15 @@ def refusal(cls, *argv: str) -> str:
 )
 def test_only_two_or_three_names_with_slashes_are_a_type(arguments, type_name):
     assert split_type(arguments) == (type_name, arguments[bool(type_name) :])
+
+
+def test_merge_keys_fill_in_what_a_mapping_leaves_out():
+    assert build_request(ADD, ["{<<: {a: 2, b: 1}, b: 3}"]) == ADD(a=2, b=3)
+
+
+@pytest.mark.parametrize("text", ["{x: !!float 10}", "{x: !!int 10}", "x: 10"])
+def test_a_tag_may_say_what_a_number_is(text):
+    assert build_request(POINT, [text]) == POINT(x=10.0)
 
 
 @pytest.mark.parametrize("argv", [[], [""], ["{}"], ["  "], ["# nothing"]])
@@ -142,7 +152,7 @@ def test_arrays_are_written_in_brackets_and_strings_in_them_are_literal():
         (ADD, ["a: 1, b: 2"], "several fields in one line stand in braces"),
         (ADD, ["{a: 1}\n---\n{b: 2}"], "expected a single document"),
         (ADD, ["!!python/name:os.system"], "could not determine a constructor"),
-        (ADD, ["&x {a: *x}"], "recursive"),
+        (ADD, ["&x {a: *x}"], "within its own anchor"),
         (ADD, ["a: \x07"], "special characters are not allowed"),
         (TASK, ["task_typ=move"], "did you mean task_type?"),
         (

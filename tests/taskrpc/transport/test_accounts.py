@@ -459,3 +459,11 @@ async def shown(server):
     certificate = writer.get_extra_info("ssl_object").getpeercert(binary_form=True)
     writer.close()
     return certificate
+
+
+def test_a_number_that_python_refuses_to_read_is_no_account(tmp_path):
+    path = tmp_path / "accounts.toml"
+    path.write_text(f"[accounts.ana]\nexpires = {'1' * 5000}\n")
+    path.chmod(0o600)
+    with pytest.raises(taskrpc.TaskRpcError, match="expected accounts as TOML or JSON"):
+        read_accounts(path)
