@@ -88,6 +88,7 @@ async def flooded(monkeypatch, machine, flood=40):
     All are in the kernel's queue before the listener has its first turn.
     """
     monkeypatch.setattr(listening, "MAX_WAITING", 8)
+    monkeypatch.setattr(listening, "ACCEPTS_A_TURN", flood + 1)
     sock = bound("127.0.0.1", 0)
     began, callers = [], [socket.create_connection(sock.getsockname()) for _ in range(flood + 1)]
     ports = [each.getsockname()[1] for each in callers]
