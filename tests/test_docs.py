@@ -33,6 +33,7 @@ KINDS = {"python", "pycon", "console", "srv", "msg", "yaml", "text"}
 NOT_RUN = {
     "README.md": 2,
     "docs/tutorial/1-first-service.md": 2,
+    "docs/how-to/check-types.md": 1,
     "docs/how-to/reach-another-machine.md": 8,
     "docs/how-to/teach-a-class.md": 8,
     "docs/how-to/run-ros-programs.md": 1,

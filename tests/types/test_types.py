@@ -17,8 +17,10 @@ from pathlib import Path
 
 import pytest
 
-from srvgen.search import BUNDLED
-from tests.docs.markdown import read_page
+from srvgen.search import BUNDLED, Search
+from srvgen.stubs import stubs, whole_packages
+from tests.docs.markdown import Page, read_page
+from tests.srvgen.definitions import put_all
 
 pytestmark = [pytest.mark.types, pytest.mark.real_time]
 
@@ -48,7 +50,16 @@ def _run(*command: str | Path, cwd: Path, **environment: str) -> str:
 
 def _mypy(folder: Path, names: Iterable[str], *options: str) -> dict[str, Messages]:
     found: dict[str, Messages] = {}
-    command = ("mypy", "--output=json", "--no-error-summary", *options, *names)
+    cache = folder.parent / "mypy_cache"  # what all programs import is read once
+    command = (
+        "mypy",
+        "--cache-dir",
+        cache,
+        "--output=json",
+        "--no-error-summary",
+        *options,
+        *names,
+    )
     for line in _run(*command, cwd=folder, MYPYPATH="typings").splitlines():
         report = json.loads(line)
         if report["severity"] == "error":
@@ -128,15 +139,27 @@ def test_generated_packages_are_as_precise_as_stubs(name, checker, with_generate
     _compare(with_generated[checker].get(name, {}), _expected(name, checker))
 
 
+def _write_programs(page: Page, folder: Path) -> list[str]:
+    """Write a page's definitions and native Python programs; the programs' names."""
+    names = []
+    for block in page.blocks:
+        is_program = block.kind == "python" and "import rclpy" not in block.text
+        is_program &= Path(block.file).name != "setup.py"
+        if not block.notes.keys() & {"wrong", "not run"} and (
+            is_program or (block.kind in ("srv", "msg") and block.file)
+        ):
+            path = folder / (block.file or f"line_{block.line}.py")
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(block.text + "\n", encoding="utf-8")
+            names += [str(path.relative_to(folder))] if is_program else []
+    return sorted(set(names))
+
+
 @pytest.fixture(scope="module")
 def readme(tmp_path_factory) -> Path:
     """README's programs as they stand, the same with mistakes, and the stubs of their service."""
     folder = tmp_path_factory.mktemp("readme")
-    blocks = [one for one in read_page(ROOT / "README.md").blocks if one.kind in ("srv", "python")]
-    for number, block in enumerate(blocks):
-        path = folder / (block.file or f"block_{number}.py")
-        path.parent.mkdir(parents=True, exist_ok=True)
-        path.write_text(block.text, encoding="utf-8")
+    _write_programs(read_page(ROOT / "README.md"), folder)
     client = (folder / "client.py").read_text("utf-8")
     misread = client.replace("response.greeting", "response.greting")
     wrong = client.replace('Greet.Request(name="Ada", times=2)', "Greet.Response()")
@@ -158,3 +181,43 @@ def test_the_programs_of_the_readme_are_checked_as_they_stand(readme, checker):
         found = _pyright(readme, names)
         reported = {"misread.py", "wrong.py", "forgets.py"}
     assert set(found) == reported, found
+
+
+@pytest.fixture(scope="module")
+def pages(tmp_path_factory) -> Mapping[str, Messages]:
+    """What pyright says of the programs of all pages, by the name of the file."""
+    folder = tmp_path_factory.mktemp("pages")
+    roots = []
+    for path in sorted((ROOT / "docs").rglob("*.md")):
+        root = folder / path.relative_to(ROOT / "docs").with_suffix("")
+        if _write_programs(read_page(path), root):
+            definitions, _ = whole_packages([], Search([root, BUNDLED]))
+            put_all(stubs(definitions), root / "typings")
+            here = root.relative_to(folder).as_posix()
+            roots.append({"root": here, "extraPaths": [here, f"{here}/typings"]})
+    settings = {"executionEnvironments": roots, "exclude": ["**/typings"]}
+    (folder / "pyrightconfig.json").write_text(json.dumps(settings), encoding="utf-8")
+    assert len(roots) > 10
+    return _pyright(folder, [])
+
+
+def test_the_programs_of_the_pages_have_no_mistakes_but_those_that_are_meant(pages):
+    assert set(pages) == {"mistakes.py"}, pages
+
+
+def test_mypy_says_of_the_mistakes_what_the_page_shows(tmp_path):
+    page = read_page(ROOT / "docs" / "how-to" / "check-types.md")
+    _write_programs(page, tmp_path)
+    _run("srvgen", "stubs", "my_interfaces", "std_srvs", cwd=tmp_path)
+    (shown,) = [block.text for block in page.blocks if block.text.startswith("$ mypy")]
+    output = _run(
+        "mypy",
+        "--cache-dir",
+        tmp_path.parent / "mypy_cache",
+        "mistakes.py",
+        cwd=tmp_path,
+        MYPYPATH="typings",
+    )
+    assert output.strip() == shown.partition("\n")[2]
+    lines = {line.split(":")[1] for line in output.splitlines() if ": error:" in line}
+    assert {str(line) for line in _pyright(tmp_path, ["mistakes.py"])["mistakes.py"]} == lines
