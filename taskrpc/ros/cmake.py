@@ -1,13 +1,14 @@
 """What a CMake package installs of Python, read from its `CMakeLists.txt` without running CMake.
 
-Programs are what `ros2 run` starts; modules are what other packages import. Conditions and loops
-are not evaluated: each command counts as if it stood by itself.
+Programs are what `ros2 run` starts; modules are what other packages import. Conditions are not
+evaluated: each command counts.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from itertools import islice
 from pathlib import Path
 from typing import TypeAlias
 
@@ -18,6 +19,13 @@ _COMMENT = re.compile(r"#\[(=*)\[.*?\]\1\]|#[^\n]*", re.DOTALL)
 _COMMAND = re.compile(r"\b([A-Za-z_]\w*)\s*\(((?:\"(?:\\.|[^\"\\])*\"|[^()\"])*)\)")
 _ARGUMENT = re.compile(r"\"((?:\\.|[^\"\\])*)\"|([^\s;\"]+)")
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
+_MOST = 10_000
+"""Commands that are read: loops in loops may have any number."""
+
+_HERE_VARIABLES = (
+    *("CMAKE_CURRENT_SOURCE_DIR", "CMAKE_CURRENT_LIST_DIR"),
+    *("CMAKE_SOURCE_DIR", "PROJECT_SOURCE_DIR"),
+)
 _KINDS = ("PROGRAMS", "FILES", "DIRECTORY")
 _END_OF_ITEMS = {
     *("DESTINATION", "TYPE", "PERMISSIONS", "FILE_PERMISSIONS", "DIRECTORY_PERMISSIONS"),
@@ -129,21 +137,77 @@ def _after(keyword: str, arguments: Sequence[str]) -> str:
 
 
 def _commands(package: Path) -> Iterator[Command]:
-    """The commands of a package's `CMakeLists.txt`, in order."""
+    """The commands of a package's `CMakeLists.txt`, in order; those of a loop for each value."""
     try:
         text = (package / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
     except OSError:
-        return
-    here = dict.fromkeys(("CMAKE_CURRENT_SOURCE_DIR", "CMAKE_CURRENT_LIST_DIR"), str(package))
-    here.update(dict.fromkeys(("CMAKE_SOURCE_DIR", "PROJECT_SOURCE_DIR"), str(package)))
-    known = {**here, **dict.fromkeys(_SITE_VARIABLES, _SITE), "PROJECT_NAME": package.name}
-    for found in _COMMAND.finditer(_COMMENT.sub("", text)):
-        name, arguments = found[1].lower(), _arguments(found[2], known)
+        return iter(())
+    written = [(found[1].lower(), found[2]) for found in _COMMAND.finditer(_COMMENT.sub("", text))]
+    known = {**dict.fromkeys(_SITE_VARIABLES, _SITE), "PROJECT_NAME": package.name}
+    known.update(dict.fromkeys(_HERE_VARIABLES, str(package)))
+    return islice(_evaluated(written, known, package), _MOST)
+
+
+def _evaluated(
+    written: Sequence[tuple[str, str]], known: dict[str, str], package: Path
+) -> Iterator[Command]:
+    """Commands with their variables replaced; `known` keeps what they set."""
+    index = 0
+    while index < len(written):
+        name, text = written[index]
+        arguments = _arguments(text, known)
+        index += 1
+        if name == "foreach" and arguments:
+            inner = written[index : _end_of_loop(written, index)]
+            index += len(inner)
+            for value in _values_of_loop(arguments, known):
+                known[arguments[0]] = value
+                yield name, arguments  # so that empty loops count, too
+                yield from _evaluated(inner, known, package)
+            continue
         if name == "project" and arguments:
             known["PROJECT_NAME"] = known["CMAKE_PROJECT_NAME"] = arguments[0]
         elif name == "set" and arguments:
             known[arguments[0]] = ";".join(arguments[1:])
+        elif name == "file" and len(arguments) > 1 and arguments[0].startswith("GLOB"):
+            known[arguments[1]] = ";".join(_matches(arguments, package))
         yield name, arguments
+
+
+def _end_of_loop(written: Sequence[tuple[str, str]], start: int) -> int:
+    depth = 1
+    for index in range(start, len(written)):
+        depth += {"foreach": 1, "endforeach": -1}.get(written[index][0], 0)
+        if not depth:
+            return index
+    return len(written)
+
+
+def _values_of_loop(arguments: Sequence[str], known: Mapping[str, str]) -> list[str]:
+    """The values of `foreach(NAME [IN ITEMS|LISTS] …)`."""
+    values = [each for each in arguments[1:] if each not in ("IN", "ITEMS", "LISTS")]
+    if "LISTS" in arguments:
+        return [part for name in values for part in known.get(name, "").split(";") if part]
+    return values
+
+
+def _matches(arguments: Sequence[str], package: Path) -> Iterator[str]:
+    """What `file(GLOB NAME …)` finds: paths, absolute ones unless it says RELATIVE."""
+    is_relative = "RELATIVE" in arguments
+    is_deep = arguments[0] == "GLOB_RECURSE"
+    options = {"RELATIVE", "CONFIGURE_DEPENDS", "FOLLOW_SYMLINKS", _after("RELATIVE", arguments)}
+    for pattern in arguments[2:]:
+        if pattern in options:
+            continue
+        inner = pattern.removeprefix(f"{package}/")
+        if Path(inner).is_absolute() or ".." in Path(inner).parts:
+            continue
+        try:
+            found = sorted(package.rglob(inner) if is_deep else package.glob(inner))
+        except ValueError:  # a pattern that only CMake understands
+            continue
+        for path in found:
+            yield path.relative_to(package).as_posix() if is_relative else str(path)
 
 
 def _arguments(text: str, known: dict[str, str]) -> list[str]:

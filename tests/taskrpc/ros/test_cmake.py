@@ -51,6 +51,24 @@ def package(tmp_path):
             "install(PROGRAMS ${NODES} DESTINATION lib/${PROJECT_NAME})",
             {"run_it.py": "nodes/run_it.py", "talk.py": "scripts/talk.py"},
         ),
+        (
+            "file(GLOB SCRIPTS CONFIGURE_DEPENDS scripts/*.py **x\n"
+            " ${CMAKE_CURRENT_SOURCE_DIR}/nodes/*)\n"
+            "install(PROGRAMS ${SCRIPTS} DESTINATION lib/${PROJECT_NAME})",
+            {"talk.py": "scripts/talk.py", "run_it.py": "nodes/run_it.py"},
+        ),
+        (
+            "file(GLOB_RECURSE ALL RELATIVE ${CMAKE_CURRENT_SOURCE_DIR} listen ../*.py /*)\n"
+            "install(PROGRAMS ${ALL} DESTINATION lib/${PROJECT_NAME})",
+            {"listen": "scripts/deep/listen"},
+        ),
+        (
+            "set(A scripts/talk)\nforeach(each IN LISTS A)\nforeach(inner one nodes/run_it)\n"
+            "install(PROGRAMS ${inner}.py DESTINATION lib/x)\nendforeach()\n"
+            "install(PROGRAMS ${each}.py DESTINATION lib/x RENAME talk)\nendforeach()",
+            {"run_it.py": "nodes/run_it.py", "talk": "scripts/talk.py"},
+        ),
+        ("foreach(each IN LISTS NONE)\ninstall(PROGRAMS scripts/talk.py DESTINATION lib/x)", {}),
         ("#[[ install(PROGRAMS scripts/talk.py DESTINATION lib/pkg) ]]", {}),
         ("install(DIRECTORY launch scripts DESTINATION share/${PROJECT_NAME})", {}),
         ("install(PROGRAMS missing.py DESTINATION lib/pkg)", {}),
@@ -111,3 +129,9 @@ def test_a_package_without_a_readable_file_installs_nothing(tmp_path):
     assert cmake.programs(tmp_path) == cmake.modules(tmp_path) == {}
     (tmp_path / "CMakeLists.txt").write_bytes(b'install(PROGRAMS \xff\x00 ${A} "' + b"(" * 500)
     assert cmake.programs(tmp_path) == cmake.modules(tmp_path) == {}
+
+
+@pytest.mark.parametrize("inner", ["", "set(b 1)\n"])
+def test_loops_in_loops_are_not_read_for_ever(package, inner):
+    loops = "foreach(a 1 2 3 4 5 6 7 8 9 10)\n" * 12 + inner + "endforeach()\n" * 12
+    assert package(loops) == ({}, {})
