@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from .errors import DefinitionError
 from .files import KINDS, has_subfolders, kind_folder, kind_of, subfolders
 from .names import did_you_mean
 from .search import Search
+
+_LEFT_OUT = ("build", "install", "log", "node_modules", "__pycache__")
+"""Folders below `src` that hold no sources of packages."""
 
 
 def is_type_name(source: str) -> bool:
@@ -104,21 +108,38 @@ def search_paths(sources: Sequence[str]) -> list[Path]:
         found[folder] = None
         if any((folder / kind).is_dir() for kind in KINDS):
             found[folder.parent] = None
+        below = _below(folder if folder.name == "src" else folder / "src")
+        with suppress(OSError):  # what cannot be read is reported when it is
+            found |= dict.fromkeys(each.parent for each in below if _in_package(each))
     return list(found)
 
 
 def _in_packages(source: Path) -> list[Path]:
-    """The files of the source as a package, else of the packages in it, else of those in `src`."""
-    workspace = source / "src"
+    """The files of the source as a package, else of the packages in it, else of those below `src`.
+
+    Packages lie at any depth below `src`, and otherwise directly in the source.
+    """
     for folders in (
         [source],
-        sorted(source.iterdir()),
-        sorted(workspace.iterdir()) if workspace.is_dir() else [],
+        _below(source) if source.name == "src" else sorted(source.iterdir()),
+        _below(source / "src"),
     ):
         found = [path for folder in folders if folder.is_dir() for path in _in_package(folder)]
         if found:
             return found
     return []
+
+
+def _below(source: Path) -> Iterator[Path]:
+    """The folders below `src` in which packages may lie; not what is in a package."""
+    if (source / "COLCON_IGNORE").exists() or not source.is_dir():
+        return
+    for folder in sorted(each for each in source.iterdir() if each.is_dir()):
+        if folder.name.startswith(".") or folder.name in _LEFT_OUT or folder.is_symlink():
+            continue
+        yield folder
+        if not (folder / "package.xml").is_file() and not _in_package(folder):
+            yield from _below(folder)
 
 
 def _in_package(folder: Path) -> list[Path]:

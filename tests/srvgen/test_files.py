@@ -111,3 +111,15 @@ def test_a_file_in_a_subfolder_belongs_to_the_package_above_that_has_a_manifest(
         assert definition_files(source) == [plain, path]
     for source in (path, path.parent, plain.parent):
         assert search_paths([str(source)]) == [tmp_path / "my_msgs", tmp_path]
+
+
+def test_packages_lie_at_any_depth_below_src(tmp_path):
+    near = write(tmp_path / "src" / "a_msgs" / "srv" / "A.srv")
+    far = write(tmp_path / "src" / "group" / "b" / "c" / "d_msgs" / "msg" / "D.msg", b"int8 d\n")
+    write(tmp_path / "src" / "group" / "build" / "x_msgs" / "msg" / "D.msg")
+    write(tmp_path / "src" / "old" / "x_msgs" / "msg" / "D.msg")
+    write(tmp_path / "src" / "old" / "COLCON_IGNORE")
+    write(tmp_path / "src" / "a_msgs" / "test" / "x_msgs" / "msg" / "D.msg")
+    for source in (tmp_path, tmp_path / "src"):
+        assert definition_files(source) == [near, far]
+        assert {tmp_path / "src", far.parents[2]} <= set(search_paths([str(source)]))
