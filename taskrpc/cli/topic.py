@@ -178,7 +178,9 @@ def _add_delay(commands: Commands) -> None:
 
 def _add_topics(parser: Parser) -> None:
     what = "Name of the topic (e.g. '/chatter'); several are compared in a table"
-    parser.add_argument("topic_names", metavar="topic_name", nargs="+", help=what)
+    parser.add_argument("topic_names", metavar="topic_name", nargs="*", help=what)
+    what = "Measure all topics that there are now"
+    parser.add_argument("-a", "--all", dest="all_topics", action="store_true", help=what)
 
 
 def _add_window(parser: Parser, messages: int) -> None:

@@ -13,8 +13,10 @@ from math import sqrt
 from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import srvgen
-from taskrpc.cli.command import goes_on
+from taskrpc.cli import graph
+from taskrpc.cli.command import Exit, NotFound, UsageError, goes_on
 from taskrpc.cli.remote import remote_of
+from taskrpc.cli.topic_graph import topics
 from taskrpc.cli.topic_reading import Feed, condition, subscribed
 from taskrpc.errors import InvalidRequest
 from taskrpc.qos import QoS
@@ -35,21 +37,21 @@ def hz(options: argparse.Namespace) -> int:
     """Print how often messages come."""
     clock = _clock(options, time.monotonic)
     holds = condition(options.filter)
-    measures = [Rate(options.window, holds, clock) for _ in options.topic_names]
-    return asyncio.run(_measure(options, measures, clock))
+    _check_names(options)
+    return asyncio.run(_measure(options, lambda: Rate(options.window, holds, clock), clock))
 
 
 def bw(options: argparse.Namespace) -> int:
     """Print how many bytes they are."""
     clock = _clock(options, time.monotonic)
-    measures = [Bandwidth(options.window, clock) for _ in options.topic_names]
-    return asyncio.run(_measure(options, measures, clock))
+    _check_names(options)
+    return asyncio.run(_measure(options, lambda: Bandwidth(options.window, clock), clock))
 
 
 def delay(options: argparse.Namespace) -> int:
     """Print how old they are when they come."""
     clock = _clock(options, time.time)
-    return asyncio.run(_measure(options, [Delay(options.window, clock)], clock))
+    return asyncio.run(_measure(options, lambda: Delay(options.window, clock), clock))
 
 
 class SimulatedTime:
@@ -77,19 +79,49 @@ def _clock(options: argparse.Namespace, wall: Callable[[], float]) -> Now:
     return wall if is_wall else SimulatedTime()
 
 
-async def _measure(options: argparse.Namespace, measures: Sequence[Measure], clock: Now) -> int:
-    names = getattr(options, "topic_names", None) or [options.topic_name]
+def _check_names(options: argparse.Namespace) -> None:
+    if options.all_topics and options.topic_names:
+        raise UsageError("Cannot specify both --all/-a and topic names")
+    if not options.all_topics and not options.topic_names:
+        raise UsageError("Either specify topic names or use --all/-a option")
+
+
+async def _names(options: argparse.Namespace, node: Node) -> list[str]:
+    """The topics to measure: those that were named, or all that there are now."""
+    if not getattr(options, "all_topics", False):
+        return getattr(options, "topic_names", None) or [options.topic_name]
+    entries = await graph.entries_of(remote_of(options), node)
+    found = topics(entries, hidden=options.include_hidden_topics)
+    several = f"Subscribing to all {len(found)} available topics..."
+    print(several if found else "No topics available", flush=True)
+    return list(found)
+
+
+async def _measure(options: argparse.Namespace, make: Callable[[], Measure], clock: Now) -> int:
     told: dict[str, Measure] = {}
     async with remote_of(options).node() as node:
+        names = await _names(options, node)
+        if not names:
+            return Exit.DONE
         if isinstance(clock, SimulatedTime):
             clock.listen(node)
         feed = Feed(lambda taken: taken[0](taken[1]))
-        for name, measure in zip(names, measures, strict=True):
+        for name in names:
+            measure = make()
             take = partial(_hand_over, feed, measure.take)
-            subscription = await subscribed(options, node, name, take, wait=True)
+            try:
+                subscription = await subscribed(options, node, name, take, wait=True)
+            except (srvgen.DefinitionError, NotFound) as error:
+                if len(names) == 1:
+                    raise
+                problem = f"failed to find message type for topic [{name}]: {error}"
+                print(f"WARNING: {problem}", file=sys.stderr, flush=True)
+                continue
             told[subscription.topic_name] = measure
             if isinstance(measure, Bandwidth):
                 print(f"Subscribed to [{subscription.topic_name}]", flush=True)
+        if not told:
+            return Exit.ERROR
         goes_on()
         is_unknown = False
         while not await feed.wait(_TELL):

@@ -244,6 +244,37 @@ def test_figures_once_a_second(talker, tmp_path, verb, topic, expected):
 
 
 @real_time
+def test_all_topics_are_measured_in_one_table(talker):
+    command = [sys.executable, "-u", "-m", "taskrpc", "topic", "hz", "--all"]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
+        lines = [process.stdout.readline() for _ in range(5)]
+        process.kill()
+    assert lines[0] == "Subscribing to all 4 available topics...\n"
+    first = [line.split()[0] for line in lines[1:]]
+    assert [first[0], *first[2:]] == ["topic", "/chatter", "/pose"]
+
+
+@real_time
+@pytest.mark.parametrize(
+    ("argv", "code", "said"),
+    [
+        ((), 2, "Either specify topic names or use --all/-a option"),
+        (("-a", "/chatter"), 2, "Cannot specify both --all/-a and topic names"),
+    ],
+)
+@pytest.mark.parametrize("verb", ["hz", "bw"])
+def test_topics_to_measure_are_named_or_all(run, verb, argv, code, said):
+    assert run(verb, *argv) == (code, "", f"{said}\n")
+
+
+@real_time
+def test_of_no_topics_none_is_measured(run, tmp_path, monkeypatch):
+    tmp_path.chmod(0o700)
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
+    assert run("bw", "-a") == (0, "No topics available\n", "")
+
+
+@real_time
 def test_a_message_without_a_header_has_no_delay(talker, run):
     assert run("delay", "/chatter") == (1, "", "msg does not have header\n")
 
