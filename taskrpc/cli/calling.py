@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import math
 import sys
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import msgspec
@@ -76,7 +77,8 @@ class _Caller:
         self._loop = asyncio.get_running_loop()
         self._retry = RetryPolicy(attempts=plan.retries + 1) if plan.retries else None
         self._client: Client[Any, Any] | None = None
-        self._request: Any = None
+        self._request: Callable[[], Any] = lambda: None
+        """Makes the request of each call, with its time where that is `now` or `auto`."""
         self._said_waiting = False
         self._lost: TaskRpcError | None = None
         """Why the last connection was not made."""
@@ -99,10 +101,11 @@ class _Caller:
         client = self._client
         if client is None or not client.service_is_ready():
             client = self._client = await self._reach(deadline)
-        self._print(f"requester: making request: {self._request!r}\n")
+        request = self._request()
+        self._print(f"requester: making request: {request!r}\n")
         try:
             response = await client.call(
-                self._request,
+                request,
                 timeout=None if deadline is None else deadline - self._loop.time(),
                 retry=self._retry,
                 request_id=self._plan.request_id,
@@ -124,7 +127,7 @@ class _Caller:
             raise TypeMismatch(f"{self._service} is offered as {type_name}, not as {given}")
         cls = srvgen.define(type_name, text)
         try:
-            self._request = build_request(cls.Request, self._plan.values)
+            self._request = _requests(cls.Request, self._plan.values)
         except InvalidRequest as error:
             here = "the server's definition differs from the one on this machine"
             raise hinted(error, here if differs_here(cls) else "") from None
@@ -157,7 +160,7 @@ class _Caller:
             return
         self._said_waiting = True
         if self._plan.type_name:
-            build_request(local_service_type(self._plan.type_name).Request, self._plan.values)
+            _requests(local_service_type(self._plan.type_name).Request, self._plan.values)
         await self._ask_places(deadline)
         if not self._plan.as_json:
             print("waiting for service to become available...", file=sys.stderr, flush=True)
@@ -191,6 +194,16 @@ class _Caller:
     def _print(self, text: str) -> None:
         if not self._plan.as_json:
             print(text, flush=True)
+
+
+def _requests(cls: Any, values: Sequence[str]) -> Callable[[], Any]:
+    """What makes the request of each call. Raises InvalidRequest."""
+    if not any(word in value for value in values for word in ("auto", "now")):
+        request = build_request(cls, values)
+        return lambda: request
+    from taskrpc.cli.topic_messages import Template  # few requests need the time
+
+    return Template(cls, values).message
 
 
 def _without_nan(value: Any) -> Any:

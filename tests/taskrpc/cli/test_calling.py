@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import itertools
 import json
 
 import pytest
@@ -185,6 +186,25 @@ async def test_rate_spaces_the_calls_from_their_start(serve):
     await serve(note)
     await perform(plan(count=4, rate=2.0))
     assert times == pytest.approx([0.0, 0.5, 1.0, 1.5], abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "values", [["{start: {header: auto}}"], ["start.header.stamp=now", "tolerance=1.5"]]
+)
+async def test_auto_and_now_are_the_time_of_each_call(serve, monkeypatch, values):
+    seconds = itertools.count(7)
+    monkeypatch.setattr("time.time_ns", lambda: next(seconds) * 10**9 + 5)
+    stamps = []
+
+    def plan_path(request, response):
+        stamps.append(request.start.header.stamp)
+        return response
+
+    await serve(plan_path, type_=srvgen.load("nav_msgs/srv/GetPlan"))
+    await perform(plan(*values, count=2))
+    first, second = stamps
+    assert second.sec > first.sec >= 7
+    assert first.nanosec == 5
 
 
 async def test_retries_repeat_what_certainly_did_not_run(serve, capsys):
