@@ -17,6 +17,7 @@ from taskrpc.errors import (
     StoreError,
     TaskRpcError,
 )
+from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport.base import IncomingCall
 from taskrpc.transport.codec import codec_of
 from taskrpc.wire.once import Claim, Remembered
@@ -58,12 +59,17 @@ class SyncStore:
         self.effects = []
         self.gate = self.opened = self.fail_with = self.unreadable = None
         self.read = 0
+        self.given_up = False
 
     async def recall(self):
         self.read += 1
         completions = tuple(self.completions)  # as old as the moment in which reading began
         if self.opened is not None:
-            await self.opened.wait()
+            try:
+                await self.opened.wait()
+            except asyncio.CancelledError:
+                self.given_up = True
+                raise
         if self.unreadable is not None:
             raise self.unreadable
         return Remembered(b"S" * 16, completions)
@@ -352,3 +358,73 @@ async def test_client_with_too_many_open_requests_is_told_when_to_come_again(des
             ends[type(end), str(end), end.retry_after] += 1
     assert list(ends) == [(ServerBusy, "/x remembers too many requests", 0.5)]
     assert len(served.runs) == 1024
+
+
+async def test_services_of_one_store_read_it_once(desk):
+    store = SyncStore()
+    first, second = await desk(store), await desk(store)
+    assert first.send(1).ends == [(2, True)]
+    assert second.send(1).ends == [(2, True)], "the other service has run it"
+    assert (store.read, len(second.runs)) == (1, 0)
+
+
+async def test_store_is_not_read_on_when_its_last_service_ends():
+    store = SyncStore()
+    store.opened = asyncio.Event()
+    served = Served(store)
+    await asyncio.sleep(0.01)
+    served.desk.close()
+    await asyncio.sleep(0.01)
+    assert store.given_up
+
+
+def test_store_of_a_loop_that_has_ended_is_read_anew_by_the_next():
+    store, kept = SyncStore(), []
+
+    async def once():
+        served = Served(store)
+        kept.append(served)  # a program that was ended does not close it
+        await asyncio.sleep(0.01)
+        return served.send().ends
+
+    for reads in (1, 2):
+        loop = VirtualTimeLoop()
+        assert loop.run_until_complete(once()) == [(2, True)]
+        loop.close()
+        assert store.read == reads
+    assert [len(served.runs) for served in kept] == [1, 0]
+
+
+async def test_run_that_ends_after_nobody_could_tell_is_remembered(desk):
+    served = await desk(SyncStore(), begin)
+    sent = served.send()
+    (run,) = served.runs
+    run.fail(HandlerFailed(Code.OUTCOME_UNKNOWN, "lost"))
+    await asyncio.sleep(0.01)
+    Served.add(run)  # it was not over
+    assert len(sent.ends) == 1
+    assert served.send().ends == [(2, True)]
+    assert len(served.runs) == 1
+
+
+async def test_what_ended_during_one_reading_is_not_added_to_the_next(desk):
+    store = SyncStore()
+    served = await desk(store, begin)
+    served.send(1)
+
+    def fail(run):
+        run.fail(HandlerFailed(Code.OUTCOME_UNKNOWN, "lost"))
+
+    served.answer = fail
+    store.opened = asyncio.Event()
+    served.send(2)
+    await asyncio.sleep(0.01)
+    Served.add(served.runs[0])
+    store.opened.set()
+    await asyncio.sleep(0.01)
+    assert served.desk.status().clients == 1
+    store.completions.clear()  # as if another program had forgotten the client
+    served.send(3)
+    await asyncio.sleep(0.01)
+    assert store.read == 3
+    assert served.desk.status().clients == 0
