@@ -15,7 +15,11 @@ from taskrpc.wire.once import (
 )
 
 ME = b"c" * 16
-cut_off = claims_for("/add")
+
+
+def cut_off(body):
+    """The claim and the message of a request to the service /add."""
+    return claims_for("/add")(body)
 
 
 def test_a_number_travels_before_the_body():
