@@ -8,7 +8,9 @@ import threading
 import pytest
 
 from taskrpc.errors import OutcomeUnknown, StoreError
+from taskrpc.storage.lock import FileInUse
 from taskrpc.storage.stores import SqliteCompletions
+from taskrpc.storage.writer import Writer
 from taskrpc.wire.once import Completion
 
 TABLE = "CREATE TABLE IF NOT EXISTS booked (seat INTEGER PRIMARY KEY)"
@@ -194,3 +196,105 @@ def test_a_store_serves_another_run_of_asyncio(path):
         assert asyncio.run(book(store, seat)) == [None]
     asyncio.run(store.close())
     assert booked(path) == ([1, 2], [1, 2])
+
+
+class Pages:
+    """A file that keeps what is written, one transaction after another."""
+
+    is_broken = False
+
+    def __init__(self):
+        self.written = []
+        self.gate = threading.Event()
+        self.gate.set()
+
+    def write(self, database, changes):
+        assert database is self
+        self.gate.wait(5)
+        self.written.append(list(changes))
+
+    def change(self, work):
+        work(self.written)
+
+    def close(self):
+        self.written.append("closed")
+
+
+@pytest.fixture
+async def pages():
+    return Pages()
+
+
+@pytest.fixture
+async def writer(pages):
+    writer = Writer(lambda: pages, pages.write)
+    yield writer
+    pages.gate.set()
+    await writer.close()
+
+
+async def test_changes_of_several_turns_are_one_transaction_while_the_disk_is_busy(writer, pages):
+    pages.gate.clear()
+    asked = [writer.change("a")]
+    await asyncio.sleep(0)
+    for change in "bcd":
+        asked.append(writer.change(change))
+        await asyncio.sleep(0)
+    pages.gate.set()
+    await asyncio.gather(*asked)
+    assert pages.written == [["a"], ["b", "c", "d"]]
+    assert writer.transactions == {1: 1, 3: 1}
+    await writer.change("e")
+    assert writer.transactions == {1: 2, 3: 1}
+
+
+async def test_one_who_leaves_does_not_keep_the_others_from_their_answers(writer, pages):
+    asked = [writer.change(change) for change in "abc"]
+    asked[0].cancel()
+    async with asyncio.timeout(5):
+        assert await asyncio.gather(*asked[1:]) == [None, None]
+    assert pages.written == [["a", "b", "c"]]
+
+
+async def test_work_of_its_own_stands_between_the_changes_around_it(writer, pages):
+    asked = [writer.change("a")]
+    alone = asyncio.ensure_future(writer.change_alone(lambda written: written.append("alone")))
+    await asyncio.sleep(0)
+    asked.append(writer.change("b"))
+    await asyncio.gather(alone, *asked)
+    assert pages.written == [["a"], "alone", ["b"]]
+
+
+async def test_file_that_another_process_uses_is_claimed_once_it_is_free(pages):
+    in_use = [FileInUse("in use"), FileInUse("still in use")]
+
+    def open_file():
+        if in_use:
+            raise in_use.pop(0)
+        return pages
+
+    writer, told = Writer(open_file, pages.write), []
+    began = asyncio.get_running_loop().time()
+    await writer.claim(told.append)
+    assert asyncio.get_running_loop().time() - began == pytest.approx(0.1)
+    assert [each.fact for each in told] == ["in use"], "it is told once"
+    await writer.change("a")
+    await writer.close()
+    assert pages.written == [["a"], "closed"]
+
+
+def test_change_that_one_run_of_asyncio_left_behind_blocks_no_later_run():
+    pages = Pages()
+    writer = Writer(lambda: pages, pages.write)
+
+    async def leave():
+        writer.change("left behind")
+
+    async def change():
+        async with asyncio.timeout(5):
+            await writer.change("a")
+            await writer.close()
+
+    asyncio.run(leave())
+    asyncio.run(change())
+    assert pages.written[-2:] == [["a"], "closed"]
