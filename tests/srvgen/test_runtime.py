@@ -540,3 +540,10 @@ def test_no_two_numeric_classes_are_the_same():
     for one, other in itertools.combinations(ARRAYS, 2):
         assert one is not other
         assert one([1]) is not other([1])
+
+
+def test_typed_service_classes_have_only_their_messages_at_run_time():
+    trigger = srvgen.load("std_srvs/srv/Trigger")
+    assert {name for name in dir(trigger) if name[0] != "_"} == {"Request", "Response", "Event"}
+    assert trigger.__mro__[1] is _runtime.Service is _runtime.Service[int, str]
+    assert not hasattr(trigger, "__orig_bases__")
