@@ -12,9 +12,10 @@ from typing import Literal
 import msgspec
 
 from taskrpc import platform
-from taskrpc.access import Account, Role
+from taskrpc.access import Account, Role, why_no_name
 from taskrpc.classroom.authority import files_in
 from taskrpc.classroom.invitation import Invitation, to_join_string
+from taskrpc.classroom.student_names import account_for, cleaned, why_no_student
 from taskrpc.errors import TaskRpcError
 
 _SECRET_BYTES = 18
@@ -58,20 +59,34 @@ class Register:
         self.attendance_file = folder / "attendance.json"
         self.certificates = files_in(folder)
         self._place_file = folder / "place.json"
+        self._names_file = folder / "names.json"
 
     def accounts(self) -> list[Account]:
         """All accounts, in the order in which they were added."""
         return [_account(name, row) for name, row in self._read().accounts.items()]
 
     def add(self, names: Iterable[str], expires: float) -> list[Account]:
-        """Accounts of these names until `expires` (seconds since 1970).
+        """Accounts for students of these names until `expires` (seconds since 1970).
 
-        Old ones keep their secret and their role. A revoked one may be used again, as if it were
-        new. Raises TaskRpcError, and adds none, where two accounts would have one namespace.
+        A name that no account can have, such as José, gets an account that is derived from it; the
+        same name gets the same account again. Old ones keep their secret and their role. A revoked
+        one may be used again, as if it were new.
+
+        Raises TaskRpcError, and adds none, for what is no name, and where two accounts would have
+        one namespace.
         """
-        wanted = list(names)
+        students = [cleaned(name) for name in names]
+        for student in students:
+            if problem := why_no_student(student):
+                raise TaskRpcError(problem)
+        wanted: list[str] = []
 
         def change(rows: dict[str, _Row]) -> None:
+            written = self.names()
+            for student in students:
+                wanted.append(_account_of(student, {*rows, *wanted}, written))
+            if written:
+                platform.write_private(self._names_file, msgspec.json.encode(written))
             for name in wanted:
                 old = rows.get(name)
                 if old is None or old.revoked:
@@ -85,15 +100,30 @@ class Register:
         return [account for account in self.accounts() if account.name in wanted]
 
     def revoke(self, name: str) -> None:
-        """Refuse an account from now on. Raises TaskRpcError where there is none of this name."""
+        """Refuse an account from now on, named by itself or by its student.
+
+        Raises TaskRpcError where there is none of this name.
+        """
 
         def change(rows: dict[str, _Row]) -> None:
-            if name not in rows:
-                known = ", ".join(rows) or "none"
+            written = self.names()
+            accounts = {student: account for account, student in written.items()}
+            account = accounts.get(cleaned(name), name)
+            if account not in rows:
+                known = ", ".join(written.get(each, each) for each in rows) or "none"
                 raise TaskRpcError(f"there is no account {name!r}; there are: {known}")
-            rows[name].revoked = True
+            rows[account].revoked = True
 
         self._edit(change)
+
+    def names(self) -> dict[str, str]:
+        """The students' names as they were written, by account, where the two differ."""
+        try:
+            return msgspec.json.decode(self._names_file.read_bytes(), type=dict[str, str])
+        except FileNotFoundError:
+            return {}
+        except (msgspec.MsgspecError, UnicodeDecodeError) as error:
+            raise TaskRpcError(f"{self._names_file}: {error}") from None
 
     @property
     def place(self) -> Place:
@@ -147,6 +177,19 @@ class Register:
 
 def _account(name: str, row: _Row) -> Account:
     return Account(name, row.secret, Role[row.role.upper()], row.expires, row.revoked)
+
+
+def _account_of(student: str, accounts: set[str], written: dict[str, str]) -> str:
+    """The account of a student; a new one that is derived from the name is noted in `written`."""
+    for account, name in written.items():
+        if name == student:
+            return account
+    if not why_no_name(student) and student not in written:
+        return student
+    taken = {namespace_of(each) for each in {*accounts, *written}}
+    account = account_for(student, lambda name: namespace_of(name) not in taken)
+    written[account] = student
+    return account
 
 
 def _check_namespace(name: str, rows: dict[str, _Row]) -> None:

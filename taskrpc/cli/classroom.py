@@ -145,7 +145,7 @@ def _students(given: str) -> list[str]:
             raise TaskRpcError("--students: expected at least one")
         return [f"student{number:0{len(given)}}" for number in range(1, count + 1)]
     from taskrpc import platform
-    from taskrpc.access import why_no_name
+    from taskrpc.classroom.student_names import cleaned, why_no_student
 
     try:
         lines = platform.read_text(given, "utf-8-sig").splitlines()
@@ -154,10 +154,10 @@ def _students(given: str) -> list[str]:
         raise TaskRpcError(f"--students {given}: {reason}") from None
     names: dict[str, None] = {}
     for number, line in enumerate(lines, 1):
-        if not (name := line.strip()):
+        if not (name := cleaned(line)):
             continue
         where = f"--students {given}, line {number}"
-        if problem := why_no_name(name):
+        if problem := why_no_student(name):
             raise TaskRpcError(f"{where}: {problem}")
         if name in names:
             raise TaskRpcError(f"{where}: {name!r} is there twice; two students need two names")
@@ -171,8 +171,10 @@ def _print_strings(register: Register, accounts: Sequence[Account]) -> None:
     """One line each: the string alone, or behind the name where there are several."""
     usable = [account for account in accounts if not account.refusal(time.time())]
     print("on each laptop: taskrpc join STRING", file=sys.stderr)
+    written = register.names()
     for account in usable:
-        name = f"{account.name} " if len(usable) > 1 else ""
+        student = written.get(account.name, account.name)
+        name = f"{student} " if len(usable) > 1 else ""
         print(f"{name}{register.join_string(account)}", flush=True)
 
 

@@ -24,11 +24,12 @@ def show(register: Register, *, as_json: bool) -> Exit:
     """Print a class's roster."""
     seen = last_calls(register.attendance_file)
     waiting = asyncio.run(_waiting())
-    rows = [_row(account, seen, waiting) for account in register.accounts()]
+    written = register.names()
+    rows = [_row(account, written, seen, waiting) for account in register.accounts()]
     if as_json:
         print(json.dumps(rows))
         return Exit.DONE
-    lines = [[_shown(value) for value in row.values()] for row in rows]
+    lines = [_line(row) for row in rows]
     for line in aligned([_HEADINGS, *lines], right=(3,)):
         print(line)
     if waiting is None:
@@ -46,15 +47,24 @@ async def _waiting() -> list[str] | None:
     return [task.client for task in tasks if task.state == task.QUEUED]
 
 
-def _row(account: Account, seen: dict[str, float], waiting: list[str] | None) -> dict[str, Any]:
+def _row(
+    account: Account, written: dict[str, str], seen: dict[str, float], waiting: list[str] | None
+) -> dict[str, Any]:
     name = account.name
     return {
-        "name": name,
+        "name": written.get(name, name),
+        "account": name,
         "state": _state(account, name in seen),
         "last_call": seen.get(name),
         "waiting": None if waiting is None else waiting.count(name),
         "until": account.expires or None,
     }
+
+
+def _line(row: dict[str, Any]) -> list[str]:
+    name, account, *others = row.values()
+    shown = name if name == account else f"{name} ({account})"
+    return [shown, *(_shown(value) for value in others)]
 
 
 def _state(account: Account, joined: bool) -> str:

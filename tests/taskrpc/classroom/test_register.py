@@ -2,6 +2,7 @@
 
 import datetime
 import time
+import unicodedata
 from concurrent.futures import ThreadPoolExecutor
 
 import pytest
@@ -118,9 +119,46 @@ def test_revoking_nobody_names_those_who_are_there(register):
 
 
 def test_a_wrong_name_adds_nobody(register):
-    with pytest.raises(TaskRpcError, match="an account's name"):
-        register.add(["ada", "b b"], 0)
+    with pytest.raises(TaskRpcError, match="a student's name: expected 1 to 100 letters"):
+        register.add(["ada", "b;b"], 0)
     assert register.accounts() == []
+
+
+NAMES = ["ada", "José", "Jose", "محمد علي", "Ada Lovelace", "小明"]
+ACCOUNTS = ["ada", "Jose", "Jose2", "student1", "Ada_Lovelace", "student2"]
+
+
+def test_a_name_in_any_script_gets_an_account_and_is_remembered_as_written(register):
+    added = register.add(NAMES, 0)
+    assert [account.name for account in added] == ACCOUNTS
+    written = Register(register.folder).names()
+    assert [written.get(each, each) for each in ACCOUNTS] == NAMES
+    namespaces = [namespace_of(account) for account in ACCOUNTS]
+    assert len({*namespaces}) == len(NAMES)
+    assert [names.check_namespace(each) for each in namespaces] == namespaces
+
+
+def test_the_same_names_get_the_same_accounts_in_any_order(register):
+    before = register.add(NAMES, 0)
+    decomposed = [unicodedata.normalize("NFD", f"  {name} ") for name in reversed(NAMES)]
+    assert register.add(decomposed, 0) == before
+    assert len(register.accounts()) == len(NAMES)
+
+
+def test_an_account_that_is_there_is_not_given_to_a_name_that_looks_like_it(register):
+    register.add(["Jose", "student1"], 0)
+    added = register.add(["José", "小明"], 0)
+    assert [account.name for account in added] == ["Jose2", "student2"]
+
+
+def test_a_student_is_revoked_by_name_or_by_account(register):
+    register.add(NAMES, 0)
+    register.revoke("José")
+    register.revoke("student1")
+    revoked = [account.name for account in register.accounts() if account.revoked]
+    assert revoked == ["Jose", "student1"]
+    with pytest.raises(TaskRpcError, match="there are: ada, José, Jose, محمد علي"):
+        register.revoke("eve")
 
 
 def test_edits_at_the_same_time_lose_nothing(register):

@@ -57,11 +57,29 @@ def test_a_file_of_students_gives_each_a_string_behind_the_name(make, tmp_path):
     assert from_join_string(found["grace"]).places == ("192.0.2.7:7451",)
 
 
+def test_names_in_any_script_are_shown_as_written(make, say, tmp_path):
+    names = tmp_path / "names.txt"
+    names.write_text("José\nمحمد علي\nada\n", encoding="utf-8")
+    found = dict(line.rsplit(maxsplit=1) for line in make("--students", str(names)))
+    assert list(found) == ["José", "محمد علي", "ada"]
+    assert from_join_string(found["José"]).namespace == "/Jose"
+    assert from_join_string(found["محمد علي"]).token.startswith("student1.")
+    shown = [line.split("  ")[0] for line in say("classroom", "roster").splitlines()]
+    assert shown[:4] == ["NAME", "José (Jose)", "محمد علي (student1)", "ada"]
+    rows = json.loads(say("classroom", "roster", "--json"))
+    assert [(row["name"], row["account"]) for row in rows][1:] == [
+        ("محمد علي", "student1"),
+        ("ada", "ada"),
+    ]
+    assert say("classroom", "revoke", "محمد علي") == "محمد علي is let in no more\n"
+
+
 @pytest.mark.parametrize(
     ("text", "message"),
     [
         (b"ada\n\ngrace\nada\n", "names.txt, line 4: 'ada' is there twice"),
-        (b"ada\nAda Lovelace\n", "names.txt, line 2: an account's name: expected 1 to 64 letters"),
+        (b"ada\nada;5;x\n", "names.txt, line 2: a student's name: expected 1 to 100 letters"),
+        ("José\nJose\u0301\n".encode(), "names.txt, line 2: 'José' is there twice"),
         (b"\n \n", "names.txt: expected a name a line, the file is empty"),
         (b"\xff\xfe\x00", "names.txt: expected UTF-8 text"),
     ],
