@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import codecs
 import os
+import stat
 from collections.abc import Iterator
 from pathlib import Path
 from typing import cast, get_args
@@ -15,6 +16,9 @@ from .parser import parse_action, parse_msg, parse_srv
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 """The folders of a package that hold definitions; each is also the suffix of its files."""
+
+LONGEST = 4 * 2**20
+"""Bytes of a definition file; the largest of ROS 2 has 50,000."""
 
 _PARSERS = {"msg": parse_msg, "srv": parse_srv, "action": parse_action}
 _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -62,11 +66,19 @@ def read_data(path: Path) -> bytes:
         DefinitionError: the file cannot be read.
     """
     try:
-        return path.read_bytes()
+        # A pipe would make us wait for its writer; a device may have no end.
+        if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
+            raise DefinitionError("expected a file, got a pipe or a device", path=str(path))
+        with path.open("rb") as file:
+            data = file.read(LONGEST + 1)
     except OSError as error:
         # Windows says of a folder only that permission is denied.
         problem = "a folder" if path.is_dir() else error.strerror or error
         raise DefinitionError(f"expected a readable file, got: {problem}", path=str(path)) from None
+    if len(data) > LONGEST:
+        expected = f"expected a definition of at most {LONGEST // 2**20} MiB, got a larger file"
+        raise DefinitionError(expected, path=str(path))
+    return data
 
 
 def decode(data: bytes, path: str = "") -> str:

@@ -1,5 +1,6 @@
 """What a file's path and bytes say about a definition."""
 
+import os
 from pathlib import Path
 
 import pytest
@@ -123,3 +124,21 @@ def test_packages_lie_at_any_depth_below_src(tmp_path):
     for source in (tmp_path, tmp_path / "src"):
         assert definition_files(source) == [near, far]
         assert {tmp_path / "src", far.parents[2]} <= set(search_paths([str(source)]))
+
+
+@pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no named pipes among its files")
+def test_a_pipe_or_a_device_is_refused_and_not_waited_for(tmp_path):
+    pipe, device = tmp_path / "F.srv", tmp_path / "Z.srv"
+    os.mkfifo(pipe)
+    device.symlink_to("/dev/zero")
+    for path in (pipe, device):
+        with pytest.raises(DefinitionError, match="expected a file, got a pipe or a device"):
+            read_definition(path)
+
+
+def test_a_huge_file_is_refused(tmp_path):
+    path = tmp_path / "Huge.msg"
+    with path.open("wb") as file:
+        file.truncate(2**32)
+    with pytest.raises(DefinitionError, match="expected a definition of at most 4 MiB"):
+        read_definition(path)
