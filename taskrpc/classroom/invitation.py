@@ -16,6 +16,10 @@ PREFIX = "taskrpc-join1."
 _FAMILY = "taskrpc-join"
 _ALPHABET = string.ascii_letters + string.digits + "-_"
 _CHECKSUM = 4
+_LONGEST = 8192
+"""Characters: more than the longest of each field take."""
+_LONGEST_TO_MEND = 1000
+"""Characters up to which a mistyped one is looked for, in a second; common strings have 200."""
 
 
 # Whoever made a string may be anybody: what is in it is printed, called and remembered.
@@ -65,6 +69,9 @@ def from_join_string(text: str) -> Invitation:
 
     Raises TaskRpcError that tells what is wrong with it, a mistyped character with its place.
     """
+    if len(text) > _LONGEST:
+        problem = f"expected a join string of at most {_LONGEST} characters, got {len(text)}"
+        raise TaskRpcError(problem)
     joined = "".join(text.split())
     if not joined.startswith(PREFIX):
         raise TaskRpcError(_foreign(joined))
@@ -91,7 +98,7 @@ def _foreign(joined: str) -> str:
 
 def _damage(letters: str) -> str:
     """What is wrong with a string whose checksum is: one character, if one would mend it."""
-    for index, letter in enumerate(letters):
+    for index, letter in enumerate(letters if len(letters) <= _LONGEST_TO_MEND else ""):
         before, after = letters[:index], letters[index + 1 :]
         if any(_body(before + other + after) is not None for other in _ALPHABET):
             place = len(PREFIX) + index + 1
