@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass
+from pathlib import Path
 
 from taskrpc import names
 from taskrpc.cli import graph
@@ -25,7 +26,7 @@ class Process:
 
     @property
     def script(self) -> str:
-        """The file that was started, without its folder."""
+        """The file that was started, as it was typed."""
         return self.entries[0].script
 
     @property
@@ -51,13 +52,21 @@ class Process:
 
     def is_meant_by(self, name: str) -> bool:
         """Whether a pid, a script's name, a node or a service means this process."""
-        script = {str(self.pid), self.script, self.script.removesuffix(".py")}
         nodes = {node for entry in self.entries for node in entry.nodes}
         offered = {service.name for entry in self.entries for service in entry.services}
-        return name in script or f"/{name.removeprefix('/')}" in nodes | offered
+        if name == str(self.pid) or _is_tail(name, Path(self.folder, self.script)):
+            return True
+        return f"/{name.removeprefix('/')}" in nodes | offered
 
     def __str__(self) -> str:
         return f"{self.script} (pid {self.pid})"
+
+
+def _is_tail(name: str, script: Path) -> bool:
+    """Whether a name is the last part of a script's path, or all of it; `.py` may be left out."""
+    wanted = Path(name).parts
+    ends = (script.parts, script.with_suffix("").parts if script.suffix == ".py" else ())
+    return bool(wanted) and any(parts[-len(wanted) :] == wanted for parts in ends)
 
 
 def processes() -> list[Process]:

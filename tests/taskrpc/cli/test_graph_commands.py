@@ -272,6 +272,16 @@ def test_a_program_is_meant_by_pid_script_node_or_service(name):
     assert not Process(0, (entry,)).is_meant_by(name + "x")
 
 
+@pytest.mark.parametrize(
+    "name", ["server.py", "server", "08_debugging/server.py", "/home/a/08_debugging/server.py"]
+)
+def test_a_script_is_meant_by_the_end_of_its_path_wherever_it_was_started(name):
+    entry = Entry(42, "08_debugging/server.py", "/home/a", 0.0)
+    assert Process(0, (entry,)).is_meant_by(name)
+    assert not Process(0, (entry,)).is_meant_by("erver.py")
+    assert not Process(0, (entry,)).is_meant_by(f"b/{name}")
+
+
 def test_stop_ends_the_only_program(own_server, run):
     assert run("stop") == (0, f"stopped adder.py (pid {own_server.process.pid})\n", "")
     # Windows cannot ask a process to end, it can only end it.
