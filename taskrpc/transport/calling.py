@@ -71,7 +71,8 @@ class OpenCall(msgspec.Struct, eq=False):
     def failed(self, error: BaseException) -> None:
         """The call ended with an error."""
         if not self.future.done():
-            if self.is_late and isinstance(error, TaskRpcError):
+            # What a callback itself says is an answer, also in the last moment.
+            if isinstance(error, TaskRpcError) and self.is_late and error.not_executed is not False:
                 error = _deadline_exceeded(error.not_executed)
             self.future.set_exception(error)
 
@@ -232,9 +233,6 @@ class CallingConnection(Connection):
     def _answered(self, event: Answered) -> None:
         call: OpenCall = event.ticket
         future = call.future
-        if call.is_late:
-            call.failed(_deadline_exceeded(not_executed=False))  # it ran
-            return
         try:
             future.set_result(call.decode(event.body))
         except (InvalidRequest, ProtocolError) as error:
