@@ -10,6 +10,8 @@ from typing import Any, TypeAlias
 from taskrpc.introspection import gid_of
 from taskrpc.transport.entries import Entry
 
+from ._explain import profiles_differ
+from ._qos_compatibility import errors
 from .endpoint_info import EndpointTypeEnum, ServiceEndpointInfo, TopicEndpointInfo
 from .qos import (
     DurabilityPolicy,
@@ -23,6 +25,28 @@ _Known: TypeAlias = tuple[EndpointTypeEnum, str, str, QoSProfile]
 
 _ours: weakref.WeakKeyDictionary[Any, _Known] = weakref.WeakKeyDictionary()
 """This program's publishers and subscriptions, of which all policies are known."""
+
+
+_service_ends: weakref.WeakValueDictionary[tuple[str, bool], Any] = weakref.WeakValueDictionary()
+"""This program's newest client and newest server of each service; True is the server's."""
+
+
+def meet(end: Any, *, is_server: bool) -> None:
+    """Say so where a service's client and server in this program have profiles that differ.
+
+    Requests go one way and responses the other, so the profiles have to match both ways.
+    """
+    name = end.service_name
+    _service_ends[name, is_server] = end
+    other = _service_ends.get((name, not is_server))
+    if other is None or not other.handle.valid:
+        return
+    client, server = (other, end) if is_server else (end, other)
+    requests = errors(client.qos_profile, server.qos_profile)
+    responses = errors(server.qos_profile, client.qos_profile)
+    if requests or responses:
+        whose, problems = ("requests", requests) if requests else ("responses", responses)
+        profiles_differ(name, f"for the {whose}: {problems[0]}")
 
 
 def remember(

@@ -174,6 +174,16 @@ def mismatched(client: Client[Any, Any], error: BaseException) -> None:
     )
 
 
+def profiles_differ(service: str, problem: str) -> None:
+    """A client and a server of one service have profiles that never match in ROS 2."""
+    tell(
+        ("qos", service),
+        f"never connect the client and the server of {service}, without a word about why: their"
+        f" QoS profiles do not match ({problem}); here the calls are answered; give both the same"
+        " qos_profile",
+    )
+
+
 def nobody_spun(client: Client[Any, Any]) -> None:
     """`Client.call` while nobody takes its answer: it is taken all the same."""
     tell(

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar, cast
 from taskrpc.errors import NameInUse
 from taskrpc.given_types import MsgT, RequestT, ResponseT, Srv
 
+from ._endpoints import meet
 from .callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from .client import Client
 from .clock import Clock
@@ -162,6 +163,7 @@ class NodeEntities:
         client: Client[RequestT, ResponseT]
         client = Client(self._rclpy_as_node(), srv_type, name, qos_profile, group)
         client.srv_name = srv_name
+        meet(client, is_server=False)
         return self._rclpy_added(self._rclpy_clients, client, group)
 
     def create_service(
@@ -189,6 +191,7 @@ class NodeEntities:
             # a program twice. And nothing here can join.
             raise NameInUse(str(error).partition(", or join it")[0]) from None
         service.srv_name = srv_name
+        meet(service, is_server=True)
         return self._rclpy_added(self._rclpy_services, service, group)
 
     def create_timer(

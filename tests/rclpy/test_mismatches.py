@@ -6,12 +6,19 @@ import pytest
 
 import srvgen
 from taskrpc import rclpy
-from taskrpc.rclpy.qos import qos_profile_sensor_data
+from taskrpc.rclpy import _explain
+from taskrpc.rclpy.qos import (
+    DurabilityPolicy,
+    QoSProfile,
+    qos_profile_sensor_data,
+    qos_profile_services_default,
+)
 
 pytestmark = pytest.mark.real_time
 
 String = srvgen.load("std_msgs/msg/String")
 Int32 = srvgen.load("std_msgs/msg/Int32")
+AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
 
 
 def told(capfd, *expected):
@@ -43,3 +50,59 @@ def test_incompatible_qos_and_types_are_warned_of_by_both_nodes(capfd):
         )
         talker.destroy_node()
         listener.destroy_node()
+
+
+LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+BEST_EFFORT = qos_profile_sensor_data
+
+
+@pytest.mark.parametrize(
+    ("server", "client", "problem"),
+    [
+        (None, BEST_EFFORT, "for the requests: Best effort publisher and reliable subscription"),
+        (BEST_EFFORT, None, "for the responses: Best effort publisher and reliable subscription"),
+        (LATCHED, None, "for the requests: Volatile publisher and transient local subscription"),
+        (None, LATCHED, "for the responses: Volatile publisher and transient local subscription"),
+    ],
+)
+@pytest.mark.parametrize("server_first", [True, False])
+def test_a_service_and_a_client_whose_qos_differs_are_told(
+    capfd, monkeypatch, server, client, problem, server_first
+):
+    monkeypatch.setattr(_explain, "_told", set())
+    monkeypatch.setattr(_explain, "like_ros", lambda: False)
+    with rclpy.init():
+        node = rclpy.create_node("both")
+        ends = [
+            lambda: node.create_service(
+                AddTwoInts, "add", add, qos_profile=server or qos_profile_services_default
+            ),
+            lambda: node.create_client(
+                AddTwoInts, "add", qos_profile=client or qos_profile_services_default
+            ),
+        ]
+        made = [end() for end in (ends if server_first else reversed(ends))]
+        future = made[server_first].call_async(AddTwoInts.Request(a=2, b=3))
+        rclpy.spin_until_future_complete(node, future, timeout_sec=5)
+        assert future.result().sum == 5
+    said = capfd.readouterr().err
+    assert said.count("[taskrpc] ROS 2 would never connect the client and the server of /add") == 1
+    assert problem in said
+    assert "give both the same qos_profile" in said
+
+
+@pytest.mark.parametrize("profile", [BEST_EFFORT, LATCHED, qos_profile_services_default])
+def test_a_service_and_a_client_of_one_qos_are_not_told(capfd, monkeypatch, profile):
+    monkeypatch.setattr(_explain, "_told", set())
+    with rclpy.init():
+        node = rclpy.create_node("both")
+        server = node.create_service(AddTwoInts, "add", add, qos_profile=profile)
+        node.create_client(AddTwoInts, "add", qos_profile=profile)
+        node.destroy_service(server)
+        node.create_client(AddTwoInts, "add", qos_profile=BEST_EFFORT)  # its server is gone
+    assert "would never connect" not in capfd.readouterr().err
+
+
+def add(request, response):
+    response.sum = request.a + request.b
+    return response
