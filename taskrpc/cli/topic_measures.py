@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 
     from taskrpc.node import Node
 
+_ALIGNMENT = 4
+"""DDS fills messages up to a multiple of this many bytes, and `ros2 topic bw` counts them so."""
 _TELL = 1.0
 """Seconds between two lines."""
 
@@ -271,7 +273,8 @@ class Bandwidth(Measure):
             return
         if self._came and now < self._came[-1][0]:  # the simulation has started again
             self._came.clear()
-        self._came.append((now, len(srvgen.to_cdr(message))))
+        size = len(srvgen.to_cdr(message))
+        self._came.append((now, size + -size % _ALIGNMENT))
 
     def line(self) -> str:
         """The bytes a second, and the sizes of messages."""

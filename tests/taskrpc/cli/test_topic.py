@@ -520,6 +520,17 @@ def test_a_delay_in_simulated_time_is_the_age_by_that_time():
     assert delay.line().startswith("average delay: 0.250\n")
 
 
+@pytest.mark.parametrize(("text", "size"), [("", 12), ("hell", 16), ("hello", 16), ("x" * 8, 20)])
+def test_sizes_of_messages_are_those_of_dds_which_fills_them_up(text, size):
+    """As raw subscriptions of a real rclpy receive them from another process."""
+    time = SimulatedTime()
+    bandwidth = Bandwidth(10, time)
+    for each in (1.0, 2.0):
+        time.take(_clock(each))
+        bandwidth.take(String(data=text))
+    assert bandwidth.line().endswith(f"mean: {size} B min: {size} B max: {size} B")
+
+
 def test_several_bandwidths_have_the_columns_of_ros2():
     time = SimulatedTime()
     bandwidths = {name: Bandwidth(10, time) for name in ("/a", "/b")}
