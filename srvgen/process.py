@@ -56,12 +56,24 @@ def end(code: int) -> int:
     """Return the exit code, which no later signal changes: Ctrl-C now ends the process with it."""
 
     def leave(*_: object) -> NoReturn:
+        _kill_if_wanted()
         os._exit(code)
 
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) in _HANDLERS:
             signal.signal(number, leave)
     return code
+
+
+def end_by_signal(number: int) -> int:
+    """End this process like one that the signal killed, once its exit functions have run.
+
+    A program that is run by ours must look to its parent as it would without us. Returns the exit
+    code that a shell shows for it, which other systems than POSIX get.
+    """
+    global _fatal_signal
+    _fatal_signal = number
+    return 128 + number
 
 
 def check_output() -> None:
@@ -98,7 +110,20 @@ def _raise_exit(*_: object) -> NoReturn:
 _HANDLERS = (_exit_interrupted, _exit_done, _raise_exit, signal.default_int_handler)
 
 
+_fatal_signal = 0
+"""The signal that this process is to die of at its end, 0 for none."""
+
+
+def _kill_if_wanted() -> None:
+    if _fatal_signal and os.name == "posix":
+        signal.signal(_fatal_signal, signal.SIG_DFL)
+        os.kill(os.getpid(), _fatal_signal)
+
+
 def _ignore_signals() -> None:
+    if _fatal_signal:
+        output_failure()  # writes what is left, and fails silently
+        _kill_if_wanted()
     # In the last milliseconds Python gives signals back to the system, which would kill with them.
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_DFL:

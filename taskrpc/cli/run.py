@@ -60,6 +60,7 @@ def _run_behind(options: Namespace) -> int:
     import subprocess
     import sys
 
+    from srvgen import process
     from taskrpc.cli.command import UsageError
 
     try:
@@ -72,10 +73,11 @@ def _run_behind(options: Namespace) -> int:
     elif options.code:
         program = ["-c", *options.code]
     command = [*prefix, sys.executable, "-m", "taskrpc", "run", *program]
-    with subprocess.Popen(command) as process:
+    with subprocess.Popen(command) as child:
         while True:
             try:
-                return process.wait()
+                status = child.wait()
+                return process.end_by_signal(-status) if status < 0 else status
             except KeyboardInterrupt:  # the process got it as well, and says how it ends
                 continue
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gc
 import importlib
 import runpy
+import signal
 import sys
 from collections.abc import Callable, Sequence
 from functools import reduce
@@ -13,16 +14,18 @@ from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any, NoReturn
 
+from srvgen import process
 from taskrpc.errors import TaskRpcError
 from taskrpc.ros import hook, workspace
 
-_INTERRUPTED = 130
 _GARBAGE = 700
 """Python's own setting, which a program expects: our commands have another."""
 
 
 def run_script(path: Path, arguments: Sequence[str]) -> int:
     """Run a script as `__main__`; returns 1 after an exception, 130 after Ctrl-C, else 0.
+
+    After Ctrl-C the process ends as Python's would, killed by SIGINT (`process.end_by_signal`).
 
     Raises TaskRpcError for a file that cannot be read, and SystemExit where the script does.
     """
@@ -94,7 +97,7 @@ def _reported(program: Callable[[], int]) -> int:
         if failure := _failure(end.code):
             print(f"[ros2run]: Process exited with failure {failure}")
         raise
-    if status == _INTERRUPTED:
+    if status == process.INTERRUPTED:
         print("[ros2run]: Interrupt")
     elif status:
         print(f"[ros2run]: Process exited with failure {status}")
@@ -152,7 +155,7 @@ def _ended(program: Callable[[], object]) -> int:
         raise
     except KeyboardInterrupt:
         print("KeyboardInterrupt", file=sys.stderr)
-        return _INTERRUPTED
+        return process.end_by_signal(signal.SIGINT)
     except BaseException as error:
         error.__traceback__ = _without_us(error.__traceback__)
         sys.excepthook(type(error), error, error.__traceback__)

@@ -12,11 +12,11 @@ pytestmark = pytest.mark.real_time
 
 @pytest.fixture
 def run(tmp_path):
-    def run(source, *arguments, module=False):
+    def run(source, *arguments, module=False, prefix=()):
         (tmp_path / "program.py").write_text(source)
         program = ["-m", "program"] if module else ["program.py"]
         done = subprocess.run(
-            [sys.executable, "-m", "taskrpc", "run", *program, *arguments],
+            [sys.executable, "-m", "taskrpc", "run", *prefix, *program, *arguments],
             cwd=tmp_path,
             capture_output=True,
             text=True,
@@ -132,12 +132,12 @@ def test_an_exception_shows_the_program_and_nothing_of_us(run):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no process gets just a Ctrl-C there")
-def test_ctrl_c_is_one_line_and_130_unless_the_program_catches_it(tmp_path):
+def test_ctrl_c_is_one_line_and_ends_as_python_does_unless_the_program_catches_it(tmp_path):
     start = "import rclpy, time\nrclpy.init()\nnode = rclpy.create_node('n')\n"
     up = "print(1, flush=True)"
     for source, code, error in (
-        (f"{up}; rclpy.spin(node)", 130, "KeyboardInterrupt\n"),
-        (f"{up}; time.sleep(60)", 130, "KeyboardInterrupt\n"),
+        (f"{up}; rclpy.spin(node)", -signal.SIGINT, "KeyboardInterrupt\n"),
+        (f"{up}; time.sleep(60)", -signal.SIGINT, "KeyboardInterrupt\n"),
         (f"try: {up}; rclpy.spin(node)\nexcept KeyboardInterrupt: rclpy.shutdown()", 0, ""),
     ):
         (tmp_path / "program.py").write_text(start + source)
@@ -147,6 +147,17 @@ def test_ctrl_c_is_one_line_and_130_unless_the_program_catches_it(tmp_path):
             process.send_signal(signal.SIGINT)
             assert process.communicate(timeout=30) == ("", error)
         assert process.returncode == code
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no process is killed by a signal there")
+def test_exit_functions_run_and_output_is_written_before_a_program_dies_of_ctrl_c(run):
+    source = (
+        "import atexit, os, signal\natexit.register(lambda: print('end'))\n"
+        "print('begun')\nos.kill(os.getpid(), signal.SIGINT)\nprint('never')\n"
+    )
+    assert run(source) == (-signal.SIGINT, "begun\nend\n", "KeyboardInterrupt\n")
+    # A command in front of it, such as nice, leaves the status as it is.
+    assert run(source, prefix=["--prefix", "env"])[0] == -signal.SIGINT
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="no process gets just a Ctrl-C there")
@@ -164,7 +175,7 @@ def test_a_second_ctrl_c_ends_the_end_without_a_word(tmp_path):
             assert process.stdout.readline() == line
             process.send_signal(signal.SIGINT)
         assert process.communicate(timeout=30) == ("", "KeyboardInterrupt\n")
-    assert process.returncode == 130
+    assert process.returncode == -signal.SIGINT
 
 
 def test_a_program_that_is_not_there_is_told_in_a_line(run):
@@ -224,6 +235,10 @@ _FAILED = "[ros2run]: Process exited with failure 3\n"
 _SAID = "helped ['values.yaml'] ['-x']\nTrue\n"
 
 
+INTERRUPTED = 130 if sys.platform == "win32" else -signal.SIGINT
+"""The status of a program that did not catch its KeyboardInterrupt, as Python's own."""
+
+
 def test_an_executable_of_a_workspace_runs_as_it_lies_there(workspace):
     for folder in (".", "src/my_things"):
         assert workspace("nodes", "ask", "-x", folder=folder) == (3, _SAID + _FAILED, "")
@@ -235,7 +250,7 @@ def test_how_an_executable_failed_is_said_as_ros2_run_says_it(workspace, tmp_pat
         ("return", 0, ""),
         ("return 'no robot'", 1, "[ros2run]: Process exited with failure 1\n"),
         ("raise ValueError", 1, "[ros2run]: Process exited with failure 1\n"),
-        ("raise KeyboardInterrupt", 130, "[ros2run]: Interrupt\n"),
+        ("raise KeyboardInterrupt", INTERRUPTED, "[ros2run]: Interrupt\n"),
     ):
         file.write_text(f"def main(): {end}\n")
         assert workspace("nodes", "ask")[:2] == (status, said)
