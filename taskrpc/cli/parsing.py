@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import argparse
 import math
+import re
 from collections.abc import Callable, Sequence
 
 from srvgen import process
-from taskrpc.cli.command import Exit, UsageError
+from taskrpc.cli.command import Exit, UsageError, hinted
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
@@ -44,9 +45,14 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Refuse a command line, showing how it should look."""
+        hint = ""
         if message.startswith("argument Call `"):
+            from srvgen.names import did_you_mean  # only a mistake needs it
+
             message = "unknown command " + message.partition("invalid choice: ")[2]
-        raise UsageError(f"{self.prog}: error: {message}", self.format_usage())
+            word, *known = re.findall(r"[\w-]+", message.removeprefix("unknown command "))
+            hint = did_you_mean(word, known[2:])  # after "choose from"
+        raise hinted(UsageError(f"{self.prog}: error: {message}", self.format_usage()), hint)
 
 
 def add_group(parser: argparse.ArgumentParser) -> Commands:

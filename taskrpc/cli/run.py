@@ -85,15 +85,15 @@ def _run_behind(options: Namespace) -> int:
 def _run_named(program: str, *arguments: str) -> int:
     from pathlib import Path
 
+    from taskrpc.cli.command import hinted
     from taskrpc.errors import TaskRpcError
-    from taskrpc.ros.running import run_executable, run_script
+    from taskrpc.ros.running import run_executable, run_script, similar_script
 
     path = Path(program)
     if path.is_file() or path.suffix == ".py" or len(path.parts) != 1:
         return run_script(path, arguments)
     if not arguments:
-        raise TaskRpcError(
-            f"cannot run {program}: No such file or directory; for a package, name its executable"
-        )
+        problem = "No such file or directory; for a package, name its executable"
+        raise hinted(TaskRpcError(f"cannot run {program}: {problem}"), similar_script(path))
     executable, *rest = arguments
     return run_executable(program, executable, rest)

@@ -16,6 +16,7 @@ from taskrpc.errors import InvalidName
 
 _CURLY = "\u201c\u201d\u201e\u2018\u2019\u201a"
 _WINDOWS_PATH = re.compile(r"[A-Za-z]:[/\\].*?(?P<rest>[^/\\]*)")
+_COLON_EQUALS = re.compile(r"([A-Za-z_][\w.]*):=")
 _NO_SPACE = re.compile(r"\{?\s*[\"']?(?P<name>[A-Za-z_]\w*)[\"']?:(?P<value>[^\s:].*?)\}?", re.S)
 
 ONE_ARGUMENT = 'put the request in double quotes, "{a: 2, b: 3}", or write fields as a=2 b=3'
@@ -44,6 +45,9 @@ def request_hint(values: Sequence[str]) -> str:
     """What became of a request that no shell delivers unless something went wrong, or ""."""
     if any(begins_curly(value) for value in values):
         return "replace the curly quotation marks by straight ones (word processors bend them)"
+    if found := _COLON_EQUALS.match(values[0]):
+        plain = " ".join(_COLON_EQUALS.sub(r"\1=", value) for value in values)
+        return f"{found[1]}:= is for parameters and remappings; write {plain}"
     if values[0].startswith("'"):
         return f"cmd does not know single quotes: {ONE_ARGUMENT}"
     if all(_NO_SPACE.fullmatch(value) for value in values):

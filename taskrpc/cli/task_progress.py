@@ -7,10 +7,14 @@ from contextlib import AbstractContextManager
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
-from taskrpc.cli.task_view import news, what
+from taskrpc.cli.task_view import in_seconds, news, what
 
 if TYPE_CHECKING:
     from rich.console import Console
+
+
+_WIDE = 72
+"""Columns that the bar and the task's work need beside its state."""
 
 
 class Progress(AbstractContextManager[Any], Protocol):
@@ -64,9 +68,11 @@ class ProgressBar:
         from rich.progress import BarColumn, TextColumn
         from rich.progress import Progress as Bars
 
+        self._is_narrow = console.width < _WIDE
+        bar = () if self._is_narrow else (BarColumn(bar_width=24),)
         self._bars = Bars(
             TextColumn("{task.description}"),
-            BarColumn(bar_width=24),
+            *bar,
             TextColumn("{task.percentage:>3.0f} %  {task.fields[note]}"),
             console=console,
             transient=True,
@@ -89,9 +95,10 @@ class ProgressBar:
         """Draw the task as it is now."""
         from rich.markup import escape
 
+        work = "" if self._is_narrow else f"{escape(what(task))}  "
         self._bars.update(
             self._bar,
-            description=f"task {task.task_id}  {escape(what(task))}  {task.state}",
+            description=f"task {task.task_id}  {work}{task.state}",
             completed=task.progress,
-            note="the queue is paused" if paused else f"done in {task.estimated_time:.1f} s",
+            note="the queue is paused" if paused else f"done in {in_seconds(task.estimated_time)}",
         )

@@ -60,7 +60,7 @@ def details(task: Any) -> list[str]:
         ("submitted", _clock(task.submitted)),
         ("started", _clock(task.started)),
         ("ended", _clock(task.ended)),
-        ("done in", "" if task.ended.sec else f"{task.estimated_time:.1f} s"),
+        ("done in", "" if task.ended.sec else in_seconds(task.estimated_time)),
         ("promised", f"{task.accepted_estimate:.1f} s"),
     ]
     lines += [f"  {name + ':':<10} {fact}" for name, fact in facts if fact]
@@ -124,7 +124,12 @@ def _outlook(task: Any) -> str:
     if task.ended.sec:
         return ""
     percent = f" ({_percent(task)})" if _is_begun(task) else ""
-    return f"{task.estimated_time:.1f} s{percent}"
+    return f"{in_seconds(task.estimated_time)}{percent}"
+
+
+def in_seconds(estimate: float) -> str:
+    """An estimate as text; one that has just passed is `0.0 s`, not `-0.0 s`."""
+    return f"{max(0.0, estimate):.1f} s"
 
 
 def _percent(task: Any) -> str:

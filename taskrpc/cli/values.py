@@ -77,6 +77,7 @@ def read_fields(cls: Any, values: Sequence[str]) -> dict[str, Any]:
 def _read(cls: Any, values: Sequence[str]) -> dict[str, Any]:
     if not values:
         return {}
+    _refuse_commas(cls, values)
     if all(_ASSIGNMENT.fullmatch(value) for value in values):
         return _Assignments(cls).read(values)
     hint = shells.request_hint(values)
@@ -91,6 +92,18 @@ def _read(cls: Any, values: Sequence[str]) -> dict[str, Any]:
 
         fields = read_mapping(cls, stray, hint)
     return fields
+
+
+def _refuse_commas(cls: Any, values: Sequence[str]) -> None:
+    """Refuse `a=1, b=2`: a string field would take the comma, or all the rest."""
+    names = "|".join(re.escape(name) for name, _ in cls._FIELDS)
+    text = " ".join(values)
+    if not names:
+        return
+    if _ASSIGNMENT.fullmatch(values[0]) and (found := re.search(rf",\s*({names})=", text)):
+        spaced = re.sub(rf",\s*({names})=", r" \1=", text)
+        problem = f"expected FIELD=VALUE separated by spaces, got a comma before {found[1]}="
+        raise hinted(InvalidRequest("", problem), f"write {spaced}")
 
 
 def simple_mapping(cls: Any, text: str) -> dict[str, Any] | None:

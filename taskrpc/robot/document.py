@@ -15,6 +15,10 @@ if TYPE_CHECKING:
 _LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
 
 
+_INDENTATION = ("expected <block end>", "mapping values are not", "expected a single document")
+"""How PyYAML's messages about wrong indentation begin."""
+
+
 class Node(Protocol):
     """What we use of PyYAML's nodes; its type stubs do not know them all."""
 
@@ -81,7 +85,10 @@ class Document:
         except yaml.MarkedYAMLError as error:
             mark = error.problem_mark or error.context_mark
             place = (mark.line, mark.column) if mark else None
-            self._fail_at(place, f"not valid YAML: {error.problem or error.context}")
+            problem = error.problem or error.context or ""
+            if problem.startswith(_INDENTATION):
+                problem += "; expected entries of one level to begin in the same column"
+            self._fail_at(place, f"not valid YAML: {problem}")
         except yaml.reader.ReaderError as error:
             *above, before = _LINE_BREAK.split(text[: error.position])
             problem = f"not valid YAML: the character {text[error.position]!r} is not allowed"
@@ -119,11 +126,15 @@ class Document:
         """The values of a mapping whose keys are known."""
         known = (*required, *optional)
         entries = self.entries(node, what)
-        for key, _ in entries:
-            if key.value not in known:
+        before = ""
+        for key, value in entries:
+            if key.value in known:
+                before = f"; if it belongs to {key.value!r}, indent it" if _is_null(value) else ""
+            else:
                 near = difflib.get_close_matches(key.value, known, n=1)
                 guess = f" (did you mean {near[0]!r}?)" if near else ""
-                self.fail(key, f"{what} has no {key.value!r}{guess}: expected {', '.join(known)}")
+                expected = f"expected {', '.join(known)}{before}"
+                self.fail(key, f"{what} has no {key.value!r}{guess}: {expected}")
         fields = {key.value: value for key, value in entries}
         for name in required:
             if name not in fields:

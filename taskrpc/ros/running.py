@@ -32,7 +32,8 @@ def run_script(path: Path, arguments: Sequence[str]) -> int:
     try:
         source = path.read_bytes()
     except OSError as error:
-        raise TaskRpcError(f"cannot run {path}: {error.strerror or error}") from None
+        problem = TaskRpcError(f"cannot run {path}: {error.strerror or error}")
+        raise _with_hint(problem, similar_script(path)) from None
     _prepare(path.resolve().parent, [str(path), *arguments])
     return _run_as_main(source, str(path), __file__=str(path))
 
@@ -50,6 +51,16 @@ def _run_as_main(source: str | bytes, file: str, **attributes: object) -> int:
     sys.modules["__main__"] = main
     # Not with our own `from __future__ import annotations`.
     return _ended(lambda: exec(compile(source, file, "exec", dont_inherit=True), main.__dict__))
+
+
+def similar_script(path: Path) -> str:
+    """A hint at a script beside `path` whose name is like it; "" where there is none."""
+    from srvgen.names import near  # only a mistake needs it
+
+    found = {one.name: one for one in path.parent.glob("*.py")}
+    found |= {one.stem: one for one in found.values()}
+    guesses = dict.fromkeys(str(found[name]) for name in near(path.name, found))
+    return f"did you mean {' or '.join(guesses)}?" if guesses else ""
 
 
 def run_module(name: str, arguments: Sequence[str]) -> int:
@@ -112,7 +123,8 @@ def _failure(code: object) -> int:
 
 
 def _with_hint(error: TaskRpcError, hint: str) -> TaskRpcError:
-    error.add_note(hint)
+    if hint:
+        error.add_note(hint)
     return error
 
 

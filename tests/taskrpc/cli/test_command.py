@@ -169,3 +169,20 @@ def test_a_command_that_only_ros2_has_is_answered_in_a_line(capsys):
         "",
         "taskrpc has no command 'launch': start each program by a taskrpc run of its own\n",
     )
+
+
+@pytest.mark.parametrize(
+    ("argv", "hint"),
+    [(["servce"], "service"), (["service", "lst"], "list"), (["task", "submt"], "submit")],
+)
+def test_a_mistyped_command_has_a_hint_at_the_right_one(argv, hint, capsys):
+    assert main(argv) == 2
+    assert capsys.readouterr().err.endswith(f"hint: did you mean {hint}?\n")
+
+
+@pytest.mark.parametrize("name", ["talkr.py", "talkr", "./talkre.py"])
+def test_a_mistyped_script_has_a_hint_at_the_right_one(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "talker.py").touch()
+    assert main(["run", name]) == 1
+    assert capsys.readouterr().err.endswith("hint: did you mean talker.py?\n")

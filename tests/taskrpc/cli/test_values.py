@@ -225,3 +225,22 @@ def test_a_mapping_that_is_read_without_yaml_is_what_yaml_reads(pairs, comma):
 )
 def test_the_usual_requests_are_read_without_yaml(cls, text):
     assert simple_mapping(cls, text) is not None
+
+
+@pytest.mark.parametrize(
+    ("argv", "hint"),
+    [
+        (["task_type:=move"], "task_type:= is for parameters and remappings; write task_type=move"),
+        (["priority:=3", "target:=dock"], "write priority=3 target=dock"),
+        (["task_type=move,", "priority=2"], "write task_type=move priority=2"),
+        (["task_type=move, priority=2"], "write task_type=move priority=2"),
+    ],
+)
+def test_a_slip_between_fields_has_a_hint_at_what_is_meant(argv, hint):
+    assert hint in refusal(TASK, *argv)
+
+
+def test_a_comma_in_a_text_is_part_of_it():
+    assert build_request(TASK, ["target=3,4", "task_type=a, b"]) == TASK(
+        target="3,4", task_type="a, b"
+    )

@@ -329,3 +329,21 @@ def test_a_robot_of_ones_own_needs_no_yaml():
     code = "import sys, taskrpc.robot; sys.exit('yaml' in sys.modules)"
     folder = Path(taskrpc.robot.__file__).parents[2]
     assert subprocess.run([sys.executable, "-c", code], cwd=folder, check=False).returncode == 0
+
+
+@pytest.mark.parametrize(
+    ("text", "message"),
+    [
+        (
+            "size: [10, 8]\ndock: [1, 1]\nplaces:\nkitchen: [2, 2]",
+            "if it belongs to 'places', indent",
+        ),
+        (
+            "size: [10, 8]\n  dock: [1, 1]",
+            "expected entries of one level to begin in the same column",
+        ),
+    ],
+)
+def test_wrong_indentation_is_named(text, message):
+    with pytest.raises(MapError, match=message):
+        parse_map(text)
