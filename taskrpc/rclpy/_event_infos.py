@@ -3,6 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
+
+
+class QoSPublisherEventType(enum.IntEnum):
+    """What can happen to a publisher."""
+
+    RCL_PUBLISHER_OFFERED_DEADLINE_MISSED = 0
+    RCL_PUBLISHER_LIVELINESS_LOST = 1
+    RCL_PUBLISHER_OFFERED_INCOMPATIBLE_QOS = 2
+    RCL_PUBLISHER_INCOMPATIBLE_TYPE = 3
+    RCL_PUBLISHER_MATCHED = 4
+
+
+class QoSSubscriptionEventType(enum.IntEnum):
+    """What can happen to a subscription."""
+
+    RCL_SUBSCRIPTION_REQUESTED_DEADLINE_MISSED = 0
+    RCL_SUBSCRIPTION_LIVELINESS_CHANGED = 1
+    RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS = 2
+    RCL_SUBSCRIPTION_MESSAGE_LOST = 3
+    RCL_SUBSCRIPTION_INCOMPATIBLE_TYPE = 4
+    RCL_SUBSCRIPTION_MATCHED = 5
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -21,26 +43,26 @@ class QoSSubscriptionMatchedInfo(QoSPublisherMatchedInfo):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class QoSDeadlineOfferedInfo:
+class QoSOfferedDeadlineMissedInfo:
     """How often a publisher was later than it promised."""
 
     total_count: int = 0
     total_count_change: int = 0
 
 
-class QoSDeadlineRequestedInfo(QoSDeadlineOfferedInfo):
+class QoSRequestedDeadlineMissedInfo(QoSOfferedDeadlineMissedInfo):
     """How often a message came later than a subscription wants."""
 
 
-class QoSLivelinessLostInfo(QoSDeadlineOfferedInfo):
+class QoSLivelinessLostInfo(QoSOfferedDeadlineMissedInfo):
     """How often a publisher did not say in time that it lives."""
 
 
-class QoSMessageLostInfo(QoSDeadlineOfferedInfo):
+class QoSMessageLostInfo(QoSOfferedDeadlineMissedInfo):
     """How many messages a subscription lost."""
 
 
-class IncompatibleTypeInfo(QoSDeadlineOfferedInfo):
+class IncompatibleTypeInfo(QoSOfferedDeadlineMissedInfo):
     """How often another type was met on the topic."""
 
 

@@ -111,7 +111,7 @@ class NodeEntities:
         self._override_qos(Publisher, name, qos, qos_overriding_options)
         group = self._rclpy_group(callback_group)
         node = self._rclpy_as_node()
-        events = Events(node, group, event_callbacks or PublisherEventCallbacks(), name)
+        events = Events(node, group, event_callbacks or PublisherEventCallbacks(), topic)
         with events.kept():
             publisher = publisher_class(node, msg_type, name, qos, group, events)
         publisher.topic = topic  # ROS keeps it as it was written
@@ -140,7 +140,7 @@ class NodeEntities:
         self._override_qos(Subscription, name, qos, qos_overriding_options)
         group = self._rclpy_group(callback_group)
         node = self._rclpy_as_node()
-        events = Events(node, group, event_callbacks or SubscriptionEventCallbacks(), name)
+        events = Events(node, group, event_callbacks or SubscriptionEventCallbacks(), topic)
         subscription: Subscription[MsgT]
         with events.kept():
             subscription = Subscription(node, msg_type, name, callback, group, qos, raw, events)

@@ -8,20 +8,23 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
 from ._event_infos import (
     IncompatibleTypeInfo,
-    QoSDeadlineOfferedInfo,
-    QoSDeadlineRequestedInfo,
     QoSLivelinessChangedInfo,
     QoSLivelinessLostInfo,
     QoSMessageLostInfo,
+    QoSOfferedDeadlineMissedInfo,
     QoSOfferedIncompatibleQoSInfo,
+    QoSPublisherEventType,
     QoSPublisherMatchedInfo,
+    QoSRequestedDeadlineMissedInfo,
     QoSRequestedIncompatibleQoSInfo,
+    QoSSubscriptionEventType,
     QoSSubscriptionMatchedInfo,
 )
 from .callback_groups import CallbackGroup
@@ -34,6 +37,7 @@ if TYPE_CHECKING:
     from .node import Node
 
 Callback = Callable[[Any], Any] | None
+EventType = QoSPublisherEventType | QoSSubscriptionEventType
 
 _REPORTED = ("incompatible_qos", "incompatible_type", "matched")
 
@@ -66,9 +70,17 @@ class PublisherEventCallbacks:
 class EventHandler(Waitable[Any]):
     """Runs a callback, on the spinning thread, for each event of one kind."""
 
-    def __init__(self, callback_group: CallbackGroup, callback: Callable[[Any], Any]) -> None:
+    def __init__(
+        self,
+        *,
+        callback_group: CallbackGroup,
+        callback: Callable[[Any], Any],
+        event_type: EventType,
+        parent_impl: Any = None,
+    ) -> None:
         super().__init__(callback_group)
         self.callback = callback
+        self.event_type = event_type
         self.total = 0
         self._events: deque[Any] = deque()
 
@@ -86,6 +98,18 @@ class EventHandler(Waitable[Any]):
         except IndexError:  # another thread was quicker
             return None
         return lambda: self.callback(event)
+
+
+class QoSEventHandler(EventHandler):
+    """The old name of `EventHandler`."""
+
+    def __init__(self, *args: Any, **options: Any) -> None:
+        warnings.warn(
+            "QoSEventHandler is deprecated, use EventHandler instead.",
+            DeprecationWarning,
+            stacklevel=2,
+        )
+        super().__init__(*args, **options)
 
 
 class Events:
@@ -107,12 +131,17 @@ class Events:
             QoSRequestedIncompatibleQoSInfo if subscribes else QoSOfferedIncompatibleQoSInfo
         )
         self.handlers: list[EventHandler] = []
-        self._logs = callbacks.use_default_callbacks
+        kinds = QoSSubscriptionEventType if subscribes else QoSPublisherEventType
+        of_type = {kind.name.rpartition("INCOMPATIBLE_")[2]: kind for kind in kinds}
+        matched = kinds["RCL_SUBSCRIPTION_MATCHED" if subscribes else "RCL_PUBLISHER_MATCHED"]
+        self._defaults: list[EventHandler] = []
+        """The handlers that log what does not fit: at once, also where the node does not spin."""
         self._matched_info = QoSSubscriptionMatchedInfo if subscribes else QoSPublisherMatchedInfo
         self._matches = 0
-        self._matched = self._handler(group, callbacks.matched)
-        self._qos = self._handler(group, callbacks.incompatible_qos)
-        self._type = self._handler(group, callbacks.incompatible_type)
+        logs = callbacks.use_default_callbacks
+        self._qos = self._handler(group, callbacks.incompatible_qos, of_type["QOS"], logs)
+        self._type = self._handler(group, callbacks.incompatible_type, of_type["TYPE"], logs)
+        self._matched = self._handler(group, callbacks.matched, matched)
         asked = [one.name for one in dataclasses.fields(callbacks) if one.name not in _REPORTED]
         if missing := [name for name in asked if callable(getattr(callbacks, name))]:
             node.get_logger().warning(
@@ -123,8 +152,6 @@ class Events:
         """Somebody was found who does not match; called on the loop's thread."""
         handler = self._type if what == "TYPE" else self._qos
         if handler is None:
-            if self._logs:
-                self._log(what)
             return
         handler.total += 1
         if what == "TYPE":
@@ -135,7 +162,10 @@ class Events:
                 total_count_change=1,
                 last_policy_kind=QoSPolicyKind[what],
             )
-        handler.happened(event)
+        if handler in self._defaults:
+            handler.callback(event)
+        else:
+            handler.happened(event)
 
     def watch(self, native: NativePublisher | NativeSubscription) -> None:
         """Have matches told, where somebody asks for them."""
@@ -169,20 +199,30 @@ class Events:
     def destroy(self) -> None:
         """Call no more."""
         for handler in self.handlers:
+            if handler in self._defaults:
+                continue
             self._node.remove_waitable(handler)
 
-    def _handler(self, group: CallbackGroup, callback: Callback) -> EventHandler | None:
-        if callback is None:
+    def _handler(
+        self, group: CallbackGroup, callback: Callback, event_type: EventType, logs: bool = False
+    ) -> EventHandler | None:
+        if callback is None and not logs:
             return None
-        handler = EventHandler(group, callback)
+        handler = EventHandler(
+            callback_group=group, callback=callback or self._log, event_type=event_type
+        )
         self.handlers.append(handler)
-        self._node.add_waitable(handler)
+        if callback is None:
+            self._defaults.append(handler)
+        else:
+            self._node.add_waitable(handler)
         return handler
 
-    def _log(self, what: str) -> None:
+    def _log(self, event: Any) -> None:
         offering, received = self._verbs
-        problem = "type" if what == "TYPE" else "QoS"
-        policy = "" if what == "TYPE" else f" Last incompatible policy: {what}"
+        kind = getattr(event, "last_policy_kind", None)
+        problem = "type" if kind is None else "QoS"
+        policy = "" if kind is None else f" Last incompatible policy: {kind.name}"
         self._node.get_logger().warning(
             f"New {self._other} discovered on topic '{self._topic}', {offering} incompatible"
             f" {problem}. No messages will be {received} it.{policy}"
@@ -194,14 +234,17 @@ __all__ = [
     "Events",
     "IncompatibleTypeInfo",
     "PublisherEventCallbacks",
-    "QoSDeadlineOfferedInfo",
-    "QoSDeadlineRequestedInfo",
+    "QoSEventHandler",
     "QoSLivelinessChangedInfo",
     "QoSLivelinessLostInfo",
     "QoSMessageLostInfo",
+    "QoSOfferedDeadlineMissedInfo",
     "QoSOfferedIncompatibleQoSInfo",
+    "QoSPublisherEventType",
     "QoSPublisherMatchedInfo",
+    "QoSRequestedDeadlineMissedInfo",
     "QoSRequestedIncompatibleQoSInfo",
+    "QoSSubscriptionEventType",
     "QoSSubscriptionMatchedInfo",
     "SubscriptionEventCallbacks",
     "UnsupportedEventTypeError",

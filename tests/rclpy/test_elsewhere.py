@@ -13,7 +13,9 @@ PLACES = [
     ("publisher", "MsgType"),
     ("subscription", "MsgType"),
     ("qos_event", "PublisherEventCallbacks QoSRequestedIncompatibleQoSInfo QoSEventHandler"),
-    ("event_handler", "QoSPublisherMatchedInfo QoSSubscriptionMatchedInfo"),
+    ("event_handler", "QoSPublisherMatchedInfo QoSSubscriptionMatchedInfo QoSEventHandler"),
+    ("event_handler", "QoSOfferedDeadlineMissedInfo QoSRequestedDeadlineMissedInfo"),
+    ("event_handler", "QoSPublisherEventType QoSSubscriptionEventType EventHandler"),
     ("action.client", "ClientGoalHandle"),
     ("action.server", "ServerGoalHandle"),
 ]

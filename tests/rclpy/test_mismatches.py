@@ -37,15 +37,15 @@ def test_incompatible_qos_and_types_are_warned_of_by_both_nodes(capfd):
         listener.create_subscription(String, "chatter", print, 10)
         told(
             capfd,
-            "[talker]: New subscription discovered on topic '/chatter', requesting incompatible"
+            "[talker]: New subscription discovered on topic 'chatter', requesting incompatible"
             " QoS. No messages will be sent to it. Last incompatible policy: RELIABILITY\n",
-            "[listener]: New publisher discovered on topic '/chatter', offering incompatible"
+            "[listener]: New publisher discovered on topic 'chatter', offering incompatible"
             " QoS. No messages will be received from it. Last incompatible policy: RELIABILITY\n",
         )
         listener.create_subscription(Int32, "chatter", print, qos_profile_sensor_data)
         told(
             capfd,
-            "[listener]: New publisher discovered on topic '/chatter', offering incompatible"
+            "[listener]: New publisher discovered on topic 'chatter', offering incompatible"
             " type. No messages will be received from it.\n",
         )
         talker.destroy_node()

@@ -6,7 +6,10 @@ import pytest
 
 import srvgen
 from taskrpc.rclpy.event_handler import (
+    EventHandler,
     IncompatibleTypeInfo,
+    QoSEventHandler,
+    QoSPublisherEventType,
     QoSPublisherMatchedInfo,
     QoSRequestedIncompatibleQoSInfo,
     QoSSubscriptionMatchedInfo,
@@ -142,7 +145,7 @@ def test_who_asks_for_events_that_are_not_reported_is_told_so(node, capfd):
     assert capfd.readouterr().err == ""
     events = SubscriptionEventCallbacks(deadline=print, message_lost=print)
     node.create_subscription(String, "talk", print, 10, event_callbacks=events)
-    told = "taskrpc does not report these events of /talk: deadline, message_lost"
+    told = "taskrpc does not report these events of talk: deadline, message_lost"
     assert told in capfd.readouterr().err
 
 
@@ -162,7 +165,12 @@ def test_matches_are_events_of_both_sides(world, node):
         QoSPublisherMatchedInfo(**counts(*each))
         for each in ((1, 1, 1, 1), (2, 1, 2, 1), (2, 0, 1, -1), (2, 0, 0, -1))
     ]
-    assert len(publisher.event_handlers) == 1
+    kinds = QoSPublisherEventType
+    assert [each.event_type for each in publisher.event_handlers] == [
+        kinds.RCL_PUBLISHER_OFFERED_INCOMPATIBLE_QOS,
+        kinds.RCL_PUBLISHER_INCOMPATIBLE_TYPE,
+        kinds.RCL_PUBLISHER_MATCHED,
+    ]
 
 
 def counts(total, more, current, change):
@@ -192,7 +200,7 @@ def test_a_reader_that_asks_for_more_than_is_offered_is_told_of_on_both_sides(wo
     ]
     until_said(
         capfd,
-        "New subscription discovered on topic '/talk', requesting incompatible QoS. No messages"
+        "New subscription discovered on topic 'talk', requesting incompatible QoS. No messages"
         " will be sent to it. Last incompatible policy: RELIABILITY",
     )
 
@@ -203,8 +211,30 @@ def test_another_type_is_an_event_too(world, node, capfd):
     node.create_publisher(Bool, "talk", 10, event_callbacks=events)
     with node.create_subscription(String, "talk", print, 10):
         world.spin_until(lambda: told)
-        until_said(capfd, "topic '/talk', offering incompatible type.")
+        until_said(capfd, "topic 'talk', offering incompatible type.")
     assert told == [IncompatibleTypeInfo(total_count=1, total_count_change=1)]
+
+
+def test_handlers_that_log_are_there_by_default_and_only_then(node):
+    publisher = node.create_publisher(String, "talk", 10)
+    subscription = node.create_subscription(String, "talk", print, 10)
+    kinds = [
+        [each.event_type.name for each in one.event_handlers] for one in (publisher, subscription)
+    ]
+    assert kinds == [
+        ["RCL_PUBLISHER_OFFERED_INCOMPATIBLE_QOS", "RCL_PUBLISHER_INCOMPATIBLE_TYPE"],
+        ["RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS", "RCL_SUBSCRIPTION_INCOMPATIBLE_TYPE"],
+    ]
+    quiet = PublisherEventCallbacks(use_default_callbacks=False)
+    assert node.create_publisher(String, "talk", 10, event_callbacks=quiet).event_handlers == []
+
+
+def test_the_old_name_of_event_handlers_is_deprecated(node):
+    kind = QoSPublisherEventType.RCL_PUBLISHER_MATCHED
+    options = {"callback_group": node.default_callback_group, "callback": print}
+    with pytest.warns(DeprecationWarning, match="use EventHandler instead"):
+        handler = QoSEventHandler(**options, event_type=kind)
+    assert isinstance(handler, EventHandler)
 
 
 def test_whoever_wants_no_words_gets_none(world, node, capfd):
