@@ -20,7 +20,6 @@ if TYPE_CHECKING:
     from pathlib import Path
     from typing import Any
 
-WINDOWS = sys.platform == "win32"
 _LOCK_OFFSET = 0x7FFF_0000  # far behind the contents: Windows forbids reading locked bytes
 _HELD = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)  # what systems say of a lock held by another
 _NO_LIMIT = 2**20
@@ -38,7 +37,7 @@ def runtime_dir() -> Path:
 
     if xdg := os.environ.get("XDG_RUNTIME_DIR"):
         base = Path(xdg) / "taskrpc"
-    elif WINDOWS:
+    elif sys.platform == "win32":
         base = Path(os.environ.get("LOCALAPPDATA") or _temporary()) / "taskrpc" / "run"
     else:
         base = Path(_temporary()) / f"taskrpc-{os.getuid()}"
@@ -46,11 +45,12 @@ def runtime_dir() -> Path:
 
 
 def _temporary() -> str:
-    if not WINDOWS:  # importing tempfile would cost a server's start more than its sockets do
-        return os.environ.get("TMPDIR") or "/tmp"
-    import tempfile
+    if sys.platform == "win32":
+        import tempfile
 
-    return tempfile.gettempdir()
+        return tempfile.gettempdir()
+    else:  # importing tempfile would cost a server's start more than its sockets do
+        return os.environ.get("TMPDIR") or "/tmp"
 
 
 def state_dir() -> Path:
@@ -68,11 +68,12 @@ def find_state_dir() -> Path:
 
     if xdg := os.environ.get("XDG_STATE_HOME"):
         return Path(xdg) / "taskrpc"
-    if WINDOWS:
+    if sys.platform == "win32":
         return Path(os.environ.get("LOCALAPPDATA") or Path.home()) / "taskrpc"
-    if sys.platform == "darwin":
+    elif sys.platform == "darwin":
         return Path.home() / "Library" / "Application Support" / "taskrpc"
-    return Path.home() / ".local" / "state" / "taskrpc"
+    else:
+        return Path.home() / ".local" / "state" / "taskrpc"
 
 
 def private_dir(path: Path) -> Path:
@@ -87,8 +88,7 @@ def private_dir(path: Path) -> Path:
         raise TaskRpcError(f"cannot make the folder {path}: {error.strerror}") from None
     if not stat.S_ISDIR(found.st_mode):
         raise TaskRpcError(f"{path}: expected a folder of this user's, found a link or a file")
-    if not WINDOWS:
-        _check_owner(path, found)
+    _check_owner(path, found)
     return path
 
 
@@ -99,11 +99,9 @@ def check_private_dir(path: Path) -> None:
     """
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
     found = path.lstat()
-    if WINDOWS:
-        return
-    if not stat.S_ISDIR(found.st_mode) or found.st_uid != os.getuid():
+    if not stat.S_ISDIR(found.st_mode) or not is_this_user(found.st_uid):
         raise TaskRpcError(f"{path}: expected a folder of this user's")
-    if found.st_mode & 0o077:
+    if sys.platform != "win32" and found.st_mode & 0o077:
         mode = stat.S_IMODE(found.st_mode)
         raise TaskRpcError(
             f"{path}: expected a folder that only its owner can enter, its mode is {mode:04o};"
@@ -122,14 +120,32 @@ def peer_user(sock: socket.socket) -> int | None:
     if sys.platform == "darwin":
         credentials = sock.getsockopt(_SOL_LOCAL, _LOCAL_PEERCRED, _XUCRED)
         return int(struct.unpack_from("2I", credentials)[1])
-    return None
+    else:
+        return None
 
 
 def _check_owner(path: Path, found: os.stat_result) -> None:
-    if found.st_uid != os.getuid():
+    if not is_this_user(found.st_uid):
         raise TaskRpcError(f"{path}: expected a folder of this user's, it belongs to another user")
-    if found.st_mode & 0o077:
+    if sys.platform != "win32" and found.st_mode & 0o077:
         path.chmod(0o700)
+
+
+def is_this_user(uid: int) -> bool:
+    """Whether a user id is that of this program's user.
+
+    Always true on Windows, whose files have no user id: there, the user's profile folder keeps
+    other users out.
+    """
+    if sys.platform == "win32":
+        return True
+    else:
+        return uid == os.getuid()
+
+
+def is_ours_or_roots(found: os.stat_result) -> bool:
+    """Whether this program's user or root owns a file."""
+    return found.st_uid == 0 or is_this_user(found.st_uid)
 
 
 def open_private(path: Path, *, must_be_new: bool = False) -> int:
@@ -152,12 +168,11 @@ def why_not_private(descriptor: int, path: object, *, is_key: bool = False) -> s
 
     A TLS key of root's may be readable for a group, as systems give it to their servers.
     """
-    if WINDOWS:  # who may read is the folder's matter there: the user's own profile
-        return ""
     found = os.fstat(descriptor)
-    if found.st_uid not in (os.getuid(), 0):
+    if not is_ours_or_roots(found):
         return f"{path}: expected a file of this user's, it belongs to another user"
-    if found.st_mode & (0o037 if is_key and found.st_uid == 0 else 0o077):
+    readable = found.st_mode & (0o037 if is_key and found.st_uid == 0 else 0o077)
+    if sys.platform != "win32" and readable:
         mode = stat.S_IMODE(found.st_mode)
         return (
             f"{path}: expected a file that only its owner can read, its mode is {mode:04o};"
@@ -168,25 +183,19 @@ def why_not_private(descriptor: int, path: object, *, is_key: bool = False) -> s
 
 def may_anybody_write(folder: Path) -> bool:
     """Whether every user of the machine may make files in a folder; False where nobody can tell."""
-    if WINDOWS:  # folders of other users are closed there unless somebody opened them
-        return False
-    try:
-        return bool(os.stat(folder).st_mode & stat.S_IWOTH)
+    try:  # on Windows, the mode says nothing, and a user's folders are closed to others by default
+        return sys.platform != "win32" and bool(os.stat(folder).st_mode & stat.S_IWOTH)
     except OSError:
         return False
 
 
-def is_ours_or_roots(found: os.stat_result) -> bool:
-    """Whether this user or root owns a file."""
-    return WINDOWS or found.st_uid in (os.getuid(), 0)
-
-
 def is_written_by_us_only(descriptor: int) -> bool:
-    """Whether nobody but this user, or root, can have written a file, whoever can read it."""
-    if WINDOWS:
-        return True
+    """Whether nobody but this user, or root, can have written a file, whoever can read it.
+
+    Always true on Windows, whose file modes say nothing of other users.
+    """
     found = os.fstat(descriptor)
-    return found.st_uid in (os.getuid(), 0) and not found.st_mode & 0o022
+    return sys.platform == "win32" or is_ours_or_roots(found) and not found.st_mode & 0o022
 
 
 def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
@@ -225,7 +234,7 @@ def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:
 
 def write_at(descriptor: int, data: bytes, place: int) -> None:
     """Write into the middle of an open file, whose position is nobody's business."""
-    if WINDOWS:
+    if sys.platform == "win32":
         os.lseek(descriptor, place, os.SEEK_SET)
         os.write(descriptor, data)
     else:
@@ -234,10 +243,8 @@ def write_at(descriptor: int, data: bytes, place: int) -> None:
 
 def is_same_file(path: Path, known: os.stat_result) -> bool:
     """Whether a path still leads to a file that was looked at before, and that is open."""
-    if WINDOWS:  # which lets nobody remove or replace an open file
-        return True
-    try:
-        return os.path.samestat(os.stat(path), known)
+    try:  # Windows lets nobody remove or replace an open file
+        return sys.platform == "win32" or os.path.samestat(os.stat(path), known)
     except OSError:
         return False
 
@@ -326,12 +333,13 @@ def keep_freed_memory(size: int) -> None:
 
 def descriptor_limit() -> int:
     """How many files and sockets this process may have open at a time."""
-    if WINDOWS:
+    if sys.platform == "win32":
         return _NO_LIMIT
-    import resource
+    else:
+        import resource
 
-    soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    return _NO_LIMIT if soft == resource.RLIM_INFINITY else soft
+        soft, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+        return _NO_LIMIT if soft == resource.RLIM_INFINITY else soft
 
 
 @contextlib.contextmanager
@@ -389,7 +397,7 @@ def end_process(pid: int, *, at_once: bool = False) -> None:
     """
     import signal
 
-    if WINDOWS:
+    if sys.platform == "win32":
         # There SIGTERM is TerminateProcess; only Ctrl-Break can be asked for, and only of groups.
         os.kill(pid, signal.SIGTERM)
     else:
@@ -405,7 +413,7 @@ def is_stopped(pid: int) -> bool:
         if os.path.exists(status):
             with open(status, "rb") as file:
                 return file.read().rpartition(b")")[2].split()[0] in (b"T", b"t")
-        if not WINDOWS:
+        if sys.platform != "win32":
             import subprocess
 
             command = ["ps", "-o", "stat=", "-p", str(pid)]

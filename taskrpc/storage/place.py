@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import os
 import stat
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -29,7 +30,7 @@ def refuse_second_name(path: Path) -> None:
     with contextlib.suppress(FileNotFoundError):
         found = os.stat(path)
         if stat.S_ISREG(found.st_mode) and found.st_nlink > 1:
-            command = "fsutil hardlink list" if platform.WINDOWS else "find / -samefile"
+            command = "fsutil hardlink list" if sys.platform == "win32" else "find / -samefile"
             raise StoreError(
                 f"{path} has {found.st_nlink} names (hard links), and under each of them another"
                 " server could use it at the same time; remove the other name (find it with"

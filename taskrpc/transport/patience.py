@@ -14,7 +14,6 @@ from typing import NamedTuple
 
 from taskrpc.transport.keepalive import Keepalive
 
-_LINUX = sys.platform == "linux"
 _TCP_MAXRT = 5  # Windows: seconds of retransmission before the connection is dropped
 _TCP_RXT_CONNDROPTIME = 0x80  # macOS: the same
 _FIRST_REPETITION = 0.25
@@ -106,13 +105,14 @@ class _Backlog(NamedTuple):
 
 def _backlog_of(sock: socket.socket) -> _Backlog | None:
     """What is to be delivered; None where it does not matter, or nobody can tell any more."""
-    if not _LINUX:
+    if sys.platform != "linux":
         return None
-    try:
-        found = sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _INFO_SIZE)
-        asked, unacknowledged, heard, unsent, room = struct.unpack(_INFO, found)
-    # It has just ended, which uvloop tells by ValueError; or this is a Linux before 5.4.
-    except (OSError, ValueError, struct.error):
-        return None
-    full = unsent > 0 and not (unacknowledged and room)
-    return _Backlog(unacknowledged > 0 or unsent > 0, full, asked, heard / 1000)
+    else:  # mypy takes only such a branch for one of another system
+        try:
+            found = sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _INFO_SIZE)
+            asked, unacknowledged, heard, unsent, room = struct.unpack(_INFO, found)
+        # The socket has just been closed (uvloop raises ValueError), or Linux is older than 5.4.
+        except (OSError, ValueError, struct.error):
+            return None
+        full = unsent > 0 and not (unacknowledged and room)
+        return _Backlog(unacknowledged > 0 or unsent > 0, full, asked, heard / 1000)

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import sys
 import time
 import weakref
 from collections.abc import Iterator
@@ -88,7 +89,7 @@ class Registry:
         """Remove this process's entry."""
         if self._journal is not None:
             with contextlib.suppress(OSError):
-                if platform.WINDOWS:
+                if sys.platform == "win32":
                     self.abandon()
                 with platform.locked(self._lock):
                     self._path.unlink(missing_ok=True)

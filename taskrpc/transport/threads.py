@@ -8,12 +8,12 @@ loop takes too; only the answer comes by the loop, which wakes the caller direct
 from __future__ import annotations
 
 import asyncio
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from taskrpc import platform
 from taskrpc.transport.base import Tell
 from taskrpc.transport.calling import CallingConnection, OpenCall, time_left
 from taskrpc.transport.connection import Owner
@@ -71,7 +71,7 @@ class Waiter:
     def wait(self) -> Any:
         """Sleep until there is an answer; returns it, or raises the error."""
         try:
-            if platform.WINDOWS:
+            if sys.platform == "win32":
                 while not self._sleep.acquire(timeout=_SLICE):
                     pass
             else:

@@ -6,6 +6,7 @@ import contextlib
 import os
 import socket
 import stat
+import sys
 from pathlib import Path
 
 from taskrpc import platform
@@ -29,7 +30,7 @@ def checked_unix(place: str) -> str:
 
     Raises TaskRpcError without a path, or where there are no unix sockets.
     """
-    if not hasattr(socket, "AF_UNIX") or platform.WINDOWS:
+    if not hasattr(socket, "AF_UNIX"):
         raise TaskRpcError(f"{place}: Python has no unix sockets on Windows; use 127.0.0.1:PORT")
     if place == PREFIX:
         raise TaskRpcError("expected unix:/path of the server's socket, got unix: alone")
@@ -77,7 +78,7 @@ def unix_voucher(sock: socket.socket, *, serving: bool, has_accounts: bool) -> V
     Raises PermissionDenied for a program of another user that calls a server without accounts.
     """
     uid = platform.peer_user(sock)
-    if uid in (os.getuid(), 0):
+    if uid is not None and (uid == 0 or platform.is_this_user(uid)):
         return Voucher("", is_owner=True)
     if serving and not has_accounts:
         raise PermissionDenied("this socket is for programs of its own user only")
@@ -96,7 +97,7 @@ def _clear(path: Path) -> None:
         return
     if not stat.S_ISSOCK(found.st_mode):
         raise TaskRpcError("there is a file that is no socket")
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as probe:
+    with _unix_socket() as probe:
         probe.settimeout(_PATIENCE)
         try:
             probe.connect(str(path))
@@ -108,8 +109,15 @@ def _clear(path: Path) -> None:
     raise TaskRpcError("another server answers there")
 
 
+def _unix_socket() -> socket.socket:
+    if sys.platform == "win32":
+        raise TaskRpcError("Python has no unix sockets on Windows")
+    else:
+        return socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+
+
 def _bound(path: Path) -> socket.socket:
-    sock = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    sock = _unix_socket()
     try:
         sock.bind(str(path))
         # Whatever the umask is; and the folder lets nobody in meanwhile.

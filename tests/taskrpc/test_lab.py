@@ -2,6 +2,7 @@
 
 import os
 import stat
+import sys
 
 import pytest
 
@@ -25,7 +26,7 @@ def test_looking_makes_no_folder():
     assert not platform.find_state_dir().exists()
 
 
-@pytest.mark.skipif(platform.WINDOWS, reason="Windows keeps it in the user's profile")
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps it in the user's profile")
 def test_only_this_user_can_read_it():
     lab.remember_lab(LAB)
     assert stat.S_IMODE(lab.lab_file().stat().st_mode) == 0o600

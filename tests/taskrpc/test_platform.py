@@ -76,7 +76,7 @@ def test_what_is_not_a_folder_of_ours_is_refused(tmp_path):
         platform.open_private(tmp_path / "to")
 
 
-@pytest.mark.skipif(platform.WINDOWS, reason="file modes are POSIX's")
+@pytest.mark.skipif(sys.platform == "win32", reason="file modes are POSIX's")
 def test_what_is_private_is_so_from_its_first_byte_on_whoever_was_there_before(tmp_path):
     path = tmp_path / "secret"
     waiting = tmp_path / f"secret.{os.getpid()}.new"

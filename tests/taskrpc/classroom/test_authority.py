@@ -7,7 +7,6 @@ import sys
 
 import pytest
 
-from taskrpc import platform
 from taskrpc.classroom import authority
 from taskrpc.errors import TaskRpcError
 from taskrpc.transport.tls import Tls, pinned_context
@@ -62,7 +61,7 @@ def test_a_new_certificate_is_another_one_of_the_same_authority(tmp_path):
     assert again.ca.read_bytes() == ca
 
 
-@pytest.mark.skipif(platform.WINDOWS, reason="Windows keeps them in the user's profile")
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps them in the user's profile")
 def test_the_keys_are_for_this_user_only(tmp_path):
     made = authority.make_certificates(tmp_path, NAMES, NOW)
     for path in (made.key, made.ca_key):
