@@ -32,7 +32,7 @@ lint:
 	$(BIN)/ruff format --check .
 
 types:
-	$(BIN)/mypy
+	for system in linux win32 darwin; do $(BIN)/mypy --platform $$system || exit 1; done
 	for folder in examples/0*/; do $(BIN)/mypy "$$folder" || exit 1; done
 	$(BIN)/pytest -m types
 

@@ -21,9 +21,12 @@ if TYPE_CHECKING:
     from typing import Any
 
 _LOCK_OFFSET = 0x7FFF_0000  # far behind the contents: Windows forbids reading locked bytes
+_LONGEST_HOLD, _LOCK_RETRY = 10.0, 0.002  # seconds in which Windows' locks are tried again
 _HELD = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)  # what systems say of a lock held by another
 _NO_LIMIT = 2**20
 _LONGEST_TEXT = 16 * 2**20
+_NO_SUCH_PROCESS = 87  # Windows' ERROR_INVALID_PARAMETER: no process has this id
+_REFUSED = 1225  # Windows' ERROR_CONNECTION_REFUSED, of asyncio's own way to connect
 _SOL_LOCAL, _LOCAL_PEERCRED = 0, 1  # macOS: who is at the other end of a unix socket
 _XUCRED = 76  # bytes of the answer: version, user id, groups
 
@@ -195,7 +198,7 @@ def is_written_by_us_only(descriptor: int) -> bool:
     Always true on Windows, whose file modes say nothing of other users.
     """
     found = os.fstat(descriptor)
-    return sys.platform == "win32" or is_ours_or_roots(found) and not found.st_mode & 0o022
+    return sys.platform == "win32" or (is_ours_or_roots(found) and not found.st_mode & 0o022)
 
 
 def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
@@ -283,8 +286,17 @@ if sys.platform == "win32":
     import msvcrt
 
     def _lock(descriptor: int, *, wait: bool) -> None:
-        # LK_LOCK itself gives up after ten seconds, which is what a stuck holder deserves.
-        _locking(descriptor, msvcrt.LK_LOCK if wait else msvcrt.LK_NBLCK)
+        # Not LK_LOCK: it sleeps a whole second between two tries.
+        import time
+
+        give_up = time.monotonic() + _LONGEST_HOLD if wait else 0.0
+        while True:
+            try:
+                return _locking(descriptor, msvcrt.LK_NBLCK)
+            except OSError as error:
+                if error.errno not in _HELD or time.monotonic() >= give_up:
+                    raise
+            time.sleep(_LOCK_RETRY)
 
     def _locking(descriptor: int, mode: int) -> None:
         # Windows locks from the current position on, from which the caller means to read.
@@ -383,6 +395,18 @@ def _stop_signals() -> list[int]:
     return [getattr(signal, name) for name in names if hasattr(signal, name)]
 
 
+def reason_of(error: OSError) -> str:
+    """What the system says of a failure, in the same words everywhere for the frequent ones."""
+    if sys.platform == "win32":
+        if error.winerror == _REFUSED or error.errno == errno.ECONNREFUSED:
+            return "Connection refused"
+        if error.errno == errno.EADDRINUSE:
+            return "Address already in use"
+        return error.strerror or str(error)
+    else:  # asyncio puts sentences of its own into `strerror`
+        return os.strerror(error.errno) if error.errno else str(error)
+
+
 def prepare_output() -> None:
     """Let stdout and stderr take any character, whatever the terminal's code page is."""
     for stream in (sys.stdout, sys.stderr):
@@ -399,7 +423,12 @@ def end_process(pid: int, *, at_once: bool = False) -> None:
 
     if sys.platform == "win32":
         # There SIGTERM is TerminateProcess; only Ctrl-Break can be asked for, and only of groups.
-        os.kill(pid, signal.SIGTERM)
+        try:
+            os.kill(pid, signal.SIGTERM)
+        except OSError as error:
+            if error.winerror == _NO_SUCH_PROCESS:
+                raise ProcessLookupError(errno.ESRCH, os.strerror(errno.ESRCH)) from None
+            raise
     else:
         os.kill(pid, signal.SIGKILL if at_once else signal.SIGTERM)
         # One that was stopped by Ctrl-Z hears of nothing before it goes on.

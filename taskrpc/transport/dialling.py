@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import ssl
 from collections.abc import Callable
 
@@ -102,8 +101,7 @@ class Dialler:
         except ssl.SSLError as error:
             raise _unreached(address, f"no TLS connection: {reason_of(error)}") from None
         except OSError as error:
-            reason = os.strerror(error.errno) if error.errno else str(error)
-            raise _unreached(address, reason) from None
+            raise _unreached(address, platform.reason_of(error)) from None
         except UnicodeError:
             raise _unreached(address, "no host can have this name") from None
         else:

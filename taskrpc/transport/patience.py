@@ -77,6 +77,8 @@ def drop_dead_peers(sock: socket.socket, silence: float, seconds: float) -> bool
                 sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
         if sys.platform == "win32":
             sock.setsockopt(socket.IPPROTO_TCP, _TCP_MAXRT, int(seconds))
+            # asyncio's proactor leaves Nagle's algorithm on where it accepts.
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         elif sys.platform == "darwin":
             sock.setsockopt(socket.IPPROTO_TCP, _TCP_RXT_CONNDROPTIME, int(seconds))
         else:

@@ -13,6 +13,7 @@ from functools import partial
 
 from msgspec.structs import replace
 
+from taskrpc import platform
 from taskrpc.access import account_of
 from taskrpc.errors import AuthenticationFailed, CannotListen, TaskRpcError
 from taskrpc.lab import Lab
@@ -313,6 +314,6 @@ def bound(host: str, port: int) -> socket.socket:
         sock.setblocking(False)
     except OSError as error:
         sock.close()
-        reason = error.strerror or str(error)
-        raise CannotListen(f"cannot listen at {join_place(host, port)}: {reason}") from None
+        place, reason = join_place(host, port), platform.reason_of(error)
+        raise CannotListen(f"cannot listen at {place}: {reason}") from None
     return sock

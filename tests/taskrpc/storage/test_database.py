@@ -273,7 +273,7 @@ async def test_a_file_that_may_only_be_read_is_refused_when_it_is_opened(path, m
     access = os.access  # root may write anything
     monkeypatch.setattr(os, "access", lambda at, mode: not mode & os.W_OK and access(at, mode))
     before = path.stat().st_mode
-    with pytest.raises(StoreError, match=f"{path}: the database cannot be opened: Permission"):
+    with pytest.raises(StoreError, match=r"tasks\.db: the database cannot be opened: Perm"):
         await booked(path)
     assert path.stat().st_mode == before
 

