@@ -4,7 +4,7 @@ PYTHON ?= python3
 VENV ?= .venv
 BIN = $(VENV)/bin
 
-.PHONY: install test faults soak mutants lint types layers check format demo bench clean
+.PHONY: install test faults soak mutants lint types layers windows check format demo bench clean
 
 install:
 	$(PYTHON) -m venv $(VENV)
@@ -35,6 +35,9 @@ types:
 	for system in linux win32 darwin; do $(BIN)/mypy --platform $$system || exit 1; done
 	for folder in examples/0*/; do $(BIN)/mypy "$$folder" || exit 1; done
 	$(BIN)/pytest -m types
+
+windows:
+	$(BIN)/python .ci/windows
 
 layers:
 	$(BIN)/lint-imports

@@ -66,6 +66,9 @@ def drop_dead_peers(sock: socket.socket, silence: float, seconds: float) -> bool
     it does.
     """
     with contextlib.suppress(OSError):
+        if sys.platform == "win32":
+            # asyncio's proactor leaves Nagle's algorithm on where it accepts.
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
         idle = "TCP_KEEPALIVE" if sys.platform == "darwin" else "TCP_KEEPIDLE"
         for name, value in (
@@ -77,8 +80,6 @@ def drop_dead_peers(sock: socket.socket, silence: float, seconds: float) -> bool
                 sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
         if sys.platform == "win32":
             sock.setsockopt(socket.IPPROTO_TCP, _TCP_MAXRT, int(seconds))
-            # asyncio's proactor leaves Nagle's algorithm on where it accepts.
-            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
         elif sys.platform == "darwin":
             sock.setsockopt(socket.IPPROTO_TCP, _TCP_RXT_CONNDROPTIME, int(seconds))
         else:
