@@ -140,6 +140,33 @@ def test_elements_of_the_least_size_are_not_refused(fields):
     assert len(from_cdr(cls, data).elements) == 3
 
 
+@pytest.mark.parametrize(
+    ("fields", "least"),
+    [
+        ("uint8 a", 1),
+        ("uint32[3] a", 12),
+        ("string a", 4),
+        ("string a\nstring b\nuint8 c", 9),
+        ("wstring a", 4),
+        ("uint8[] a\nuint8[<=9] b", 8),
+        ("string[2] a", 8),
+        ("wstring[2] a", 8),
+        ("Inner inner", 5),
+        ("Inner[2] inners", 10),
+        ("Inner[] inners", 4),
+    ],
+)
+def test_more_elements_than_the_bytes_can_hold_are_refused_before_any_is_made(fields, least):
+    inner = f"\n{'=' * 80}\nMSG: demo_msgs/msg/Inner\nuint8 number\nstring name\n"
+    element = f"\n{'=' * 80}\nMSG: demo_msgs/msg/Element\n{fields}\n"
+    text = "Element[] elements\n" + element + (inner if "Inner" in fields else "")
+    cls = define("demo_msgs/msg/Least", text)
+    for size in (least * 10, least * 10 + least - 1):
+        data = b"\0\1\0\0" + (11).to_bytes(4, "little") + bytes(size)
+        with pytest.raises(CdrError, match="elements: .*11 elements"):
+            from_cdr(cls, data)
+
+
 @of_each_fuzzed_class
 def test_no_beginning_of_a_message_is_a_message(cls):
     data = to_cdr(random_message(cls, Random(cls._TYPE), most=2))
