@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import threading
 import time
 
@@ -801,3 +802,88 @@ def test_a_callback_that_spins_is_the_outer_one_again_afterwards(executor, fake)
     outer.trigger()
     executor.spin_once(0)
     assert seen == [inner, outer]
+
+
+def test_a_task_that_spins_is_the_outer_callback_again_afterwards(executor, fake):
+    seen = []
+
+    def nested():
+        executor.create_task(lambda: seen.append(current_callback().entity))
+        executor.spin_once(0)
+        seen.append(current_callback().entity)
+
+    outer = fake.guard(nested)
+    outer.trigger()
+    executor.spin_once(0)
+    assert seen == [None, outer]
+
+
+def test_ready_callbacks_can_be_iterated_over_for_some_nodes_only(context, executor, fake):
+    seen = []
+    executor.add_node(other := FakeNode(context))
+    fake.guard(lambda: seen.append("fake")).trigger()
+    other.guard(lambda: seen.append("other")).trigger()
+    ready = executor._wait_for_ready_callbacks(0, [other])
+    task, _, node = next(ready)
+    task()
+    assert (node, seen) == (other, ["other"])
+    with pytest.raises(TimeoutException):
+        next(ready)
+
+
+@pytest.mark.real_time
+@pytest.mark.parametrize("ends", [lambda future: future.set_result(1), lambda f: f.cancel()])
+def test_another_kind_of_future_ends_the_spinning_from_another_thread(executor, ends):
+    from concurrent.futures import Future as Other
+
+    other, began = Other(), time.monotonic()
+    timer = threading.Timer(0.02, ends, [other])
+    timer.start()
+    executor.spin_until_future_complete(other, timeout_sec=10)
+    assert time.monotonic() - began < 5
+    timer.join()
+
+
+@pytest.mark.real_time
+def test_spinning_without_waiting_does_not_wait(executor):
+    began = time.monotonic()
+    executor.spin_until_future_complete(Future(), timeout_sec=0)
+    assert time.monotonic() - began < 0.5
+
+
+@pytest.mark.real_time
+def test_a_pool_spins_for_a_future_no_longer_than_its_timeout(pool):
+    began = time.monotonic()
+    pool.spin_once_until_future_complete(Future(), 0.02)
+    assert time.monotonic() - began < 5
+
+
+@pytest.mark.real_time
+def test_a_task_goes_on_when_its_node_is_added_while_the_executor_sleeps(executor, fake):
+    seen = []
+
+    async def callback():
+        await asyncio.sleep(0)
+        seen.append("went on")
+
+    fake.guard(callback).trigger()
+    executor.spin_once(0)
+    executor.remove_node(fake)
+    executor.spin_once(0)
+    threading.Timer(0.05, executor.add_node, [fake]).start()
+    began = time.monotonic()
+    executor.spin_once(10)
+    assert seen == ["went on"]
+    assert time.monotonic() - began < 5
+
+
+def test_a_pool_has_a_thread_for_each_processor(context, monkeypatch):
+    monkeypatch.setattr(os, "sched_getaffinity", lambda pid: {0}, raising=False)
+    with pytest.warns(UserWarning, match="single thread"):
+        MultiThreadedExecutor(context=context).shutdown()
+    monkeypatch.delattr(os, "sched_getaffinity")
+    monkeypatch.setattr(os, "cpu_count", lambda: 1)
+    with pytest.warns(UserWarning, match="single thread"):
+        MultiThreadedExecutor(context=context).shutdown()
+    monkeypatch.setattr(os, "cpu_count", lambda: None)
+    MultiThreadedExecutor(context=context).shutdown()

@@ -163,7 +163,7 @@ def test_more_elements_than_the_bytes_can_hold_are_refused_before_any_is_made(fi
     cls = define("demo_msgs/msg/Least", text)
     for size in (least * 10, least * 10 + least - 1):
         data = b"\0\1\0\0" + (11).to_bytes(4, "little") + bytes(size)
-        with pytest.raises(CdrError, match="elements: .*11 elements"):
+        with pytest.raises(CdrError, match=r"elements: .*11 elements"):
             from_cdr(cls, data)
 
 
