@@ -121,6 +121,25 @@ def test_a_program_is_compiled_and_found_as_python_itself_does(run):
     assert run(source) == (0, "{'x': <class 'int'>} True program.py None None\n", "")
 
 
+def test_messages_of_a_program_are_as_in_ros(run, monkeypatch):
+    """With numpy's arrays and types of fields; here all fields are checked, too."""
+    monkeypatch.setenv("ROS_PYTHON_CHECK_FIELDS", "1")
+    source = (
+        "from geometry_msgs.msg import PoseWithCovariance\n"
+        "from rosidl_parser.definition import Array\n"
+        "import rclpy.serialization as cdr\n"
+        "message = PoseWithCovariance()\n"
+        "message.covariance.reshape(6, 6)[1, 1] = 0.5\n"
+        "again = cdr.deserialize_message(cdr.serialize_message(message), PoseWithCovariance)\n"
+        "print(again.covariance[7], again == message)\n"
+        "print(isinstance(PoseWithCovariance.SLOT_TYPES[1], Array))\n"
+        "try: message.pose = 5\n"
+        "except AssertionError as error: print(error)\n"
+    )
+    told = "The 'pose' field must be a sub message of type 'Pose'"
+    assert run(source) == (0, f"0.5 True\nTrue\n{told}\n", "")
+
+
 def test_an_exception_shows_the_program_and_nothing_of_us(run):
     code, _, error = run("def f():\n    1/0\n\nf()\n")
     assert code == 1
