@@ -55,6 +55,9 @@ class KeptCompletions:
             unsettled.append(completion)
         for who, first in firsts.items():
             known = self._by_client.setdefault(who, {})
+            for each in known.values():  # an earlier batch may have settled more
+                if each.first_incomplete > first:
+                    first = firsts[who] = each.first_incomplete  # noqa: PLW2901
             for number in [each for each in known if each < first]:
                 del known[number]
         for completion in reversed(unsettled):

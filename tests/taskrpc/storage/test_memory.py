@@ -44,6 +44,14 @@ def key_of(each):
     return each.principal, each.client, each.sequence
 
 
+def test_a_late_completion_that_an_earlier_batch_has_settled_is_not_kept():
+    kept, me, other = KeptCompletions(), ("ann", b"c" * 16), ("ann", b"d" * 16)
+    kept.keep(completion(me, 4, 4))
+    kept.keep(None, [other])
+    kept.keep(completion(me, 3, 3))
+    assert kept.all() == (completion(me, 4, 4),)
+
+
 @settings(max_examples=300, deadline=None)
 @given(st.lists(st.one_of(completions, st.tuples(clients, st.just(0), st.just(0))), max_size=40))
 def test_kept_completions_are_those_that_no_client_has_settled(work):
