@@ -17,11 +17,10 @@ import statistics
 import subprocess
 import sys
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from benchmarks.contenders.raw_asyncio import Framed
+from benchmarks.contenders import raw_asyncio
 
 IN_FLIGHT = 64
 MOST_LATENCY, MOST_AT_64 = 3.0, 10.0
@@ -30,33 +29,9 @@ MOST_LATENCY, MOST_AT_64 = 3.0, 10.0
 _SERVICE = "add_two_ints"
 
 
-class RawCaller(Framed):
-    """Sends frames and completes futures in order."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        self._open: deque[asyncio.Future[bytes]] = deque()
-
-    def call(self, body: bytes) -> asyncio.Future[bytes]:
-        future: asyncio.Future[bytes] = asyncio.get_running_loop().create_future()
-        self._open.append(future)
-        self.send(body)
-        return future
-
-    def frame_received(self, body: bytes) -> None:
-        self._open.popleft().set_result(body)
-
-
-class RawEcho(Framed):
-    """Sends back what comes."""
-
-    def frame_received(self, body: bytes) -> None:
-        self.send(body)
-
-
 def serve_raw() -> None:
     async def main() -> None:
-        server = await asyncio.get_running_loop().create_server(RawEcho, "127.0.0.1", 0)
+        server = await asyncio.get_running_loop().create_server(raw_asyncio.Server, "127.0.0.1", 0)
         print(server.sockets[0].getsockname()[1], flush=True)
         await server.serve_forever()
 
@@ -104,9 +79,10 @@ Measure = Callable[[int], tuple[float, float]]
 def raw() -> Iterator[Measure]:
     with server("raw") as port, asyncio.Runner() as runner:
 
-        async def connect() -> RawCaller:
+        async def connect() -> raw_asyncio.Client:
             loop = asyncio.get_running_loop()
-            return (await loop.create_connection(RawCaller, "127.0.0.1", int(port)))[1]
+            created = await loop.create_connection(raw_asyncio.Client, "127.0.0.1", int(port))
+            return created[1]
 
         caller = runner.run(connect())
         body = bytes(16)

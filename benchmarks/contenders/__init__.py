@@ -26,7 +26,6 @@ CONTENDERS: tuple[Contender, ...] = (
     BASELINE,
     Contender("raw asyncio, uvloop", "raw_asyncio", loop="uvloop", typed=False, idle=True),
     Contender("raw asyncio, large first", "raw_asyncio", options=("large-first",), typed=False),
-    Contender("raw asyncio, unsplit", "raw_asyncio", options=("unsplit",), typed=False),
     Contender("raw blocking socket", "raw_socket", typed=False, most_in_flight=64),
     *_on_both_loops("ideal RPC", "ideal", needs=("msgspec",), distribution="msgspec"),
     *_on_both_loops("taskrpc", "taskrpc_tcp", distribution="taskrpc", idle=True),

@@ -16,11 +16,15 @@ _METHOD = """\
   Each contender adds two integers, encoded and decoded as its users would, and echoes bytes; the
   raw ones only send bytes to and fro.
 - **Every ratio is to the baseline, in the same round**: an `asyncio.Protocol` that echoes frames
-  with four bytes of length, on asyncio's own loop. It is measured anew before every fourth turn.
-  Tables show the median of the rounds' ratios, in brackets the least and the greatest.
+  with four bytes of length, on asyncio's own loop. It handles all frames of one read together: the
+  server answers them with one joined `write`, and a large frame is a list of chunks that is joined
+  once. It is measured anew before every fourth turn. Tables show the median of the rounds' ratios,
+  in brackets the least and the greatest.
+- **Results before 22 November 2026 had a slower baseline** and cannot be compared with these: it
+  called `write` once a frame, and collected large frames in a growing `bytearray`.
 - The baseline's processes have seen no large message before; "large first" has, which makes glibc
-  keep the memory that asyncio reads into and halves a call's time. "unsplit" writes back what one
-  read brought, without looking for frames. Payloads are measured last, smaller ones first.
+  keep the memory that asyncio reads into and halves a call's time. Payloads are measured last,
+  smaller ones first.
 - In each round everybody's turn comes once, in another order each time, after a warm-up.
 - What counts is measured with both processes pinned to **one core**. Unpinned, a call's latency is
   whatever the wake-up of another core costs: often two values far apart, by the system's mood.

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from benchmarks.contenders import BASELINE, CONTENDERS, contender
+from benchmarks.contenders import BASELINE, CONTENDERS, contender, raw_asyncio
 from benchmarks.harness import idle, plot
 from benchmarks.harness.goals import Goal
 from benchmarks.harness.processes import CAN_PIN, ChildFailed, Pair
@@ -125,3 +125,35 @@ def test_bars_reach_from_the_baseline_to_the_ratio():
     left, right = ((float(bar.get("x")), float(bar.get("width"))) for bar in bars)
     assert left[0] + left[1] == pytest.approx(right[0], abs=0.2)
     assert left[1] == pytest.approx(right[1], abs=0.2)
+
+
+class _Written(list):
+    """A transport that keeps each write."""
+
+    def write(self, data):
+        self.append(data)
+
+
+@given(st.lists(st.binary(max_size=20)), st.data())
+def test_the_baseline_answers_all_frames_of_a_read_with_one_write(bodies, data):
+    sent = b"".join(map(raw_asyncio.frame, bodies))
+    server, written = raw_asyncio.Server(), _Written()
+    server.connection_made(written)
+    reads = 0
+    while sent:
+        size = data.draw(st.integers(1, len(sent)))
+        server.data_received(sent[:size])
+        reads, sent = reads + 1, sent[size:]
+    assert b"".join(written) == b"".join(map(raw_asyncio.frame, bodies))
+    assert len(written) <= reads
+
+
+def test_the_baseline_joins_the_chunks_of_a_large_frame_once():
+    server, written = raw_asyncio.Server(), _Written()
+    server.connection_made(written)
+    large = raw_asyncio.frame(bytes(100_000))
+    for start in range(0, len(large), 1000):
+        assert len(server._chunks) == start // 1000
+        server.data_received(large[start : start + 1000])
+    assert written == [large]
+    assert server._chunks == []
