@@ -104,7 +104,12 @@ def tested(module: str, tests: list[str], arguments: argparse.Namespace) -> dict
     with (FOLDER / "log").open("w") as log:
         done = subprocess.run(command, cwd=FOLDER, stdout=log, stderr=subprocess.STDOUT)
     if done.returncode or not report.exists():
-        raise MutmutFailed(f"mutmut failed:\n{(FOLDER / 'log').read_text()[-3000:]}")
+        said = [line.split("\r")[-1] for line in (FOLDER / "log").read_text().splitlines()]
+        raise MutmutFailed(
+            "mutmut failed; look first whether the tests pass: pytest -n0 "
+            + " ".join(selected)
+            + "".join(f"\n    {line}" for line in said[-5:] if line.strip())
+        )
     found: dict[str, object] = json.loads(report.read_text())
     return found
 

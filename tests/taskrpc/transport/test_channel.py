@@ -104,3 +104,40 @@ async def test_server_of_another_type_is_reported_once_while_a_client_waits(capl
         assert caplog.text.count("has another definition") == 1
         with pytest.raises(taskrpc.TypeMismatch):
             await client.call(ask(), timeout=1)
+
+
+async def test_failures_to_reach_a_known_server_are_counted_until_something_changes(monkeypatch):
+    counts = []
+
+    def delay(failures, chance):
+        assert 0.0 <= chance < 1.0
+        counts.append(failures)
+        return 1.0
+
+    monkeypatch.setattr("taskrpc.transport.channel.reconnect_delay", delay)
+    with FaultyNetwork(seed=3) as network:
+        async with (
+            taskrpc.Node("s", transport="memory", listen="server") as server,
+            taskrpc.Node("c", transport="memory", listen="client") as node,
+        ):
+            server.create_service(Add, "add", add)
+            network.partition("client", "server")
+            client = node.create_client(Add, "add")
+            waiting = asyncio.ensure_future(client.wait_for_service(300))
+            await until(lambda: len(counts) >= 5, 100)
+            assert counts == [0, 1, 2, 3, 4]
+            server.create_service(Add, "other", add)
+            await until(lambda: len(counts) >= 8, 100)
+            assert 0 in counts[5:]
+            network.heal()
+            assert await waiting
+
+
+async def test_request_for_others_is_sent_to_nobody_where_there_is_nobody():
+    async with taskrpc.Node("client", transport="memory", token="c") as node:
+        channel = node._transport.channel("/add", Add, "/client")
+        answers = []
+        sent = asyncio.wrap_future(channel.send_to_others(ask(1, 2), answers.append))
+        assert await sent is None
+        assert answers == []
+        channel.close()
