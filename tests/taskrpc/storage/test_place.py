@@ -1,0 +1,36 @@
+"""What is said of a place that may not hold a store."""
+
+import os
+import sys
+
+import pytest
+
+from taskrpc.errors import StoreError
+from taskrpc.storage.lock import Witness
+from taskrpc.storage.place import refuse_lost_store, refuse_second_name
+
+
+@pytest.mark.parametrize(
+    ("system", "command"), [("win32", "fsutil hardlink list"), ("linux", "find / -samefile")]
+)
+def test_second_name_is_refused_with_the_command_that_finds_it(
+    tmp_path, monkeypatch, system, command
+):
+    path, other = tmp_path / "tasks.db", tmp_path / "other.db"
+    path.touch()
+    refuse_second_name(path)
+    os.link(path, other)
+    monkeypatch.setattr(sys, "platform", system)
+    with pytest.raises(StoreError) as refused:
+        refuse_second_name(path)
+    assert f"(find it with `{command} {path}`)" in str(refused.value)
+
+
+@pytest.mark.parametrize(
+    ("commits", "text"), [(1, "a database of 1 transaction;"), (2, "a database of 2 transactions;")]
+)
+def test_lost_store_is_told_with_the_number_of_its_transactions(tmp_path, commits, text):
+    path = tmp_path / "tasks.db"
+    with pytest.raises(StoreError) as refused:
+        refuse_lost_store(path, tmp_path / "tasks.db.lock", Witness(b"S" * 16, commits))
+    assert f"tasks.db.lock beside it belongs to {text}" in str(refused.value)
