@@ -288,9 +288,12 @@ def test_change_that_one_run_of_asyncio_left_behind_blocks_no_later_run():
     writer = Writer(lambda: pages, pages.write)
 
     async def leave():
+        pages.gate.clear()
         writer.change("left behind")
+        await asyncio.sleep(0.01)
 
     async def change():
+        pages.gate.set()
         async with asyncio.timeout(5):
             await writer.change("a")
             await writer.close()
