@@ -14,6 +14,7 @@ import contextlib
 import errno
 import os
 import sqlite3
+import weakref
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, TypeVar
@@ -231,7 +232,8 @@ class Database:
 
 
 class MemoryDatabase:
-    """A database without a file, used as `Database` is; it lasts until `close`.
+    """A database without a file, used as `Database` is; it lasts until `close`, at most as long as
+    the object itself.
 
     Args:
         prepare, equip: as for `Database`.
@@ -245,6 +247,7 @@ class MemoryDatabase:
     def __init__(self, prepare: _Work, equip: _Work) -> None:
         # The loop that uses the store, and so the thread, may be another one later.
         self._connection = _connect(":memory:", check_same_thread=False)
+        weakref.finalize(self, self._connection.close)  # Python 3.13 warns of one left open
         try:
             self.change(prepare)
         except sqlite3.Error as error:
