@@ -9,12 +9,17 @@ import signal
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from taskrpc.testing import VirtualTimeLoop
 from tests.faults.harness import HAPPENED
 
 PLAIN_RUN = "not faults and not types"
 """What pyproject.toml leaves out of the plain run."""
+# How long an example takes depends on what else the machine does.
+settings.register_profile("taskrpc", deadline=None)
+settings.load_profile("taskrpc")
+
 MOST_PROCESSES = 4
 """More than these gain little: the longest tests wait for programs that they start."""
 

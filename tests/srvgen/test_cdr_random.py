@@ -37,7 +37,7 @@ def test_random_messages_have_the_bytes_that_the_rules_give_and_come_back(packag
 
 
 @given(st.integers(0), st.integers(0, 9))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_strings_and_sequences_of_any_length_shift_what_follows_rightly(seed, most):
     message = random_message(Everything, Random(seed), most)
     assert to_cdr(message) == reference_cdr(message)
@@ -77,7 +77,7 @@ def assert_comes_back(cls: Any, random: Random, most: int = 2) -> None:
 
 
 @given(st.integers(0), st.integers(0, 140), st.integers(0, 12), st.sampled_from([0, 20, 60, 120]))
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @example(seed=1, fields=129, types=12, longest=60)
 def test_messages_of_every_shape_are_compiled_and_come_back(seed, fields, types, longest):
     random = Random(seed)
@@ -179,7 +179,7 @@ def test_no_beginning_of_a_message_is_a_message(cls):
 
 
 @given(st.sampled_from(classes()), st.integers(0), st.data())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_tampered_bytes_are_refused_or_are_another_message(cls, seed, data):
     body = to_cdr(random_message(cls, Random(seed)))
     for _ in range(data.draw(st.integers(1, 4))):

@@ -106,7 +106,7 @@ def same(one: Any, other: Any) -> bool:
 
 
 @given(messages(Everything))
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 def test_what_is_checked_and_sent_arrives(message):
     message._check()
     arrived = msgspec.msgpack.Decoder(Everything).decode(ENCODER.encode(message))
@@ -115,7 +115,7 @@ def test_what_is_checked_and_sent_arrives(message):
 
 
 @given(messages(Everything))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_a_second_check_changes_nothing(message):
     message._check()
     before = ENCODER.encode(message)

@@ -79,7 +79,7 @@ class Watching(RuleBasedStateMachine):
             self.now = max(self.now, self.lookout.at)
             self.look()
         self.now = end
-        assert all(deadline + TICK + RESOLUTION > self.now for deadline in self.open.values())
+        assert all(deadline + LOOK_LATE + RESOLUTION > self.now for deadline in self.open.values())
 
     def look(self):
         calls = len(self.open)
@@ -88,8 +88,8 @@ class Watching(RuleBasedStateMachine):
                 assert deadline <= self.now + RESOLUTION, "early"
                 del self.open[number]
         self.lookout.looked(self.now, min(self.open.values(), default=math.inf), calls)
-        assert self.lookout.at >= self.now + TICK
+        assert self.lookout.at >= self.now + LOOK_LATE
 
 
 TestWatching = Watching.TestCase
-TestWatching.settings = settings(max_examples=80, stateful_step_count=40, deadline=None)
+TestWatching.settings = settings(max_examples=80, stateful_step_count=40)

@@ -76,7 +76,7 @@ anything = st.recursive(
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(
     st.text(), st.dictionaries(st.from_regex(r"x_[a-z]{1,5}", fullmatch=True), anything, max_size=4)
 )
@@ -135,7 +135,7 @@ def test_a_traceback_cannot_forge_a_line_either_whoever_formats_it_before():
     assert all(line.startswith("  ") for line in more)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.text())
 def test_whatever_is_sent_is_one_line_of_text(message):
     assert len(text_of("%s", message).splitlines()) <= 1

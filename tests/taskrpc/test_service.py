@@ -172,7 +172,7 @@ actions = st.lists(
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(actions=actions, seed=st.integers(0, 1000), concurrency=st.integers(1, 3))
 def test_every_call_ends_exactly_once_and_no_more_run_than_allowed(actions, seed, concurrency):
     chance = random.Random(seed)

@@ -250,4 +250,4 @@ async def _do(action):
 
 
 TestTopics = Topics.TestCase
-TestTopics.settings = settings(max_examples=60, stateful_step_count=20, deadline=None)
+TestTopics.settings = settings(max_examples=60, stateful_step_count=20)

@@ -51,7 +51,7 @@ def test_blanks_and_line_breaks_do_no_harm(place, blank):
     assert from_join_string(f" {text[:place]}{blank}{text[place:]}\n") == EXAMPLE
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.integers(min_value=0), st.sampled_from(LETTERS))
 def test_a_mistyped_character_is_told_with_its_place(place, other):
     text = to_join_string(EXAMPLE)
@@ -81,7 +81,7 @@ def test_what_is_no_join_string_is_told_in_a_sentence(text, message):
         from_join_string(text)
 
 
-@settings(max_examples=50, deadline=None)
+@settings(max_examples=50)
 @given(st.text(LETTERS + ".\n é", max_size=8))
 def test_whatever_is_pasted_raises_nothing_else(text):
     for pasted in (text, PREFIX + text):

@@ -127,7 +127,7 @@ def test_a_line_past_a_corner_is_blocked_as_soon_as_it_cuts_it(box, which, slope
     assert box.blocks(start, end) == (depth > 0)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(obstacles, points, points)
 def test_no_way_over_a_dense_grid_is_shorter(boxes, start, goal):
     world = world_of(boxes)
@@ -139,7 +139,7 @@ def test_no_way_over_a_dense_grid_is_shorter(boxes, start, goal):
         assert length([start, *way]) <= on_grid + 1e-6
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(obstacles, points, points)
 def test_a_way_is_legal_all_along_and_ends_at_the_goal(boxes, start, goal):
     world = world_of(boxes)
@@ -152,7 +152,7 @@ def test_a_way_is_legal_all_along_and_ends_at_the_goal(boxes, start, goal):
         assert all(RADIUS - 1e-9 <= y <= SIZE[1] - RADIUS + 1e-9 for _, y in way)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(st.lists(rectangles | walls, min_size=1, max_size=2), points, points)
 def test_no_sequence_of_corners_is_shorter(boxes, start, goal):
     """Few obstacles: try every way of up to three bends."""
@@ -178,7 +178,7 @@ def test_no_sequence_of_corners_is_shorter(boxes, start, goal):
         assert length([start, *way]) >= length(best) - 1e-6 or len(way) > 4
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(obstacles, points, points)
 def test_the_way_back_is_as_long(boxes, start, goal):
     world = world_of(boxes)
@@ -230,7 +230,7 @@ def seen_by_marching(boxes, origin, angle, max_range, step=0.005):
     return max_range
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(st.lists(rectangles, max_size=4), points, st.floats(-3, 3), st.floats(1.0, 12.0))
 def test_a_scan_sees_what_walking_along_each_ray_would_meet(boxes, origin, theta, max_range):
     world = world_of(boxes)

@@ -27,7 +27,7 @@ def new_file():
     return connection
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(batches=st.lists(st.lists(calls, max_size=5), max_size=5))
 def test_a_file_remembers_what_memory_does(batches):
     connection, memory = new_file(), KeptCompletions()

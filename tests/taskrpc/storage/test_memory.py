@@ -52,7 +52,7 @@ def test_a_late_completion_that_an_earlier_batch_has_settled_is_not_kept():
     assert kept.all() == (completion(me, 4, 4),)
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(st.lists(st.one_of(completions, st.tuples(clients, st.just(0), st.just(0))), max_size=40))
 def test_kept_completions_are_those_that_no_client_has_settled(work):
     kept, plain = KeptCompletions(), Plain()
@@ -71,7 +71,7 @@ def test_kept_completions_are_those_that_no_client_has_settled(work):
     assert sorted((each for each in kept.all() if each not in late), key=key_of) == plain.all()
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=100)
 @given(st.lists(clients, max_size=200))
 def test_completions_in_their_order_leave_only_the_last_of_each_client(work):
     kept, last = KeptCompletions(), {}

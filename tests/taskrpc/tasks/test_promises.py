@@ -135,7 +135,7 @@ def virtually(coroutine):
 
 
 @example(actions=[("submit", 0, 1), ("sleep", 0.1, None)], speed=1.0)  # resumed as its run begins
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(actions=st.lists(st.one_of(submits, pauses), max_size=12), speed=st.sampled_from([1.0, 8.0]))
 def test_where_nobody_interferes_equal_tasks_are_done_when_it_was_said(actions, speed):
     equal = [(name, a, 5 if name == "submit" else b) for name, a, b in actions]
@@ -144,7 +144,7 @@ def test_where_nobody_interferes_equal_tasks_are_done_when_it_was_said(actions, 
     assert not any(task.changes for task in manager.book.ended())
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(
     actions=st.lists(st.one_of(submits, submits, meddling, refusals, pauses), max_size=30),
     speed=st.sampled_from([1.0, 8.0]),
@@ -156,7 +156,7 @@ def test_every_second_of_delay_has_a_named_cause(actions, speed, slowness):
     assert not manager._timetable._promises, "a promise outlived its task"
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(
     actions=st.lists(
         st.one_of(

@@ -137,9 +137,7 @@ class QueueAgainstSortedList(RuleBasedStateMachine):
 
 
 TestQueueAgainstSortedList = QueueAgainstSortedList.TestCase
-TestQueueAgainstSortedList.settings = settings(
-    max_examples=60, stateful_step_count=30, deadline=None
-)
+TestQueueAgainstSortedList.settings = settings(max_examples=60, stateful_step_count=30)
 
 
 async def test_equals_run_in_the_order_of_their_arrival():

@@ -157,9 +157,7 @@ async def test_a_store_keeps_its_id_until_it_is_cleared_and_then_knows_no_comple
     assert (len(stored.store_id), stored.completions) == (16, ())
 
 
-@settings(
-    max_examples=15, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
-)
+@settings(max_examples=15, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(text=st.text(), instant=st.floats(allow_nan=False, allow_infinity=False))
 async def test_any_text_and_number_come_back_unchanged(store, text, instant):
     task = make(1, target=text, message=text, result=text, client=text, started_at=instant)

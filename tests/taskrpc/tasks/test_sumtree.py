@@ -31,7 +31,7 @@ def check(tree, model, number):
         assert tree.before(key + 1) == f"v{key}"
 
 
-@settings(deadline=None, max_examples=60)
+@settings(max_examples=60)
 @given(steps=STEPS)
 def test_it_agrees_with_a_sorted_list(steps):
     with pytest.MonkeyPatch.context() as monkeypatch:

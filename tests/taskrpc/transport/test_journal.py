@@ -82,7 +82,7 @@ def read_on(file, reader):
     return reader.roster and reader.roster.entry()
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(changes=st.lists(CHANGES, min_size=2, max_size=6))
 def test_wherever_a_write_ends_readers_find_the_old_state_or_the_new(changes, tmp_path_factory):
     folder = tmp_path_factory.mktemp("journal")
@@ -109,7 +109,6 @@ def test_wherever_a_write_ends_readers_find_the_old_state_or_the_new(changes, tm
         journal.close()
 
 
-@settings(deadline=None)
 @given(
     changes=st.lists(CHANGES, min_size=1, max_size=20),
     full=st.integers(0, 1000),

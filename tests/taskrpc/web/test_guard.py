@@ -1,7 +1,7 @@
 """A page is shown to who asks for this server by a name of its own, looks only, and may."""
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from taskrpc.web.guard import Guard, Head, own_names
@@ -43,7 +43,6 @@ def test_a_name_that_is_not_ours_is_refused_whoever_let_it_point_here(host):
     assert status(asked(host)) == 421
 
 
-@settings(deadline=None)
 @given(st.text())
 def test_no_other_host_is_ever_let_in(host):
     assert (status(asked(host)) == 200) == (host.lower() in HERE)

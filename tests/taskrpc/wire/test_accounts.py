@@ -196,7 +196,7 @@ def deserved(name, key, voucher, accounts):
     st.sampled_from([SERVER.nonce, SERVER.nonce, SERVER.nonce, bytes(16), CLIENT.nonce]),
     st.booleans(),
 )
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 def test_nobody_is_more_than_what_he_proves(name, key, voucher, role, theirs, with_accounts):
     server = replace(KNOWING, accounts=ACCOUNTS if with_accounts else None)
     session = Session(server, is_client=False)
@@ -238,7 +238,7 @@ OVERHEARD = [
 
 
 @given(st.lists(st.sampled_from(OVERHEARD), max_size=6), st.data())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_what_was_overheard_opens_nothing_in_any_order(frames, data):
     stream = bytearray(b"".join(frames))
     for place in data.draw(st.lists(st.integers(0, 500), max_size=3)):

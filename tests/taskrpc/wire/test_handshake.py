@@ -306,7 +306,7 @@ BEHIND = pack_frame(FrameType.REQUEST, 0, 1, 1, 50, b"z" * 5000) + pack_frame(
 
 
 @given(st.lists(st.integers(0, len(handshake_stream() + BEHIND)), max_size=8))
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 def test_the_cuts_of_a_handshake_and_of_what_follows_make_no_difference(cuts):
     stream = handshake_stream() + BEHIND
     server = Session(SERVER, is_client=False)
@@ -342,7 +342,7 @@ def test_secrets_are_not_in_a_repr():
 
 
 @given(st.binary(max_size=300), st.booleans(), st.booleans())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_garbage_in_a_handshake_only_closes(data, is_client, with_magic):
     session = Session(CLIENT if is_client else SERVER, is_client=is_client)
     events = receive(session, (MAGIC if with_magic else b"") + data)
@@ -352,7 +352,7 @@ def test_garbage_in_a_handshake_only_closes(data, is_client, with_magic):
 
 
 @given(st.data())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_a_changed_byte_in_a_handshake_never_raises_and_never_lets_a_stranger_in(data):
     stream = bytearray(handshake_stream())
     place = data.draw(st.integers(0, len(stream) - 1))

@@ -227,7 +227,7 @@ actions = st.lists(
 )
 
 
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 @given(actions=actions)
 def test_no_request_runs_twice_and_each_gets_its_own_answer(actions):
     """Against ground truth: what ran, and what it answered. Sends may come late and repeated."""
@@ -287,7 +287,7 @@ def test_what_an_account_had_counts_after_a_restart_until_its_lease_ends():
 steps = st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 2), st.binary(max_size=3))
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=200)
 @given(work=st.lists(steps, max_size=30))
 def test_it_makes_no_difference_whether_the_claim_that_ran_is_at_hand(work):
     quick, plain = Ledger(open_per_client=4), Ledger(open_per_client=4)

@@ -470,7 +470,7 @@ def hear(end, stream, piece):
 
 
 @given(st.data(), st.integers(1, 200))
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_changed_frames_end_one_connection_and_raise_nothing(data, piece):
     pair = open_pair()
     to_server, to_client = conversation()
@@ -498,7 +498,7 @@ hostile_frame = st.builds(
 
 
 @given(st.lists(hostile_frame, max_size=12), st.integers(1, 300), st.booleans())
-@settings(max_examples=150, deadline=None)
+@settings(max_examples=150)
 def test_whole_frames_of_nonsense_raise_nothing(stream, piece, is_client):
     pair = open_pair()
     for n in range(3):
