@@ -34,6 +34,9 @@ from __future__ import annotations
 import re
 from enum import IntEnum
 
+_NUMERIC = tuple("bcdeEfFgGnoxX%")
+"""The last letters of the format specs of numbers."""
+
 
 class Code(IntEnum):
     """The status codes that travel on the wire: gRPC's sixteen and three of our own."""
@@ -63,7 +66,8 @@ class Code(IntEnum):
         return self.name
 
     def __format__(self, spec: str) -> str:
-        return format(self.name, spec)  # an IntEnum's own formats the number
+        # An IntEnum's own formats the number, also where nobody asks for one.
+        return format(int(self) if spec.endswith(_NUMERIC) else self.name, spec)
 
 
 class TaskRpcError(Exception):

@@ -148,3 +148,8 @@ def test_a_code_prints_its_name():
     code = errors.HandlerError("NOT_FOUND", "no such part").code
     assert (f"{code}", str(code), "%s" % code, f"{code:>10}") == (*["NOT_FOUND"] * 3, " NOT_FOUND")  # noqa: UP031
     assert (int(code), code == 5) == (5, True)
+
+
+def test_code_prints_its_number_where_the_format_asks_for_one():
+    code = errors.Code.NOT_FOUND
+    assert (f"{code:d}", f"{code:02x}", f"{code:<10s}|") == ("5", "05", "NOT_FOUND |")
