@@ -578,6 +578,7 @@ async def test_log_shows_what_a_callback_raised_or_returned(caplog):
         (fail, "one of the callback's own"),
         (forget, "forget returned None; a service callback must `return response`"),
         (lambda request, response: 5, "the response cannot be sent: "),
+        (lambda request, response: Add.Response(3), "a message takes its fields by name"),
     ):
         caplog.clear()
         transport, _ = service(callback)
