@@ -239,7 +239,7 @@ class MemoryDatabase:
         prepare, equip: as for `Database`.
 
     Raises:
-        StoreError: `prepare` failed.
+        Exception: `prepare` raised it.
     """
 
     is_broken = False
@@ -250,9 +250,9 @@ class MemoryDatabase:
         weakref.finalize(self, self._connection.close)  # Python 3.13 warns of one left open
         try:
             self.change(prepare)
-        except sqlite3.Error as error:
+        except BaseException:
             self.close()
-            raise StoreError(f"the tables cannot be made: {error}") from error
+            raise
         equip(self._connection)
 
     def read(self, work: Callable[[sqlite3.Connection], _Result]) -> _Result:

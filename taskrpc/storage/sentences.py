@@ -58,7 +58,9 @@ def _in_words(path: Path, *, but_statements: bool) -> Iterator[None]:
     except StoreError as error:
         if str(path) in str(error):
             raise
-        raise StoreError(f"{path}: {error}") from error.__cause__
+        placed = StoreError(f"{path}: {error}")
+        placed.for_callers = error.for_callers
+        raise placed from error.__cause__
     except Damaged as damage:
         raise StoreError(_of_damage(path, damage)) from None
     except sqlite3.DatabaseError as error:

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import sqlite3
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias
 
@@ -19,6 +20,7 @@ from taskrpc.storage.completions import (
 )
 from taskrpc.storage.database import Database, MemoryDatabase
 from taskrpc.storage.memory import KeptCompletions
+from taskrpc.storage.sentences import is_about_the_file
 from taskrpc.storage.writer import NOTHING_STORED, Writer
 from taskrpc.wire.once import Client, Completion, Remembered
 
@@ -94,8 +96,7 @@ class MemoryCompletions:
         return self._tables
 
     def _prepare(self, connection: sqlite3.Connection) -> None:
-        for statement in self._schema:
-            connection.execute(statement)
+        _make_own_tables(connection, self._schema)
 
 
 class SqliteCompletions:
@@ -172,8 +173,7 @@ class SqliteCompletions:
     def _prepare(self, connection: sqlite3.Connection) -> None:
         if not has_tables(connection):
             make_tables(connection)
-        for statement in self._schema:
-            connection.execute(statement)
+        _make_own_tables(connection, self._schema)
 
 
 class _Done:
@@ -230,7 +230,8 @@ class _Guard:
         connection.text_factory, before = str, connection.text_factory
         self._is_on = True
         try:
-            return connection.execute(sql, parameters).fetchall()
+            with _about_statements("the query failed"):
+                return connection.execute(sql, parameters).fetchall()
         finally:
             self._is_on = False
             connection.text_factory = before
@@ -253,6 +254,23 @@ def _statements(effect: Any) -> list[Statement]:
         if _ENDS_TRANSACTIONS.match(sql):
             raise _refused(_not_part(sql))
     return statements
+
+
+def _make_own_tables(connection: sqlite3.Connection, schema: Sequence[str]) -> None:
+    with _about_statements("the service's own tables cannot be made"):
+        for statement in schema:
+            connection.execute(statement)
+
+
+@contextlib.contextmanager
+def _about_statements(problem: str) -> Iterator[None]:
+    """Raise StoreError for what is wrong with a service's statements; the file is not to blame."""
+    try:
+        yield
+    except sqlite3.Error as error:
+        if is_about_the_file(error):
+            raise
+        raise _refused(f"{problem}: {error}") from error
 
 
 def _refused(problem: str) -> StoreError:

@@ -133,7 +133,7 @@ async def test_the_path_memory_makes_no_file(tmp_path, monkeypatch):
 
 async def test_a_schema_with_a_mistake_is_told_in_memory_too():
     store = SqliteCompletions(":memory:", ["CREATE TABEL stock (part)"])
-    with pytest.raises(StoreError, match=r"the tables cannot be made: .*syntax error"):
+    with pytest.raises(StoreError, match=r"own tables cannot be made: .*syntax error"):
         await store.recall()
     await store.close()
 
@@ -145,6 +145,25 @@ async def test_sql_text_is_not_for_callers(tables, effect):
     with pytest.raises(StoreError, match="secrets") as caught:
         await complete(tables.store, completion(1), effect)
     assert told(caught.value) == "nothing was stored; the server's log says why"
+
+
+@pytest.mark.parametrize("kind", ["MemoryCompletions", "memory", "file"])
+async def test_sql_text_of_a_schema_is_not_for_callers(tmp_path, kind):
+    schema = ["INSERT INTO secrets VALUES (1)"]
+    if kind == "MemoryCompletions":
+        asked = MemoryCompletions(schema).query("SELECT 1")
+    else:
+        path = ":memory:" if kind == "memory" else tmp_path / "stock.db"
+        asked = SqliteCompletions(path, schema).recall()
+    with pytest.raises(StoreError, match="tables cannot be made: no such table: secrets") as caught:
+        await asked
+    assert told(caught.value) == "nothing was stored; the server's log says why"
+
+
+async def test_wrong_query_is_blamed_on_the_query(tables):
+    with pytest.raises(StoreError, match="the query failed: no such table: stocks") as caught:
+        await tables.store.query("SELECT * FROM stocks")
+    assert "cannot be used" not in str(caught.value)
 
 
 async def known(store):
