@@ -15,6 +15,7 @@ from taskrpc.given_types import MsgT
 from taskrpc.qos import QoS
 from taskrpc.running import HOLDS_LOOP_AFTER, Callback, Runner
 from taskrpc.transport.base import OnMismatch, Reception, Transport
+from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import TopicEndpoint
 
 if TYPE_CHECKING:
@@ -197,7 +198,7 @@ class Subscription(Generic[MsgT]):
         self._runner = Runner(
             callback, f"the callback of {name}", "a message", threaded=threaded, idle=self._run
         )
-        self._waiting: deque[bytes] = deque()
+        self._waiting: deque[Body] = deque()
         self._planned = False
         self._destroyed = False
         self._running = False
@@ -256,7 +257,7 @@ class Subscription(Generic[MsgT]):
         status.lost_waiting += self.dropped
         status.publishers += self.get_publisher_count()
 
-    def _arrived(self, body: bytes, read: int) -> None:
+    def _arrived(self, body: Body, read: int) -> None:
         self.received += 1
         if read and read != self._read:
             self._read = read
@@ -274,7 +275,7 @@ class Subscription(Generic[MsgT]):
         else:
             self._plan()
 
-    def _arrived_elsewhere(self, body: bytes, read: int) -> None:
+    def _arrived_elsewhere(self, body: Body, read: int) -> None:
         if not self._reception.matched:
             self._arrived(body, read)
 
@@ -307,7 +308,7 @@ class Subscription(Generic[MsgT]):
     def _can_run(self) -> bool:
         return bool(self._waiting) and not self._runner.busy and not self._destroyed
 
-    def _take(self, body: bytes) -> None:
+    def _take(self, body: Body) -> None:
         try:
             message = self._reception.decode(body)
         except InvalidRequest as error:

@@ -18,6 +18,7 @@ from taskrpc.callinfo import CallInfo
 from taskrpc.errors import TaskRpcError
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.entries import Entry
+from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import Endpoint, TopicEndpoint
 from taskrpc.wire.once import Claim, Number, Numbers
 
@@ -224,7 +225,7 @@ class Channel(Protocol):
 OnMismatch: TypeAlias = Callable[[str], object]
 """Told, on the loop, what stands between: `TYPE`, `RELIABILITY` or `DURABILITY`."""
 
-Deliver: TypeAlias = Callable[[bytes, int], object]
+Deliver: TypeAlias = Callable[[Body, int], object]
 """Gets each message, and a number that those have in common which came with one read; 0 for those
 that this very process is in the midst of publishing."""
 
@@ -264,7 +265,7 @@ class Reception(Protocol):
     """A subscription's way to the publishers of its topic."""
 
     @property
-    def decode(self) -> Callable[[bytes], Any]:
+    def decode(self) -> Callable[[Body], Any]:
         """Makes what was delivered a message. Raises InvalidRequest."""
 
     @property

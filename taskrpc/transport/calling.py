@@ -24,7 +24,6 @@ from taskrpc.wire import messages
 from taskrpc.wire.events import (
     Advertised,
     Answered,
-    Body,
     Closed,
     Draining,
     Failed,
@@ -32,7 +31,7 @@ from taskrpc.wire.events import (
     PublishersTold,
     Ready,
 )
-from taskrpc.wire.frames import LARGE, NO_DEADLINE
+from taskrpc.wire.frames import LARGE, NO_DEADLINE, Body
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.once import Numbers
 from taskrpc.wire.session import LAST_CALL_ID, Session, refused_error, unknown_error

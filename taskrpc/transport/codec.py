@@ -11,6 +11,7 @@ from typing import Any, Protocol, cast, get_type_hints
 import msgspec
 
 from taskrpc.errors import InvalidRequest
+from taskrpc.wire.frames import Body
 
 
 class MessageType(Protocol):
@@ -63,10 +64,10 @@ class Codec:
 
     def __init__(self, cls: type[MessageType]) -> None:
         self._cls = cls
-        self._shape: Callable[[bytes], Any] | None = None
+        self._shape: Callable[[Body], Any] | None = None
         # Functions that find what they need in their own cells: every call goes through them.
         self.encode: Callable[[Any], bytes] = self._encoder(cls)
-        self.decode: Callable[[bytes], Any] = self._decoder(cls)
+        self.decode: Callable[[Body], Any] = self._decoder(cls)
 
     def _encoder(self, cls: type[MessageType]) -> Callable[[Any], bytes]:
         def encode(message: Any) -> bytes:
@@ -80,7 +81,7 @@ class Codec:
 
         return encode
 
-    def _decoder(self, cls: type[MessageType]) -> Callable[[bytes], Any]:
+    def _decoder(self, cls: type[MessageType]) -> Callable[[Body], Any]:
         decode_any = msgspec.msgpack.Decoder(cls).decode
         # msgspec fills in what a short array leaves out; a body of the same definition has all.
         header = _array_header(cls._WIDTH)
@@ -90,7 +91,7 @@ class Codec:
         harmless = _HARMLESS // largest if largest else None
         start = len(header)
 
-        def decode(body: bytes) -> Any:
+        def decode(body: Body) -> Any:
             if body[:start] != header:
                 problem = f"the body is not a {cls._TYPE} of {cls._WIDTH} fields"
                 raise InvalidRequest("", problem)
@@ -107,7 +108,7 @@ class Codec:
 
         return decode
 
-    def _check_shape(self, body: bytes) -> None:
+    def _check_shape(self, body: Body) -> None:
         if self._shape is None:
             self._shape = msgspec.msgpack.Decoder(_shape_of(self._cls)).decode
         self._shape(body)

@@ -25,7 +25,7 @@ from taskrpc.errors import (
 from taskrpc.transport.base import IncomingCall, Mode, Offer
 from taskrpc.transport.codec import codec_of
 from taskrpc.wire import messages
-from taskrpc.wire.frames import LARGE
+from taskrpc.wire.frames import LARGE, Body
 from taskrpc.wire.messages import Resolved
 from taskrpc.wire.once import Claim, claims_for
 
@@ -108,11 +108,11 @@ class Route(msgspec.Struct, frozen=True, eq=False):
     method: int
     offer: Offer
     caller: str
-    decode: Callable[[bytes], Any]
+    decode: Callable[[Body], Any]
     encode: Callable[[Any], bytes]
     call: type[ServedCall]
     """What a request becomes: an `ObservedCall` where somebody wants to know of it."""
-    claim: Callable[[bytes], tuple[Claim, bytes]]
+    claim: Callable[[Body], tuple[Claim, Body]]
     """Cuts the number off a request that has one."""
 
 
@@ -126,23 +126,23 @@ def route_to(offer: Offer, method: int, caller: str, account: str, role: Role) -
     return Route(method, offer, caller, decode, response.encode, call_class(offer), claim)
 
 
-def denied(offer: Offer, account: str, held: Role) -> Callable[[bytes], Any]:
+def denied(offer: Offer, account: str, held: Role) -> Callable[[Body], Any]:
     """The `decode` of a route whose caller may see the service but not call it."""
     needed = offer.role.name.lower()
     sentence = (
         f"{offer.name} needs the role {needed}; the account {account} has {held.name.lower()}"
     )
 
-    def refuse(_: bytes) -> Any:
+    def refuse(_: Body) -> Any:
         raise PermissionDenied(sentence)
 
     return refuse
 
 
-def claimless(offer: Offer) -> Callable[[bytes], Any]:
+def claimless(offer: Offer) -> Callable[[Body], Any]:
     """The `claim` of a route to a service that is not exactly-once."""
 
-    def refuse(_: bytes) -> Any:  # a caller who counts and is lost would never be given up
+    def refuse(_: Body) -> Any:  # a caller who counts and is lost would never be given up
         raise ProtocolError(f"a number for {offer.name}, which is not exactly-once")
 
     return refuse

@@ -20,6 +20,7 @@ from taskrpc.transport.codec import codec_of
 from taskrpc.transport.network import Address
 from taskrpc.wire import topics as wire
 from taskrpc.wire.events import Published, PublishersTold
+from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import Publishing, TopicEndpoint
 
 if TYPE_CHECKING:
@@ -51,7 +52,7 @@ class Reception:
     ) -> None:
         self.named = named
         self.number = number
-        self.decode: Callable[[bytes], Any] = codec_of(msg_type).decode
+        self.decode: Callable[[Body], Any] = codec_of(msg_type).decode
         self.publishers: dict[tuple[object, int], TopicEndpoint] = {}
         """Those that it gets messages from, by link and number."""
         self.lost = 0

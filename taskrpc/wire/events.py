@@ -8,10 +8,8 @@ import msgspec
 
 from taskrpc.errors import TaskRpcError
 from taskrpc.wire import messages
+from taskrpc.wire.frames import Body
 from taskrpc.wire.handshake import Peer
-
-Body: TypeAlias = bytes
-"""What a frame carries behind its header."""
 
 
 class Ready(msgspec.Struct, gc=False):

@@ -23,6 +23,8 @@ _unpack = HEADER.unpack_from
 NO_DEADLINE = 0xFFFFFFFF
 LARGE = 65_536
 """From this size on a body is collected in, and sent from, a buffer of its own."""
+GROWTH = 4
+"""How much larger a full buffer of a large body becomes: each time its bytes are copied once."""
 
 
 class FrameType(IntEnum):
@@ -59,12 +61,15 @@ class Flag(IntFlag):
     TRACED = 16
 
 
-Frame: TypeAlias = tuple[int, int, int, int, int, bytes]
+Body: TypeAlias = bytes | bytearray
+"""What a frame carries behind its header; a large one that was received is a bytearray."""
+
+Frame: TypeAlias = tuple[int, int, int, int, int, Body]
 """type, flags, method, call_id, arg, body: a plain tuple, since one is made for every frame."""
 
 
 def pack_frame(
-    type_: int, flags: int, method: int, call_id: int, arg: int, body: bytes = b""
+    type_: int, flags: int, method: int, call_id: int, arg: int, body: Body = b""
 ) -> bytes:
     """One frame as bytes."""
     return HEADER.pack(SIZE_OF_EMPTY + len(body), type_, flags, method, call_id, arg) + body
@@ -80,7 +85,8 @@ class Splitter:
 
     `limit` is the largest body that is accepted; it is checked against a frame's announced length
     before anything of the frame is kept. It may be raised after the handshake. Memory is taken as
-    bytes arrive, never for an announcement: at most twice what came, and `LARGE`.
+    bytes arrive, never for an announcement: at most `2 * GROWTH` times what came,
+    or two times `LARGE`.
     """
 
     __slots__ = ("_tail", "behind", "error", "large", "limit", "most")
@@ -123,7 +129,7 @@ class Splitter:
         if not large.filled(count):
             return []
         self.large = None
-        return [(*large.header, large.joined())]
+        return [(*large.header, large.body)]
 
     def feed(self, data: bytes) -> list[Frame]:
         """Take the next bytes of the stream; returns the frames that they complete.
@@ -182,9 +188,9 @@ class Splitter:
 
 
 class LargeBody:
-    """A body that arrives in parts, each as large as all before it.
+    """A body that arrives in one buffer, which grows as the bytes come.
 
-    One buffer of the announced size would be simpler, and would let sixteen bytes of a header take
+    A buffer of the announced size would be simpler, and would let sixteen bytes of a header take
     megabytes: Python writes zeros into every page of a new bytearray.
     """
 
@@ -196,23 +202,23 @@ class LargeBody:
         """Whether somebody was told of it."""
         self._missing = size - len(start)
         self._received = len(start)
-        self._parts: list[bytes | bytearray] = [start]
-        self._part = bytearray()
-        self._used = 0
+        self.body = bytearray(start)
+        """Once it is whole; then only its receiver has it."""
 
     def room(self) -> memoryview:
         """Where the next bytes belong."""
         if not self.size:
-            return memoryview(self._part)[: self._missing]
-        if self._used == len(self._part):
-            self._part = bytearray(min(self._missing, max(LARGE, self._received)))
-            self._parts.append(self._part)
-            self._used = 0
-        return memoryview(self._part)[self._used :]
+            return memoryview(self.body)[: self._missing]
+        if self._received == len(self.body):
+            wanted = max(LARGE, GROWTH * self._received)
+            # Not twice for the sake of a few last bytes: that would copy all of it once more.
+            grown = bytearray(self.size if self.size <= 2 * wanted else wanted)
+            grown[: self._received] = self.body
+            self.body = grown
+        return memoryview(self.body)[self._received :]
 
     def filled(self, count: int) -> bool:
         """Count bytes that were written to `room()`; returns whether the body is whole."""
-        self._used += count
         self._received += count
         self._missing -= count
         return not self._missing
@@ -221,9 +227,4 @@ class LargeBody:
         """Keep nothing of it, and have it skipped by whoever gets it as a frame."""
         self.header = (FIRST_OPTIONAL_TYPE, 0, 0, 0, 0)
         self.size = 0
-        self._parts = []
-        self._part = bytearray(LARGE)
-
-    def joined(self) -> bytes:
-        """The whole body."""
-        return b"".join(self._parts)
+        self.body = bytearray(LARGE)

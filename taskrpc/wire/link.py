@@ -5,11 +5,12 @@ from __future__ import annotations
 from enum import Enum
 
 from taskrpc.errors import ProtocolError, TaskRpcError
-from taskrpc.wire.events import Body, Closed, Event, Ready
+from taskrpc.wire.events import Closed, Event, Ready
 from taskrpc.wire.frames import (
     FIRST_OPTIONAL_TYPE,
     LARGE,
     MAGIC,
+    Body,
     Frame,
     FrameType,
     Splitter,

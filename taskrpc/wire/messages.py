@@ -9,6 +9,7 @@ import msgspec
 from msgspec import Meta
 
 from taskrpc.errors import ProtocolError
+from taskrpc.wire.frames import Body
 
 VERSION = 1
 """The protocol version that this code speaks."""
@@ -18,7 +19,7 @@ Name = Annotated[str, Meta(max_length=512, pattern=r"^[^\x00-\x1f\x7f-\x9f]*\Z")
 Id = Annotated[bytes, Meta(min_length=16, max_length=16)]
 Proof = Annotated[bytes, Meta(min_length=32, max_length=32)]
 _Count = Annotated[int, Meta(ge=1, le=2**31)]
-_Body = TypeVar("_Body")
+_Struct = TypeVar("_Struct")
 
 
 class Limits(msgspec.Struct, array_like=True, frozen=True):
@@ -145,10 +146,10 @@ class ErrorBody(msgspec.Struct, array_like=True):
     path: str = ""
 
 
-def _decoder(cls: type[_Body]) -> Callable[[bytes], _Body]:
+def _decoder(cls: type[_Struct]) -> Callable[[Body], _Struct]:
     decode = msgspec.msgpack.Decoder(cls).decode
 
-    def decoded(body: bytes) -> _Body:
+    def decoded(body: Body) -> _Struct:
         try:
             return decode(body)
         # msgspec lets a text that is not UTF-8 and too deep a nesting out as these.

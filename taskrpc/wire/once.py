@@ -15,6 +15,7 @@ from typing import Any, Protocol
 import msgspec
 
 from taskrpc.errors import ProtocolError
+from taskrpc.wire.frames import Body
 
 OPEN_PER_CLIENT = 1024
 """Requests of one client that it has not yet reported as settled."""
@@ -60,7 +61,7 @@ class Claim(msgspec.Struct, eq=False):
     """Where the server's ledger has it, as long as it runs."""
 
 
-def claims_for(service: str) -> Callable[[bytes], tuple[Claim, bytes]]:
+def claims_for(service: str) -> Callable[[Body], tuple[Claim, Body]]:
     """What cuts the number off a body which came for a service; gives the claim and the message.
 
     It raises ProtocolError where there is no valid number.
@@ -68,7 +69,7 @@ def claims_for(service: str) -> Callable[[bytes], tuple[Claim, bytes]]:
     begun = hashlib.blake2b(service.encode() + b"\0", digest_size=16)
     tag = begun.digest()
 
-    def claim(body: bytes) -> tuple[Claim, bytes]:
+    def claim(body: Body) -> tuple[Claim, Body]:
         try:
             client, sequence, first_incomplete = _unpack(body)
         except struct.error:

@@ -9,7 +9,7 @@ from typing import NamedTuple
 from taskrpc import errors
 from taskrpc.errors import Code, TaskRpcError
 from taskrpc.wire import messages
-from taskrpc.wire.frames import Flag
+from taskrpc.wire.frames import Body, Flag
 
 MAX_MESSAGE = 1024
 """Bytes of an error's sentence on the wire."""
@@ -68,7 +68,7 @@ def code_of(error: TaskRpcError) -> Code:
     return next((code for cls, code in _CODES if isinstance(error, cls)), Code.UNKNOWN)
 
 
-def from_wire(code: int, flags: int, retry_after: int, body: bytes) -> TaskRpcError:
+def from_wire(code: int, flags: int, retry_after: int, body: Body) -> TaskRpcError:
     """The exception that an ERROR frame means; never raises, whatever the peer sent."""
     try:
         said = messages.decode_error(body)

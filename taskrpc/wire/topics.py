@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 from taskrpc.errors import ProtocolError
 from taskrpc.wire import messages
 from taskrpc.wire.events import (
-    Body,
     Published,
     PublishersTold,
     SubscribeReceived,
     UnsubscribeReceived,
 )
-from taskrpc.wire.frames import Frame, FrameType
+from taskrpc.wire.frames import Body, Frame, FrameType
 from taskrpc.wire.messages import TopicEndpoint
 
 if TYPE_CHECKING:
