@@ -99,14 +99,13 @@ class Link:
 
         Small frames are joined; joining would copy a large body, so that it is a piece of its own.
         """
-        out = self.out
-        if not out:
+        out, self.out = self.out, []
+        if len(out) < 2:  # a large body comes behind its header
             return out
-        self.out = []
         if self._large_out:
             self._large_out = False
             return _with_small_joined(out)
-        return out if len(out) == 1 else [b"".join(out)]
+        return [b"".join(out)]
 
     def reject(self, error: TaskRpcError) -> None:
         """Tell the peer why its connection ends; nothing is heard or said after it."""
