@@ -70,6 +70,10 @@ class _Setting:
             return items if nested is None else [self._message(nested, one) for one in items]
         if hasattr(present, "_TYPE"):
             return self._message(type(present), value)
+        if hasattr(present, "dtype"):  # an array of numpy's, whose class would take a shape
+            import numpy
+
+            return numpy.array(value, dtype=present.dtype)
         if isinstance(present, array) or type(value) is type(present):
             return value
         return type(present)(value)

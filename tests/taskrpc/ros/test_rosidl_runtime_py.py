@@ -2,10 +2,12 @@
 
 from collections import OrderedDict
 
+import numpy
 import pytest
 import yaml
 
 import srvgen
+from srvgen import loader
 from srvgen.slot_types import BasicType, NamespacedType, UnboundedSequence, UnboundedString
 from taskrpc.ros.rosidl_runtime_py import (
     get_action_interfaces,
@@ -72,6 +74,21 @@ def test_fields_are_set_and_the_others_stay():
     message = BasicTypes(int32_value=42, char_value=3)
     assert set_message_fields(message, {"bool_value": True, "char_value": "7"}) == []
     assert (message.bool_value, message.char_value, message.int32_value) == (True, 7, 42)
+
+
+def test_array_of_numpy_takes_the_values_of_a_list(monkeypatch):
+    monkeypatch.setattr(loader, "_base", loader._base)
+    monkeypatch.setattr(loader, "_built", {})
+    loader.make_ros_classes()
+    message = srvgen.define("runtime_msgs/msg/Fixed", "float64[3] values\n")()
+    set_message_fields(message, {"values": [1, "2", 3.5]})
+    assert message.values.tolist() == [1.0, 2.0, 3.5]
+    given = numpy.ones(3)
+    set_message_fields(message, {"values": given})
+    given[0] = 9
+    assert message.values.tolist() == [1.0, 1.0, 1.0]
+    with pytest.raises(ValueError, match="many"):
+        set_message_fields(message, {"values": ["many"]})
 
 
 def test_messages_in_a_message_are_dicts_or_messages():
