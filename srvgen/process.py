@@ -7,6 +7,7 @@ Used by `srvgen` and by the commands of taskrpc. A command calls `begin` in its 
 from __future__ import annotations
 
 import atexit
+import errno
 import io
 import os
 import sys
@@ -140,16 +141,21 @@ class _Stdout(io.TextIOWrapper):
         try:
             return super().write(text)
         except OSError as error:
-            self.failure = self.failure or error
-            raise
+            raise self._failed(error) from None
 
     def flush(self) -> None:
         """Flush, or raise OSError."""
         try:
             super().flush()
         except OSError as error:
-            self.failure = self.failure or error
-            raise
+            raise self._failed(error) from None
+
+    def _failed(self, error: OSError) -> OSError:
+        # What Windows says of a pipe whose reader has gone.
+        if sys.platform == "win32" and error.errno == errno.EINVAL:
+            error = BrokenPipeError(errno.EPIPE, os.strerror(errno.EPIPE))
+        self.failure = self.failure or error
+        return error
 
 
 class _Stderr(io.TextIOWrapper):

@@ -465,7 +465,6 @@ def test_echo_of_bytes_and_of_what_is_known_beside_a_message(talker, run):
 
 
 @real_time
-@pytest.mark.skipif(sys.platform == "win32", reason="a closed pipe is another error there")
 def test_a_reader_that_goes_ends_echo_in_silence(talker):
     command = [sys.executable, "-u", "-m", "taskrpc", "topic", "echo", "/chatter"]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE) as process:
