@@ -1,6 +1,8 @@
 """`taskrpc graduate --run` runs a program with both, where there is another rclpy than ours."""
 
 import os
+import subprocess
+import time
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,7 @@ from taskrpc.cli.main import main
 pytestmark = pytest.mark.real_time
 
 ROOT = Path(__file__).parents[3]
+LIMIT = 2
 PROGRAM = """
 import sys
 import rclpy
@@ -76,9 +79,22 @@ def test_another_output_and_another_end_are_shown(real, capsys):
     ]
 
 
-def test_one_that_hangs_on_real_ros_gets_ctrl_c(real, capsys):
-    real(end="import time; time.sleep(60)")
-    assert main(["graduate", "program.py", "--timeout", "2", "--run"]) == 1
+class Hanging(subprocess.Popen):
+    """Times out once the program hangs, however long its start takes on a busy machine."""
+
+    def communicate(self, input=None, timeout=None):
+        if timeout == LIMIT:
+            while self.poll() is None:
+                if os.path.exists("hangs"):
+                    raise subprocess.TimeoutExpired(self.args, timeout)
+                time.sleep(0.01)
+        return super().communicate(input, timeout)
+
+
+def test_one_that_hangs_on_real_ros_gets_ctrl_c(real, monkeypatch, capsys):
+    real(end="import time; open('hangs', 'w').close(); time.sleep(60)")
+    monkeypatch.setattr(subprocess, "Popen", Hanging)
+    assert main(["graduate", "program.py", "--timeout", str(LIMIT), "--run"]) == 1
     out = capsys.readouterr().out
     assert out.endswith("taskrpc: exit code 0; ROS 2: did not end\n")
 
