@@ -9,6 +9,7 @@ import sys
 
 sys.modules["_wmi"] = None  # platform.uname() crashes in Wine's WMI
 
+import _thread
 import _winapi
 import msvcrt
 import os
@@ -16,7 +17,9 @@ import os
 if hasattr(_winapi, "CopyFile2"):  # it crashes; without it, shutil.copy2 copies by itself
     del _winapi.CopyFile2
 
-_chmod, _locking = os.chmod, msvcrt.locking
+_chmod, _kill, _locking = os.chmod, os.kill, msvcrt.locking
+_KEYS = {0: "SIGINT", 1: "SIGBREAK"}  # by the number of CTRL_C_EVENT and CTRL_BREAK_EVENT
+_EVENT_MODIFY_STATE, _STATUS_CONTROL_C_EXIT = 2, 0xC000013A - (1 << 32)
 
 
 def _chmod_even_of_mapped_files(path, mode, **options):
@@ -33,7 +36,39 @@ def _locking_with_error_number(descriptor, mode, count):
         raise OSError(errno.EACCES, "Permission denied") from None
 
 
+def _kill_with_keys(pid, number):
+    """Deliver Ctrl-C and Ctrl-Break, which Wine sends to no other process, through events."""
+    if number in _KEYS:
+        event = _winapi.OpenEventW(_EVENT_MODIFY_STATE, False, _event_name(pid, number))
+        _winapi.SetEvent(event)
+        _winapi.CloseHandle(event)
+    else:
+        _kill(pid, number)
+
+
+def _event_name(pid, key):
+    return f"taskrpc-key-{pid}-{key}"
+
+
+def _await_key(event, name):
+    """Do at a key what Windows does: call its handler on a thread of its own, or end."""
+    while _winapi.WaitForSingleObject(event, _winapi.INFINITE) == _winapi.WAIT_OBJECT_0:
+        import signal
+
+        number = getattr(signal, name)
+        handler = signal.getsignal(number)
+        if handler == signal.SIG_DFL:
+            os._exit(_STATUS_CONTROL_C_EXIT)
+        if handler != signal.SIG_IGN:
+            signal.raise_signal(number)
+
+
 os.chmod, msvcrt.locking = _chmod_even_of_mapped_files, _locking_with_error_number
+os.kill = _kill_with_keys
+sys.ctrl_c_reaches_one_process = True
+for _number, _name in _KEYS.items():
+    _event = _winapi.CreateEventW(0, False, False, _event_name(os.getpid(), _number))
+    _thread.start_new_thread(_await_key, (_event, _name))
 
 
 class _Absent:

@@ -69,7 +69,7 @@ class Home:
         script.write_text(PROGRAM, encoding="utf-8")
         self.server = self.start(str(script))
         assert self.server.stdout is not None
-        assert self.server.stdout.readline() == b"ready\n"
+        assert self.server.stdout.readline().rstrip() == b"ready"
 
     def start(self, *argv: str, **variables: str) -> subprocess.Popen[bytes]:
         return subprocess.Popen(

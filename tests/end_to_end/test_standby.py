@@ -52,8 +52,9 @@ def listed(capsys):
     return json.loads(capsys.readouterr().out)
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGKILL])
-def test_it_goes_on_with_the_tasks_at_the_same_addresses(start, capsys, number):
+@pytest.mark.parametrize("name", ["SIGTERM", "SIGKILL"])
+def test_it_goes_on_with_the_tasks_at_the_same_addresses(start, capsys, name):
+    number = signal.Signals[name]
     pytest.importorskip("aiohttp")
     places = ("--listen", free_place(), "--web", free_place())
     first = start(*places)

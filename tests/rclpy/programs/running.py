@@ -9,8 +9,12 @@ import sys
 import threading
 from pathlib import Path
 
+import pytest
+
 ROOT = Path(__file__).parents[3]
 PATIENCE = 30
+INTERRUPTED = 130 if sys.platform == "win32" else -signal.SIGINT
+"""The exit status of a program that did not catch its KeyboardInterrupt."""
 _STAMP = re.compile(r"\[\d{9,}\.\d{9}\]")
 
 
@@ -47,7 +51,12 @@ class Program:
 
     def interrupt(self):
         """Press Ctrl-C, and return its exit status."""
-        self._process.send_signal(signal.SIGINT)
+        if sys.platform != "win32":
+            self._process.send_signal(signal.SIGINT)
+        elif hasattr(sys, "ctrl_c_reaches_one_process"):  # the Python of `.ci/windows`
+            self._process.send_signal(signal.CTRL_C_EVENT)
+        else:
+            pytest.skip("Windows sends Ctrl-C to whole consoles only")
         return self.end()
 
     def end(self):
@@ -101,6 +110,8 @@ def programs_in(folder, environment=None):
         started.append(Program(process))
         return started[-1]
 
-    yield start
-    for program in started:
-        program.kill()
+    try:
+        yield start
+    finally:
+        for program in started:
+            program.kill()

@@ -1,10 +1,11 @@
 """The lecture's listings run as they stand on its slides, and print what ROS 2 prints."""
 
 import re
-import signal
 from pathlib import Path
 
 import pytest
+
+from tests.rclpy.programs.running import INTERRUPTED
 
 pytestmark = pytest.mark.real_time
 
@@ -106,7 +107,7 @@ def test_the_task_server_runs_four_tasks_by_priority(ros):
             1,
         )
     ]
-    assert client.interrupt() == -signal.SIGINT
+    assert client.interrupt() == INTERRUPTED
     assert "Traceback" not in client.err
 
 

@@ -1,11 +1,10 @@
 """Programs written as people write them for ROS 2 run unchanged, whatever their style."""
 
 import os
-import signal
 
 import pytest
 
-from tests.rclpy.programs.running import domain_in, programs_in
+from tests.rclpy.programs.running import INTERRUPTED, domain_in, programs_in
 
 pytestmark = pytest.mark.real_time
 
@@ -364,7 +363,7 @@ except KeyboardInterrupt:
 """,
         (0, "bye\n"),
     ),
-    "nothing is caught": ("rclpy.spin(Adder())\n", (-signal.SIGINT, "")),
+    "nothing is caught": ("rclpy.spin(Adder())\n", (INTERRUPTED, "")),
 }
 
 ADDER = """

@@ -301,7 +301,12 @@ class Terminal(io.StringIO):
 
 def console(columns, rows, encoding="utf-8"):
     return Console(
-        file=Terminal(encoding), width=columns, height=rows, force_terminal=True, color_system=None
+        file=Terminal(encoding),
+        width=columns,
+        height=rows,
+        force_terminal=True,
+        color_system=None,
+        legacy_windows=False,
     )
 
 

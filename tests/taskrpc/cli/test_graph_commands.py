@@ -375,6 +375,7 @@ def test_a_server_that_was_stopped_is_named_with_how_it_goes_on(own_server, run)
     assert f"{said}\n  hint: `fg` in its terminal or `kill -CONT {pid}` lets it go on" in err
 
 
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")
 def test_a_server_that_hangs_is_named(own_server, run, monkeypatch):
     os.kill(own_server.process.pid, signal.SIGSTOP)
     monkeypatch.setattr("taskrpc.platform.is_stopped", lambda _: False)
