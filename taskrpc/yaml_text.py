@@ -63,7 +63,7 @@ class Loader(yaml.SafeLoader):
             node: Any = super().compose_node(parent, index)
             size = self._sizes.get(id(node))
             if size is None:
-                self._fail("an alias stands within its own anchor", mark)
+                self._fail("an alias refers to an anchor that contains it", mark)
             self._count += size
             self._repeated += size
             if self._repeated > MAX_REPEATED:

@@ -1,4 +1,4 @@
-"""The offline installation for a class: a folder of wheels for every laptop, and how to use it."""
+"""The offline installation for a class: a folder of wheels, and a text that says how to use it."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ INSTALL = "INSTALL.txt"
 
 _PACKAGE = "taskrpc"
 _TAG = "py3-none-any"
-# Written by the installer, about one installation.
+# The installer writes these files; they describe one installation.
 _NOT_IN_A_WHEEL = {"RECORD", "INSTALLER", "REQUESTED", "direct_url.json"}
 
 Pip = Callable[[Sequence[str], str], None]
-"""Runs pip with arguments; the text says what for. Raises TaskRpcError."""
+"""Runs pip with arguments; the text names the purpose in errors. Raises TaskRpcError."""
 
 
 def make_bundle(
     folder: Path, pythons: Sequence[str], tell: Callable[[str], object], pip: Pip | None = None
 ) -> Path:
-    """Fill a folder with taskrpc's own wheel, all that it needs, and `INSTALL.txt`.
+    """Fill a folder with taskrpc's own wheel, its dependencies, and `INSTALL.txt`.
 
-    `tell` is given a line for each step. Returns taskrpc's own wheel.
+    `tell` is called with one line for each step. Returns taskrpc's own wheel.
 
     Raises:
         TaskRpcError: a wheel cannot be made or downloaded; the folder is not complete.
@@ -85,13 +85,13 @@ def make_own_wheel(folder: Path, pip: Pip) -> Path:
 
 
 def pack_installed(found: metadata.Distribution, folder: Path) -> Path:
-    """Make a wheel again of what pip has installed from one. Raises TaskRpcError."""
+    """Rebuild the wheel from the files that pip has installed. Raises TaskRpcError."""
     name = f"{_PACKAGE}-{found.version}"
     path = folder / f"{name}-{_TAG}.whl"
     if not found.files:
         raise TaskRpcError(
-            "taskrpc was not installed by pip, which would know its files; make the folder from"
-            " a source checkout, or from an environment in which pip has installed taskrpc"
+            "the files of taskrpc are unknown, because pip did not install it; run this command"
+            " from a source checkout, or from an environment in which pip has installed taskrpc"
         )
     lines = []
     with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as wheel:
@@ -117,7 +117,7 @@ def _is_source(root: Path) -> bool:
 
 def _download(folder: Path, wheel: Path, tags: Sequence[str], python: str) -> list[str]:
     platforms = [part for tag in tags for part in ("--platform", tag)]
-    # The wheel itself, not its name: an index may have another package of this name.
+    # The wheel's path, not its name: an index may have another package of this name.
     wanted = f"{wheel}[tls]"
     only = "--only-binary=:all:"
     return ["download", "--dest", str(folder), only, *platforms, "--python-version", python, wanted]
@@ -130,10 +130,11 @@ def _run_pip(arguments: Sequence[str], what: str) -> None:
         return
     if "No module named pip" in done.stderr:
         raise TaskRpcError(
-            f"this Python has no pip, which downloads the wheels: {sys.executable} -m ensurepip"
+            "this Python has no pip to download the wheels; install it:"
+            f" {sys.executable} -m ensurepip"
         )
     errors = [line for line in done.stderr.splitlines() if line.startswith("ERROR: ")]
-    reason = (errors or done.stderr.splitlines() or ["it does not say why"])[-1]
+    reason = (errors or done.stderr.splitlines() or ["pip gave no reason"])[-1]
     raise TaskRpcError(
         f"{what}: pip failed ({reason.removeprefix('ERROR: ')});"
         " this computer needs the internet to make the folder, the laptops do not"

@@ -116,8 +116,8 @@ def _silent(entry: Entry, error: TaskRpcError) -> Finding:
     """Why a program does not answer that the registry knows, and so still lives."""
     if platform.is_stopped(entry.pid):
         return problem(
-            f"{_who(entry)} does not answer: it was stopped, as by Ctrl-Z",
-            f"`fg` in its terminal or `kill -CONT {entry.pid}` lets it go on; `taskrpc stop"
+            f"{_who(entry)} does not answer: it is stopped, as by Ctrl-Z",
+            f"`fg` in its terminal or `kill -CONT {entry.pid}` continues it; `taskrpc stop"
             f" {entry.pid}` ends it",
         )
     advice = (

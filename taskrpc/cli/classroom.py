@@ -52,7 +52,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     adding.add_argument("--days", metavar="N", type=days, default=_DAYS, help=f"({_DAYS})")
     adding.set_defaults(run=_add)
     bundling = add_command(commands, "bundle", "Make a folder that installs taskrpc offline")
-    what = "the folder, made if need be; on a stick, for instance"
+    what = "the folder to fill, for example on a memory stick; created if it is missing"
     bundling.add_argument("folder", metavar="DIR", help=what)
     what = "a Python version of the laptops (3.11, 3.12, 3.13 and 3.14)"
     bundling.add_argument("--python", action="append", metavar="VERSION", type=_python, help=what)
@@ -213,7 +213,8 @@ def _bundle(options: argparse.Namespace) -> Exit:
         lambda step: print(f"getting {step} ...", file=sys.stderr, flush=True),
     )
     megabytes = sum(file.stat().st_size for file in folder.iterdir()) / 1e6
-    print(f"{folder} is ready ({megabytes:.0f} MB); {folder / INSTALL} tells the students how")
+    how = f"{folder / INSTALL} tells the students how to install taskrpc"
+    print(f"{folder} is ready ({megabytes:.0f} MB); {how}")
     return Exit.DONE
 
 

@@ -63,7 +63,7 @@ def services(entries: Iterable[Entry], *, hidden: bool = False) -> dict[str, lis
 
 
 def gid(entry: Entry, endpoint: Endpoint | TopicEndpoint, kind: int) -> str:
-    """The GID of an endpoint as ros2 prints it; the one that rclpy programs see.
+    """The GID of an endpoint as ros2 prints it; rclpy programs see the same GID.
 
     `kind` is the value of rclpy's `EndpointTypeEnum`.
     """
@@ -100,12 +100,12 @@ def domains() -> dict[int, list[Entry]]:
 async def why_unavailable(
     service: str, place: str, node: Node, waited: str, lost: TaskRpcError | None
 ) -> ServiceUnavailable:
-    """What to say of a service that was waited for in vain, and what to do.
+    """The error for a service that did not become available, with a hint.
 
-    `place` is the one that the command names, "" for none; `lost` says why a connection was not
-    made, None where all who were asked have answered.
+    `place` is the address that the command names, "" for none; `lost` says why a connection
+    failed, None if every program answered.
     """
-    # A place that does not answer need not be asked once more.
+    # A place that did not answer is not asked again.
     entries = domains().get(domain_id(), []) if lost else others(await node.graph())
     for entry in entries:
         if entry.offers(service):
@@ -125,22 +125,22 @@ def _out_of_reach(place: str, lost: TaskRpcError, waited: str) -> ServiceUnavail
 
 
 def _silent(entry: Entry, service: str, waited: str) -> ServiceUnavailable:
-    """What is said of a living process that offers a service and does not answer."""
+    """The error for a running process that offers a service and does not answer."""
     who = f"{entry.script} (pid {entry.pid})"
     if platform.is_stopped(entry.pid):
         return hinted(
             ServiceUnavailable(f"{who} offers {service}, but {STOPPED} {waited}"),
-            f"`fg` in its terminal or `kill -CONT {entry.pid}` lets it go on, `taskrpc stop"
+            f"`fg` in its terminal or `kill -CONT {entry.pid}` continues it, `taskrpc stop"
             f" {entry.pid}` ends it",
         )
     return hinted(
-        ServiceUnavailable(f"{who} offers {service} but is silent {waited}"),
+        ServiceUnavailable(f"{who} offers {service} but does not answer {waited}"),
         f"find out why: taskrpc doctor {entry.address}",
     )
 
 
 def unknown_service_hint(service: str, entries: Iterable[Entry], place: str = "") -> str:
-    """What whoever asked for a service that nobody offers may do about it."""
+    """A hint for the user of a service that no program offers."""
     from srvgen.names import near
 
     known = services(entries, hidden=True)

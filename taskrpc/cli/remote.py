@@ -106,7 +106,7 @@ def add_discovery(parser: argparse.ArgumentParser, sim_time: str = "") -> None:
     what = "as in ros2; changes nothing, since there is no daemon here"
     parser.add_argument("--no-daemon", action="store_true", help=what)
     parser.add_argument("--spin-time", metavar="SPIN_TIME", type=float, help=what)
-    what = sim_time or "as in ros2; changes nothing, since this command asks for no time"
+    what = sim_time or "as in ros2; has no effect, because this command does not use the time"
     parser.add_argument("-s", "--use-sim-time", action="store_true", help=what)
 
 

@@ -169,17 +169,17 @@ def mismatched(client: Client[Any, Any], error: BaseException) -> None:
     """A service that is there has another definition: its server cannot be called."""
     tell(
         ("unoffered", client.service_name),
-        "find no server for this client and wait for ever, without a word about why: it is for"
+        "find no server for this client, wait for ever and not say why: it is for"
         f" {client.srv_type._TYPE}, but {error}",
     )
 
 
 def profiles_differ(service: str, problem: str) -> None:
-    """A client and a server of one service have profiles that never match in ROS 2."""
+    """The QoS profiles of a service's client and server never match in ROS 2."""
     tell(
         ("qos", service),
-        f"never connect the client and the server of {service}, without a word about why: their"
-        f" QoS profiles do not match ({problem}); here the calls are answered; give both the same"
+        f"never connect the client and the server of {service}, and would not say why: their QoS"
+        f" profiles do not match ({problem}); here the calls are answered; give both the same"
         " qos_profile",
     )
 

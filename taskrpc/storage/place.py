@@ -1,7 +1,7 @@
-"""Whether a path may hold a store: checked before the file is locked, made or opened.
+"""Checks a database's path before the file is locked, created or opened.
 
-Each check prevents a loss that nobody would notice: two servers on one file, a file that another
-user has prepared, or a new, empty store in the place of one that was acknowledged to callers.
+Each check prevents a silent loss: two servers that use one file, a file that another user has
+prepared, or a new, empty database in the place of one whose requests were acknowledged.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ from taskrpc.errors import StoreError
 from taskrpc.storage.lock import Witness
 
 SIDE_FILES = ("", "-wal", "-shm")
-"""What follows the database's name in those of the files that SQLite keeps open."""
+"""Endings of the files that SQLite keeps open, behind the database's name."""
 _READ_AT_START = (*SIDE_FILES, "-journal", ".lock")
 
 
 def refuse_second_name(path: Path) -> None:
-    """Refuse a file with a second hard link: its lock would be another file under each name.
+    """Refuse a file with a second hard link: each name would have its own lock file.
 
     Raises StoreError.
     """
@@ -32,14 +32,14 @@ def refuse_second_name(path: Path) -> None:
         if stat.S_ISREG(found.st_mode) and found.st_nlink > 1:
             command = "fsutil hardlink list" if sys.platform == "win32" else "find / -samefile"
             raise StoreError(
-                f"{path} has {found.st_nlink} names (hard links), and under each of them another"
-                " server could use it at the same time; remove the other name (find it with"
+                f"{path} has {found.st_nlink} names (hard links), so another server could use it"
+                " under another name at the same time; remove the other name (find it with"
                 f" `{command} {path}`), or copy the file instead of linking it"
             )
 
 
 def refuse_strangers(path: Path) -> None:
-    """In a folder where anybody may write, refuse links, and files that another user has made.
+    """Refuse symbolic links and other users' files in folders where anybody may write.
 
     Raises StoreError.
     """
@@ -47,7 +47,7 @@ def refuse_strangers(path: Path) -> None:
         if place.is_symlink() and platform.may_anybody_write(place.parent):
             raise StoreError(
                 f"{place} is a symbolic link in a folder where anybody may write, so another user"
-                " may have set it; name the file itself, in a folder of your own"
+                " may have made it; give the path of the file itself, in a folder of your own"
             )
     real = path.resolve()
     if not platform.may_anybody_write(real.parent):
@@ -57,14 +57,14 @@ def refuse_strangers(path: Path) -> None:
             if each.is_symlink() or not platform.is_ours_or_roots(each.lstat()):
                 raise StoreError(
                     f"{each} belongs to another user, in a folder where anybody may write;"
-                    " name a database in a folder of your own"
+                    " use a database in a folder of your own"
                 )
 
 
 def refuse_lost_store(path: Path, lock: Path, witness: Witness | None) -> None:
-    """Refuse a file that is missing or empty where a store must be.
+    """Refuse a missing or empty file if its lock or log shows that it had transactions.
 
-    SQLite would delete the log of such a file, and the server would run every request once more.
+    SQLite would delete the log of such a file, and the server would run repeated requests again.
     Raises StoreError.
     """
     if not path.exists():
@@ -79,15 +79,15 @@ def refuse_lost_store(path: Path, lock: Path, witness: Witness | None) -> None:
 
 
 def lost_store(path: Path, lock: Path, problem: str, witness: Witness | None) -> str:
-    """What is said of a file that holds no store, although one was there."""
+    """The message for a file without tables whose lock or log shows that it had transactions."""
     log = path.with_name(f"{path.name}-wal")
     count = witness.commits if witness is not None else 0
     there = [*([lock] if count else []), *([log] if log.exists() else [])]
     known = f" of {count} transaction{'s'[: count > 1]}" if count else ""
     return (
         f"{path} {problem}, but {' and '.join(each.name for each in there)} beside it"
-        f" belong{'s'[: len(there) == 1]} to a database{known}; bring that back as"
-        f" {path.name}, or begin a new one on purpose: remove"
+        f" belong{'s'[: len(there) == 1]} to a database{known}; restore that database as"
+        f" {path.name}, or, to start with an empty one, remove"
         f" {' and '.join(str(each) for each in there)}"
     )
 

@@ -92,7 +92,7 @@ def _of_system(path: Path, error: OSError) -> str:
 
 
 def _of_damage(path: Path, damage: Damaged) -> str:
-    row, advice = "", f"or move {path}* away to begin anew"
+    row, advice = "", f"or move {path}* away to start with an empty database"
     if damage.where:
         row = f", row {damage.where}"
         statement = f"DELETE FROM {damage.table} WHERE {damage.where}"
@@ -108,8 +108,8 @@ def _of_file(path: Path, error: sqlite3.DatabaseError) -> str:
         case sqlite3.SQLITE_FULL:
             return f"{path}: the disk is full; nothing was stored"
         case sqlite3.SQLITE_CORRUPT:
-            advice = f"restore the file from a copy, or move {path}* away to begin anew"
-            return f"{path} is damaged ({error}); {advice}"
+            advice = f"or move {path}* away to start with an empty database"
+            return f"{path} is damaged ({error}); restore the file from a copy, {advice}"
     return f"{path}: the database cannot be used: {error}"
 
 

@@ -38,7 +38,7 @@ class Resumed(msgspec.Struct, frozen=True):
         shown, hidden = notes[:3], len(notes) - 3
         more = [f"{hidden} more were interrupted (taskrpc task list --all)"] if hidden > 0 else []
         if self.paused:
-            more.append("the queue is still paused (taskrpc task resume lets it go on)")
+            more.append("the queue is still paused (taskrpc task resume continues it)")
         return "; ".join([f"resumed {count}", *shown, *more])
 
 

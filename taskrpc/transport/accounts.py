@@ -22,7 +22,7 @@ log = logging.getLogger("taskrpc.transport")
 TELL_EVERY = 60.0
 """Seconds between two log lines about a file that cannot be used."""
 
-_ONLY_TAKES_AWAY = "only what this file of accounts takes away holds, nothing new in it: "
+_ONLY_TAKES_AWAY = "only the restrictions in this file of accounts take effect: "
 
 _RoleName = Literal["observe", "submit", "operate", "admin"]
 

@@ -1,4 +1,4 @@
-"""The connections on which a process calls: one to each place, made when it is first wanted."""
+"""The connections on which a process calls: one to each address, made at the first call."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from taskrpc.transport.calling import HANDSHAKE_LOST, CallingConnection
 from taskrpc.transport.network import Address, Network
 from taskrpc.transport.tls import reason_of
 
-STOPPED = "was stopped, as by Ctrl-Z"
+STOPPED = "is stopped, as by Ctrl-Z"
 
 ASK_FOR_STRING = "the account was revoked or has expired: ask for a new join string"
 
@@ -22,11 +22,11 @@ READY_TIMEOUT = 4.0
 
 
 class Dialler:
-    """Dials each place once, however many ask for it; `make` builds a connection's protocol."""
+    """Dials each address once for all its callers; `make` builds a connection's protocol."""
 
     def __init__(self, network: Network, make: Callable[[Address], CallingConnection]) -> None:
         self.connections: dict[CallingConnection, None] = {}
-        """All that have not ended, those that only finish their calls included."""
+        """All open connections, also those that only finish their calls."""
         self._network = network
         self._make = make
         self._newest: dict[str, CallingConnection] = {}
@@ -34,9 +34,9 @@ class Dialler:
         self._closed = False
 
     async def connection(self, address: Address, deadline: float | None) -> CallingConnection:
-        """A usable connection to a process, made if need be.
+        """Return a usable connection to a process; make one if there is none.
 
-        Raises ConnectionLost when nobody answers there, or what the other side refused it for.
+        Raises ConnectionLost if no process answers there, or the error with which it refused.
         """
         known = self._newest.get(address.place)
         if known is not None and known.is_usable:
@@ -103,7 +103,7 @@ class Dialler:
         except OSError as error:
             raise _unreached(address, platform.reason_of(error)) from None
         except UnicodeError:
-            raise _unreached(address, "no host can have this name") from None
+            raise _unreached(address, "not a valid host name") from None
         else:
             self._newest[address.place] = connection
             return connection
@@ -119,19 +119,19 @@ def placed(place: str, error: TaskRpcError) -> str:
 
 
 def why_silent(address: Address) -> str:
-    """Why a process of this machine does not answer, "" where nobody knows."""
+    """Why a process of this machine does not answer, "" if the reason is unknown."""
     if not address.pid or not platform.is_stopped(address.pid):
         return ""
     return (
         f"{address.script} (pid {address.pid}) {STOPPED}; `fg` in its terminal or"
-        f" `kill -CONT {address.pid}` lets it go on, `taskrpc stop {address.pid}` ends it"
+        f" `kill -CONT {address.pid}` continues it, `taskrpc stop {address.pid}` ends it"
     )
 
 
 def _explained(address: Address, error: TaskRpcError, *, is_plain: bool) -> TaskRpcError:
-    """What went wrong in a handshake, and what to do about it."""
+    """The error of a failed handshake, with what to do."""
     if isinstance(error, AuthenticationFailed):
-        # Only a lab's token certainly begins with a name; another one may be all secret.
+        # Only a lab's token surely begins with an account's name; other tokens are all secret.
         if address.domain is None:
             return AuthenticationFailed(placed(address.place, error))
         account = account_of(address.token)
@@ -144,19 +144,19 @@ def _explained(address: Address, error: TaskRpcError, *, is_plain: bool) -> Task
     reason = str(error)
     if is_plain and not address.pid and reason == HANDSHAKE_LOST:
         reason += (
-            "; if the server takes encrypted connections only, join its lab (taskrpc join) or give"
-            " its certificate: --tls-ca, in a program tls=taskrpc.Tls(ca=...)"
+            "; if the server requires TLS, join its lab (taskrpc join) or give its certificate"
+            " (--tls-ca, in a program tls=taskrpc.Tls(ca=...))"
         )
     return _unreached(address, reason)
 
 
 def _unreached(address: Address, reason: str) -> ConnectionLost:
-    """Why a process could not be reached; no call was sent to it."""
+    """The error for a process that could not be reached; no call was sent to it."""
     problem = why_silent(address) or f"{address.place}: {reason}"
     if address.domain is not None:
         problem = (
-            f"the lab's server at {problem}; is it on, and this computer in its network?"
-            " `taskrpc doctor` looks at the way, `taskrpc leave` forgets the lab"
+            f"the lab's server at {problem}; is it on, and is this computer in its network?"
+            " `taskrpc doctor` tests the connection, `taskrpc leave` forgets the lab"
         )
     return ConnectionLost(problem, not_executed=True)
 

@@ -217,7 +217,7 @@ class _Connection(web.RequestHandler):
         if status != 400:
             return super().handle_error(request, status, exc, message)
         self._refused(exc)
-        return _response(Page("expected a valid request of HTTP/1.1\n", status=status))
+        return _response(Page("expected a valid HTTP/1.1 request\n", status=status))
 
     def log_exception(self, *args: Any, **options: Any) -> None:
         """Log what aiohttp caught; a body that breaks off is no fault of ours."""

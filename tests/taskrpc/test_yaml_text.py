@@ -34,7 +34,7 @@ REFUSED = {
     "2001-01-01T00:00:00+99:99": "'2001-01-01T00:00:00+99:99' is not a valid timestamp",
     "[" * 400 + "]" * 400: "nested too deeply",
     "- " * 400: "nested too deeply",
-    "&a [*a]": "an alias stands within its own anchor",
+    "&a [*a]": "an alias refers to an anchor that contains it",
     LAUGHS: "aliases repeat more than 100000 values",
     '"\\U00110000"': "there is no such character",
     '"\\ud800"': "half of a surrogate pair is not a character",

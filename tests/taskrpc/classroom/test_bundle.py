@@ -96,15 +96,15 @@ def test_an_installed_taskrpc_packs_its_own_wheel(installed, tmp_path):
     assert last == "taskrpc-1.2.dist-info/RECORD,,"
 
 
-def test_what_pip_does_not_know_is_told(tmp_path):
+def test_package_that_pip_did_not_install_is_refused(tmp_path):
     about = tmp_path / "taskrpc-1.2.dist-info"
     about.mkdir()
     (about / "METADATA").write_text("Metadata-Version: 2.1\nName: taskrpc\nVersion: 1.2\n")
-    with pytest.raises(TaskRpcError, match=r"was not installed by pip.* from a source checkout"):
+    with pytest.raises(TaskRpcError, match=r"pip did not install it.* from a source checkout"):
         pack_installed(metadata.Distribution.at(about), tmp_path)
 
 
-def test_neither_source_nor_installed_is_one_line(tmp_path, monkeypatch):
+def test_neither_source_nor_installation_is_refused_with_one_message(tmp_path, monkeypatch):
     def unknown(name):
         raise metadata.PackageNotFoundError(name)
 
@@ -132,7 +132,7 @@ def test_pips_failure_is_one_line(tmp_path, monkeypatch, capsys):
 def test_a_python_without_pip_is_told_how_to_get_it(tmp_path, monkeypatch, capsys):
     failing_pip(monkeypatch, "/usr/bin/python3: No module named pip\n")
     assert main(["classroom", "bundle", str(tmp_path)]) == 1
-    assert "has no pip, which downloads the wheels: " in capsys.readouterr().err
+    assert "has no pip to download the wheels; install it: " in capsys.readouterr().err
 
 
 def test_a_file_in_the_folders_place_is_one_line(tmp_path, capsys):
@@ -151,7 +151,8 @@ def test_a_version_that_is_none_is_wrong_usage(tmp_path, capsys, version):
 def test_the_command_says_how_large_the_folder_is(tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(bundle, "_run_pip", Pip())
     assert main(["classroom", "bundle", str(tmp_path), "--python", "3.12"]) == 0
-    said = f"{tmp_path} is ready (0 MB); {tmp_path / INSTALL} tells the students how\n"
+    how = f"{tmp_path / INSTALL} tells the students how to install taskrpc"
+    said = f"{tmp_path} is ready (0 MB); {how}\n"
     assert capsys.readouterr().out == said
 
 

@@ -181,13 +181,13 @@ def test_a_server_that_ctrl_z_stopped_is_named_with_how_it_goes_on(
     os.waitpid(pid, os.WUNTRACED)
     text, advice = only_problem(examine())
     assert text.endswith(
-        f"(pid {pid}, in {own_server.folder}) does not answer: it was stopped, as by Ctrl-Z"
+        f"(pid {pid}, in {own_server.folder}) does not answer: it is stopped, as by Ctrl-Z"
     )
     assert f"kill -CONT {pid}" in advice
     code, found = examine(own_server.address)
     assert (code, len(found)) == (1, 2)
-    assert found[1][1].endswith(f"(pid {pid}) was stopped, as by Ctrl-Z")
-    assert f"`kill -CONT {pid}` lets it go on" in found[1][2]
+    assert found[1][1].endswith(f"(pid {pid}) is stopped, as by Ctrl-Z")
+    assert f"`kill -CONT {pid}` continues it" in found[1][2]
 
 
 def test_the_profile_of_keepalive_is_noted_and_a_wrong_one_is_a_problem(examine, monkeypatch):

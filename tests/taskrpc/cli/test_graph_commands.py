@@ -369,10 +369,8 @@ def test_a_server_that_was_stopped_is_named_with_how_it_goes_on(own_server, run)
     os.waitpid(pid, os.WUNTRACED)
     code, out, err = run("/add_two_ints", "--timeout", "0.3", command=call_main)
     assert (code, out) == (4, "")
-    said = (
-        f"adder.py (pid {pid}) offers /add_two_ints, but was stopped, as by Ctrl-Z (waited 0.3 s)"
-    )
-    assert f"{said}\n  hint: `fg` in its terminal or `kill -CONT {pid}` lets it go on" in err
+    said = f"adder.py (pid {pid}) offers /add_two_ints, but is stopped, as by Ctrl-Z (waited 0.3 s)"
+    assert f"{said}\n  hint: `fg` in its terminal or `kill -CONT {pid}` continues it" in err
 
 
 @pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")
@@ -382,7 +380,7 @@ def test_a_server_that_hangs_is_named(own_server, run, monkeypatch):
     code, out, err = run("/add_two_ints", "--timeout", "0.3", command=call_main)
     assert (code, out) == (4, "")
     pid = own_server.process.pid
-    assert f"adder.py (pid {pid}) offers /add_two_ints but is silent (waited 0.3 s)\n" in err
+    assert f"adder.py (pid {pid}) offers /add_two_ints but does not answer (waited 0.3 s)\n" in err
     assert f"hint: find out why: taskrpc doctor {own_server.address}\n" in err
 
 

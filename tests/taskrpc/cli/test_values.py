@@ -152,7 +152,7 @@ def test_arrays_are_written_in_brackets_and_strings_in_them_are_literal():
         (ADD, ["a: 1, b: 2"], "several fields in one line stand in braces"),
         (ADD, ["{a: 1}\n---\n{b: 2}"], "expected a single document"),
         (ADD, ["!!python/name:os.system"], "could not determine a constructor"),
-        (ADD, ["&x {a: *x}"], "within its own anchor"),
+        (ADD, ["&x {a: *x}"], "an anchor that contains it"),
         (ADD, ["a: \x07"], "special characters are not allowed"),
         (TASK, ["task_typ=move"], "did you mean task_type?"),
         (

@@ -135,8 +135,8 @@ async def test_a_lost_database_is_refused_until_it_is_back(path, what, has_log):
             await booked(path)
         assert str(refused.value).startswith(
             f"{path} is {what}, but {beside} beside it belong{'' if has_log else 's'} to a"
-            " database of 2 transactions; bring that back as tasks.db, or begin a new one on"
-            f" purpose: remove {lock}"
+            " database of 2 transactions; restore that database as tasks.db, or, to start"
+            f" with an empty one, remove {lock}"
         )
     assert path.exists() == (what == "empty")
     path.write_bytes(data)
@@ -152,8 +152,8 @@ async def test_a_lost_database_is_begun_anew_once_its_lock_and_log_are_removed(p
         await booked(path)
     log = log_of(path)
     assert str(refused.value) == (
-        f"{path} is missing, but tasks.db-wal beside it belongs to a database; bring that back as"
-        f" tasks.db, or begin a new one on purpose: remove {log}"
+        f"{path} is missing, but tasks.db-wal beside it belongs to a database; restore that"
+        f" database as tasks.db, or, to start with an empty one, remove {log}"
     )
     log.unlink()
     assert await booked(path) == []
@@ -184,7 +184,7 @@ async def test_a_database_with_a_second_hard_link_is_refused(path, tmp_path):
     other = tmp_path / "other.db"
     os.link(path, other)
     for name in (path, other):
-        with pytest.raises(StoreError, match=r"has 2 names \(hard links\), and under each of them"):
+        with pytest.raises(StoreError, match=r"has 2 names \(hard links\), so another server"):
             await booked(name)
     other.unlink()
     assert await booked(path) == [1]

@@ -32,7 +32,8 @@ def said(path, error, **options):
         (sqlite3.SQLITE_FULL, "PATH: the disk is full; nothing was stored"),
         (
             sqlite3.SQLITE_CORRUPT,
-            "PATH is damaged (why); restore the file from a copy, or move PATH* away to begin anew",
+            "PATH is damaged (why); restore the file from a copy, or move PATH* away to start with"
+            " an empty database",
         ),
         (sqlite3.SQLITE_IOERR | 2 << 8, "PATH: the database cannot be used: why"),
     ],
@@ -81,7 +82,7 @@ def test_damaged_row_is_shown_with_the_statement_that_gives_it_up(path):
     )
     assert said(path, Damaged("taskrpc_store", "it has no row")) == (
         "PATH is damaged (table taskrpc_store: it has no row);"
-        " restore the file from a copy, or move PATH* away to begin anew"
+        " restore the file from a copy, or move PATH* away to start with an empty database"
     )
 
 

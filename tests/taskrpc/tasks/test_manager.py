@@ -291,7 +291,7 @@ async def test_resumed_tasks_do_not_delay_one_another():
         (Resumed(0, ()), "no earlier tasks wait"),
         (
             Resumed(2, (), paused=True),
-            "resumed 2 queued tasks; the queue is still paused (taskrpc task resume lets it go on)",
+            "resumed 2 queued tasks; the queue is still paused (taskrpc task resume continues it)",
         ),
         (Resumed(1, ()), "resumed 1 queued task"),
         (

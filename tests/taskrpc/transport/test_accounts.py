@@ -240,7 +240,7 @@ def test_a_file_that_others_can_read_takes_away_and_gives_nothing(tmp_path, chan
     assert book.now.find("otto", 2.0) == OTTO
     assert book.now.find("eye", 2.0) is None
     (line,) = caplog.messages
-    assert line.startswith("only what this file of accounts takes away holds, nothing new in it: ")
+    assert line.startswith("only the restrictions in this file of accounts take effect: ")
     assert line.endswith(f"do `chmod 600 {file}`")
     file.chmod(0o600)
     assert book.look() is True

@@ -72,8 +72,8 @@ async def test_a_process_that_was_stopped_is_named_with_the_cure(monkeypatch, er
     assert isinstance(found, ConnectionLost)
     assert found.not_executed
     assert str(found) == (
-        "server.py (pid 4711) was stopped, as by Ctrl-Z; `fg` in its terminal or `kill -CONT 4711`"
-        " lets it go on, `taskrpc stop 4711` ends it"
+        "server.py (pid 4711) is stopped, as by Ctrl-Z; `fg` in its terminal or `kill -CONT 4711`"
+        " continues it, `taskrpc stop 4711` ends it"
     )
 
 
@@ -85,7 +85,7 @@ async def test_a_process_that_is_silent_otherwise_is_not_called_stopped(monkeypa
 async def test_a_plain_connection_that_is_lost_in_the_handshake_suggests_tls():
     text = str(await failure(PEER, ConnectionLost(HANDSHAKE_LOST)))
     assert text.startswith(
-        f"{PLACE}: the connection was lost in the handshake; if the server takes"
+        f"{PLACE}: the connection was lost in the handshake; if the server requires TLS"
     )
     assert "--tls-ca" in text
     assert "tls=taskrpc.Tls(ca=...)" in text
@@ -116,13 +116,13 @@ async def test_a_token_that_was_given_is_not_shown():
     [
         (ConnectionRefusedError(errno.ECONNREFUSED, "x"), os.strerror(errno.ECONNREFUSED)),
         (TimeoutError(), "it did not answer"),
-        (UnicodeError(), "no host can have this name"),
+        (UnicodeError(), "not a valid host name"),
     ],
 )
 async def test_a_place_is_named_once_and_the_lab_as_the_lab(error, reason):
     assert str(await failure(PEER, in_dialling=error)) == f"{PLACE}: {reason}"
     text = str(await failure(LAB, in_dialling=error))
-    assert text.startswith(f"the lab's server at {PLACE}: {reason}; is it on, and this computer in")
+    assert text.startswith(f"the lab's server at {PLACE}: {reason}; is it on, and is this")
     assert text.endswith("`taskrpc leave` forgets the lab")
 
 
