@@ -21,7 +21,13 @@ def about() -> dict[str, Any]:
         "system": f"{platform.system()} {platform.release()}",
         "python": f"{platform.python_implementation()} {platform.python_version()}",
         "commit": _commit(),
+        "load": _load(),
     }
+
+
+def _load() -> float:
+    """Processes that want to run, on average over the last minute; 0 where it is not known."""
+    return round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else 0.0
 
 
 def _cpu() -> str:

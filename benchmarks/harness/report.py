@@ -32,6 +32,14 @@ _METHOD = """\
   contender blocks. CPU is that of all processes of a contender, a third one's included."""
 
 
+_QUIET = 0.5
+"""The load average up to which a machine counts as idle."""
+_BUSY = (
+    " **The machine was busy: its load average was {load:g} at the start.** The brackets in the"
+    " tables show how much the figures vary."
+)
+
+
 def report(results: Results) -> str:
     """The contents of RESULTS.md."""
     parts = [
@@ -66,6 +74,7 @@ def _about(results: Results) -> str:
         f" {about['python']}, commit {about['commit'] or 'unknown'};"
         f" {about['rounds']} rounds, {about['seconds']:g} s a measurement."
         + (" **A quick run: too short to quote.**" if about["quick"] else "")
+        + (_BUSY.format(load=about["load"]) if about.get("load", 0) > _QUIET else "")
     )
 
 

@@ -91,6 +91,12 @@ def test_what_was_not_measured_says_so():
     assert "| p50, plain callback | ≤ 0.62 | not measured |" in report(Results(ABOUT))
 
 
+def test_the_report_says_that_the_machine_was_busy():
+    sentence = "its load average was 3.5 at the start"
+    assert sentence in report(Results({**ABOUT, "load": 3.5}))
+    assert "load average" not in report(Results({**ABOUT, "load": 0.2}))
+
+
 def test_the_report_tells_what_a_command_imports():
     found = {"taskrpc --help": {"taskrpc": (4, 0.002)}, "taskrpc-call /add": {}}
     assert "| taskrpc | 4 modules, 2.00 ms | none |" in report(Results(ABOUT, imports=found))
