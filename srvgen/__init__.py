@@ -51,7 +51,7 @@ _HOMES = {
 }
 
 
-if not TYPE_CHECKING:  # a type checker would take every name that is not there for Any
+if not TYPE_CHECKING:  # or type checkers would accept every missing name as Any
 
     def __getattr__(name):
         if name not in _HOMES:

@@ -1,6 +1,6 @@
-"""Where the process of the `srvgen` command begins; `python -m srvgen` is the same command.
+"""Entry point of the `srvgen` command, also for `python -m srvgen`.
 
-Ctrl-C is handled before the command itself is imported, which takes longer.
+Ctrl-C is handled before the slow import of the command itself.
 """
 
 from __future__ import annotations

@@ -379,7 +379,7 @@ def to_items(
 
 
 def wrong_class(value: object, expected: type[Any], path: str) -> None:
-    """Say that a nested message is not of the expected class; its subclasses only add checks."""
+    """Refuse a nested message of another class; subclasses only add checks."""
     if isinstance(value, expected):
         return
     if getattr(value, "_TYPE", None) == expected._TYPE:
@@ -448,7 +448,7 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
 
     @classmethod
     def _check_lines(cls, lines: Sequence[str]) -> Sequence[str]:
-        """The lines of a `_check` as they are compiled, from those that were rendered."""
+        """The rendered lines of a `_check`, as this class compiles them."""
         return lines
 
     @classmethod
@@ -622,7 +622,7 @@ ResponseT = TypeVar("ResponseT")
 if TYPE_CHECKING:
 
     class _Typed(Generic[RequestT, ResponseT]):
-        """Tells type checkers a service's messages, which they cannot take from nested names."""
+        """Gives type checkers a service's messages, which they cannot find by nested names."""
 
         @classmethod
         def _types(cls, request: RequestT, response: ResponseT) -> tuple[RequestT, ResponseT]: ...

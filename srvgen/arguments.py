@@ -20,7 +20,7 @@ class Parser(argparse.ArgumentParser):
     """An argument parser that knows what a misspelt command was meant to be."""
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
-        """End the command; a help text that cannot be written is the caller's to report."""
+        """End the command; the caller reports a help text that cannot be written."""
         process.check_output()
         super().exit(status, message)
 

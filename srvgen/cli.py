@@ -21,7 +21,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is not None:
         return _guarded(argv)
     process.begin()
-    # A command is short: looking for garbage, at the end once more, would cost it a tenth.
+    # A command is short: garbage collection would take a tenth of its time.
     gc.set_threshold(_GARBAGE)
     atexit.register(gc.freeze)
     try:
@@ -43,7 +43,7 @@ def _guarded(argv: Sequence[str]) -> int:
         if failure is None:
             raise
         if isinstance(error, BrokenPipeError):
-            return 0  # the reader of our output has read enough
+            return 0  # the reader of the output stopped early
         print(f"cannot write to standard output: {failure.strerror}", file=sys.stderr)
         return 1
     return code
@@ -55,7 +55,7 @@ def _run(argv: Sequence[str]) -> int:
     if "run" not in options:
         parser.print_help(sys.stderr)
         return 2
-    # Not at the top: a request for help needs none of it.
+    # Not at the top: `--help` does not need it.
     from . import commands
     from .errors import DefinitionError
     from .report import Report

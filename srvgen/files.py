@@ -66,7 +66,7 @@ def read_data(path: Path) -> bytes:
         DefinitionError: the file cannot be read.
     """
     try:
-        # A pipe would make us wait for its writer; a device may have no end.
+        # Reading a pipe would wait for its writer; a device may have no end.
         if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
             raise DefinitionError("expected a file, got a pipe or a device", path=str(path))
         with path.open("rb") as file:
@@ -158,7 +158,7 @@ def has_subfolders(package: Path) -> bool:
 
 
 def subfolders(folder: Path) -> Iterator[Path]:
-    """All folders below a folder `msg`, `srv` or `action`, in which definitions may lie, too."""
+    """All folders below a folder `msg`, `srv` or `action` that may hold definitions too."""
     try:
         with os.scandir(folder) as entries:
             inner = sorted(

@@ -40,7 +40,7 @@ _loaded: dict[str, _Loaded] = {}
 _built: WeakValueDictionary[_Key, ModuleType] = WeakValueDictionary()
 _versions = count()
 _base: ModuleType = _runtime
-"""What generated modules know as their runtime."""
+"""The runtime module of generated modules."""
 
 
 class _Key(NamedTuple):
@@ -114,12 +114,12 @@ def type_hash(type_name: str) -> str:
 
 
 def make_ros_classes() -> None:
-    """From now on, make classes with what programs for ROS expect of them (`rosidl_classes`).
+    """Make classes for programs for ROS from now on (`rosidl_classes`).
 
-    Classes that were made before stay as they are.
+    Existing classes do not change.
     """
     global _base
-    from . import rosidl_classes  # which only programs for ROS need
+    from . import rosidl_classes  # only programs for ROS need it
 
     if _base is _runtime:
         _base = rosidl_classes.runtime()

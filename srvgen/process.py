@@ -28,12 +28,11 @@ if TYPE_CHECKING:
 def begin(*, sigterm_is_success: bool = False) -> None:
     """Make this process end at once and silently on Ctrl-C, with the exit code 130.
 
-    Python's own KeyboardInterrupt would leave an import half done: it shows a traceback there, or
-    is lost in a callback of the import system. With `sigterm_is_success`, SIGTERM ends the process
-    as quietly, with 0. Standard streams that are closed get a substitute. Does nothing the second
-    time.
+    Python's own KeyboardInterrupt during an import would print a traceback, or be lost in a
+    callback of the import system. With `sigterm_is_success`, SIGTERM also ends the process
+    silently, with exit code 0. Closed standard streams are replaced. A second call has no effect.
     """
-    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # else it is ignored
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # otherwise leave it ignored
         signal.signal(signal.SIGINT, _exit_interrupted)
     if sigterm_is_success and signal.getsignal(signal.SIGTERM) is signal.SIG_DFL:
         signal.signal(signal.SIGTERM, _exit_done)
@@ -43,9 +42,9 @@ def begin(*, sigterm_is_success: bool = False) -> None:
 
 
 def start_work() -> None:
-    """Let Ctrl-C raise KeyboardInterrupt, and SIGTERM SystemExit, where `begin` was called.
+    """Let Ctrl-C raise KeyboardInterrupt, and SIGTERM SystemExit, if `begin` was called.
 
-    From here on there is something to put in order before the end.
+    From here on the command has work to clean up before it ends.
     """
     if signal.getsignal(signal.SIGINT) is _exit_interrupted:
         signal.signal(signal.SIGINT, signal.default_int_handler)
@@ -54,7 +53,7 @@ def start_work() -> None:
 
 
 def end(code: int) -> int:
-    """Return the exit code, which no later signal changes: Ctrl-C now ends the process with it."""
+    """Return the exit code. From now on Ctrl-C ends the process with this code too."""
 
     def leave(*_: object) -> NoReturn:
         _kill_if_wanted()
@@ -67,10 +66,10 @@ def end(code: int) -> int:
 
 
 def end_by_signal(number: int) -> int:
-    """End this process like one that the signal killed, once its exit functions have run.
+    """Kill this process by the signal after its exit functions have run.
 
-    A program that is run by ours must look to its parent as it would without us. Returns the exit
-    code that a shell shows for it, which other systems than POSIX get.
+    A program under `taskrpc run` must end for its parent process as it does under `python`.
+    Returns the exit code that a shell shows for it; systems other than POSIX end with this code.
     """
     global _fatal_signal
     _fatal_signal = number
@@ -80,18 +79,18 @@ def end_by_signal(number: int) -> int:
 def check_output() -> None:
     """Flush standard output. Raises OSError if that or an earlier write failed."""
     sys.stdout.flush()
-    if failure := getattr(sys.stdout, "failure", None):  # argparse swallows it, for one
+    if failure := getattr(sys.stdout, "failure", None):  # argparse, for example, ignores it
         raise failure
 
 
 def output_failure() -> OSError | None:
-    """Why standard output could not be written, None where it could; the rest is discarded."""
+    """Why standard output could not be written, None if it could; discards unwritten output."""
     failure = None
     try:
         check_output()
     except OSError as error:
         failure = error
-        # Python flushes once more at exit, and must not fail there again.
+        # Python flushes again at exit; this must not fail a second time.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
     return failure
 
@@ -112,7 +111,7 @@ _HANDLERS = (_exit_interrupted, _exit_done, _raise_exit, signal.default_int_hand
 
 
 _fatal_signal = 0
-"""The signal that this process is to die of at its end, 0 for none."""
+"""The signal that kills this process at its end, 0 for none."""
 
 
 def _kill_if_wanted() -> None:
@@ -123,16 +122,16 @@ def _kill_if_wanted() -> None:
 
 def _ignore_signals() -> None:
     if _fatal_signal:
-        output_failure()  # writes what is left, and fails silently
+        output_failure()  # write what is left; ignore failures
         _kill_if_wanted()
-    # In the last milliseconds Python gives signals back to the system, which would kill with them.
+    # Just before its end Python restores the default handlers, which would kill the process.
     for number in (signal.SIGINT, signal.SIGTERM):
         if signal.getsignal(number) is not signal.SIG_DFL:
             signal.signal(number, signal.SIG_IGN)
 
 
 class _Stdout(io.TextIOWrapper):
-    """Standard output that remembers its first failure; the buffer below may forget it."""
+    """Standard output that remembers its first failure, which the buffer below may lose."""
 
     failure: OSError | None = None
 
@@ -159,17 +158,17 @@ class _Stdout(io.TextIOWrapper):
 
 
 class _Stderr(io.TextIOWrapper):
-    """Standard error. A message that cannot be written is dropped: the command goes on."""
+    """Standard error. A message that cannot be written is dropped, and the command continues."""
 
     def write(self, text: str, /) -> int:
-        """Write, as far as possible."""
+        """Write, and ignore failures."""
         try:
             return super().write(text)
         except OSError:
             return len(text)
 
     def flush(self) -> None:
-        """Flush, as far as possible."""
+        """Flush, and ignore failures."""
         try:
             super().flush()
         except OSError:
@@ -177,10 +176,10 @@ class _Stderr(io.TextIOWrapper):
 
 
 def _replace_streams() -> None:
-    """Open descriptors 0 to 2 where they are closed; replace stdout and stderr by ours.
+    """Open closed descriptors 0 to 2 and replace stdout and stderr.
 
-    A socket that got one of these numbers would receive whatever is written to the stream. Writing
-    to a stdout that is closed fails, so that the command reports it.
+    Otherwise a socket could get one of these numbers and receive what is written to the stream.
+    Writing to a closed stdout fails, so the command reports it.
     """
     for descriptor, flags in enumerate((os.O_WRONLY, os.O_RDONLY, os.O_WRONLY)):
         try:
@@ -195,7 +194,7 @@ def _replace_streams() -> None:
 
 
 def _over(kind: type[io.TextIOWrapper], stream: TextIO | None, descriptor: int) -> TextIO:
-    """A stream of ours over the buffer of Python's own, which stays usable."""
+    """A stream of the given kind over the buffer of Python's stream, which stays usable."""
     if stream is None:
         return kind(open(descriptor, "wb", closefd=False), "utf-8", errors="backslashreplace")
     if not isinstance(stream, io.TextIOWrapper):  # an editor's shell has streams of its own

@@ -1,8 +1,8 @@
-"""Message classes with what only programs for ROS expect of them; the loader makes them on request.
+"""Message classes for programs that are written for ROS; the loader makes them on request.
 
-Beyond other message classes they have `SLOT_TYPES`, show arrays of fixed length as numpy's where
-numpy is installed, and check what is set to a field: where `check_fields=True` is given for a
-message, or where the environment has ROS_PYTHON_CHECK_FIELDS=1.
+In addition to other message classes they have `SLOT_TYPES`, give arrays of fixed length as numpy
+arrays where numpy is installed, and can check the values of fields: with `check_fields=True` for
+one message, or with ROS_PYTHON_CHECK_FIELDS=1 in the environment for all.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from .slot_types import (
 )
 
 Fault = Callable[[Any], str | None]
-"""What is wrong with a value, as it follows the name of the field; None where it fits."""
+"""The text behind the field's name that says what is wrong with a value; None if it is valid."""
 
 
 def runtime() -> ModuleType:
-    """The runtime of generated modules, with the base class of this module instead of its own."""
+    """The runtime of generated modules, with this module's base class."""
     module = ModuleType(_runtime.__name__)
     module.__dict__.update(vars(_runtime))
     for name in ("Message", "MessageWithConstants", "RenamedMessage"):
@@ -45,7 +45,7 @@ _made = type(Message).__call__
 
 
 class _Meta(_runtime._RenamingMeta):
-    """Makes messages of the class itself, or of its twin that checks its fields (or does not)."""
+    """Makes messages of the class itself, or of its twin with the other setting of checks."""
 
     if not TYPE_CHECKING:
 
@@ -70,16 +70,16 @@ class RosMessage(Message, kw_only=True, metaclass=_Meta):
     _LENIENT: ClassVar[dict[str, Any]] = {}
     """Descriptors of the fields that take any value, by attribute."""
     _STRICT: ClassVar[dict[str, Any]] = {}
-    """The same with checks."""
+    """The same descriptors with checks."""
     _CHECKS: ClassVar[bool] = False
-    """Which of the two the fields have."""
+    """Whether the fields are checked."""
     _CLASS: ClassVar[Any] = None
-    """The class that programs know; that of a twin is another."""
+    """The class that programs see; a twin refers to its original."""
     _TWIN: ClassVar[Any] = None
     _FAULTS: ClassVar[list[tuple[str, Callable[[Any], Any], Fault]]] = []
-    """Each field's name, how to read it, and what finds its fault."""
+    """Each field's name, getter and check."""
     _TAKE: ClassVar[Any] = None
-    """What is done with every new message without checks."""
+    """The `__post_init__` of messages without checks."""
 
     def __init_subclass__(cls) -> None:
         if "_CLASS" in cls.__dict__:  # a twin
@@ -107,7 +107,7 @@ class RosMessage(Message, kw_only=True, metaclass=_Meta):
 
     @classmethod
     def _check_lines(cls, lines: Sequence[str]) -> Sequence[str]:
-        # A check has no use for the arrays of numpy.
+        # Checks read the stored arrays, not their numpy views.
 
         def stored(match: re.Match[str]) -> str:
             name = f"_{match[2]}"
@@ -146,7 +146,7 @@ def _set(cls: Any, name: str, value: object) -> None:
 
 
 def _choose(cls: Any, *, checks: bool) -> None:
-    """Have the class check its fields from now on, or not."""
+    """Switch the checks of the class on or off."""
     for attribute, descriptor in (cls._STRICT if checks else cls._LENIENT).items():
         _set(cls, attribute, descriptor)
     _set(cls, "_CHECKS", checks)
@@ -164,7 +164,7 @@ def _choose(cls: Any, *, checks: bool) -> None:
 
 
 def _with_checks(cls: Any, checks: bool) -> Any:
-    """The class itself or its twin, whichever checks its fields as wanted."""
+    """The class or its twin, depending on the wanted checks."""
     known = cls._CLASS
     if known._CHECKS is checks:
         return known
@@ -180,7 +180,7 @@ def _is_fixed_and_numeric(type_: AbstractType) -> bool:
 
 @cache
 def _numpy() -> Any:
-    """Numpy, where it is installed; asked for when a program reads an array of fixed length."""
+    """numpy if it is installed; imported when a program first reads an array of fixed length."""
     try:
         import numpy
     except ImportError:
@@ -196,7 +196,7 @@ def _numpy_getter(slot: Any) -> Callable[[Any], Any]:
         numpy = _numpy()
         if numpy is None or not isinstance(values, NumericArray):
             return values
-        # A view: what a program sets in it, it sets in the message.
+        # A view: changes of the array change the message.
         return numpy.frombuffer(values, dtype=values._CODE) if values else numpy.array([])
 
     return get_array
@@ -243,7 +243,7 @@ _Rule = list[tuple[Callable[[Any], bool], str]]
 
 
 def _rule(type_: AbstractType, nested: Any) -> _Rule:
-    """What a single value must be, and how ROS says so."""
+    """The checks of a single value, with ROS's text for each."""
     if isinstance(type_, NamespacedType):
         return [(_is_a(nested), f"a sub message of type '{nested.__name__}'")]
     if isinstance(type_, AbstractGenericString):
@@ -311,7 +311,7 @@ _ELEMENTS = {"float": "float32", "double": "float64"} | {
 
 
 def _array_code(type_: AbstractNestableType) -> str:
-    """The type code of arrays of such elements, "" where they are lists."""
+    """The type code of arrays of such elements, "" if they are lists."""
     name = _ELEMENTS.get(getattr(type_, "typename", ""))
     return "" if name is None else _runtime._ARRAYS[name]._CODE
 

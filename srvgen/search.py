@@ -366,7 +366,7 @@ def _files(package: Path, kind: Kind) -> Iterator[Path]:
 
 
 def _files_in(inner: Path, kind: Kind) -> Iterator[Path]:
-    """The definitions in a folder; a folder or a link to nothing of such a name is none."""
+    """The definition files in a folder, without folders and broken links of such names."""
     try:
         entries = os.scandir(inner)
     except OSError:

@@ -35,7 +35,7 @@ class AbstractType:
 
 
 class AbstractNestableType(AbstractType):
-    """A type that arrays can have as their elements'."""
+    """A type that array elements can have."""
 
 
 @dataclass
@@ -64,10 +64,10 @@ class NamespacedType(AbstractNestableType):
 
 
 class AbstractGenericString(AbstractNestableType):
-    """A text of either kind."""
+    """A `string` or a `wstring`."""
 
     def has_maximum_size(self) -> bool:
-        """Whether the text is bounded: whether there is a `maximum_size`."""
+        """Whether the string is bounded, so that it has a `maximum_size`."""
         return hasattr(self, "maximum_size")
 
 

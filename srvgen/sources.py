@@ -109,7 +109,7 @@ def search_paths(sources: Sequence[str]) -> list[Path]:
         if any((folder / kind).is_dir() for kind in KINDS):
             found[folder.parent] = None
         below = _below(folder if folder.name == "src" else folder / "src")
-        with suppress(OSError):  # what cannot be read is reported when it is
+        with suppress(OSError):  # unreadable files are reported when they are read
             found |= dict.fromkeys(each.parent for each in below if _in_package(each))
     return list(found)
 
@@ -131,7 +131,7 @@ def _in_packages(source: Path) -> list[Path]:
 
 
 def _below(source: Path) -> Iterator[Path]:
-    """The folders below `src` in which packages may lie; not what is in a package."""
+    """The folders below `src` in which packages may lie, without folders inside packages."""
     if (source / "COLCON_IGNORE").exists() or not source.is_dir():
         return
     for folder in sorted(each for each in source.iterdir() if each.is_dir()):

@@ -157,7 +157,7 @@ __all__ = [
 ]
 
 
-if not TYPE_CHECKING:  # a type checker would take every name that is not there for Any
+if not TYPE_CHECKING:  # or type checkers would accept every missing name as Any
 
     def __getattr__(name):
         home = _HOME_OF.get(name)

@@ -1,6 +1,6 @@
-"""Where the processes of the commands begin; `python -m taskrpc` is the `taskrpc` command.
+"""Entry points of the commands; `python -m taskrpc` is the `taskrpc` command.
 
-Each function handles Ctrl-C before it imports the command itself, which takes longer.
+Each function handles Ctrl-C before the slow import of the command itself.
 """
 
 from __future__ import annotations

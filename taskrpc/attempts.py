@@ -182,7 +182,7 @@ class Attempts(msgspec.Struct, eq=False):
             return False
         self._counts_anew = True
         self._numbers.is_over = True
-        self._store = b""  # so that the next sending is counted anew, and this number settled
+        self._store = b""  # so the next attempt gets a new sequence number, and this one is settled
         return True
 
     def _may_repeat(self, error: TaskRpcError) -> bool:

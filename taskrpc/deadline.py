@@ -1,4 +1,4 @@
-"""When to look for calls whose deadline has passed: never early, at most half a tick late.
+"""When to check for calls whose deadline has passed: never early, at most half a tick late.
 
 A timer a call costs a third of the call, an entry in a timer wheel a twentieth. Here a new call
 compares two numbers, and an answered one does nothing: who holds the open calls looks through
@@ -13,8 +13,8 @@ TICK = 0.005
 """Seconds by which a call may learn late that its time is over."""
 
 LOOK_LATE = TICK / 2
-"""Seconds by which a look may be late; in the rest of the tick the server may say whether a call
-that is late had begun."""
+"""Seconds by which a check may be late. In the rest of the tick the server may answer whether an
+expired call had begun."""
 
 _RESOLUTION = 1e-9  # an event loop's clock may stand so far before the instant that it woke for
 _COST = 1e-6

@@ -111,10 +111,10 @@ class DeferredService:
         transport.offer(self._offer)
 
     def add_server(self, node: str) -> None:
-        """Announce one more server of this service, a node's (fully qualified name).
+        """Announce another server of this service, on a node (fully qualified name).
 
-        `take` still gets all calls; the graph shows and counts the servers of a program that hands
-        calls over to several.
+        `take` still gets all calls. The graph then counts every server of a program that
+        distributes its calls.
         """
         server = Endpoint(self.service_name, self.srv_type._TYPE, self.srv_type._HASH, node)
         self._others.append(server)

@@ -76,7 +76,7 @@ class TaskRpcError(Exception):
     Attributes:
         not_executed: True when the call certainly did not run, False when it did, None if unknown.
         files: files that the text names, which are nothing to callers elsewhere.
-        for_callers: the text for callers elsewhere, "" for the same text without its files.
+        for_callers: the text that callers get, "" for this text without file names.
     """
 
     not_executed: bool | None = None

@@ -1,6 +1,6 @@
-"""How a program ends that lets one of our errors escape: one message and a documented status.
+"""Ends a script that lets an error of taskrpc escape: one message and a documented exit status.
 
-Errors of other kinds, a script's own TypeError for instance, keep their traceback.
+Errors of other kinds, such as a script's own TypeError, keep their traceback.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ from taskrpc.errors import (
     TaskRpcError,
 )
 
-TYPE_CHECKING = False  # typing itself is heavy
+TYPE_CHECKING = False  # typing is slow to import
 if TYPE_CHECKING:
     from types import TracebackType
 
 _ERROR, _DEADLINE, _NOT_RUN, _UNKNOWN = 1, 3, 4, 5
 _OURS = os.path.dirname(os.path.abspath(__file__)) + os.sep
 _POSITIONAL = "Extra positional arguments provided"
-"""What msgspec says; to ask each message's constructor ourselves would slow all calls."""
+"""msgspec's text; an own check in the constructors would slow all calls."""
 _BY_NAME = "a message takes its fields by name: write Request(a=1, b=2), not Request(1, 2)"
 
 
 def exit_status(error: BaseException) -> int:
-    """The exit status that says what became of the call: 1, 3, 4 or 5."""
+    """The exit status that tells the outcome of the call: 1, 3, 4 or 5."""
     if isinstance(error, DeadlineExceeded):
         return _NOT_RUN if error.not_executed else _DEADLINE
     if isinstance(error, ConnectionLost):
@@ -37,7 +37,7 @@ def exit_status(error: BaseException) -> int:
 
 
 def is_ours(error: BaseException) -> bool:
-    """Whether an error is one of ours, whose text says all that a user needs."""
+    """Whether an error belongs to taskrpc or srvgen, so its text is enough for the user."""
     if isinstance(error, TaskRpcError):
         return True
     from srvgen import DefinitionError, FieldError
@@ -46,22 +46,22 @@ def is_ours(error: BaseException) -> bool:
 
 
 def show_in_one_message() -> None:
-    """Have our errors that end this program shown without a traceback.
+    """Show errors of taskrpc that end this program without a traceback.
 
-    A program that has an excepthook of its own keeps it; `python -X dev` shows all tracebacks.
+    A program with its own excepthook keeps it; `python -X dev` shows all tracebacks.
     """
     if sys.excepthook is sys.__excepthook__ and not sys.flags.dev_mode:
         sys.excepthook = _show
 
 
 def explain(error: BaseException | None) -> None:
-    """Say in a TypeError for positional fields of a message how to write them."""
+    """Change the text of a TypeError for positional fields, so that it shows the right spelling."""
     if isinstance(error, TypeError) and error.args == (_POSITIONAL,):
         error.args = (_BY_NAME,)
 
 
 def _show(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
-    """Take the place of `sys.excepthook`. A SystemExit that it raises sets the exit status."""
+    """Replace `sys.excepthook`. The SystemExit that this raises sets the exit status."""
     explain(error)
     if not is_ours(error) and error.args != (_BY_NAME,):
         sys.__excepthook__(kind, error, traceback)
@@ -73,7 +73,7 @@ def _show(kind: type[BaseException], error: BaseException, traceback: TracebackT
 
 
 def _place(traceback: TracebackType | None) -> str:
-    """`file.py:12: ` of the last line of the program itself that a traceback names."""
+    """The last line of a traceback in the program itself, as `file.py:12: `."""
     import sysconfig
 
     folders = [sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")]

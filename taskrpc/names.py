@@ -168,5 +168,5 @@ def _refuse_if(wrong: bool, name: str, index: int, kind: str, problem: str) -> N
 
 
 def _invalid(name: str, index: int, kind: str, problem: str) -> InvalidName:
-    # The rules are the same for topics and services, and worded for topics.
+    # The rules are the same for topics and services, but their texts say "topic name".
     return InvalidName(name, index, kind=kind, problem=problem.replace("topic name", kind, 1))

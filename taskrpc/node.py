@@ -137,7 +137,7 @@ class Node(NodeTopics):
         mistakes.explain(error)
         await self.destroy()
 
-    if not TYPE_CHECKING:  # checkers say that there is no `with`; programs get a better sentence
+    if not TYPE_CHECKING:  # type checkers report `with`; programs get a better message
 
         def __enter__(self):
             raise TaskRpcError(
@@ -146,7 +146,7 @@ class Node(NodeTopics):
             )
 
         def __exit__(self, *_):
-            """Never called: `with` asks for it before it calls `__enter__`."""
+            """Never called: `with` looks it up before it calls `__enter__`."""
 
     async def start(self) -> None:
         """Join the network; `async with` does it."""
@@ -185,7 +185,7 @@ class Node(NodeTopics):
         await transport.release()
 
     async def spin(self) -> None:
-        """Serve until cancelled or told to end (Ctrl-C, SIGTERM), then finish the calls in flight.
+        """Serve until Ctrl-C, SIGTERM or a cancellation; then finish the calls in flight.
 
         A second signal ends the program at once.
         """
@@ -382,10 +382,10 @@ class Node(NodeTopics):
 
 @contextlib.asynccontextmanager
 async def stop_requested() -> AsyncIterator[asyncio.Future[int]]:
-    """A future that is done once the program is told to end: Ctrl-C, SIGTERM, Ctrl-Break.
+    """A future that is done when the program gets Ctrl-C, SIGTERM or Ctrl-Break.
 
-    Its result is the signal's number. The signals are caught as long as the block runs; a second
-    one ends the program at once.
+    Its result is the signal's number. Signals are caught while the block runs; a second one ends
+    the program at once.
     """
     loop = asyncio.get_running_loop()
     stopped: asyncio.Future[int] = loop.create_future()
@@ -402,12 +402,12 @@ async def stop_requested() -> AsyncIterator[asyncio.Future[int]]:
 def run(main: Coroutine[Any, Any, _Result]) -> _Result:
     """Run a coroutine to its end: `asyncio.run`, on uvloop where it is installed.
 
-    An error of ours that escapes from a script is shown in one message, without a traceback, and
-    sets the script's exit status as in the commands' table.
+    An error of taskrpc that escapes from a script is shown as one message without a traceback,
+    and sets the script's exit status as in the commands' table.
 
     Raises:
-        TaskRpcError: `main` is no coroutine.
-        WouldDeadlock: an event loop runs already, as in a notebook; await `main()` there.
+        TaskRpcError: `main` is not a coroutine.
+        WouldDeadlock: an event loop is already running, as in a notebook; await `main()` there.
     """
     mistakes.show_in_one_message()
     _check_main(main)

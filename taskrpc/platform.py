@@ -21,12 +21,12 @@ if TYPE_CHECKING:
     from typing import Any
 
 _LOCK_OFFSET = 0x7FFF_0000  # far behind the contents: Windows forbids reading locked bytes
-_LONGEST_HOLD, _LOCK_RETRY = 10.0, 0.002  # seconds in which Windows' locks are tried again
+_LONGEST_HOLD, _LOCK_RETRY = 10.0, 0.002  # seconds; tries for a Windows lock
 _HELD = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)  # what systems say of a lock held by another
 _NO_LIMIT = 2**20
 _LONGEST_TEXT = 16 * 2**20
 _NO_SUCH_PROCESS = 87  # Windows' ERROR_INVALID_PARAMETER: no process has this id
-_REFUSED = 1225  # Windows' ERROR_CONNECTION_REFUSED, of asyncio's own way to connect
+_REFUSED = 1225  # Windows' ERROR_CONNECTION_REFUSED, from asyncio's proactor
 _SOL_LOCAL, _LOCAL_PEERCRED = 0, 1  # macOS: who is at the other end of a unix socket
 _XUCRED = 76  # bytes of the answer: version, user id, groups
 
@@ -185,7 +185,7 @@ def why_not_private(descriptor: int, path: object, *, is_key: bool = False) -> s
 
 
 def may_anybody_write(folder: Path) -> bool:
-    """Whether every user of the machine may make files in a folder; False where nobody can tell."""
+    """Whether every user of the machine may create files in a folder; False if unknown."""
     try:  # on Windows, the mode says nothing, and a user's folders are closed to others by default
         return sys.platform != "win32" and bool(os.stat(folder).st_mode & stat.S_IWOTH)
     except OSError:
@@ -193,7 +193,7 @@ def may_anybody_write(folder: Path) -> bool:
 
 
 def is_written_by_us_only(descriptor: int) -> bool:
-    """Whether nobody but this user, or root, can have written a file, whoever can read it.
+    """Whether only this user or root can have written a file; others may be able to read it.
 
     Always true on Windows, whose file modes say nothing of other users.
     """
@@ -246,7 +246,7 @@ def write_at(descriptor: int, data: bytes, place: int) -> None:
 
 def is_same_file(path: Path, known: os.stat_result) -> bool:
     """Whether a path still leads to a file that was looked at before, and that is open."""
-    try:  # Windows lets nobody remove or replace an open file
+    try:  # on Windows an open file cannot be removed or replaced
         return sys.platform == "win32" or os.path.samestat(os.stat(path), known)
     except OSError:
         return False
@@ -396,7 +396,7 @@ def _stop_signals() -> list[int]:
 
 
 def reason_of(error: OSError) -> str:
-    """What the system says of a failure, in the same words everywhere for the frequent ones."""
+    """The system's text for an error; frequent errors have the same text on all systems."""
     if sys.platform == "win32":
         if error.winerror == _REFUSED or error.errno == errno.ECONNREFUSED:
             return "Connection refused"

@@ -84,12 +84,12 @@ class Node(SyncTopics):
         self.destroy()
 
     def start(self) -> Self:
-        """Join the network; returns the node itself. `with` does it."""
+        """Join the network and return the node itself; `with` calls this."""
         self._loop.run(self._node.start(), "start()")
         return self
 
     def close(self) -> None:
-        """Withdraw all that it has and leave the network, as `destroy` does; `with` does it."""
+        """Withdraw its services and topics and leave the network, as `destroy` does."""
         self.destroy()
 
     def get_name(self) -> str:

@@ -1,6 +1,6 @@
-"""YAML from users: every text gives a value, or one `yaml.YAMLError` that knows the place.
+"""Reads YAML from users: every text gives a value, or a `yaml.YAMLError` with the place.
 
-PyYAML's own SafeLoader lets ValueError, KeyError, AttributeError and RecursionError through, and
+PyYAML's own SafeLoader also raises ValueError, KeyError, AttributeError and RecursionError, and
 its values may be exponentially larger than the text.
 """
 
@@ -12,10 +12,10 @@ import yaml
 from yaml.constructor import ConstructorError
 
 MAX_DEPTH = 100
-"""How deep lists and mappings may be nested."""
+"""Most levels of nested lists and mappings."""
 
 MAX_REPEATED = 100_000
-"""How many values the aliases (`*name`) of one text may repeat, all together."""
+"""Most values that all aliases (`*name`) of one text may repeat together."""
 
 MAX_INTEGER_BITS = 256
 """The size of an integer: four times that of any field, so that the field's own error is shown.
@@ -36,10 +36,10 @@ class Loader(yaml.SafeLoader):
         super().__init__(text)
         self._depth = 0
         self._count = 0
-        """Nodes up to here, those that an alias repeats included."""
+        """Number of nodes so far, including those that aliases repeat."""
         self._repeated = 0
         self._sizes: dict[int, int] = {}
-        """How many nodes each finished node has, itself included; by its identity."""
+        """Number of nodes in each finished node, itself included, by its identity."""
 
     def fetch_more_tokens(self) -> None:
         r"""Scan the text further; called by PyYAML."""
@@ -50,10 +50,10 @@ class Loader(yaml.SafeLoader):
 
     def compose_document(self) -> Any:
         """Compose one document; called by PyYAML."""
-        self._sizes.clear()  # an identity may be that of a node of an earlier document
+        self._sizes.clear()  # an identity may have belonged to a node of an earlier document
         try:
             return super().compose_document()
-        except RecursionError:  # the caller itself has nested deeply
+        except RecursionError:  # the caller's own stack is deep
             self._fail("nested too deeply")
 
     def compose_node(self, parent: Any, index: Any) -> Any:

@@ -17,9 +17,9 @@ _FAMILY = "taskrpc-join"
 _ALPHABET = string.ascii_letters + string.digits + "-_"
 _CHECKSUM = 4
 _LONGEST = 8192
-"""Characters: more than the longest of each field take."""
+"""Characters; more than the longest fields need."""
 _LONGEST_TO_MEND = 1000
-"""Characters up to which a mistyped one is looked for, in a second; common strings have 200."""
+"""Characters up to which a mistyped one is searched, in about a second; most strings have 200."""
 
 
 # Whoever made a string may be anybody: what is in it is printed, called and remembered.

@@ -102,7 +102,7 @@ class Register:
     def revoke(self, name: str) -> None:
         """Refuse an account from now on, named by itself or by its student.
 
-        Raises TaskRpcError where there is none of this name.
+        Raises TaskRpcError if there is no such account.
         """
 
         def change(rows: dict[str, _Row]) -> None:
@@ -180,7 +180,7 @@ def _account(name: str, row: _Row) -> Account:
 
 
 def _account_of(student: str, accounts: set[str], written: dict[str, str]) -> str:
-    """The account of a student; a new one that is derived from the name is noted in `written`."""
+    """The account of a student; a new account is derived from the name and added to `written`."""
     for account, name in written.items():
         if name == student:
             return account
@@ -193,7 +193,7 @@ def _account_of(student: str, accounts: set[str], written: dict[str, str]) -> st
 
 
 def _check_namespace(name: str, rows: dict[str, _Row]) -> None:
-    """Each student's nodes need a namespace of their own; many names become the same one."""
+    """Refuse a name whose namespace another account has; different names may give the same one."""
     namespace = namespace_of(name)
     for other, row in rows.items():
         if other != name and not row.revoked and namespace_of(other) == namespace:

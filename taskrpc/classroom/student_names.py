@@ -13,9 +13,9 @@ from collections.abc import Callable
 _MOST = 100
 _LONGEST_ACCOUNT = 40
 _MARKS = " .,'\N{RIGHT SINGLE QUOTATION MARK}·_@+-()"
-"""What names have beside letters and digits."""
+"""Characters that names may have beside letters and digits."""
 _JOINERS = "\N{ZERO WIDTH NON-JOINER}\N{ZERO WIDTH JOINER}"
-"""Invisible parts of Persian and Indic names; other invisible signs could disguise a name."""
+"""Invisible parts of Persian and Indic names; other invisible characters could disguise a name."""
 _SPELLINGS = dict(
     zip(
         map(ord, "ßæÆœŒþÞøØłŁđĐð\N{LATIN SMALL LETTER DOTLESS I}"),
@@ -23,7 +23,7 @@ _SPELLINGS = dict(
         strict=True,
     )
 )
-"""Latin letters that Unicode does not take apart into an ASCII letter and an accent."""
+"""Latin letters that Unicode does not decompose into an ASCII letter and an accent."""
 _NUMBERED = "student"
 
 
@@ -33,7 +33,7 @@ def cleaned(name: str) -> str:
 
 
 def why_no_student(name: str) -> str:
-    """Why a cleaned name cannot be a student's, "" where it can."""
+    """Why a cleaned name is not valid for a student, "" if it is."""
     # L, M, N: letters, marks and numbers.
     kinds = [unicodedata.category(letter) for letter in name]
     is_right = all(

@@ -78,7 +78,7 @@ class _Caller:
         self._retry = RetryPolicy(attempts=plan.retries + 1) if plan.retries else None
         self._client: Client[Any, Any] | None = None
         self._request: Callable[[], Any] = lambda: None
-        """Makes the request of each call, with its time where that is `now` or `auto`."""
+        """Makes the request of each call; `now` and `auto` become the time of the call."""
         self._said_waiting = False
         self._lost: TaskRpcError | None = None
         """Why the last connection was not made."""
@@ -197,7 +197,7 @@ class _Caller:
 
 
 def _requests(cls: Any, values: Sequence[str]) -> Callable[[], Any]:
-    """What makes the request of each call. Raises InvalidRequest."""
+    """Return the function that makes the request of each call. Raises InvalidRequest."""
     if not any(word in value for value in values for word in ("auto", "now")):
         request = build_request(cls, values)
         return lambda: request

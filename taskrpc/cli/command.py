@@ -1,6 +1,6 @@
-"""How every command begins and ends: exit codes, one message for a mistake, Ctrl-C, lost output.
+"""Begins and ends every command: exit codes, error messages, Ctrl-C and lost output.
 
-Nothing heavy is imported here: `--help` shall be quick.
+This module imports nothing slow, so that `--help` is fast.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ need not be looked through often: for them it takes as long as there are tasks."
 
 
 _INPUT_LIMIT = 16 * 2**20
-"""Bytes that are read from standard input: far more than the YAML of any request."""
+"""Most bytes read from standard input: far more than the YAML of any request."""
 
 
 class Exit(IntEnum):
@@ -114,7 +114,7 @@ def guarded(action: Callable[[list[str]], int], argv: list[str]) -> int:
     except Exception as error:
         failure = process.output_failure()
         if isinstance(error, BrokenPipeError) and isinstance(failure, BrokenPipeError):
-            return Exit.DONE  # the reader of our output has read enough
+            return Exit.DONE  # the reader of the output stopped early
         if not is_mistake(error):
             raise
         if isinstance(error, OSError) and failure is not None:

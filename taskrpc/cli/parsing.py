@@ -39,7 +39,7 @@ class Parser(argparse.ArgumentParser):
             self.mixed = True
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
-        """End the command; a help text that cannot be written is the caller's to report."""
+        """End the command; the caller reports a help text that cannot be written."""
         process.check_output()
         super().exit(status, message)
 

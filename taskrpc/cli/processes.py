@@ -26,7 +26,7 @@ class Process:
 
     @property
     def script(self) -> str:
-        """The file that was started, as it was typed."""
+        """The script's path as the user typed it."""
         return self.entries[0].script
 
     @property

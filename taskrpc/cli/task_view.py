@@ -128,7 +128,7 @@ def _outlook(task: Any) -> str:
 
 
 def in_seconds(estimate: float) -> str:
-    """An estimate as text; one that has just passed is `0.0 s`, not `-0.0 s`."""
+    """An estimate as text; a negative one is shown as `0.0 s`."""
     return f"{max(0.0, estimate):.1f} s"
 
 

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from taskrpc.node import Node
 
 _ALIGNMENT = 4
-"""DDS fills messages up to a multiple of this many bytes, and `ros2 topic bw` counts them so."""
+"""DDS pads messages to a multiple of this many bytes, and `ros2 topic bw` counts the padding."""
 _TELL = 1.0
 """Seconds between two lines."""
 
@@ -187,9 +187,9 @@ class Rate(Measure):
         self._holds = holds
         self._now = now
         self._last: float | None = None
-        """When the latest message came."""
+        """The time of the latest message."""
         self._told: float | None = None
-        """The same for the latest message of which something was printed."""
+        """The time of the latest message that was printed."""
         self._spans: deque[float] = deque(maxlen=window)
 
     def take(self, message: Any) -> None:

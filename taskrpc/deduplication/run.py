@@ -39,7 +39,7 @@ class Run(IncomingCall, eq=False):
     completion: Completion | None = None
     """Once the transaction has begun: what it remembers."""
     is_storing: bool = False
-    """Whether the transaction has begun. From then on nobody can cancel the run."""
+    """Whether the transaction has begun. From then on the run cannot be cancelled."""
     refused: bool = False
     """Whether the callback has done nothing, and is to be asked again."""
     response: Any = None

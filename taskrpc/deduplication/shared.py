@@ -20,9 +20,9 @@ log = logging.getLogger("taskrpc.server")
 class LeaseClock:
     """The clock by which leases end. It counts only the time in which a server of the store runs.
 
-    Nobody can tell the time between two servers from a leap of the machine's clock. If it counted,
-    several leaps would end a lease within minutes, and a repeated request would run again. So the
-    clock goes on from the newest completion of the store.
+    The time between two servers cannot be distinguished from a leap of the machine's clock. If it
+    counted, several leaps could end a lease within minutes, and a repeated request would run again.
+    So the clock continues from the newest completion of the store.
 
     Args:
         completions: those of the store.
@@ -32,7 +32,7 @@ class LeaseClock:
 
     def __init__(self, completions: Iterable[Completion], wall: float, ticks: float) -> None:
         self.offset = max((each.at for each in completions), default=wall) - ticks
-        """To be added to what the loop's clock shows."""
+        """The offset from the loop's clock."""
 
 
 class Shared:

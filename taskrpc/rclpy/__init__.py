@@ -80,7 +80,7 @@ _LATER = frozenset(
 """Modules that are imported when a program names them, as in `rclpy.executors.Executor`."""
 
 
-if not TYPE_CHECKING:  # a type checker would take every name that is not there for Any
+if not TYPE_CHECKING:  # or type checkers would accept every missing name as Any
 
     def __getattr__(name):
         if name == "Parameter":

@@ -28,13 +28,13 @@ _ours: weakref.WeakKeyDictionary[Any, _Known] = weakref.WeakKeyDictionary()
 
 
 _service_ends: weakref.WeakValueDictionary[tuple[str, bool], Any] = weakref.WeakValueDictionary()
-"""This program's newest client and newest server of each service; True is the server's."""
+"""This program's newest client (False) and newest server (True) of each service."""
 
 
 def meet(end: Any, *, is_server: bool) -> None:
-    """Say so where a service's client and server in this program have profiles that differ.
+    """Warn if a service's client and server in this program have profiles that do not match.
 
-    Requests go one way and responses the other, so the profiles have to match both ways.
+    Requests go one way and responses the other, so the profiles must match in both directions.
     """
     name = end.service_name
     _service_ends[name, is_server] = end

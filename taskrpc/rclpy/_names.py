@@ -33,7 +33,7 @@ def translated(error: InvalidName) -> NameValidationException:
 
 
 def ros_problem(error: InvalidName) -> str:
-    """The rule in ROS's words, which speak of topics where a service is meant, too."""
+    """The rule in ROS's words, which say "topic name" for services too."""
     return error.problem.replace("service name", "topic name", 1)
 
 

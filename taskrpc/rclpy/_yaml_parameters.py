@@ -149,7 +149,7 @@ def _scalar(node: yaml.ScalarNode) -> bool | int | float | str:
 
 
 def _has_tag(node: yaml.Node) -> bool:
-    """Whether a tag is written before a scalar; else PyYAML has chosen one by its own rules."""
+    """Whether a scalar has an explicit tag; otherwise PyYAML chose one by its own rules."""
     mark = node.start_mark
     return mark.buffer is not None and _WRITTEN_TAG.match(mark.buffer, mark.pointer) is not None
 
@@ -166,7 +166,7 @@ def _tagged(node: yaml.ScalarNode, text: str) -> bool | int | float:
 def _integer(text: str) -> int | None:
     """A 64-bit integer; None for anything else."""
     match = _INTEGER.fullmatch(text)
-    if match is None or len(text) > _LONGEST_INTEGER:  # Python refuses some thousand digits
+    if match is None or len(text) > _LONGEST_INTEGER:  # Python refuses thousands of digits
         return None
     sign, digits = match.groups()
     base = 16 if digits[:2] in ("0x", "0X") else 8 if digits[0] == "0" else 10

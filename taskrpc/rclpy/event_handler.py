@@ -135,7 +135,7 @@ class Events:
         of_type = {kind.name.rpartition("INCOMPATIBLE_")[2]: kind for kind in kinds}
         matched = kinds["RCL_SUBSCRIPTION_MATCHED" if subscribes else "RCL_PUBLISHER_MATCHED"]
         self._defaults: list[EventHandler] = []
-        """The handlers that log what does not fit: at once, also where the node does not spin."""
+        """The handlers that log incompatible QoS and types, even if the node does not spin."""
         self._matched_info = QoSSubscriptionMatchedInfo if subscribes else QoSPublisherMatchedInfo
         self._matches = 0
         logs = callbacks.use_default_callbacks

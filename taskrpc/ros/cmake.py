@@ -1,7 +1,7 @@
-"""What a CMake package installs of Python, read from its `CMakeLists.txt` without running CMake.
+"""The Python programs and modules that a CMake package installs, without running CMake.
 
-Programs are what `ros2 run` starts; modules are what other packages import. Conditions are not
-evaluated: each command counts.
+`ros2 run` starts programs; other packages import modules. Both are read from `CMakeLists.txt`.
+Conditions are not evaluated: each command counts.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _COMMAND = re.compile(r"\b([A-Za-z_]\w*)\s*\(((?:\"(?:\\.|[^\"\\])*\"|[^()\"])*)
 _ARGUMENT = re.compile(r"\"((?:\\.|[^\"\\])*)\"|([^\s;\"]+)")
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
 _MOST = 10_000
-"""Commands that are read: loops in loops may have any number."""
+"""Most commands that are read, since nested loops may give any number."""
 
 _HERE_VARIABLES = (
     *("CMAKE_CURRENT_SOURCE_DIR", "CMAKE_CURRENT_LIST_DIR"),
@@ -33,7 +33,7 @@ _END_OF_ITEMS = {
     *("EXCLUDE_FROM_ALL", "FILES_MATCHING", "PATTERN", "REGEX", "MESSAGE_NEVER"),
 }
 _SITE = "site-packages"
-"""What stands for the folder of installed Python modules."""
+"""Stands for the folder of installed Python modules."""
 
 _SITE_VARIABLES = ("PYTHON_INSTALL_DIR", "PYTHON3_INSTALL_DIR", "Python3_SITELIB", "Python_SITELIB")
 _IN_SITE = re.compile(rf"(?:.*/)?(?:{_SITE}|dist-packages)(?:/(?P<inner>.*?))?/?")
@@ -60,7 +60,7 @@ def programs(package: Path) -> dict[str, Path]:
 def modules(package: Path) -> dict[str, Path]:
     """The Python modules that a package installs: names to import, with their files or folders.
 
-    `a.b` is a module in a package `a` that other commands, or nothing else, make.
+    `a.b` is a module in a package `a`, which may have no other files.
     """
     found: dict[str, Path] = {}
     for command, arguments in _commands(package):
@@ -162,7 +162,7 @@ def _evaluated(
             index += len(inner)
             for value in _values_of_loop(arguments, known):
                 known[arguments[0]] = value
-                yield name, arguments  # so that empty loops count, too
+                yield name, arguments  # empty loops count towards the limit too
                 yield from _evaluated(inner, known, package)
             continue
         if name == "project" and arguments:

@@ -1,4 +1,4 @@
-"""What a package installs: executables of `ros2 run`, and modules; read without executing it."""
+"""The executables and modules that a package installs, read without executing the package."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def source_folder(package: Path) -> Path:
 
 
 def modules(package: Path, name: str) -> dict[str, Path]:
-    """What programs import of a package of this name: modules, with their files or folders.
+    """The modules that a package of this name installs, with their files or folders.
 
     `a.b` is a module in a package `a`, which may have no folder of its own.
     """

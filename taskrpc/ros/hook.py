@@ -94,7 +94,7 @@ class _NeighbourFinder(MetaPathFinder):
     def __init__(self) -> None:
         self.starts: list[Path] = []
         self._found: set[str] = set()
-        """Packages whose modules may lie elsewhere than in their folder."""
+        """Packages whose modules may lie outside of their own folder."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -115,7 +115,7 @@ class _NeighbourFinder(MetaPathFinder):
         return None
 
 
-@cache  # a program asks for every module that it cannot import
+@cache  # called for every module that a program cannot import
 def _modules_of(package: Path, name: str) -> dict[str, Path]:
     from taskrpc.ros.executables import modules
 

@@ -39,7 +39,7 @@ def run_script(path: Path, arguments: Sequence[str]) -> int:
 
 
 def run_code(code: str, arguments: Sequence[str]) -> int:
-    """Run a text of Python as `python -c` does; ends as `run_script` does."""
+    """Run Python code as `python -c` does; ends as `run_script` does."""
     _prepare(Path.cwd(), ["-c", *arguments])
     return _run_as_main(code, "<string>")
 
@@ -83,7 +83,7 @@ def run_executable(package: str, name: str, arguments: Sequence[str]) -> int:
 
     Raises TaskRpcError where there is no such package or executable.
     """
-    from taskrpc.ros import cmake, executables  # whose readers of files nobody else needs
+    from taskrpc.ros import cmake, executables  # only this function needs them
 
     folder = workspace.packages(Path.cwd()).get(package)
     if folder is None:

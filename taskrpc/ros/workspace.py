@@ -68,7 +68,7 @@ def _tops(start: Path) -> Iterator[Path]:
 
 @cache  # a program asks for every module that it cannot import
 def _packages_in(given: Path) -> tuple[tuple[str, Path], ...]:
-    """The packages below a folder, those that lie less deep first; as colcon finds them."""
+    """The packages below a folder, in order of depth; as colcon finds them."""
     found = []
     top = given.resolve()
     level = [top]
@@ -103,7 +103,7 @@ def _new_folders(entries: dict[str, os.DirEntry[str]], seen: set[str]) -> Iterat
         entry = entries[name]
         if name in _LEFT_OUT or name.startswith(".") or len(seen) >= _MOST or not entry.is_dir():
             continue
-        # A link may lead back to a folder that contains it: from here on use where it leads.
+        # A link may lead to a folder that contains it, so compare the real folders.
         real = os.path.realpath(entry.path) if entry.is_symlink() else entry.path
         if real not in seen:
             seen.add(real)

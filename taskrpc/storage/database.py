@@ -40,7 +40,7 @@ class Database:
         equip: gives a connection what it needs besides tables, whenever there is a new one.
         holder: what uses such a file, as a sentence names it.
         anew: whether a store that is missing, or lacks transactions, does not matter, because
-            everything is to be forgotten.
+            everything is going to be deleted.
 
     Raises:
         StoreError: it cannot be opened.
@@ -158,7 +158,7 @@ class Database:
             raise StoreError(loss(self._path, self._lock.path, known.commits - reached.commits))
 
     def _refuse_other_contents(self) -> None:
-        """Refuse a database without a store in the place of one that the lock knows."""
+        """Refuse a database without tables if the lock has counted transactions."""
         witness = self._lock.witness
         if witness is not None and witness.commits and not has_tables(self._connection):
             text = place.lost_store(
@@ -263,13 +263,13 @@ class MemoryDatabase:
             raise StoreError(str(error)) from error
 
     def change(self, work: _Work) -> None:
-        """Do all of it or nothing of it. Raises what `work` raises."""
+        """Run a function in a transaction. Raises its error after a rollback."""
         with self._connection as connection:
             connection.execute("BEGIN")
             work(connection)
 
     def close(self) -> None:
-        """Forget everything."""
+        """Close the connection, which deletes everything."""
         self._connection.close()
 
 

@@ -143,7 +143,7 @@ class SqliteCompletions:
         await self._writer.change(_Done(completion, _statements(effect), forgotten))
 
     async def query(self, sql: str, parameters: Parameters = ()) -> list[tuple[Any, ...]]:
-        """Return the rows that a SELECT finds among what is stored. Raises StoreError."""
+        """Return the rows that a SELECT finds in the database. Raises StoreError."""
         return await self._writer.read(lambda found: self._guard.look_up(found, sql, parameters))
 
     @property
@@ -191,7 +191,7 @@ class _Done:
 
 
 class _Guard:
-    """Runs a service's statements, and lets none touch the transaction, however it is written.
+    """Runs a service's statements, and refuses every statement that would end the transaction.
 
     One that ended it would leave behind the effects of others without their completions.
     """
@@ -225,7 +225,7 @@ class _Guard:
     def look_up(
         self, connection: sqlite3.Connection, sql: str, parameters: Parameters
     ) -> list[tuple[Any, ...]]:
-        """Return the rows of a statement, which can change nothing."""
+        """Return the rows of a statement that cannot change anything."""
         connection.execute("PRAGMA query_only = ON")
         connection.text_factory, before = str, connection.text_factory
         self._is_on = True
@@ -274,7 +274,7 @@ def _about_statements(problem: str) -> Iterator[None]:
 
 
 def _refused(problem: str) -> StoreError:
-    """An error whose text is for the server's log: it may show SQL, which callers must not see."""
+    """An error whose text is only for the server's log, since it may contain SQL."""
     error = StoreError(problem)
     error.for_callers = NOTHING_STORED
     return error

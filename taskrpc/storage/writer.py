@@ -19,7 +19,7 @@ _Change = TypeVar("_Change")
 _Result = TypeVar("_Result")
 
 NOTHING_STORED = "nothing was stored; the server's log says why"
-"""What callers are told where the error's text may show SQL or other code of the service."""
+"""The text that callers get if the error's own text may contain the service's SQL or code."""
 
 _LOOK = 0.05
 """Seconds between two looks whether the file is free; nobody is told by the system."""

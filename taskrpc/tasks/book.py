@@ -82,13 +82,13 @@ class TaskBook:
         return self._tasks.values()
 
     def ended(self) -> Iterator[Task]:
-        """Iterate over the ended tasks: the interrupted ones, then the others, newest end first."""
+        """Iterate over the ended tasks: the interrupted ones, then the others, newest first."""
         numbers = (*reversed(self._interrupted), *reversed(self._ended))
         return (self._tasks[task_id] for task_id in numbers)
 
     @property
     def interrupted(self) -> Collection[int]:
-        """The numbers of the tasks that wait for a person's decision."""
+        """The numbers of the interrupted tasks, which wait for the operator's decision."""
         return self._interrupted.keys()
 
     def save(

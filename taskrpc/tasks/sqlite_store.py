@@ -32,7 +32,7 @@ class SqliteStore:
         self._path = Path(path).absolute()
         self._writer: Writer[Change] = Writer(self._open_file, task_tables.write)
         self._anew = False
-        """Whether what the file has lost does not matter, because it is being cleared."""
+        """Whether a missing or incomplete file is accepted, because it is being cleared."""
 
     async def claim(self, waiting: Callable[[FileInUse], object] | None = None) -> None:
         """Wait until no other process uses the file, and keep it from then on.

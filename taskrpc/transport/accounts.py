@@ -44,16 +44,16 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class AccountBook:
-    """Accounts as they are now: given once, or those of a file, read afresh when it changes.
+    """The current accounts: given once, or read from a file again whenever it changes.
 
-    Raises TaskRpcError for a file that cannot be read, or that others can read.
+    Raises TaskRpcError for a file that is invalid, or that other users can read.
     """
 
     def __init__(self, given: Accounts | str | Path) -> None:
         self._path: Path | None = None
         self._seen: object = None
         self._problem = ""
-        """Why the file as it is now does not count, with what counts instead."""
+        """Why the current file is not in force, and what is instead; "" if it is in force."""
         self._told = 0.0
         if isinstance(given, Accounts):
             self.now = given
@@ -64,14 +64,15 @@ class AccountBook:
 
     @property
     def may_change(self) -> bool:
-        """Whether they are a file's, which somebody must look at."""
+        """Whether they come from a file, which must be checked for changes."""
         return self._path is not None
 
     def look(self) -> bool:
-        """Look whether the file has changed; returns whether the accounts did.
+        """Check whether the file has changed; return whether the accounts have.
 
-        While it cannot be used, the accounts of the last good file hold, and the log says so again
-        and again. What others can read, but not write, still takes away: a revocation holds.
+        While the file is invalid, the accounts of the last valid file stay in force, and the log
+        repeats the reason. If other users can read the file but not write it, its restrictions
+        take effect, such as a revocation.
         """
         if self._path is None:
             return False
@@ -109,16 +110,16 @@ def read_accounts(path: Path) -> Accounts:
 
 
 def _read(path: Path) -> tuple[Accounts, str]:
-    """The accounts of a file, and why they may only take away ("" if they are good).
+    """The accounts of a file, and why only its restrictions take effect ("" if all of it does).
 
-    Raises TaskRpcError where they may not even do that.
+    Raises TaskRpcError for a file that is invalid or that other users can write.
     """
     try:
         with open(path, "rb") as file:
             problem = platform.why_not_private(file.fileno(), path)
             if problem and not platform.is_written_by_us_only(file.fileno()):
                 raise TaskRpcError(problem)
-            # Some editors put a mark before what they write.
+            # Some editors begin a file with a byte order mark.
             content = file.read().removeprefix(BOM_UTF8)
     except OSError as error:
         raise TaskRpcError(f"{path}: {error.strerror}") from None
@@ -130,8 +131,7 @@ def _parsed(path: Path, content: bytes) -> Accounts:
     try:
         found = decode(content, type=_File)
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
-        # What the parser says may have a piece of the file in it, though only where it is no file
-        # of accounts.
+        # The parser's text may quote the file, and so a secret, if the syntax is invalid.
         problem = str(error) if isinstance(error, msgspec.ValidationError) else "it cannot be read"
         raise TaskRpcError(f"{path}: expected accounts as TOML or JSON: {problem}") from None
     for name, row in found.accounts.items():
@@ -149,7 +149,7 @@ def _parsed(path: Path, content: bytes) -> Accounts:
 
 
 def _narrowed(old: Accounts, new: Accounts) -> Accounts:
-    """The old accounts, without what the new ones do not allow any more."""
+    """The old accounts, restricted to what the new ones still allow."""
     by_name = {account.name: account for account in new}
     return Accounts(_least(account, by_name.get(account.name)) for account in old)
 

@@ -14,23 +14,22 @@ from taskrpc.transport.shares import ByHost, Caller, name_of
 log = logging.getLogger("taskrpc.transport")
 
 MAX_CONNECTIONS = 10_000
-"""Connections of callers that have proved themselves, where descriptors allow so many."""
+"""Connections of callers with a proof, as far as descriptors allow."""
 MAX_STRANGERS = 128
-"""Connections that have not; one more cuts off the oldest of the machine that has most."""
+"""Connections without a proof; one more closes the oldest one of the machine that has the most."""
 
 RETRY_AFTER = 1.0
 GRACE = 5.0
-"""Seconds that a connection has to finish its calls when somebody else needs its place."""
+"""Seconds that a connection has to finish its calls when another caller needs its place."""
 
 
 class Admission:
     """Counts the connections of one listener.
 
-    A flood of strangers costs only strangers their places: whoever has proved himself stays, and
-    a proof takes far less time than 128 others need to come. A flood from one machine costs only
-    that machine's strangers theirs. Nor can one account's flood keep the
-    others out, nor one machine's others of its account: whoever has most connections loses one to
-    who has fewer.
+    A flood of connections without a proof closes only such connections, and only those of the
+    machine that it comes from. Connections with a proof stay, and a proof takes far less time than
+    128 new connections. A flood from one account, or from one machine of an account, does not keep
+    others out: the caller with the most connections loses one to a caller with fewer.
     """
 
     def __init__(self) -> None:

@@ -305,7 +305,7 @@ class Transport(Protocol):
         """Stop taking calls for a service; those that came before may still be answered."""
 
     def add_server(self, server: Endpoint) -> None:
-        """Announce one more server of a service that is offered here; it takes no calls itself."""
+        """Announce another server of a service of this process; it takes no calls itself."""
 
     def remove_server(self, server: Endpoint) -> None:
         """Withdraw such an announcement."""

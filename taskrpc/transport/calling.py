@@ -65,12 +65,12 @@ class OpenCall(msgspec.Struct, eq=False):
     """What has counted it, where it came to an exactly-once service by `send_next`."""
     sequence: int = 0
     is_late: bool = False
-    """Whether its deadline has passed, and the server is asked whether it had begun."""
+    """Whether its deadline has passed and the server was asked whether it had begun."""
 
     def failed(self, error: BaseException) -> None:
         """The call ended with an error."""
         if not self.future.done():
-            # What a callback itself says is an answer, also in the last moment.
+            # An error of the handler is a response, even just after the deadline.
             if isinstance(error, TaskRpcError) and self.is_late and error.not_executed is not False:
                 error = _deadline_exceeded(error.not_executed)
             self.future.set_exception(error)
@@ -85,24 +85,24 @@ class OpenCall(msgspec.Struct, eq=False):
             self.move(self)
 
     def expired(self) -> None:
-        """The deadline passed: cancel the call, and tell the caller what became of it.
+        """The deadline passed: cancel the call, and give the caller its outcome.
 
-        The server knows whether a call that was sent has begun. Its word is awaited for the rest of
-        the tick by which the caller may learn late.
+        The server knows whether a call that was sent has begun. Its answer is awaited for the rest
+        of the tick by which the caller may learn late.
         """
         if self.is_late or self.future.done():
             return
         if self.call_id and self.method:
             self.connection.forget(self, but_hear=True)
             self.is_late = True
-            # Not counted from the deadline: a loop that is late itself has not heard the word yet.
+            # Counted from now, not from the deadline: a late loop has not read the answer yet.
             self.connection.owner.loop.call_later(TICK - LOOK_LATE, self._unheard)
         else:  # not sent, or a question about a service: nothing can have run
             self.future.set_exception(_deadline_exceeded(not_executed=True))
             self.connection.forget(self)
 
     def _unheard(self) -> None:
-        """The server has said nothing about a call that is late."""
+        """The server has not answered whether an expired call had begun."""
         if not self.future.done():
             self.future.set_exception(_deadline_exceeded(not_executed=None))
             self.connection.forget(self)
@@ -193,7 +193,7 @@ class CallingConnection(Connection):
             self.flush_soon()
 
     def forget(self, call: OpenCall, *, but_hear: bool = False) -> None:
-        """A caller gave up; with `but_hear` the call still gets the server's last word."""
+        """A caller gave up; with `but_hear` the server's answer still reaches the call."""
         if call.call_id:
             if but_hear:
                 self.session.ask_to_stop(call.call_id)

@@ -136,7 +136,7 @@ class Endpoint(Handing):
             self._advertise()
 
     def add_server(self, server: Named) -> None:
-        """Announce one more server of a service that is offered here; it takes no calls itself."""
+        """Announce another server of a service of this process; it takes no calls itself."""
         self.publish(Change(service=server))
 
     def remove_server(self, server: Named) -> None:
@@ -292,7 +292,7 @@ class Endpoint(Handing):
         if not self.address:
             self._admission = Admission()
             self.address = self.network.listen(self._accepted)
-            if self._watches_files:  # they may change before anybody comes
+            if self._watches_files:  # they may change before the first connection
                 self._look_again()
 
     @property

@@ -167,7 +167,7 @@ class Roster:
         _drop(self._servers, server)
         _drop(self._offered, name)
         self.services.pop(name, None)
-        if name in self._offered:  # nodes of one program may share a name, which few do
+        if name in self._offered:  # nodes of one program may share a name, but rarely do
             self.services[name] = next(each for each in self._servers if each.name == name)
 
     def _count_publisher(self, publisher: TopicEndpoint, *, gone: bool) -> None:

@@ -27,13 +27,13 @@ log = logging.getLogger("taskrpc.transport")
 BACKLOG = 512
 """Connections that the kernel holds until they are accepted."""
 MAX_ARRIVING = 128
-"""Connections that are being made, TLS handshake included; one more cuts off the oldest of the
-machine that has most."""
+"""Connections that are being established, TLS handshake included; one more closes the oldest one of
+the machine that has the most."""
 MAX_WAITING = 512
-"""Accepted connections that wait for their turn; one more closes the oldest of the machine that has
-most, where that is another machine."""
+"""Accepted connections that wait for their turn; one more closes the oldest one of the machine that
+has the most, unless that is this machine."""
 ACCEPTS_A_TURN = 16
-"""Connections that are taken from the kernel in one turn of the loop; one of them begins."""
+"""Connections accepted from the kernel in one turn of the loop; one of them begins."""
 
 _PAUSE = 0.1
 """Seconds until the next try, after the system could not accept."""
@@ -45,7 +45,7 @@ _EXHAUSTED = {
 
 
 class _Accepted(NamedTuple):
-    """A connection that the kernel has made, and nobody has looked at."""
+    """An accepted connection that waits for its turn."""
 
     sock: socket.socket
     peer: Any
@@ -53,9 +53,9 @@ class _Accepted(NamedTuple):
 
 
 class Listener:
-    """Gives every connection that comes to a bound, listening socket a protocol of `factory`.
+    """Gives every connection to a bound, listening socket a protocol of `factory`.
 
-    `context` is asked for every connection, None is plain; certificates may change in between.
+    `context` is called for each connection, since certificates may change; None means plain.
     """
 
     def __init__(
@@ -80,7 +80,7 @@ class Listener:
         self._accepting.add_done_callback(self._stopped)
 
     async def close(self) -> None:
-        """Take no more connections, and give up those that are being made."""
+        """Accept no more connections, and cancel those that are being established."""
         self._closing = True
         if not _shut_down(self._sock):
             self._accepting.cancel()
@@ -109,7 +109,7 @@ class Listener:
             else:
                 self._accept_more()
                 self._begin(self._waiting.pop_next())
-                # One a turn: a storm of connections must not keep those that are there waiting.
+                # One a turn: a flood of connections must not delay the existing ones.
                 await asyncio.sleep(0)
 
     def _wait(self, sock: socket.socket, peer: Any) -> None:
@@ -117,10 +117,10 @@ class Listener:
         self._waiting.add(accepted.host, accepted)
 
     def _accept_more(self) -> None:
-        """Empty the kernel's queue, which drops whoever comes while it is full.
+        """Empty the kernel's queue, which drops new connections while it is full.
 
-        So one machine's flood of connections fills its own places only. Programs of this machine
-        are not closed for one: the kernel lets them wait.
+        So a flood from one machine fills only the places of that machine. Connections of this
+        machine are not closed for others: they wait in the kernel's queue.
         """
         for _ in range(ACCEPTS_A_TURN):
             is_full = len(self._waiting) >= MAX_WAITING
@@ -130,7 +130,7 @@ class Listener:
             try:
                 self._wait(*self._sock.accept())
             except OSError:
-                return  # there is none; what else it may be, the next `sock_accept` says
+                return  # no connection waits; the next `sock_accept` reports any other error
             if is_full:
                 self._close_oldest(greedy)
 
@@ -166,7 +166,7 @@ class Listener:
             text = "closed the connection from %s: no TLS: %s"
             self._refusals.warning(self._loop.time(), text, shown(peer), problem)
         except OSError as error:
-            sock.close()  # there may be no transport yet that would
+            sock.close()  # there may be no transport yet to close it
             log.debug("the connection from %s was not made: %s", shown(peer), error)
         except Exception:
             sock.close()
@@ -175,7 +175,7 @@ class Listener:
     def _arrived(self, accepted: _Accepted, task: asyncio.Task[None]) -> None:
         self._arriving.remove(accepted.host, task)
         if task.cancelled():
-            accepted.sock.close()  # nobody may have begun to use it
+            accepted.sock.close()  # no transport may own it yet
 
     def _turn_away(self, error: OSError) -> None:
         """Close whoever waits, with the descriptor kept for this, so that they learn it at once."""

@@ -28,9 +28,9 @@ class Address(msgspec.Struct, frozen=True):
     domain: int | None = None
     """The one that it is in where that is another than ours."""
     pid: int = 0
-    """The process, where a directory of this machine names it."""
+    """The process id, if the registry of this machine knows it, else 0."""
     script: str = ""
-    """The same process as its user knows it."""
+    """The script of that process."""
 
     def __repr__(self) -> str:
         return f"Address({self.place!r})"  # without the token: what is printed ends in logs

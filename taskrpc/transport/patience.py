@@ -110,7 +110,7 @@ def _backlog_of(sock: socket.socket) -> _Backlog | None:
     """What is to be delivered; None where it does not matter, or nobody can tell any more."""
     if sys.platform != "linux":
         return None
-    else:  # mypy takes only such a branch for one of another system
+    else:  # mypy recognises another system only by such a branch
         try:
             found = sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _INFO_SIZE)
             asked, unacknowledged, heard, unsent, room = struct.unpack(_INFO, found)

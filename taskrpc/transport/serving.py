@@ -91,7 +91,7 @@ class ServingConnection(Connection):
         self.host = host
         self.unread = host.unread
         self.host_name = ""
-        """The address of the machine that calls, "" for this one; known once it is connected."""
+        """The caller's machine, "" for this one; known once it is connected."""
         self.caller = ""
         self.shares: Caller = ("", "")
         """Who he is where seats and memory are divided."""

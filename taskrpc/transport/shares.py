@@ -41,9 +41,9 @@ def name_of(caller: Caller) -> str:
 
 
 class Shares:
-    """So much of something. A caller may have as much of it as is left for the others.
+    """A quota that callers share. A caller may have as much of it as is left for the others.
 
-    One alone can take a half, two a third each: there is always some for who comes next.
+    One caller alone gets half, two get a third each: some is always left for the next caller.
     """
 
     __slots__ = ("_taken", "_total", "left")
@@ -51,7 +51,7 @@ class Shares:
     def __init__(self, total: int) -> None:
         self._total = total
         self.left = total
-        """What nobody has."""
+        """The amount that is not taken."""
         self._taken: dict[Caller, int] = {}
 
     def take(self, caller: Caller, amount: int) -> bool:
@@ -77,13 +77,13 @@ def host_of(peername: object) -> str:
 
 
 class ByHost(Generic[_Item]):
-    """Things in their order of arrival, each from a machine; machines take turns."""
+    """Items in order of arrival, each from a machine; machines take turns."""
 
     __slots__ = ("_count", "_hosts")
 
     def __init__(self) -> None:
         self._hosts: dict[str, dict[_Item, None]] = {}
-        """Whose turn is next comes first."""
+        """The items of each machine; the machine whose turn is next comes first."""
         self._count = 0
 
     def __len__(self) -> int:
@@ -94,12 +94,12 @@ class ByHost(Generic[_Item]):
             yield from items
 
     def add(self, host: str, item: _Item) -> None:
-        """Put a thing behind all others of its machine."""
+        """Add an item behind all others of its machine."""
         self._hosts.setdefault(host, {})[item] = None
         self._count += 1
 
     def remove(self, host: str, item: _Item) -> bool:
-        """Take a thing out; returns whether it was there."""
+        """Remove an item; return whether it was there."""
         items = self._hosts.get(host, {})
         if item not in items:
             return False
@@ -110,17 +110,17 @@ class ByHost(Generic[_Item]):
         return True
 
     def largest(self) -> str:
-        """The machine that has most; "" where there is nothing."""
+        """The machine with the most items; "" if there are none."""
         return max(self._hosts, key=lambda host: len(self._hosts[host]), default="")
 
     def pop_oldest(self, host: str) -> _Item:
-        """Take out the oldest thing of a machine. Raises KeyError where it has none."""
+        """Remove and return the oldest item of a machine. Raises KeyError if it has none."""
         item = next(iter(self._hosts[host]))
         self.remove(host, item)
         return item
 
     def pop_next(self) -> _Item:
-        """Take out the oldest thing of the machine whose turn it is. Raises KeyError if empty."""
+        """Remove and return the oldest item of the next machine. Raises KeyError if empty."""
         host = next(iter(self._hosts), "")
         item = self.pop_oldest(host)
         if host in self._hosts:

@@ -192,7 +192,7 @@ class ThreadedConnection(CallingConnection):
             super().say(action)
 
     def forget(self, call: OpenCall, *, but_hear: bool = False) -> None:
-        """A caller gave up; with `but_hear` the call still gets the server's last word."""
+        """A caller gave up; with `but_hear` the server's answer still reaches the call."""
         with self._mine:
             super().forget(call, but_hear=but_hear)
 

@@ -26,9 +26,9 @@ from taskrpc.web.pages import Page, Pages
 log = logging.getLogger("taskrpc.web")
 
 MAX_CONNECTIONS = 64
-"""Connections at a time; one more cuts off the oldest whose request is not being answered."""
+"""Open connections; one more closes the oldest one whose request is unfinished."""
 PATIENCE = 10.0
-"""Seconds for one request and its answer, after which the connection is cut off."""
+"""Seconds for one request and its response; then the connection is closed."""
 
 _HEADERS = {
     "Server": "taskrpc",
@@ -156,25 +156,25 @@ class _Places:
 
     def __init__(self) -> None:
         self._open: dict[web.RequestHandler, asyncio.Transport] = {}
-        """In the order in which they came."""
+        """Connections in order of arrival."""
         self._answered: set[web.RequestHandler] = set()
-        """Those whose page is being made."""
+        """Connections whose response is being made."""
         self.malformed = SeldomLog(log)
 
     def take(self, connection: web.RequestHandler, transport: asyncio.Transport) -> None:
-        """Give a new connection a place, if need be that of the oldest that can be spared."""
+        """Add a connection; if there are too many, close the oldest with an unfinished request."""
         self._open[connection] = transport
         if len(self._open) > MAX_CONNECTIONS:
             oldest = next(each for each in self._open if each not in self._answered)
             self._open.pop(oldest).abort()
 
     def leave(self, connection: web.RequestHandler) -> None:
-        """A connection is gone."""
+        """Remove a connection that has ended."""
         self._open.pop(connection, None)
 
     @contextlib.contextmanager
     def kept(self, connection: web.RequestHandler) -> Iterator[None]:
-        """Inside the block a connection is not cut off for another one."""
+        """Protect a connection from being closed for another one inside the block."""
         self._answered.add(connection)
         try:
             yield
@@ -183,12 +183,12 @@ class _Places:
 
 
 class _Connection(web.RequestHandler):
-    """One connection of aiohttp's, which is cut off after `PATIENCE` and logs no tracebacks."""
+    """A connection of aiohttp that is closed after `PATIENCE` and logs no tracebacks."""
 
     __slots__ = ("_places", "_timer")
 
     def __init__(self, server: web.Server, places: _Places) -> None:
-        no_log: Any = None  # a line a request would be too many
+        no_log: Any = None  # no log line for each request
         super().__init__(server, loop=asyncio.get_running_loop(), access_log=no_log)
         self._places = places
         self._timer: asyncio.TimerHandle | None = None
@@ -196,7 +196,7 @@ class _Connection(web.RequestHandler):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
         writing = cast("asyncio.Transport", transport)
-        # An abort: a peer that does not read would keep its place while we wait to close.
+        # Abort, not close: a peer that does not read would keep its place during a close.
         self._timer = asyncio.get_running_loop().call_later(PATIENCE, writing.abort)
         self._places.take(self, writing)
 
@@ -220,7 +220,7 @@ class _Connection(web.RequestHandler):
         return _response(Page("expected a valid HTTP/1.1 request\n", status=status))
 
     def log_exception(self, *args: Any, **options: Any) -> None:
-        """Log what aiohttp caught; a body that breaks off is no fault of ours."""
+        """Log an error that aiohttp caught; a truncated body is the client's fault."""
         problem = options.get("exc_info")
         if isinstance(problem, web.RequestPayloadError):
             self._refused(problem)

@@ -12,8 +12,8 @@ LEASE = 24 * 3600.0
 of the store runs counts."""
 
 REPEATED_FOR = LEASE / 2
-"""Seconds for which a client repeats a request that may have run. After them a server may soon
-forget the request, and would run it again."""
+"""Seconds for which a client repeats a request that may have run. Later the server may have
+forgotten the request, and would run it again."""
 
 MEMORY = 128 * 2**20
 """Bytes that a ledger remembers. An account may have as many as are still free: one alone gets a

@@ -150,13 +150,13 @@ class Session(Link):
         self.drop(call_id)
 
     def ask_to_stop(self, call_id: int) -> None:
-        """Tell the peer to stop; what it says then still comes back with the ticket."""
+        """Tell the peer to stop a call; its answer is still returned with the ticket."""
         held = self.open_calls.get(call_id)
         if held is not None and held[0] is not None:
             self.send(FrameType.CANCEL, 0, 0, call_id, 0, b"")
 
     def drop(self, call_id: int) -> None:
-        """Drop the answer to a call."""
+        """Ignore the answer to a call."""
         held = self.open_calls.get(call_id)
         if held is not None:
             self.open_calls[call_id] = (None, held[1])

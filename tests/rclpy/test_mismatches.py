@@ -66,7 +66,7 @@ BEST_EFFORT = qos_profile_sensor_data
     ],
 )
 @pytest.mark.parametrize("server_first", [True, False])
-def test_a_service_and_a_client_whose_qos_differs_are_told(
+def test_service_and_client_with_different_qos_are_reported(
     capfd, monkeypatch, server, client, problem, server_first
 ):
     monkeypatch.setattr(_explain, "_told", set())
@@ -92,7 +92,7 @@ def test_a_service_and_a_client_whose_qos_differs_are_told(
 
 
 @pytest.mark.parametrize("profile", [BEST_EFFORT, LATCHED, qos_profile_services_default])
-def test_a_service_and_a_client_of_one_qos_are_not_told(capfd, monkeypatch, profile):
+def test_service_and_client_with_equal_qos_are_not_reported(capfd, monkeypatch, profile):
     monkeypatch.setattr(_explain, "_told", set())
     with rclpy.init():
         node = rclpy.create_node("both")

@@ -68,7 +68,7 @@ def test_numeric_arrays_of_fixed_length_are_numpys():
     assert message.flags == [False] * 3
 
 
-def test_what_is_set_in_an_array_of_numpy_is_set_in_the_message_and_is_sent():
+def test_change_of_a_numpy_array_changes_the_message_and_is_sent():
     message = define()()
     message.singles[1] = 2.5
     message.singles += 1
@@ -187,7 +187,7 @@ EACH = "field must be a set or sequence"
         ("inners", [1], f"{EACH} and each value of type 'Inner'"),
     ],
 )  # fmt: skip
-def test_checked_fields_refuse_other_values_with_ross_words(field, value, problem):
+def test_checked_fields_refuse_wrong_values_with_the_texts_of_ros(field, value, problem):
     cls = define()
     message = cls(check_fields=True)
     told = f"The '{field}' {problem}"
@@ -196,7 +196,7 @@ def test_checked_fields_refuse_other_values_with_ross_words(field, value, proble
     setattr(cls(), field, value)  # the others are as lenient as in ROS
 
 
-def test_checked_fields_take_what_fits():
+def test_checked_fields_accept_valid_values():
     cls = define()
     message = cls(check_fields=True, single=float("inf"), inner=cls().inner)
     message.singles = numpy.ones(3, numpy.float32)
@@ -222,7 +222,7 @@ def test_a_message_with_checked_fields_is_one_of_its_class():
     checked.text = 5
 
 
-def test_names_of_no_field_are_told_by_checked_messages():
+def test_checked_messages_refuse_unknown_field_names():
     problem = refused(lambda: define()(check_fields=True, foo=1, bar=2))
     assert problem == "Invalid arguments passed to constructor: bar, foo"
 

@@ -26,7 +26,7 @@ def test_a_look_is_planned_for_the_deadline_itself():
     assert lookout.at == 3.0021
 
 
-def test_later_deadlines_and_those_within_half_a_tick_need_not_be_told():
+def test_later_deadlines_and_those_within_half_a_tick_are_not_reported():
     lookout = Lookout()
     lookout.expect(3.0)
     assert lookout.threshold == 3.0 - LOOK_LATE

@@ -150,7 +150,7 @@ async def test_positional_fields_are_explained_where_a_node_sees_them():
             AddTwoInts.Request(1, 2)
 
 
-async def test_run_in_a_loop_that_runs_says_what_to_write():
+async def test_run_in_a_running_loop_suggests_await():
     with pytest.raises(taskrpc.WouldDeadlock, match=r"write `await main\(\)` there"):
         taskrpc.run(main())
 

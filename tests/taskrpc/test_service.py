@@ -219,7 +219,7 @@ def test_every_call_ends_exactly_once_and_no_more_run_than_allowed(actions, seed
         runner.run(play())
 
 
-async def test_one_call_runs_at_a_time_in_whatever_order_calls_end_leave_and_come():
+async def test_one_call_runs_at_a_time_in_any_order_of_ends_cancels_and_arrivals():
     """A place that was given to a new call is not given to one that waits, too."""
     running, most = {}, []
 
@@ -567,7 +567,7 @@ async def test_call_that_was_refused_for_too_little_time_may_come_again_soon():
     assert tight.ends[0].retry_after == 0.1
 
 
-async def test_log_shows_what_a_callback_raised_or_returned(caplog):
+async def test_log_shows_the_error_or_result_of_a_callback(caplog):
     def fail(request, response):
         raise ZeroDivisionError("one of the callback's own")
 
@@ -602,7 +602,7 @@ def _fields(call):
     return [getattr(call, name) for name in call.__struct_fields__]
 
 
-async def test_call_whose_deadline_has_passed_is_told_so():
+async def test_expired_call_gets_deadline_exceeded():
     transport, _ = service(lambda request, response: response)
     call = FakeCall(1, deadline=asyncio.get_running_loop().time())
     transport.serve(call)

@@ -57,7 +57,7 @@ TEXTS = (
 
 
 @pytest.mark.parametrize(("text", "problem"), REFUSED.items(), ids=lambda text: text[:20])
-def test_a_wrong_text_is_refused_with_what_is_wrong(text, problem):
+def test_invalid_yaml_is_refused_with_the_reason(text, problem):
     with pytest.raises(yaml.YAMLError) as caught:
         yaml_text.load(text)
     assert yaml_text.message(caught.value) == problem
@@ -75,7 +75,7 @@ def test_a_wrong_text_is_refused_with_what_is_wrong(text, problem):
         ("[" * 99 + "7" + "]" * 99, [7]),
     ],
 )
-def test_what_yaml_allows_is_read(text, value):
+def test_valid_yaml_is_read(text, value):
     found = yaml_text.load(text)
     while text.startswith("[[") and isinstance(found[0], list):
         found = found[0]

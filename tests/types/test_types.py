@@ -205,7 +205,7 @@ def test_the_programs_of_the_pages_have_no_mistakes_but_those_that_are_meant(pag
     assert set(pages) == {"mistakes.py"}, pages
 
 
-def test_mypy_says_of_the_mistakes_what_the_page_shows(tmp_path):
+def test_mypy_reports_the_mistakes_as_the_page_shows(tmp_path):
     page = read_page(ROOT / "docs" / "how-to" / "check-types.md")
     _write_programs(page, tmp_path)
     _run("srvgen", "stubs", "my_interfaces", "std_srvs", cwd=tmp_path)

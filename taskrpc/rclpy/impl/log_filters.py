@@ -1,7 +1,7 @@
-"""What keeps a line of the log back: `throttle_duration_sec=`, `skip_first=`, `once=`.
+"""Filters of log lines: `throttle_duration_sec=`, `skip_first=` and `once=`.
 
-Programs may add filters of their own to `supported_filters`: classes like those here. What a filter
-remembers is in the context of one place in the program, a dict.
+Programs may add their own filter classes to `supported_filters`. The state of a filter is in the
+context, a dict for each place in the program that logs.
 """
 
 from __future__ import annotations
@@ -12,20 +12,20 @@ from typing import Any, ClassVar, TypeAlias
 from ..clock import Clock
 
 Context: TypeAlias = dict[str, Any]
-"""What is known of one place in a program that logs: name, severity, filters and their state."""
+"""The context of one place in a program that logs: name, severity, filters and their state."""
 
 
 class LoggingFilter:
-    """The base of filters; it lets every line through."""
+    """The base of filters; it passes every line."""
 
     params: ClassVar[dict[str, Any]] = {}
-    """The options that ask for the filter, with their defaults. None: it must be given."""
+    """The options that select the filter, with their defaults; None marks a required option."""
 
     @classmethod
     def initialize_context(cls, context: Context, **kwargs: Any) -> None:
-        """Note the options of one place in the program, which logs for the first time.
+        """Store the options of a place in the program that logs for the first time.
 
-        Raises TypeError for an option that must be given and is not.
+        Raises TypeError for a required option that is missing.
         """
         for name, default in cls.params.items():
             value = kwargs.get(name, default)
@@ -43,7 +43,7 @@ class LoggingFilter:
 
 
 class Once(LoggingFilter):
-    """Lets the first line through and no other."""
+    """Passes only the first line."""
 
     params: ClassVar[dict[str, Any]] = {"once": None}
 
@@ -70,7 +70,7 @@ class Throttle(LoggingFilter):
 
     @classmethod
     def initialize_context(cls, context: Context, **kwargs: Any) -> None:
-        """As `LoggingFilter.initialize_context`; raises ValueError for a clock that is none."""
+        """As `LoggingFilter.initialize_context`; raises ValueError if the clock is not a Clock."""
         super().initialize_context(context, **kwargs)
         clock = context["throttle_time_source_type"]
         if not isinstance(clock, Clock):
@@ -110,11 +110,11 @@ class SkipFirst(LoggingFilter):
 supported_filters: OrderedDict[str, type[LoggingFilter]] = OrderedDict(
     throttle=Throttle, skip_first=SkipFirst, once=Once
 )
-"""In the order in which they are asked."""
+"""The filters in the order in which they are applied."""
 
 
 def get_filters_from_kwargs(**kwargs: Any) -> list[str]:
-    """The names of the filters that these options of a call of the logger ask for.
+    """The names of the filters that these options of a logging call select.
 
     Raises TypeError for an option that does not exist, or lacks another that it needs.
     """

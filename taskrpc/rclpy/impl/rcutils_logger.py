@@ -42,7 +42,7 @@ class _Place(NamedTuple):
 
 
 class CallerId(_Place):
-    """A place in a program that logs, by default the one that asks; two on one line differ."""
+    """A place in a program that logs, by default the caller; two calls on one line differ."""
 
     __slots__ = ()
 
@@ -66,7 +66,7 @@ class RcutilsLogger:
     def __init__(self, name: str = "") -> None:
         self.name = name
         self.contexts: dict[CallerId, Context] = {}
-        """What each place in the program logged first; it may not change later."""
+        """The first log call of each place in the program; its options may not change later."""
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, RcutilsLogger) and other.name == self.name
@@ -151,7 +151,7 @@ def _begun(severity: LoggingSeverity, name: str, options: dict[str, Any]) -> Con
 
 
 def _check(context: Context, severity: LoggingSeverity, name: str, options: dict[str, Any]) -> None:
-    """Refuse what is not as it was when the place logged first."""
+    """Refuse options that differ from the place's first log call."""
     if severity is not context["severity"]:
         raise ValueError("Logger severity cannot be changed between calls.")
     if name != context["name"]:

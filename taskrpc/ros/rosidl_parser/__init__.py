@@ -1,1 +1,1 @@
-"""What programs import to look at the types of a message's fields; nothing is parsed here."""
+"""The module from which programs import the types of message fields; it parses nothing."""

@@ -1,4 +1,4 @@
-"""Which interfaces there are, by their packages."""
+"""Lists the interfaces of packages."""
 
 from __future__ import annotations
 
@@ -46,8 +46,8 @@ def get_action_interfaces(package_names: Iterable[str] = ()) -> Interfaces:
 def get_interface_path(interface_name: str) -> str:
     """The file that defines an interface: `std_msgs/msg/String`, or `std_msgs/msg/String.msg`.
 
-    Raises ValueError for what is no such name, LookupError where there is none, or where the file
-    is of another kind than the name says (there are no .idl files).
+    Raises ValueError for an invalid name, and LookupError if there is no such interface or if its
+    file has another ending than the name (there are no .idl files).
     """
     parts = interface_name.split("/")
     if len(parts) < 2:

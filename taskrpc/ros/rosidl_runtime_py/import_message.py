@@ -10,10 +10,10 @@ from srvgen.slot_types import AbstractNestedType, AbstractType, NamespacedType
 
 
 def import_message_from_namespaced_type(message_type: AbstractType) -> Any:
-    """The class of an interface; for an array, with a warning, that of its elements.
+    """The class of an interface; for an array, the class of its elements, with a warning.
 
-    Raises ImportError for a package that does not exist, AttributeError for an interface, and
-    TypeError for a type that is no interface's.
+    Raises ImportError if the package does not exist, AttributeError if the interface does not, and
+    TypeError for the type of anything else.
     """
     if isinstance(message_type, AbstractNestedType):
         warnings.warn(

@@ -55,17 +55,17 @@ def get_action_namespaced_type(identifier: str) -> NamespacedType:
 
 
 def is_message(interface: Any) -> bool:
-    """Whether it is the class of a message."""
+    """Whether an object is the class of a message."""
     return is_message_class(interface)
 
 
 def is_service(interface: Any) -> bool:
-    """Whether it is the class of a service."""
+    """Whether an object is the class of a service."""
     return hasattr(interface, "Request") and hasattr(interface, "Response")
 
 
 def is_action(interface: Any) -> bool:
-    """Whether it is the class of an action."""
+    """Whether an object is the class of an action."""
     return all(hasattr(interface, name) for name in ("Goal", "Result", "Feedback"))
 
 

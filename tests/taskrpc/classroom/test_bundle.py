@@ -129,7 +129,7 @@ def test_pips_failure_is_one_line(tmp_path, monkeypatch, capsys):
     ]
 
 
-def test_a_python_without_pip_is_told_how_to_get_it(tmp_path, monkeypatch, capsys):
+def test_python_without_pip_gets_the_command_that_installs_it(tmp_path, monkeypatch, capsys):
     failing_pip(monkeypatch, "/usr/bin/python3: No module named pip\n")
     assert main(["classroom", "bundle", str(tmp_path)]) == 1
     assert "has no pip to download the wheels; install it: " in capsys.readouterr().err

@@ -39,7 +39,7 @@ def test_a_taken_account_is_numbered():
 @pytest.mark.parametrize(
     "name", ["", "---", "a;b", "<b>", "x\x1b[31m", "\N{RIGHT-TO-LEFT OVERRIDE}abc", "a" * 101]
 )
-def test_what_is_no_name_is_refused(name):
+def test_invalid_student_name_is_refused(name):
     assert "a student's name: expected 1 to 100 letters" in why_no_student(name)
 
 

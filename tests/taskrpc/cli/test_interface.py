@@ -81,7 +81,7 @@ def test_package_lists_the_selected_kinds_only(run):
     assert both == run("package", "paint_msgs")
 
 
-def test_list_has_ros2_s_order_of_kinds_whatever_the_order_of_options(run):
+def test_list_has_the_order_of_ros2_with_any_order_of_options(run):
     lines = run("list", "-s", "-m")[1].splitlines()
     headings = [line for line in lines if not line.startswith("    ")]
     assert headings == ["Messages:", "Services:"]

@@ -520,7 +520,7 @@ def test_a_delay_in_simulated_time_is_the_age_by_that_time():
 
 
 @pytest.mark.parametrize(("text", "size"), [("", 12), ("hell", 16), ("hello", 16), ("x" * 8, 20)])
-def test_sizes_of_messages_are_those_of_dds_which_fills_them_up(text, size):
+def test_sizes_of_messages_include_the_padding_of_dds(text, size):
     """As raw subscriptions of a real rclpy receive them from another process."""
     time = SimulatedTime()
     bandwidth = Bandwidth(10, time)

@@ -47,12 +47,12 @@ def test_only_two_or_three_names_with_slashes_are_a_type(arguments, type_name):
     assert split_type(arguments) == (type_name, arguments[bool(type_name) :])
 
 
-def test_merge_keys_fill_in_what_a_mapping_leaves_out():
+def test_merge_keys_add_missing_fields_of_a_mapping():
     assert build_request(ADD, ["{<<: {a: 2, b: 1}, b: 3}"]) == ADD(a=2, b=3)
 
 
 @pytest.mark.parametrize("text", ["{x: !!float 10}", "{x: !!int 10}", "x: 10"])
-def test_a_tag_may_say_what_a_number_is(text):
+def test_tag_sets_the_type_of_a_number(text):
     assert build_request(POINT, [text]) == POINT(x=10.0)
 
 
@@ -236,7 +236,7 @@ def test_the_usual_requests_are_read_without_yaml(cls, text):
         (["task_type=move, priority=2"], "write task_type=move priority=2"),
     ],
 )
-def test_a_slip_between_fields_has_a_hint_at_what_is_meant(argv, hint):
+def test_wrong_separator_between_fields_gets_a_hint(argv, hint):
     assert hint in refusal(TASK, *argv)
 
 

@@ -146,7 +146,7 @@ def texts(ends):
     return [(type(each), str(each), each.not_executed) for each in ends]
 
 
-async def test_store_that_needs_no_waiting_answers_at_once_and_again(desk):
+async def test_store_without_waiting_answers_at_once_and_repeats_its_answer(desk):
     store = SyncStore()
     served = await desk(store)
     first, again = served.send(), served.send()
@@ -200,7 +200,7 @@ async def test_answer_that_is_too_large_for_its_caller_is_reported_as_executed(d
     ("error", "text"),
     [(OutcomeUnknown("the disk went away"), "the disk went away"), (KeyError("x"), "the store of")],
 )
-async def test_store_that_cannot_tell_is_read_again(desk, error, text, caplog):
+async def test_store_with_an_unknown_outcome_is_read_again(desk, error, text, caplog):
     store = SyncStore()
     served = await desk(store)
     store.fail_with = error
@@ -214,7 +214,7 @@ async def test_store_that_cannot_tell_is_read_again(desk, error, text, caplog):
     assert store.read == 2
 
 
-async def test_what_a_store_refuses_may_run_again(desk):
+async def test_request_that_a_store_refused_may_run_again(desk):
     store = SyncStore()
     served = await desk(store)
     store.fail_with = StoreError("the disk is full")
@@ -225,7 +225,7 @@ async def test_what_a_store_refuses_may_run_again(desk):
     assert store.read == 1
 
 
-async def test_handler_that_cannot_tell_is_reported_with_its_own_words(desk):
+async def test_unknown_outcome_of_a_handler_keeps_its_own_text(desk):
     def fail(run):
         run.fail(HandlerFailed(Code.OUTCOME_UNKNOWN, "the arm lost power"))
 
@@ -274,7 +274,7 @@ async def test_request_whose_only_sender_left_may_not_run_beside_itself(desk):
 @pytest.mark.parametrize(
     ("first", "second", "latest"), [(5.0, 9.0, 9.0), (9.0, 5.0, 9.0), (5.0, None, None)]
 )
-async def test_run_has_the_latest_deadline_of_those_who_wait(desk, first, second, latest):
+async def test_run_has_the_latest_deadline_of_its_waiting_callers(desk, first, second, latest):
     served = await desk(SyncStore(), begin)
     served.send(deadline=first)
     served.send(deadline=second)
@@ -284,7 +284,7 @@ async def test_run_has_the_latest_deadline_of_those_who_wait(desk, first, second
 # While the store is read anew
 
 
-async def test_what_runs_while_the_store_is_read_anew_is_attached_to_afterwards(desk):
+async def test_request_joins_a_run_that_was_active_while_the_store_was_read_again(desk):
     store = SyncStore()
     served = await desk(store, begin)
     served.send(1)
@@ -298,7 +298,7 @@ async def test_what_runs_while_the_store_is_read_anew_is_attached_to_afterwards(
     assert attached.ends == [(2, True)]
 
 
-async def test_what_ends_while_the_store_is_read_anew_is_remembered(desk):
+async def test_run_that_ends_while_the_store_is_read_again_is_remembered(desk):
     store = SyncStore()
     served = await desk(store, begin)
     served.send(1)
@@ -334,7 +334,7 @@ async def test_store_that_is_being_read_is_not_read_a_second_time(desk):
     ("error", "told"),
     [(StoreError("no such table"), "no such table"), (KeyError("x"), "the store failed")],
 )
-async def test_store_that_cannot_be_read_is_named_to_those_who_ask(desk, error, told, caplog):
+async def test_callers_get_the_name_of_a_store_that_cannot_be_read(desk, error, told, caplog):
     store = SyncStore()
     store.unreadable = error
     served = await desk(store)
@@ -350,7 +350,7 @@ async def test_store_that_cannot_be_read_is_named_to_those_who_ask(desk, error, 
     assert served.send().ends == [(2, True)]
 
 
-async def test_client_with_too_many_open_requests_is_told_when_to_come_again(desk):
+async def test_client_with_too_many_open_requests_gets_retry_after(desk):
     served = await desk(SyncStore(), begin)
     ends = Counter()
     for sequence in range(1, 1100):
@@ -395,7 +395,7 @@ def test_store_of_a_loop_that_has_ended_is_read_anew_by_the_next():
     assert [len(served.runs) for served in kept] == [1, 0]
 
 
-async def test_run_that_ends_after_nobody_could_tell_is_remembered(desk):
+async def test_run_that_ends_after_an_unknown_outcome_is_remembered(desk):
     served = await desk(SyncStore(), begin)
     sent = served.send()
     (run,) = served.runs
@@ -407,7 +407,7 @@ async def test_run_that_ends_after_nobody_could_tell_is_remembered(desk):
     assert len(served.runs) == 1
 
 
-async def test_what_ended_during_one_reading_is_not_added_to_the_next(desk):
+async def test_run_that_ended_during_one_reading_is_not_added_to_the_next(desk):
     store = SyncStore()
     served = await desk(store, begin)
     served.send(1)

@@ -152,7 +152,7 @@ async def perform(scene, order, pause):
 
 @pytest.mark.parametrize("x_is_stored", [True, False])
 @pytest.mark.parametrize("pause", TURNS)
-async def test_what_is_stored_while_the_store_is_read_anew_never_runs_again(pause, x_is_stored):
+async def test_request_stored_while_the_store_is_read_again_never_runs_again(pause, x_is_stored):
     reading, storing = ("read 1", "returned 1"), ("write y", "written y")
     for order in interleavings(reading, storing, ("send y",), ("send x",)):
         scene = Scene(Store(x=x_is_stored), add)
@@ -169,7 +169,7 @@ async def test_what_is_stored_while_the_store_is_read_anew_never_runs_again(paus
 
 @pytest.mark.parametrize("y_is_stored", [True, False])
 @pytest.mark.parametrize("pause", TURNS)
-async def test_what_an_older_reading_of_the_store_lacks_never_runs_again(pause, y_is_stored):
+async def test_request_missing_in_an_older_reading_never_runs_again(pause, y_is_stored):
     first, second = ("read 1", "returned 1"), ("write y", "written y", "read 2", "returned 2")
     for order in interleavings(first, second, ("send y",)):
         scene = Scene(Store(x=True, y=y_is_stored), add)

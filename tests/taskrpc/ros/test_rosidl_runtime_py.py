@@ -165,14 +165,14 @@ def test_the_file_of_an_interface_is_found_with_and_without_its_ending():
         get_interface_path("BasicTypes")
 
 
-def test_the_types_of_fields_are_told_by_name():
+def test_message_slot_types_are_given_by_field_name():
     types = get_message_slot_types(Log())
     assert list(types) == list(Log.get_fields_and_field_types())
     assert types["stamp"] == NamespacedType(["builtin_interfaces", "msg"], "Time")
     assert (types["level"], types["msg"]) == (BasicType("uint8"), UnboundedString())
 
 
-def test_interfaces_are_told_by_types_and_by_what_they_have():
+def test_interfaces_are_recognised_by_type_name_and_attributes():
     assert utilities.get_namespaced_type("std_msgs/String").namespaces == ["std_msgs", "msg"]
     trigger = utilities.get_service_namespaced_type("std_srvs/Trigger")
     assert trigger == NamespacedType(["std_srvs", "srv"], "Trigger")

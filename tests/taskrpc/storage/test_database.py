@@ -374,6 +374,6 @@ def test_store_that_is_begun_anew_is_the_one_that_the_lock_knows(database, path)
     assert (b"T" * 16).hex().encode() in path.with_name("tasks.db.lock").read_bytes()
 
 
-def test_what_is_stored_is_on_the_disk_before_it_is_acknowledged(database):
+def test_change_is_on_the_disk_before_it_is_acknowledged(database):
     full = 2
     assert database.read(lambda connection: pragma(connection, "synchronous")) == full

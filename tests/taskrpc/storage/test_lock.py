@@ -18,7 +18,7 @@ def path(tmp_path):
     return tmp_path / "tasks.db"
 
 
-def test_second_process_is_told_which_one_has_the_file(path):
+def test_second_process_gets_the_name_of_the_process_with_the_file(path):
     lock = Lock(path, "task server")
     try:
         with pytest.raises(FileInUse) as caught:

@@ -29,7 +29,7 @@ def test_second_name_is_refused_with_the_command_that_finds_it(
 @pytest.mark.parametrize(
     ("commits", "text"), [(1, "a database of 1 transaction;"), (2, "a database of 2 transactions;")]
 )
-def test_lost_store_is_told_with_the_number_of_its_transactions(tmp_path, commits, text):
+def test_refusal_of_a_lost_store_has_its_number_of_transactions(tmp_path, commits, text):
     path = tmp_path / "tasks.db"
     with pytest.raises(StoreError) as refused:
         refuse_lost_store(path, tmp_path / "tasks.db.lock", Witness(b"S" * 16, commits))

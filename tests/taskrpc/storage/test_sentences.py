@@ -38,14 +38,14 @@ def said(path, error, **options):
         (sqlite3.SQLITE_IOERR | 2 << 8, "PATH: the database cannot be used: why"),
     ],
 )
-def test_errors_of_sqlite_are_told_apart(path, code, text):
+def test_errors_of_sqlite_have_different_messages(path, code, text):
     error = sqlite_error(code, "why")
     assert is_about_the_file(error)
     assert is_full(error) is (code == sqlite3.SQLITE_FULL)
     assert said(path, error, but_statements=True) == text
 
 
-def test_error_of_a_statement_is_left_to_those_who_wrote_it(path):
+def test_error_of_a_statement_is_not_translated(path):
     for error in (sqlite_error(sqlite3.SQLITE_CONSTRAINT), sqlite3.OperationalError("no code")):
         assert not is_about_the_file(error)
         with pytest.raises(sqlite3.OperationalError), plainly(path, but_statements=True):
@@ -53,7 +53,7 @@ def test_error_of_a_statement_is_left_to_those_who_wrote_it(path):
     assert said(path, sqlite3.OperationalError("why")) == "PATH: the database cannot be used: why"
 
 
-def test_errors_of_the_system_are_told_apart(path):
+def test_errors_of_the_system_have_different_messages(path):
     def of(number, filename=None):
         return OSError(number, os.strerror(number), filename)
 

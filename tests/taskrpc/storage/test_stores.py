@@ -131,7 +131,7 @@ async def test_the_path_memory_makes_no_file(tmp_path, monkeypatch):
     await store.close()
 
 
-async def test_a_schema_with_a_mistake_is_told_in_memory_too():
+async def test_schema_with_a_mistake_is_refused_in_memory_too():
     store = SqliteCompletions(":memory:", ["CREATE TABEL stock (part)"])
     with pytest.raises(StoreError, match=r"own tables cannot be made: .*syntax error"):
         await store.recall()

@@ -248,7 +248,7 @@ async def test_changes_of_several_turns_are_one_transaction_while_the_disk_is_bu
     assert writer.transactions == {1: 2, 3: 1}
 
 
-async def test_one_who_leaves_does_not_keep_the_others_from_their_answers(writer, pages):
+async def test_cancelled_caller_does_not_keep_others_from_their_answers(writer, pages):
     asked = [writer.change(change) for change in "abc"]
     asked[0].cancel()
     async with asyncio.timeout(5):

@@ -451,7 +451,7 @@ async def test_what_nobody_waits_for_any_more_is_undone_when_it_cannot_be_stored
     await manager.close()
 
 
-async def test_manager_says_what_there_is_to_do(manager):
+async def test_manager_describes_its_queue(manager):
     assert str(manager) == "no tasks in the queue"
     await submit(manager, ("50", 5), ("1", 5))
     await asyncio.sleep(5)

@@ -246,7 +246,7 @@ async def test_so_many_changes_that_some_are_forgotten_still_add_up():
     await manager.close()
 
 
-async def test_a_resumed_promise_still_adds_up_when_some_changes_are_forgotten():
+async def test_resumed_promise_adds_up_after_changes_are_forgotten():
     wall, store = 1000.0, MemoryStore()
     old = TaskManager(LineRobot(), store, wall_clock=lambda: wall)
     await old.start()

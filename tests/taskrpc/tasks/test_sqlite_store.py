@@ -220,7 +220,7 @@ async def test_nobody_else_can_read_any_of_the_files(path, tmp_path):
     assert modes == dict.fromkeys(names, "0o600")
 
 
-async def test_a_fresh_start_does_not_need_what_was_lost(path):
+async def test_fresh_start_accepts_a_lost_database(path):
     store = SqliteStore(path)
     await store.apply([make(1)])
     await store.close()

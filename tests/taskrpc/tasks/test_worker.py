@@ -460,7 +460,7 @@ async def test_promises_hold_after_a_start_that_could_not_be_stored():
     await scene.manager.close()
 
 
-async def test_cancelled_run_is_the_cause_of_what_follows_it(scene):
+async def test_cancelled_run_is_the_cause_of_later_changes(scene):
     await scene.submit("10", "12", "1")
     await asyncio.sleep(4)
     await scene.manager.cancel(1)
@@ -519,7 +519,7 @@ async def test_resuming_tells_the_robot_and_wakes_watchers(scene):
     assert asyncio.get_running_loop().time() - began < 1
 
 
-async def test_stopped_task_says_who_stopped_the_robot(scene):
+async def test_stopped_task_names_the_client_that_stopped_the_robot(scene):
     await scene.submit("10")
     await asyncio.sleep(4)
     await scene.manager.stop(client="ann")

@@ -259,7 +259,7 @@ def test_a_file_that_others_can_write_changes_nothing(file, caplog):
     assert "mode is 0666" in line
 
 
-def test_a_file_that_cannot_be_used_is_told_again(file, caplog, monkeypatch):
+def test_invalid_file_of_accounts_is_logged_again(file, caplog, monkeypatch):
     book = AccountBook(file)
     file.write_text("{")
     book.look()
@@ -274,7 +274,7 @@ def test_a_file_that_cannot_be_used_is_told_again(file, caplog, monkeypatch):
 
 
 @posix
-async def test_a_file_that_goes_bad_is_told_although_nobody_is_connected(file, caplog, monkeypatch):
+async def test_file_that_becomes_invalid_is_logged_without_connections(file, caplog, monkeypatch):
     monkeypatch.setattr(endpoint, "TICK", 0.02)
     async with taskrpc.Node("server", accounts=file) as server:
         server.create_service(Add, "add", add)

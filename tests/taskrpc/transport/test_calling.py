@@ -57,7 +57,7 @@ async def test_an_expired_call_that_waited_behind_another_is_known_not_to_have_r
     assert lab.gate.started == [1]
 
 
-async def test_of_an_expired_call_that_had_begun_nobody_knows_whether_it_ran(lab):
+async def test_outcome_of_an_expired_call_that_had_begun_is_unknown(lab):
     lab.gate.opened.set()
     await asyncio.sleep(1)
     lab.gate.opened.clear()
@@ -70,7 +70,7 @@ async def test_of_an_expired_call_that_had_begun_nobody_knows_whether_it_ran(lab
 
 
 @pytest.mark.parametrize("lab", [0.01], indirect=True)
-async def test_a_caller_waits_no_longer_than_a_tick_for_the_servers_word(lab):
+async def test_caller_waits_at_most_a_tick_for_the_answer_of_the_server(lab):
     not_executed, late = await lab.expire()
     assert not_executed is None
     assert 0 < late <= TICK
@@ -95,7 +95,7 @@ async def test_a_caller_whose_connection_ends_in_that_tick_learns_it_at_once(lab
     assert late < 0.002
 
 
-async def test_an_answer_that_comes_within_that_tick_is_still_an_answer(lab):
+async def test_response_within_that_tick_reaches_the_caller(lab):
     loop = asyncio.get_running_loop()
     loop.call_later(SPAN - 0.0005, lab.gate.opened.set)  # the answer takes 1 ms
     began = loop.time()
@@ -103,7 +103,7 @@ async def test_an_answer_that_comes_within_that_tick_is_still_an_answer(lab):
     assert loop.time() - began == pytest.approx(SPAN + 0.0005)
 
 
-async def test_what_a_callback_says_within_that_tick_is_still_an_answer(lab):
+async def test_error_of_a_callback_within_that_tick_reaches_the_caller(lab):
     async def refuse(request, response):
         await lab.gate(request, response)
         raise taskrpc.HandlerError(taskrpc.Code.NOT_FOUND, "no such shelf")
@@ -116,7 +116,7 @@ async def test_what_a_callback_says_within_that_tick_is_still_an_answer(lab):
         await client.call(ask(2), timeout=SPAN)
 
 
-async def test_a_caller_who_gives_up_in_that_tick_is_left_alone(lab):
+async def test_call_cancelled_within_that_tick_stays_cancelled(lab):
     call = asyncio.ensure_future(lab.client.call(ask(2), timeout=SPAN))
     await asyncio.sleep(SPAN + 0.0005)
     call.cancel()

@@ -133,7 +133,7 @@ async def test_failures_to_reach_a_known_server_are_counted_until_something_chan
             assert await waiting
 
 
-async def test_request_for_others_is_sent_to_nobody_where_there_is_nobody():
+async def test_request_for_other_servers_is_not_sent_without_other_servers():
     async with taskrpc.Node("client", transport="memory", token="c") as node:
         channel = node._transport.channel("/add", Add, "/client")
         answers = []

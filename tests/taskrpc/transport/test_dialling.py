@@ -97,7 +97,7 @@ async def test_an_encrypted_connection_that_is_lost_does_not_suggest_tls(monkeyp
     assert text == f"{PLACE}: the connection was lost in the handshake"
 
 
-async def test_a_revoked_account_of_a_lab_is_told_to_ask_for_a_new_string():
+async def test_revoked_account_of_a_lab_gets_the_hint_to_ask_for_a_new_string():
     found = await failure(LAB, AuthenticationFailed("the token is not this server's"))
     said = f"the lab's server at {PLACE} refuses the account ana.k: the token is not this server's"
     assert (type(found), str(found)) == (AuthenticationFailed, said)
@@ -126,7 +126,7 @@ async def test_a_place_is_named_once_and_the_lab_as_the_lab(error, reason):
     assert text.endswith("`taskrpc leave` forgets the lab")
 
 
-async def test_what_breaks_the_protocol_stays_an_error_of_the_protocol():
+async def test_protocol_error_in_the_handshake_stays_a_protocol_error():
     found = await failure(PEER, ProtocolError("expected TRPC"))
     assert (type(found), str(found)) == (ProtocolError, "expected TRPC")
 

@@ -409,7 +409,7 @@ def test_name_of_a_living_server_is_refused_beside_many_dead_ones(registry, othe
         publish(registry, entry(), claim="/add")
 
 
-def test_lock_whose_time_cannot_be_set_stops_nobody(registry, other, monkeypatch):
+def test_lock_without_a_settable_time_still_works(registry, other, monkeypatch):
     utime = os.utime
 
     def refused(path, **options):
