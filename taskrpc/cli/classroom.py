@@ -54,7 +54,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     bundling = add_command(commands, "bundle", "Make a folder that installs taskrpc offline")
     what = "the folder to fill, for example on a memory stick; created if it is missing"
     bundling.add_argument("folder", metavar="DIR", help=what)
-    what = "a Python version of the laptops (3.11, 3.12, 3.13 and 3.14)"
+    what = "a Python version of the laptops (default: 3.11, 3.12, 3.13 and 3.14)"
     bundling.add_argument("--python", action="append", metavar="VERSION", type=_python, help=what)
     bundling.set_defaults(run=_bundle)
     revoking = add_command(commands, "revoke", "Let students in no more; a running server obeys")
