@@ -74,7 +74,7 @@ def installed(tmp_path):
         "taskrpc-1.2.dist-info/direct_url.json": "{}",
     }
     for name, text in files.items():
-        (place / name).write_text(text)
+        (place / name).write_text(text, newline="\n")
     record = [*files, "../bin/taskrpc", "taskrpc-1.2.dist-info/RECORD"]
     (about / "RECORD").write_text("".join(f"{name},,\n" for name in record))
     return metadata.Distribution.at(about)
