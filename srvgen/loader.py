@@ -201,7 +201,7 @@ class _Given:
     def text(self, full_name: str) -> str:
         if full_name not in self._texts:
             self._texts[full_name] = _bundled_text(full_name)
-            self._whole.clear()  # something was missing there; whoever is handed ours gets it all
+            self._whole.clear()  # something was missing there; the complete class replaces it
         return self._texts[full_name]
 
     def load(self, full_name: str) -> Definition:

@@ -62,7 +62,7 @@ class Client(Generic[RequestT, ResponseT]):
         self._channel = transport.channel(name, srv_type, node, otherwise=otherwise)
 
     def service_is_ready(self) -> bool:
-        """Whether somebody is known to offer the service."""
+        """Whether a server of the service is known."""
         return self._channel.offered
 
     async def wait_for_service(self, timeout: float | None = None) -> bool:
@@ -168,7 +168,7 @@ class Client(Generic[RequestT, ResponseT]):
     def _tell_in_thread(
         self, request: Any, timeout: float | Unset | None, tell: Tell
     ) -> ToldThread | None:
-        """The same for a caller who does not wait, but has `tell(response, error)` called."""
+        """The same without waiting: `tell(response, error)` is called at the end."""
         span = self._timeout if timeout is UNSET else _checked(timeout)
         if self._retry is not None or self._now is not time.monotonic:
             return None

@@ -1,6 +1,6 @@
 """Service introspection: each step of a service's calls, told on `SERVICE/_service_event`.
 
-The events are those of ROS 2: `taskrpc service echo` prints them, whoever tells them.
+The events are those of ROS 2: `taskrpc service echo` prints them for all kinds of programs.
 """
 
 from __future__ import annotations

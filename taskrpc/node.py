@@ -53,8 +53,9 @@ class Node(NodeTopics):
         tls: certificates, for nodes that are reached from, or call, other machines.
         token: the secret that callers and peers on other machines must know
             (`TASKRPC_TOKEN` where not given); processes of one user and machine need none.
-        accounts: who else may call, and what; `Accounts`, or a file of them (JSON, TOML) that is
-            read afresh when it changes. Without them whoever has the token may do everything.
+        accounts: the other users that may call, with their roles; `Accounts`, or a file of them
+            (JSON, TOML) that is read again when it changes. Without them, the token allows
+            everything.
         keepalive: how soon a peer whose machine is gone is given up: after 8 s (`default`) or
             2 s (`robot`); `TASKRPC_KEEPALIVE` where not given.
         observer: is told what becomes of each call; a `Metrics`, or an `Observer` of your own.

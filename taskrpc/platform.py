@@ -27,7 +27,7 @@ _NO_LIMIT = 2**20
 _LONGEST_TEXT = 16 * 2**20
 _NO_SUCH_PROCESS = 87  # Windows' ERROR_INVALID_PARAMETER: no process has this id
 _REFUSED = 1225  # Windows' ERROR_CONNECTION_REFUSED, from asyncio's proactor
-_SOL_LOCAL, _LOCAL_PEERCRED = 0, 1  # macOS: who is at the other end of a unix socket
+_SOL_LOCAL, _LOCAL_PEERCRED = 0, 1  # macOS: the user at the other end of a unix socket
 _XUCRED = 76  # bytes of the answer: version, user id, groups
 
 
@@ -82,7 +82,7 @@ def find_state_dir() -> Path:
 def private_dir(path: Path) -> Path:
     """Make a folder that only this user can enter, or check that it is one.
 
-    Raises TaskRpcError when it cannot be made, is a link, or belongs to somebody else.
+    Raises TaskRpcError if it cannot be made, is a link, or belongs to another user.
     """
     try:
         path.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -202,12 +202,12 @@ def is_written_by_us_only(descriptor: int) -> bool:
 
 
 def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
-    """Write a file that only this user can read; whoever reads it sees it whole, old or new.
+    """Write a file that only this user can read; a reader sees the old or the new file, complete.
 
     Without `sync` it does not wait for the disk, and may be lost when the machine fails.
     """
     new = path.with_name(f"{path.name}.{os.getpid()}.new")
-    new.unlink(missing_ok=True)  # whoever made it may be able to read it
+    new.unlink(missing_ok=True)  # the user that made it may be able to read it
     descriptor = open_private(new, must_be_new=True)
     try:
         with os.fdopen(descriptor, "wb") as file:
@@ -322,7 +322,7 @@ else:
     def is_locked(descriptor: int) -> bool:
         """Whether a process holds the file's lock."""
         try:
-            # Shared, so that two who ask at once do not take each other for the holder.
+            # Shared, so that two programs that check at once do not name each other as holder.
             fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
         except OSError:
             return True
@@ -436,7 +436,7 @@ def end_process(pid: int, *, at_once: bool = False) -> None:
 
 
 def is_stopped(pid: int) -> bool:
-    """Whether a process stands still, as after Ctrl-Z, until somebody lets it go on."""
+    """Whether a process is stopped, as by Ctrl-Z, until it gets SIGCONT."""
     status = f"/proc/{pid}/stat"
     with contextlib.suppress(OSError):  # it may have just ended
         if os.path.exists(status):

@@ -298,7 +298,7 @@ class Client(Generic[RequestT, ResponseT]):
     ) -> None:
         """Begin a call on the loop and tie its future to the caller's."""
         if outer.cancelled():
-            outer.set_running_or_notify_cancel()  # wakes who waits for several futures
+            outer.set_running_or_notify_cancel()  # wakes programs that wait for several futures
             return
         try:
             inner = self._inner.call_async(request, timeout, retry, request_id)

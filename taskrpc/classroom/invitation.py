@@ -92,7 +92,7 @@ def _foreign(joined: str) -> str:
     if joined.startswith(_FAMILY):
         version = joined.partition(".")[0][:20]
         return f"expected a join string that begins with {PREFIX}, got {version}: another version"
-    # No more of it than that: what was pasted may be somebody's secret.
+    # Show no more of the text: it may contain a secret.
     return f"expected a join string, which begins with {PREFIX}, got {joined[:8]!r}…"
 
 

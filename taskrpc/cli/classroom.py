@@ -43,7 +43,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--serve", nargs=argparse.REMAINDER, metavar="OPTION", help=what)
     commands = add_group(parser)
     parser.set_defaults(run=_make)
-    roster = add_command(commands, "roster", "Say who may call, and how many of their tasks wait")
+    roster = add_command(commands, "roster", "Show students, their last calls and queued tasks")
     roster.add_argument("--json", action="store_true", help="Print JSON")
     roster.set_defaults(run=_roster)
     adding = add_command(commands, "add", "Let more students in; prints their strings")

@@ -59,7 +59,7 @@ def _join(text: str) -> Exit:
 
 
 def _greeted(lab: Lab) -> list[str]:
-    """What the server says of itself; by this first call the roster knows who has joined."""
+    """The server's facts; this first call also enters the student in the roster."""
     import asyncio
 
     from taskrpc.cli import health

@@ -91,7 +91,7 @@ async def _connect(addresses: Sequence[str], port: int) -> tuple[str, Finding]:
             finding = no_connection(error, address, port)
         else:
             writer.close()
-            return address, ok(f"somebody listens at {address} port {port}")
+            return address, ok(f"a program listens at {address} port {port}")
     return "", finding
 
 

@@ -7,8 +7,8 @@ import os
 from taskrpc.cli.command import hinted
 from taskrpc.errors import AuthenticationFailed, TaskRpcError
 
-# Whoever reads a command line needs only the options below. What it takes to call somebody, asyncio
-# above all, is imported by who calls.
+# Parsing a command line needs only the options below. Modules for calls, above all asyncio, are
+# imported where a call is made.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     import argparse

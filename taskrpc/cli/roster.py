@@ -1,4 +1,4 @@
-"""`taskrpc classroom roster`: who may call, who has, and how many of their tasks wait."""
+"""`taskrpc classroom roster`: the students, their last calls, and their queued tasks."""
 
 from __future__ import annotations
 

@@ -124,7 +124,9 @@ def _add_robot_options(parser: argparse.ArgumentParser) -> None:
 def _add_security_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("--token-file", metavar="FILE", help="the secret that callers elsewhere must know")
-    what = "who else may call, and what: a file of accounts (TOML or JSON), read when it changes"
+    what = (
+        "other users that may call, with their roles: a file (TOML or JSON), read when it changes"
+    )
     add("--accounts", metavar="FILE", help=what)
     add("--tls-cert", metavar="FILE", help="this server's certificate (PEM)")
     add("--tls-key", metavar="FILE", help="its key (PEM)")
@@ -209,7 +211,7 @@ def _say(options: argparse.Namespace, text: str) -> None:
 
 
 def _print(options: argparse.Namespace, text: str) -> None:
-    """Tell whoever started the server, at every log level and in the format of the log."""
+    """Print a line at every log level, in the format of the log."""
     if options.log_format == "json":
         level = logging.INFO
         record = logging.LogRecord("taskrpc.cli", level, __file__, 0, text, (), None)

@@ -14,7 +14,7 @@ _OTHERS = "only programs of its own user can call there: log in as that user, or
 
 
 async def reach(place: str, patience: float) -> Finding:
-    """Whether somebody takes connections at a socket's file, or what stands in the way."""
+    """Whether a program accepts connections at a socket's file, or why not."""
     path = path_of(place)
     if found := _wrong_file(path, place):
         return found
@@ -25,7 +25,7 @@ async def reach(place: str, patience: float) -> Finding:
         except OSError as error:
             return _no_connection(error, path, place, patience)
         writer.close()
-    return ok(f"somebody listens at {path}")
+    return ok(f"a program listens at {path}")
 
 
 def _wrong_file(path: str, place: str) -> Finding | None:

@@ -41,7 +41,7 @@ async def claimed(
 async def once_free(start: Callable[[], Awaitable[_Result]]) -> _Result:
     """Start something at the addresses of the server before, which ends just now.
 
-    Raises CannotListen, NameInUse where somebody else has them.
+    Raises CannotListen or NameInUse if another program has them.
     """
     loop = asyncio.get_running_loop()
     latest = loop.time() + _PATIENCE

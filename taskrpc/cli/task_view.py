@@ -112,7 +112,7 @@ def instant(stamp: Any) -> float | None:
 
 
 def printable(text: str) -> str:
-    """A text of somebody else's, fit for one line of a terminal."""
+    """Another user's text, made safe for one line of a terminal."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 

@@ -1,4 +1,4 @@
-"""What is known of topics without reading them: names, types, who publishes, who listens."""
+"""Facts about topics without reading them: names, types, publishers and subscriptions."""
 
 from __future__ import annotations
 

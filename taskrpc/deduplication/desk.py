@@ -165,7 +165,7 @@ class OnceDesk:
         run.tell(error)
 
     def undone(self, run: Run, error: TaskRpcError) -> None:
-        """A run has left nothing behind: whoever sends the request again has it run."""
+        """A run has stored nothing: the request runs again when it is repeated."""
         self._shared.end_without_trace(run)
         if not run.cancelled:
             run.tell(error)

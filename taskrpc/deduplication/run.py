@@ -1,4 +1,4 @@
-"""One run of a request, and everybody who waits for its answer."""
+"""One run of a request, and the callers that wait for its response."""
 
 from __future__ import annotations
 
@@ -122,7 +122,7 @@ class Run(IncomingCall, eq=False):
             self.desk.undone(self, error)
 
     def tell(self, error: TaskRpcError | None = None) -> None:
-        """Answer everybody who waits, with an error or the response; nobody waits afterwards."""
+        """Send the error or the response to all waiting callers; none waits afterwards."""
         callers, self.callers = self.callers, []
         for call in callers:
             if error is not None:
@@ -146,7 +146,7 @@ class Run(IncomingCall, eq=False):
         """Somebody waits no more: he is cancelled, unless he has his answer."""
         for call in [each for each in self.callers if each.cancelled]:
             self.callers.remove(call)
-            # What one who leaves is told: for others it may run, also where it has not begun.
+            # The text for a caller that leaves: the request may still run for other callers.
             call.started = self.started or bool(self.callers)
             if not self.callers and not self.is_storing:
                 self._give_up()

@@ -74,7 +74,7 @@ class Shared:
 
     def when_open(self, then: Callable[[], object]) -> None:
         """Call back when the store has been read, or could not be."""
-        assert self._opening is not None, "somebody has begun to read"
+        assert self._opening is not None, "a reading has begun"
         self._opening.add_done_callback(lambda _: then())
 
     @property
@@ -83,7 +83,7 @@ class Shared:
         return self.ledger is None and not self._is_opening
 
     def give_up(self, problem: str) -> None:
-        """Read no more, and tell who waits for the store's name."""
+        """Stop reading, and wake the callers that wait for the store's name."""
         if self._opening is not None:
             self._opening.cancel()
         if not self._store_id.done():
@@ -130,7 +130,7 @@ class Shared:
             self.give_up(problem)
             return
         if self._opening is not asyncio.current_task():
-            return  # it was read before somebody asked to read it anew
+            return  # the reading began before the request to read again
         if self.clock is None:
             now = clock_of(asyncio.get_running_loop())()
             self.clock = LeaseClock(remembered.completions, time.time(), now)
@@ -160,7 +160,7 @@ def shared_of(store: CompletionStore) -> Shared:
 
 
 def forget(store: CompletionStore, shared: Shared) -> None:
-    """Nobody offers a service of this store any more: who does next reads it anew."""
+    """No service of this store is offered any more: the next one reads the store again."""
     shared.give_up("the service was withdrawn")
     if _shared.get(store) is shared:
         del _shared[store]

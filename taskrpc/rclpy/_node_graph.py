@@ -19,7 +19,7 @@ from .exceptions import NodeNameNonExistentError
 NamesAndTypes = list[tuple[str, list[str]]]
 
 _LOOK_AGAIN = 0.02
-"""Seconds until who waits for a node looks again."""
+"""Seconds between two checks while a program waits for a node."""
 
 
 class NodeGraph:

@@ -1,4 +1,4 @@
-"""What programs want to know of a topic's service: who matches, and whom it does not understand.
+"""Events of publishers and subscriptions: matches, and incompatible QoS or types.
 
 Deadlines, leases and losses are not watched by this layer; a program that asks for them
 runs as on a network where nothing of the kind happens, and is told so once in its log.
@@ -149,7 +149,7 @@ class Events:
             )
 
     def mismatch(self, what: str) -> None:
-        """Somebody was found who does not match; called on the loop's thread."""
+        """An incompatible endpoint was found; called on the loop's thread."""
         handler = self._type if what == "TYPE" else self._qos
         if handler is None:
             return
@@ -168,7 +168,7 @@ class Events:
             handler.happened(event)
 
     def watch(self, native: NativePublisher | NativeSubscription) -> None:
-        """Have matches told, where somebody asks for them."""
+        """Report matches if a callback for them is given."""
         if self._matched is not None:
             native.watch_matches(self._matches_are)
 

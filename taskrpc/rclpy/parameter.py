@@ -178,7 +178,7 @@ class Parameter:
 
 
 def get_parameter_value(string_value: str) -> Any:
-    """The ParameterValue of what somebody typed: YAML, and text where it is no YAML."""
+    """The ParameterValue of a text that a user typed: YAML, or else a string."""
     import yaml  # few programs need it
 
     from taskrpc import yaml_text

@@ -42,13 +42,13 @@ def install(*folders: Path | str) -> None:
             where it is in a workspace, the packages of that are found, too.
     """
     if (watcher := sys.modules.get(_WATCHER)) is not None:
-        vars(watcher)["_over"] = True  # it would find ours again, and take it for somebody else's
+        vars(watcher)["_over"] = True  # it would find our module and take it for another package
     make_ros_classes()
     starts = [Path(folder).resolve() for folder in folders]
     srvgen.install_import_hook(*starts, *workspace.roots(*starts))
     _neighbours.starts = list(dict.fromkeys([*starts, *_neighbours.starts]))
     if _finder not in sys.meta_path:
-        # In front: whoever asks for it here wants ours, also beside a folder named `rclpy`.
+        # In front, so that our rclpy is found even beside a folder named `rclpy`.
         sys.meta_path.insert(0, _finder)
         # Behind Python's own, before the one that guesses what was misspelt.
         sys.meta_path[_behind_python() : _behind_python()] = [_neighbours, _absent]

@@ -227,7 +227,7 @@ class Database:
         found = self._connection.execute("SELECT store_id, commits FROM taskrpc_store").fetchone()
         store_id, commits = found or (b"", 0)
         if not isinstance(store_id, bytes) or not isinstance(commits, int):
-            return Witness(b"", 0)  # whoever reads the tables finds it damaged
+            return Witness(b"", 0)  # a reader of the tables will find it damaged
         return Witness(store_id, commits)
 
 

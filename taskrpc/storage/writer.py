@@ -74,7 +74,7 @@ class Writer(Generic[_Change]):
         return found
 
     async def mend(self) -> None:
-        """Open a broken file anew, for those who then read what it holds. Raises StoreError."""
+        """Open a broken file again, so that its content can be read. Raises StoreError."""
         await self._ask(None, self._mend)
 
     async def claim(self, waiting: Callable[[FileInUse], object]) -> None:
@@ -139,7 +139,7 @@ class Writer(Generic[_Change]):
         taken: list[_Asked],
         running: asyncio.Future[list[Any]],
     ) -> None:
-        self._next(loop)  # first: the thread need not wait for those who are answered now
+        self._next(loop)  # first: the thread need not wait for the callers that are answered now
         for asked, outcome in zip(taken, running.result(), strict=True):
             if asked.answer.done():
                 continue
@@ -182,7 +182,7 @@ class Writer(Generic[_Change]):
 
 
 class _Asked:
-    """Something that somebody waits for: a change, or work that is done alone."""
+    """Work with a waiting caller: a change, or work that is done alone."""
 
     __slots__ = ("alone", "answer", "change")
 

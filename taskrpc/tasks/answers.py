@@ -1,4 +1,4 @@
-"""What is answered to those who ask for something about tasks, as sentences for users."""
+"""The texts of responses about tasks, as sentences for users."""
 
 from __future__ import annotations
 

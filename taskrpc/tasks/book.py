@@ -100,7 +100,7 @@ class TaskBook:
     ) -> asyncio.Future[None]:
         """Store tasks and announce them; await what it returns.
 
-        It runs to its end, whoever stops waiting.
+        It runs to its end even if its caller stops waiting.
 
         The completion of the request that brought the tasks, and what else the store shall forget
         of clients, are stored with them. `undo` is called where nothing was announced, before

@@ -61,7 +61,7 @@ def serving(path):
 def test_a_server_that_answers_is_no_problem(serving, path, capsys):
     problems, said = diagnose(f"unix:{path}", capsys)
     assert problems == []
-    assert f"somebody listens at {path}" in said
+    assert f"a program listens at {path}" in said
     assert f"unix:{path} offers /add" in said
 
 
