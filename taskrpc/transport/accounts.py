@@ -144,7 +144,7 @@ def _parsed(path: Path, content: bytes) -> Accounts:
         return Accounts(_account(name, row) for name, row in found.accounts.items())
     except TaskRpcError as error:
         raise TaskRpcError(f"{path}: {error}") from None
-    except (ValueError, OverflowError) as error:  # an instant that no clock can show
+    except (ValueError, OverflowError, OSError) as error:  # an instant that no clock can show
         raise TaskRpcError(f"{path}: expires: {error}") from None
 
 
