@@ -52,8 +52,8 @@ class _Meta(_runtime._RenamingMeta):
         def __call__(cls, /, *args, **values):
             if "check_fields" in values:
                 cls = _with_checks(cls, bool(values.pop("check_fields")))
-            if cls._CHECKS and (odd := sorted(values.keys() - cls._NAMES)):
-                raise AssertionError(f"Invalid arguments passed to constructor: {', '.join(odd)}")
+            if cls._CHECKS:
+                _refuse_faults(cls, values)
             if cls._RENAMED:
                 return super().__call__(*args, **values)
             return _made(cls, *args, **values)
@@ -76,10 +76,8 @@ class RosMessage(Message, kw_only=True, metaclass=_Meta):
     _CLASS: ClassVar[Any] = None
     """The class that programs see; a twin refers to its original."""
     _TWIN: ClassVar[Any] = None
-    _FAULTS: ClassVar[list[tuple[str, Callable[[Any], Any], Fault]]] = []
-    """Each field's name, getter and check."""
-    _TAKE: ClassVar[Any] = None
-    """The `__post_init__` of messages without checks."""
+    _FAULTS: ClassVar[dict[str, tuple[str, Fault]]] = {}
+    """Each field's name and check, by the field's name and by its attribute."""
 
     def __init_subclass__(cls) -> None:
         if "_CLASS" in cls.__dict__:  # a twin
@@ -89,11 +87,10 @@ class RosMessage(Message, kw_only=True, metaclass=_Meta):
         slots = {name: cls.__dict__[name] for name in attributes}
         super().__init_subclass__()
         cls._CLASS = cls
-        cls._TAKE = cls.__dict__.get("__post_init__")
         types = tuple(slot_type(type_, cls._NESTED.get(name)) for name, type_ in cls._FIELDS)
         _set(cls, "SLOT_TYPES", types)
         cls._NAMES = frozenset({*attributes, *(name for name, _ in cls._FIELDS)})
-        lenient, strict, faults = {}, {}, []
+        lenient, strict, faults = {}, {}, {}
         for (name, _), attribute, type_ in zip(cls._FIELDS, attributes, types, strict=True):
             found = cls.__dict__[attribute]
             if _is_fixed_and_numeric(type_):
@@ -101,7 +98,7 @@ class RosMessage(Message, kw_only=True, metaclass=_Meta):
             fault = _fault(type_, cls._NESTED.get(name))
             lenient[attribute] = found
             strict[attribute] = property(found.__get__, _checked_setter(name, fault, found))
-            faults.append((name, slots[attribute].__get__, fault))
+            faults[name] = faults[attribute] = (name, fault)
         cls._LENIENT, cls._STRICT, cls._FAULTS = lenient, strict, faults
         _choose(cls, checks=os.environ.get("ROS_PYTHON_CHECK_FIELDS") == "1")
 
@@ -150,17 +147,6 @@ def _choose(cls: Any, *, checks: bool) -> None:
     for attribute, descriptor in (cls._STRICT if checks else cls._LENIENT).items():
         _set(cls, attribute, descriptor)
     _set(cls, "_CHECKS", checks)
-    take = cls._TAKE
-
-    def made(message: Any) -> None:
-        if checks:
-            for name, get, fault in cls._FAULTS:
-                _refuse_fault(name, fault, get(message))
-        if take is not None:
-            take(message)
-
-    if checks or take is not None:
-        _set(cls, "__post_init__", made if checks else take)
 
 
 def _with_checks(cls: Any, checks: bool) -> Any:
@@ -218,6 +204,18 @@ def _checked_setter(name: str, fault: Fault, descriptor: Any) -> Callable[[Any, 
         put(message, value)
 
     return set_checked
+
+
+def _refuse_faults(cls: Any, values: dict[str, Any]) -> None:
+    """Check the arguments of a constructor.
+
+    Not in `__post_init__`: msgspec calls that for received messages too, whose arrays are bytes.
+    """
+    if odd := sorted(values.keys() - cls._NAMES):
+        raise AssertionError(f"Invalid arguments passed to constructor: {', '.join(odd)}")
+    for key, value in values.items():
+        name, fault = cls._FAULTS[key]
+        _refuse_fault(name, fault, value)
 
 
 def _refuse_fault(name: str, fault: Fault, value: Any) -> None:

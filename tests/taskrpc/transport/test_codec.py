@@ -1,6 +1,7 @@
 """A body is what its class says, to the last field, or an InvalidRequest that says where not."""
 
 import tracemalloc
+from functools import partial
 
 import msgspec
 import pytest
@@ -9,6 +10,7 @@ from hypothesis import strategies as st
 
 import srvgen
 import taskrpc
+from srvgen import loader
 from taskrpc.transport.codec import Codec, codec_of
 from tests.taskrpc.transport.helpers import Add, Text
 
@@ -168,3 +170,34 @@ def test_a_body_nested_without_end_is_refused_like_any_other(nest):
     codec = Codec(srvgen.load("nav_msgs/msg/Path"))
     with pytest.raises(taskrpc.InvalidRequest):
         codec.decode(b"\x92\x92\x92\x00\x00" + nest * 200_000 + b"\x00\x90")
+
+
+@pytest.fixture
+def ros_class(monkeypatch):
+    """Makes a class as programs for ROS get it, with the environment of the test."""
+    monkeypatch.setattr(loader, "_base", loader._base)
+    monkeypatch.setattr(loader, "_built", {})
+    loader.make_ros_classes()
+    text = "float64[3] fixed\nfloat64[] free\nstring[] names\nbool[2] flags\nstring text\n"
+    return partial(srvgen.define, "codec_msgs/msg/Checked", text)
+
+
+def test_message_with_checked_fields_is_sent_as_its_class(ros_class):
+    cls = ros_class()
+    codec = Codec(cls)
+    message = cls(fixed=[1.0, 2.0, 3.0], free=[4.0], names=["a"], check_fields=True)
+    found = codec.decode(codec.encode(message))
+    assert (type(found), found) == (cls, message)
+    with pytest.raises(taskrpc.InvalidRequest, match=r"^expected a codec_msgs/msg/Checked, got "):
+        codec.encode(Add.Request())
+
+
+def test_messages_arrive_where_the_environment_asks_for_checked_fields(ros_class, monkeypatch):
+    monkeypatch.setenv("ROS_PYTHON_CHECK_FIELDS", "1")
+    cls = ros_class()
+    codec = Codec(cls)
+    message = cls(fixed=[1.0, 2.0, 3.0], free=[4.0], names=["a"], flags=[True, False])
+    found = codec.decode(codec.encode(message))
+    assert (type(found), found) == (cls, message)
+    with pytest.raises(AssertionError, match="The 'text' field"):
+        found.text = 5
