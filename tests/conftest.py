@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from srvgen import loader
 from taskrpc.testing import VirtualTimeLoop
 from tests.faults.harness import HAPPENED
 
@@ -126,3 +127,12 @@ def _private_places(_empty_places, monkeypatch):
     own = ("TASKRPC_PEERS", "TASKRPC_TOKEN", "TASKRPC_INTERFACE_PATH", "TASKRPC_KEEPALIVE")
     for name in ("ROS_DOMAIN_ID", *own):
         monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def ros_classes(monkeypatch):
+    """The loader makes classes for programs for ROS, and none that earlier tests have loaded."""
+    monkeypatch.setattr(loader, "_base", loader._base)
+    monkeypatch.setattr(loader, "_built", {})
+    monkeypatch.setattr(loader, "_loaded", {})
+    loader.make_ros_classes()

@@ -42,12 +42,7 @@ def define(fields: str = FIELDS, name: str = "rosidl_msgs/msg/Everything"):
     return srvgen.define(name, fields + INNER)
 
 
-@pytest.fixture(autouse=True)
-def ros(monkeypatch):
-    """The loader makes such classes; each test defines types of a package that no other has."""
-    monkeypatch.setattr(loader, "_base", loader._base)
-    monkeypatch.setattr(loader, "_built", {})
-    loader.make_ros_classes()
+pytestmark = pytest.mark.usefixtures("ros_classes")
 
 
 def refused(action) -> str:

@@ -7,7 +7,6 @@ import pytest
 import yaml
 
 import srvgen
-from srvgen import loader
 from srvgen.slot_types import BasicType, NamespacedType, UnboundedSequence, UnboundedString
 from taskrpc.ros.rosidl_runtime_py import (
     get_action_interfaces,
@@ -76,10 +75,8 @@ def test_fields_are_set_and_the_others_stay():
     assert (message.bool_value, message.char_value, message.int32_value) == (True, 7, 42)
 
 
-def test_array_of_numpy_takes_the_values_of_a_list(monkeypatch):
-    monkeypatch.setattr(loader, "_base", loader._base)
-    monkeypatch.setattr(loader, "_built", {})
-    loader.make_ros_classes()
+@pytest.mark.usefixtures("ros_classes")
+def test_array_of_numpy_takes_the_values_of_a_list():
     message = srvgen.define("runtime_msgs/msg/Fixed", "float64[3] values\n")()
     set_message_fields(message, {"values": [1, "2", 3.5]})
     assert message.values.tolist() == [1.0, 2.0, 3.5]

@@ -10,7 +10,6 @@ from hypothesis import strategies as st
 
 import srvgen
 import taskrpc
-from srvgen import loader
 from taskrpc.transport.codec import Codec, codec_of
 from tests.taskrpc.transport.helpers import Add, Text
 
@@ -173,11 +172,8 @@ def test_a_body_nested_without_end_is_refused_like_any_other(nest):
 
 
 @pytest.fixture
-def ros_class(monkeypatch):
+def ros_class(ros_classes):
     """Makes a class as programs for ROS get it, with the environment of the test."""
-    monkeypatch.setattr(loader, "_base", loader._base)
-    monkeypatch.setattr(loader, "_built", {})
-    loader.make_ros_classes()
     text = "float64[3] fixed\nfloat64[] free\nstring[] names\nbool[2] flags\nstring text\n"
     return partial(srvgen.define, "codec_msgs/msg/Checked", text)
 
