@@ -111,6 +111,7 @@ def test_a_name_that_stays_in_use_is_told(start, tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("options", [["--fresh"], ["--db", ":memory:"]])
-def test_who_stands_by_cannot_begin_anew(options, capsys):
+def test_standby_refuses_options_that_start_with_other_tasks(options, capsys):
     assert server_main(["--standby", *options]) == 2
-    assert f"the tasks of the server before: expected no {options[0]}" in capsys.readouterr().err
+    refused = f"continues the tasks of another server, so it cannot have {options[0]}"
+    assert refused in capsys.readouterr().err
