@@ -176,7 +176,7 @@ def test_a_definition_beside_the_script_is_recognised(workspace):
     Path("Fetch.srv").write_text("---", encoding="utf-8")
     with pytest.raises(DefinitionError) as caught:
         Search().load("my_msgs/srv/Fetch")
-    assert caught.value.hint == f"move Fetch.srv to {Path('my_msgs/srv/Fetch.srv')}"
+    assert caught.value.hint == "move Fetch.srv to my_msgs/srv/Fetch.srv"
 
 
 def test_dependencies_come_before_what_needs_them():
