@@ -6,8 +6,6 @@ for all.
 
 from __future__ import annotations
 
-from importlib import import_module
-
 TYPE_CHECKING = False  # importing typing would cost `taskrpc --help` more than all its own files
 if TYPE_CHECKING:
     from taskrpc import errors as errors
@@ -160,6 +158,8 @@ __all__ = [
 if not TYPE_CHECKING:  # or type checkers would accept every missing name as Any
 
     def __getattr__(name):
+        from importlib import import_module  # a command handles Ctrl-C before it imports this
+
         home = _HOME_OF.get(name)
         if name in _MODULES:
             return import_module(f"taskrpc.{name}")
