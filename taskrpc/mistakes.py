@@ -18,6 +18,7 @@ from taskrpc.errors import (
 
 TYPE_CHECKING = False  # typing is slow to import
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from types import TracebackType
 
 _ERROR, _DEADLINE, _NOT_RUN, _UNKNOWN = 1, 3, 4, 5
@@ -62,14 +63,27 @@ def explain(error: BaseException | None) -> None:
 
 def _show(kind: type[BaseException], error: BaseException, traceback: TracebackType | None) -> None:
     """Replace `sys.excepthook`. The SystemExit that this raises sets the exit status."""
-    explain(error)
-    if not is_ours(error) and error.args != (_BY_NAME,):
+    errors = list(_members(error))
+    for each in errors:
+        explain(each)
+    if not all(is_ours(each) or each.args == (_BY_NAME,) for each in errors):
         sys.__excepthook__(kind, error, traceback)
         return
-    message = f"{_place(traceback)}{kind.__name__}: {error}"
-    print("\n  hint: ".join([message, *getattr(error, "__notes__", ())]), file=sys.stderr)
+    for each in errors:
+        place = _place(each.__traceback__) or _place(traceback)
+        message = f"{place}{type(each).__name__}: {each}"
+        print("\n  hint: ".join([message, *getattr(each, "__notes__", ())]), file=sys.stderr)
     if not hasattr(sys, "ps1") and not sys.flags.interactive:
-        raise SystemExit(exit_status(error))
+        raise SystemExit(exit_status(errors[0]))
+
+
+def _members(error: BaseException) -> Iterator[BaseException]:
+    """The errors of a group, such as an `asyncio.TaskGroup` raises; any other error is its own."""
+    if isinstance(error, BaseExceptionGroup):
+        for each in error.exceptions:
+            yield from _members(each)
+    else:
+        yield error
 
 
 def _place(traceback: TracebackType | None) -> str:

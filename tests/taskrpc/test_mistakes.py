@@ -65,6 +65,23 @@ def test_an_error_of_ours_is_one_message_with_its_place(ended, error, status):
     assert text.count("\n") == 1
 
 
+def test_each_error_of_a_task_group_is_one_message(ended):
+    errors = [taskrpc.ServiceUnavailable("no server offers /add"), taskrpc.ConnectionLost("gone")]
+    status, shown = ended(raising(ExceptionGroup("unhandled errors in a TaskGroup", errors)))
+    assert status == 4
+    assert [line.split(": ", 1)[1] for line in shown.splitlines()] == [
+        "ServiceUnavailable: no server offers /add",
+        "ConnectionLost: gone",
+    ]
+
+
+def test_a_group_with_an_error_of_the_script_keeps_its_traceback(ended):
+    errors = [taskrpc.ConnectionLost("gone"), TypeError("no")]
+    status, shown = ended(raising(ExceptionGroup("unhandled errors in a TaskGroup", errors)))
+    assert status == 1
+    assert "Traceback" in shown
+
+
 def test_hints_are_part_of_the_message(ended):
     error = taskrpc.ServiceUnavailable("nobody offers /add")
     error.add_note("start it")
