@@ -57,8 +57,8 @@ class Attempts(msgspec.Struct, eq=False):
     _only_what_is_lost: bool = False
     _made: int = 0
     _in_doubt: bool = False
-    _in_doubt_since: float = 0.0
-    """The time of day, which goes on while the machine sleeps."""
+    _in_doubt_since: tuple[float, float] = (0.0, 0.0)
+    """The time of day, and the loop's time."""
     _is_over: bool = False
     _counts_anew: bool = False
     _numbers: Numbers | None = None
@@ -121,7 +121,7 @@ class Attempts(msgspec.Struct, eq=False):
                 problem = "a request id was given, but the service is not exactly-once"
                 raise InvalidRequest("", problem)
             return None
-        if self._store and self._in_doubt and time.time() - self._in_doubt_since > REPEATED_FOR:
+        if self._store and self._in_doubt and self._doubted_for() > REPEATED_FOR:
             self._give_up("the server may have forgotten the request, which was sent long ago")
         if self._store != channel.store_id:
             if self._store and self._in_doubt:
@@ -150,6 +150,14 @@ class Attempts(msgspec.Struct, eq=False):
             self._numbers.settle(self._sequence)
             self._numbers = None
 
+    def _doubted_for(self) -> float:
+        """Seconds since the first attempt whose outcome is unknown, by the clock that says more.
+
+        The time of day may be set back, and the loop's clock may stand still while a laptop sleeps.
+        """
+        day, loop = self._in_doubt_since
+        return max(time.time() - day, self.now() - loop)
+
     def _give_up(self, problem: str) -> None:
         self._is_over = True
         raise OutcomeUnknown(f"{problem}; the one that was asked before may have run the call")
@@ -161,7 +169,7 @@ class Attempts(msgspec.Struct, eq=False):
         if isinstance(error, SessionExpired) and self._may_count_anew():
             return 0.0
         if error.not_executed is not True and not self._in_doubt:
-            self._in_doubt, self._in_doubt_since = True, time.time()
+            self._in_doubt, self._in_doubt_since = True, (time.time(), self.now())
         policy = self.policy
         if policy is None or not policy.allows(self._made + 1) or not self._may_repeat(error):
             return None

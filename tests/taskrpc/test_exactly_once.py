@@ -835,6 +835,21 @@ async def test_a_request_is_not_repeated_once_the_server_may_have_forgotten_it(
         assert lab.counter.ran == 1
 
 
+async def test_clock_that_is_set_back_does_not_let_a_request_be_repeated_for_longer(monkeypatch):
+    async with Lab(Store(), Counter()) as lab:
+        lab.counter.gate = asyncio.Event()
+        call = asyncio.ensure_future(lab.client.call(Add.Request(a=1), timeout=None))
+        await turns()
+        lab.cut()
+        await turns()
+        earlier = time.time() - 24 * 3600
+        monkeypatch.setattr(time, "time", lambda: earlier)
+        await asyncio.sleep(13 * 3600)  # the second attempt waits for the handler
+        lab.cut()
+        with pytest.raises(OutcomeUnknown, match="the server may have forgotten the request"):
+            await asyncio.wait_for(call, 60)
+
+
 async def test_a_store_whose_memory_is_full_takes_requests_again_when_leases_end():
     async with Lab(Store(), Counter()) as lab:
         lab.service._desk._shared.ledger = Ledger(memory=3000)
