@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from typing import TYPE_CHECKING, Any
 
-from taskrpc.cli.command import Exit
+from taskrpc.cli.command import Exit, OutputLost
 from taskrpc.cli.parsing import Parser, add_command, add_group, number
 
 if TYPE_CHECKING:
@@ -127,7 +127,8 @@ async def _submit(options: Namespace, services: TaskServices) -> Exit:
     answer = await services.submit(options.task_type, options.target, options.priority)
     if not options.wait:
         message = f"{answer.message} (task {answer.task_id}, done in {answer.estimated_time:.1f} s)"
-        _print(_answer(answer) if options.json else message)
+        done = f"task {answer.task_id} was submitted"
+        _report(_answer(answer) if options.json else message, done)
         return Exit.DONE
     return await _wait(answer.task_id, options, services)
 
@@ -144,7 +145,7 @@ async def _wait(task_id: int, options: Namespace, services: TaskServices) -> Exi
         _note(f"task {task_id} goes on; to cancel it: taskrpc task cancel {task_id}")
         raise
     task = await services.show(task_id)
-    _print(whole_object(task) if options.json else news(task))
+    _report(whole_object(task) if options.json else news(task), news(task))
     return Exit.DONE if task.state == task.SUCCEEDED else Exit.ERROR
 
 
@@ -208,14 +209,14 @@ async def _ask_for_each(
     """Ask a service about each of the tasks, whatever becomes of the others."""
     from taskrpc.cli.task_services import TaskRefused
 
-    refusals = []
+    failures: list[TaskRefused | OutputLost] = []
     for task_id in options.task_ids:
         try:
             _say(await services.ask(verb, task_id=task_id, **fields), options)
-        except TaskRefused as refusal:
-            refusals.append(str(refusal))
-    if refusals:
-        raise TaskRefused("\n".join(refusals))
+        except (TaskRefused, OutputLost) as failure:
+            failures.append(failure)
+    if failures:
+        raise type(failures[0])("\n".join(map(str, failures)))
     return Exit.DONE
 
 
@@ -236,7 +237,7 @@ async def _reprioritise(options: Namespace, services: TaskServices) -> Exit:
 def _say(answer: Any, options: Namespace) -> None:
     seconds = getattr(answer, "estimated_time", 0.0)
     outlook = f" (done in {seconds:.1f} s)" if seconds else ""
-    _print(_answer(answer) if options.json else answer.message + outlook)
+    _report(_answer(answer) if options.json else answer.message + outlook, answer.message)
 
 
 def _answer(answer: Any) -> Any:
@@ -250,6 +251,17 @@ def _print(value: Any) -> None:
     import json
 
     print(value if isinstance(value, str) else json.dumps(value), flush=True)
+
+
+def _report(value: Any, done: str) -> None:
+    """Print what the server has done. Raises OutputLost, which says it too, if that fails."""
+    try:
+        _print(value)
+    except BrokenPipeError:
+        return  # the reader of the output stopped early; `guarded` ends the command for it
+    except OSError as error:
+        problem = f"cannot write to standard output: {error.strerror}"
+        raise OutputLost(f"{done}, but {problem}") from None
 
 
 def _note(text: str) -> None:

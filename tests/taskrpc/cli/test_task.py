@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
+import errno
 import io
 import json
 
@@ -12,7 +14,7 @@ from rich.console import Console
 import srvgen
 import taskrpc
 from taskrpc.cli import task_progress
-from taskrpc.cli.command import Exit, NotFound, UsageError, exit_code
+from taskrpc.cli.command import Exit, NotFound, OutputLost, UsageError, exit_code
 from taskrpc.cli.parsing import Parser
 from taskrpc.cli.remote import Remote
 from taskrpc.cli.task import configure, perform
@@ -418,3 +420,55 @@ def test_the_bar_shows_what_is_left_and_that_the_queue_is_paused():
 
 def test_where_stderr_is_no_terminal_there_is_no_bar():
     assert isinstance(task_progress.progress(), task_progress.ProgressLines)
+
+
+class LostOutput(io.StringIO):
+    """Standard output that cannot be written."""
+
+    def __init__(self, error):
+        super().__init__()
+        self._error = error
+
+    def write(self, text):
+        raise self._error
+
+
+def output_fails(error):
+    return contextlib.redirect_stdout(LostOutput(error))
+
+
+DISK_FULL = OSError(errno.ENOSPC, "No space left on device")
+FULL = "but cannot write to standard output: No space left on device"
+
+
+@pytest.mark.parametrize("options", [(), ("--json",)])
+async def test_task_whose_answer_cannot_be_written_is_reported_as_submitted(lab, options):
+    lost = f"^task 1 was submitted, {FULL}$"
+    with output_fails(DISK_FULL), pytest.raises(OutputLost, match=lost) as caught:
+        await task("submit", "move", "warehouse", *options)
+    assert exit_code(caught.value) == Exit.ERROR
+    assert len((await lab.store.load()).tasks) == 1
+
+
+async def test_task_whose_end_cannot_be_written_is_reported_with_its_end(lab):
+    lost = rf"^task 1 .*SUCCEEDED.*, {FULL}$"
+    with output_fails(DISK_FULL), pytest.raises(OutputLost, match=lost):
+        await task("submit", "move", "warehouse", "--wait")
+
+
+async def test_every_task_is_cancelled_even_if_no_answer_can_be_written(lab):
+    for _ in range(3):
+        await task("submit", "move", "warehouse")
+    with output_fails(DISK_FULL), pytest.raises(OutputLost) as lost:
+        await task("cancel", 2, 3)
+    assert str(lost.value).splitlines() == [f"Task {n} was cancelled, {FULL}" for n in (2, 3)]
+
+
+async def test_every_task_is_cancelled_even_if_the_reader_of_the_output_has_gone(lab, lines):
+    for _ in range(3):
+        await task("submit", "move", "warehouse")
+    with output_fails(BrokenPipeError(errno.EPIPE, "Broken pipe")):
+        assert await task("cancel", 2, 3) == Exit.DONE
+    lines()
+    await task("cancel", 3)
+    assert lines() == ["Task 3 is cancelled already"]
