@@ -58,7 +58,7 @@ class Database:
             self._lock = Lock(path, holder)
             undo.callback(self._lock.close)
             if not anew:  # before SQLite can delete the log
-                place.refuse_lost_store(path.resolve(), self._lock.path, self._lock.witness)
+                place.refuse_lost_store(path.resolve(), self._lock)
             _create_private(path.resolve())
             self._connection = _connect(path)
             undo.callback(self._disconnect)
@@ -158,12 +158,11 @@ class Database:
             raise StoreError(loss(self._path, self._lock.path, known.commits - reached.commits))
 
     def _refuse_other_contents(self) -> None:
-        """Refuse a database without tables if the lock has counted transactions."""
+        """Refuse a database without tables if the lock has, or may have, counted transactions."""
         witness = self._lock.witness
-        if witness is not None and witness.commits and not has_tables(self._connection):
-            text = place.lost_store(
-                self._path.resolve(), self._lock.path, "holds no store", witness
-            )
+        may_have_commits = self._lock.is_damaged or (witness is not None and witness.commits)
+        if may_have_commits and not has_tables(self._connection):
+            text = place.lost_store(self._path.resolve(), self._lock, "holds no store")
             raise StoreError(text)
 
     def _check(self) -> None:

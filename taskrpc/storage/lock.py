@@ -19,7 +19,9 @@ from taskrpc.errors import StoreError
 
 _HEAD = 80
 """Bytes of the first line, which says who has the lock."""
-_WITNESS = re.compile(rb"store ([0-9a-f]{32}), commit (\d{20})\n")
+_LONGEST = 200
+"""Bytes to read: more than a lock file has."""
+_CONTENTS = re.compile(rb"pid [^\n]{75}\n(?:store ([0-9a-f]{32}), commit (\d{20})\n)?")
 
 
 class FileInUse(StoreError):
@@ -59,8 +61,14 @@ class Lock:
         self._descriptor = platform.open_private(self.path)
         try:
             self._take(path, holder)
-            self.witness = self._read_witness()
+            contents = self._read()
+            found = _CONTENTS.fullmatch(contents)
+            self.witness = _witness(found) if found else None
             """What the holder before has noted, if anything."""
+            self.is_damaged = bool(contents) and not found
+            """Whether the file has other contents than a lock's; they stay until `note`."""
+            if not self.is_damaged:
+                self._write_head()
         except BaseException:
             self.close()
             raise
@@ -70,6 +78,10 @@ class Lock:
         line = f"store {witness.store_id.hex()}, commit {witness.commits:020}\n".encode()
         # No room for these bytes is no reason to refuse what is on the disk already.
         with contextlib.suppress(OSError):
+            if self.is_damaged:
+                os.ftruncate(self._descriptor, 0)
+                self._write_head()
+                self.is_damaged = False
             platform.write_at(self._descriptor, line, _HEAD)
 
     @property
@@ -93,11 +105,17 @@ class Lock:
             found = os.read(self._descriptor, _HEAD).decode(errors="replace").strip()
             raise FileInUse(f"{path} is in use by another {holder} ({found})")
         self.path.chmod(0o600)
+
+    def _write_head(self) -> None:
         since = datetime.now().astimezone().isoformat(" ", "seconds")
         head = f"pid {os.getpid()}, since {since}".ljust(_HEAD - 1)
         platform.write_at(self._descriptor, f"{head}\n".encode(), 0)
 
-    def _read_witness(self) -> Witness | None:
-        os.lseek(self._descriptor, _HEAD, os.SEEK_SET)
-        found = _WITNESS.fullmatch(os.read(self._descriptor, 200))
-        return Witness(bytes.fromhex(found[1].decode()), int(found[2])) if found else None
+    def _read(self) -> bytes:
+        os.lseek(self._descriptor, 0, os.SEEK_SET)
+        return os.read(self._descriptor, _LONGEST)
+
+
+def _witness(contents: re.Match[bytes]) -> Witness | None:
+    store_id, commits = contents.groups()
+    return Witness(bytes.fromhex(store_id.decode()), int(commits)) if store_id else None

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from taskrpc import platform
 from taskrpc.errors import StoreError
-from taskrpc.storage.lock import Witness
+from taskrpc.storage.lock import Lock
 
 SIDE_FILES = ("", "-wal", "-shm")
 """Endings of the files that SQLite keeps open, behind the database's name."""
@@ -61,8 +61,10 @@ def refuse_strangers(path: Path) -> None:
                 )
 
 
-def refuse_lost_store(path: Path, lock: Path, witness: Witness | None) -> None:
+def refuse_lost_store(path: Path, lock: Lock) -> None:
     """Refuse a missing or empty file if its lock or log shows that it had transactions.
+
+    A lock file with other contents than a lock's may have counted some, too.
 
     SQLite would delete the log of such a file, and the server would run repeated requests again.
     Raises StoreError.
@@ -74,20 +76,25 @@ def refuse_lost_store(path: Path, lock: Path, witness: Witness | None) -> None:
     else:
         return
     log = path.with_name(f"{path.name}-wal")
-    if (witness is not None and witness.commits) or (log.exists() and log.stat().st_size):
-        raise StoreError(lost_store(path, lock, problem, witness))
+    has_commits = lock.witness is not None and lock.witness.commits
+    if has_commits or lock.is_damaged or (log.exists() and log.stat().st_size):
+        raise StoreError(lost_store(path, lock, problem))
 
 
-def lost_store(path: Path, lock: Path, problem: str, witness: Witness | None) -> str:
+def lost_store(path: Path, lock: Lock, problem: str) -> str:
     """The message for a file without tables whose lock or log shows that it had transactions."""
     log = path.with_name(f"{path.name}-wal")
-    count = witness.commits if witness is not None else 0
-    there = [*([lock] if count else []), *([log] if log.exists() else [])]
+    count = lock.witness.commits if lock.witness is not None else 0
+    there = [*([lock.path] if count or lock.is_damaged else []), *([log] if log.exists() else [])]
+    names = " and ".join(
+        f"{each.name} (damaged)" if each == lock.path and lock.is_damaged else each.name
+        for each in there
+    )
+    verb = "may belong" if lock.is_damaged else f"belong{'s'[: len(there) == 1]}"
     known = f" of {count} transaction{'s'[: count > 1]}" if count else ""
     return (
-        f"{path} {problem}, but {' and '.join(each.name for each in there)} beside it"
-        f" belong{'s'[: len(there) == 1]} to a database{known}; restore that database as"
-        f" {path.name}, or, to start with an empty one, remove"
+        f"{path} {problem}, but {names} beside it {verb} to a database{known}; restore that"
+        f" database as {path.name}, or, to start with an empty one, remove"
         f" {' and '.join(str(each) for each in there)}"
     )
 

@@ -159,6 +159,34 @@ async def test_a_lost_database_is_begun_anew_once_its_lock_and_log_are_removed(p
     assert await booked(path) == []
 
 
+@pytest.mark.parametrize("what", ["missing", "empty"])
+@pytest.mark.parametrize("contents", [b"garbage", b"\0" * 149])
+async def test_a_damaged_lock_without_a_database_is_refused(path, what, contents):
+    lock = path.with_name("tasks.db.lock")
+    lock.write_bytes(contents)
+    if what == "empty":
+        path.touch()
+    for _ in range(2):  # a refused start changes nothing
+        with pytest.raises(StoreError) as refused:
+            await booked(path)
+        assert str(refused.value) == (
+            f"{path} is {what}, but tasks.db.lock (damaged) beside it may belong to a database;"
+            f" restore that database as tasks.db, or, to start with an empty one, remove {lock}"
+        )
+    lock.unlink()
+    assert await booked(path) == []
+
+
+async def test_a_damaged_lock_beside_its_database_is_written_anew(path):
+    await killed(path, 1, 2)
+    lock = path.with_name("tasks.db.lock")
+    lock.write_bytes(b"garbage")
+    assert await booked(path) == [1, 2]
+    path.unlink()
+    with pytest.raises(StoreError, match=r"tasks\.db\.lock beside it belongs to a database of"):
+        await booked(path)
+
+
 async def test_a_database_without_a_store_does_not_replace_a_lost_one(path):
     await killed(path, 1, 2)
     for each in (path, log_of(path)):

@@ -62,6 +62,26 @@ def test_lock_file_has_a_line_of_80_bytes_and_then_the_witness(path):
     again.close()
 
 
+@pytest.mark.parametrize("length", [1, 79, 81, 110, 147, 149])
+def test_lock_file_with_other_contents_is_damaged_until_the_next_note(path, length):
+    whole = Lock(path, "task server")
+    whole.note(STORE)
+    whole.close()
+    contents = whole.path.read_bytes().ljust(length, b"?")[:length]
+    whole.path.write_bytes(contents)
+    for _ in range(2):
+        lock = Lock(path, "task server")
+        assert (lock.is_damaged, lock.witness) == (True, None)
+        lock.close()
+        assert lock.path.read_bytes() == contents
+    lock = Lock(path, "task server")
+    lock.note(STORE)
+    lock.close()
+    again = Lock(path, "task server")
+    assert (again.is_damaged, again.witness) == (False, STORE)
+    again.close()
+
+
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such rights")
 def test_lock_file_of_an_earlier_program_is_closed_to_others(path):
     earlier = Lock(path, "task server")
