@@ -36,8 +36,14 @@ class Stepper:
         value of a coroutine that returned, or what it raised.
         """
         spare = self._spare
-        # Cancelled by whoever cancels all tasks, or by a coroutine that was stepped before.
-        if spare is None or spare.task.cancelling() or spare.given.done():
+        # Cancelled by a program that cancels all tasks, or by a coroutine that was stepped before.
+        # The number of cancels does not tell: `uncancel` lowers it, but takes nothing back from a
+        # task that waits, and before Python 3.13 nothing from one that has not begun either.
+        if (
+            spare is None
+            or spare.task._must_cancel  # type: ignore[attr-defined]  # typeshed lacks it
+            or spare.given.done()
+        ):
             spare = self._spare = _Spare(self._loop, self._held)
         try:
             _enter_task(self._loop, spare.task)
@@ -112,6 +118,7 @@ class _Spare:
             await self.given
         except asyncio.CancelledError:
             if self._rest is None:
+                self.given.cancel()  # says that this task has ended
                 raise
             self._rest.cancel()
         assert self._rest is not None

@@ -266,6 +266,41 @@ async def test_cancel_taken_back_among_eager_tasks_cancels_no_other(stepper):
     assert await task == 7
 
 
+@pytest.mark.parametrize("has_begun", [True, False])
+@pytest.mark.parametrize("turns", [0, 1])
+async def test_cancel_taken_back_in_the_first_step_cancels_no_other(stepper, has_begun, turns):
+    async def quick():
+        return None
+
+    async def cancelled_and_uncancelled():
+        asyncio.current_task().cancel()
+        asyncio.current_task().uncancel()
+
+    async def slow():
+        await asyncio.sleep(1)
+        return 7
+
+    if has_begun:  # the spare task waits for its coroutine; otherwise its first step is to come
+        await step(stepper, quick())
+        await asyncio.sleep(0)
+    loop = asyncio.get_running_loop()
+    made = loop.create_future()
+
+    def begin():
+        with pytest.raises(StopIteration):
+            stepper.step(lambda: None, cancelled_and_uncancelled())
+        later(turns)
+
+    def later(turns):
+        if turns:
+            loop.call_soon(later, turns - 1)
+        else:
+            made.set_result(stepper.step(lambda: None, slow()))
+
+    loop.call_soon(begin)
+    assert await asyncio.wait_for(await made, 2) == 7
+
+
 async def test_errors_come_out_where_they_belong(stepper):
     async def bad():
         raise KeyError("now")
