@@ -11,7 +11,7 @@ import pytest
 
 from tests.steps import FIGURES, VERSION, WORKS, counted, steps_of
 
-MARGIN = 0.15
+MARGIN = 0.05
 UPDATE = "python -m tests.steps --update"
 
 
