@@ -9,6 +9,7 @@ say that it did not.
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 import time
 from collections.abc import Callable
@@ -64,6 +65,13 @@ class Attempts(msgspec.Struct, eq=False):
     _numbers: Numbers | None = None
     _sequence: int = 0
     _store: bytes = b""
+    _first: SentCall | None = None
+    """The first sending, where the channel made it while the call waited for the connection."""
+
+    def begin(self) -> None:
+        """Send the request; the channel calls this at the moment in which it is connected."""
+        with contextlib.suppress(Exception):  # `result` meets the same error, and raises it
+            self._first = self.channel.send(self.request, self.deadline, self._number())
 
     async def result(self, call: SentCall | None = None) -> Any:
         """The response; raises what `Client.call` tells.
@@ -77,14 +85,16 @@ class Attempts(msgspec.Struct, eq=False):
                 self._made += 1
                 try:
                     if call is None:
-                        if not self.channel.ready:
+                        if self._first is None and not self.channel.ready:
                             await self._find()
+                        call, self._first = self._first, None
+                    if call is None:
                         call = self.channel.send(self.request, self.deadline, self._number())
                         assert call is not None, "the channel was connected in this very turn"
                     response = await call.future
                 except asyncio.CancelledError:
-                    if call is not None:
-                        call.give_up()
+                    if (sent := call or self._first) is not None:
+                        self._cancel(sent)
                     raise
                 except TaskRpcError as error:
                     wait = self._wait_after(error)
@@ -98,7 +108,22 @@ class Attempts(msgspec.Struct, eq=False):
         finally:
             self._settle()
 
+    def _cancel(self, call: SentCall) -> None:
+        self._first = None
+        call.future.cancel()
+        call.give_up()
+
     async def _find(self) -> None:
+        self.channel.line_up(self)
+        try:
+            await self._connect()
+        except TaskRpcError:
+            if self._first is None:  # otherwise the connection was lost after the request was sent
+                raise
+        finally:
+            self.channel.leave_line(self)
+
+    async def _connect(self) -> None:
         deadline = self.deadline
         if deadline is not None and deadline <= self.now():
             problem = "the deadline had passed before the call began"

@@ -12,6 +12,7 @@ import os
 import threading
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Self
@@ -253,7 +254,8 @@ class Client(Generic[RequestT, ResponseT]):
         """
         self._loop.refuse_without_loop("call_async()")
         outer: Future[ResponseT] = Future()
-        self._loop.soon(lambda: self._begin(outer, request, timeout, retry, request_id))
+        call = partial(self._inner.call_async, request, timeout, retry, request_id)
+        self._loop.soon(lambda: self._begin(outer, call))
         return outer
 
     def call_then(
@@ -275,7 +277,8 @@ class Client(Generic[RequestT, ResponseT]):
         future: Future[ResponseT] = Future()
         future.add_done_callback(lambda done: self._told(done, tell))
         self._untold.add(future)
-        self._loop.soon(lambda: self._begin(future, request, timeout, UNSET, ""))
+        call = partial(self._call_in_task, request, timeout)
+        self._loop.soon(lambda: self._begin(future, call))
         return future.cancel
 
     def _told(self, done: Future[ResponseT], tell: Tell) -> None:
@@ -288,20 +291,25 @@ class Client(Generic[RequestT, ResponseT]):
         """Forget the service."""
         self._loop.do(self._inner.destroy, "destroy()")
 
+    def _call_in_task(
+        self, request: RequestT, timeout: float | Unset | None
+    ) -> asyncio.Task[ResponseT]:
+        """Call in a task, even where `call_async` would need none.
+
+        Every answer then takes the same number of the loop's turns to its caller. An answer that
+        took fewer turns would be told before those that arrived with it.
+        """
+        return asyncio.get_running_loop().create_task(self._inner.call(request, timeout))
+
     def _begin(
-        self,
-        outer: Future[ResponseT],
-        request: RequestT,
-        timeout: float | Unset | None,
-        retry: RetryPolicy | Unset | None,
-        request_id: str,
+        self, outer: Future[ResponseT], call: Callable[[], asyncio.Future[ResponseT]]
     ) -> None:
         """Begin a call on the loop and tie its future to the caller's."""
         if outer.cancelled():
             outer.set_running_or_notify_cancel()  # wakes programs that wait for several futures
             return
         try:
-            inner = self._inner.call_async(request, timeout, retry, request_id)
+            inner = call()
         except Exception as error:
             outer.set_exception(error)
             return

@@ -144,6 +144,13 @@ class ToldThread(Protocol):
         """Tell nobody; the server learns that nobody waits."""
 
 
+class Unsent(Protocol):
+    """A call that waits for its channel's connection."""
+
+    def begin(self) -> None:
+        """Send the request; must not raise."""
+
+
 class Channel(Protocol):
     """A client's way to one service, kept open over reconnects."""
 
@@ -170,6 +177,15 @@ class Channel(Protocol):
         Raises ServiceUnavailable at once when nobody offers it, TypeMismatch, or whatever stood in
         the way.
         """
+
+    def line_up(self, call: Unsent) -> None:
+        """Have a call begun, in the order of lining up, at the moment in which it is connected.
+
+        So no call is sent before one that was made earlier and waits for the connection.
+        """
+
+    def leave_line(self, call: Unsent) -> None:
+        """Do not begin the call, if it is still in the line."""
 
     async def wait(self, deadline: float | None) -> bool:
         """Wait until the service is there; False at the deadline or once closed."""

@@ -17,7 +17,7 @@ from taskrpc.errors import (
     TypeMismatch,
 )
 from taskrpc.retry import reconnect_delay
-from taskrpc.transport.base import Mode, Tell
+from taskrpc.transport.base import Mode, Tell, Unsent
 from taskrpc.transport.calling import CallingConnection, OpenCall
 from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.transport.counting import Counting
@@ -75,6 +75,8 @@ class RemoteChannel:
         self._epoch = 0
         self._connecting: asyncio.Task[None] | None = None
         self._moves: set[asyncio.Task[None]] = set()
+        self._line: dict[Unsent, None] = {}
+        """Calls that wait for the connection, in order."""
         self._mark = endpoint.news.mark()
         self._somebody = False
         self._closed = False
@@ -202,6 +204,14 @@ class RemoteChannel:
             if not connecting.cancelled():
                 connecting.result()
 
+    def line_up(self, call: Unsent) -> None:
+        """Have a call begun, in the order of lining up, at the moment in which it is connected."""
+        self._line[call] = None
+
+    def leave_line(self, call: Unsent) -> None:
+        """Do not begin the call, if it is still in the line."""
+        self._line.pop(call, None)
+
     async def wait(self, deadline: float | None) -> bool:
         """Wait until the service is there; False at the deadline or once closed."""
         failures = 0
@@ -283,6 +293,10 @@ class RemoteChannel:
         self.store_id = resolved.store_id if self.mode is Mode.EXACTLY_ONCE else b""
         self._numbers = None
         self._connection = connection
+        if self.ready:
+            line, self._line = self._line, {}
+            for call in line:
+                call.begin()
 
     def send_to_others(self, request: Any, answered: Callable[[Any], object]) -> Future[None]:
         """Have all other servers of the name run the request, too; from any thread."""

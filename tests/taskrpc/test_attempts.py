@@ -50,6 +50,7 @@ class FakeChannel:
         self.mode, self.store_id, self.ready = mode, store_id, ready
         self.sent, self.calls, self.deadlines = [], [], []
         self.counters = {}
+        self.line = []
 
     def numbers(self):
         counter = self.counters.get(self.store_id)
@@ -61,6 +62,12 @@ class FakeChannel:
     async def connect(self, deadline):
         self.deadlines.append(deadline)
         self.ready = True
+
+    def line_up(self, call):
+        self.line.append(call)
+
+    def leave_line(self, call):
+        self.line.remove(call)
 
     def send(self, request, deadline, number):
         self.sent.append(number)

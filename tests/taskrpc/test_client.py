@@ -127,3 +127,52 @@ async def test_a_call_is_awaitable_to_every_tool_that_asks(node):
     assert inspect.isawaitable(call)
     assert asyncio.iscoroutine(call)
     assert (await call).sum == 3
+
+
+async def test_no_call_overtakes_those_that_wait_for_the_connection(node):
+    """Whichever turn of the loop between two calls is the one in which the connection is there."""
+    arrived = []
+
+    def note(request, response):
+        arrived.append(request.a)
+        return response
+
+    node.create_service(Add, "note", note)
+    for turns in range(20):
+        client = node.create_client(Add, "note")
+        calls = [client.call_async(ask(number)) for number in range(2)]
+        for _ in range(turns):
+            await asyncio.sleep(0)
+        calls.append(client.call_async(ask(2)))
+        await asyncio.gather(*calls)
+        assert arrived == [0, 1, 2], f"{turns} turns after the first calls"
+        arrived.clear()
+        client.destroy()
+
+
+async def test_a_call_cancelled_as_soon_as_the_connection_sent_it_is_cancelled_at_the_server(node):
+    gate = Gate()
+    node.create_service(Add, "gate", gate)
+    client = node.create_client(Add, "gate")
+    call = client.call_async(ask(1))
+    while not client._channel.ready:
+        await asyncio.sleep(0)
+    assert gate.started == []
+    call.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await call
+    await asyncio.sleep(0.1)
+    assert gate.started == gate.cancelled
+    assert node.status().services[0].running == 0
+
+
+async def test_a_call_sent_over_a_connection_that_is_lost_at_once_has_an_unknown_outcome(node):
+    """The connection is lost before the call's own task has heard of it."""
+    gate = Gate()
+    node.create_service(Add, "gate", gate)
+    client = node.create_client(Add, "gate", timeout=2)
+    call = client.call_async(ask(1))
+    while not client._channel.ready:
+        await asyncio.sleep(0)
+    client._channel._connection.transport.abort()
+    assert isinstance(await outcome(call), taskrpc.OutcomeUnknown)

@@ -1,5 +1,6 @@
 """Blocking programs get the same answers and errors, from any thread, and never hang."""
 
+import asyncio
 import os
 import subprocess
 import sys
@@ -398,6 +399,34 @@ def test_a_function_is_told_of_each_answer_in_the_order_of_the_calls(node):
             assert client.wait_for_service(5)
     assert all_told.wait(5)
     assert told == [(n, None) for n in range(20)]
+
+
+def test_answers_that_come_together_are_told_in_the_order_of_the_calls(node):
+    """Before the first call the connection has to be made; before the second it is there."""
+    arrived, opened, loops = threading.Semaphore(0), asyncio.Event(), []
+
+    async def wait(request, response):
+        loops.append(asyncio.get_running_loop())
+        arrived.release()
+        await opened.wait()
+        response.sum = request.a
+        return response
+
+    node.create_service(AddTwoInts, "wait", wait, concurrency=2)
+    client = node.create_client(AddTwoInts, "wait")
+    told, all_told = [], threading.Event()
+
+    def tell(response, error):
+        told.append((response and response.sum, error))
+        if len(told) == 2:
+            all_told.set()
+
+    for n in range(2):
+        client.call_then(AddTwoInts.Request(a=n), tell)
+        assert arrived.acquire(timeout=5)
+    loops[0].call_soon_threadsafe(opened.set)  # both callbacks end in one turn of the loop
+    assert all_told.wait(5)
+    assert told == [(0, None), (1, None)]
 
 
 def test_a_function_is_told_of_an_error(node):
