@@ -50,14 +50,18 @@ def _goals(results: Results) -> list[dict[str, Any]]:
     return rows
 
 
-def _rounds(pairs: list[tuple[Sample, Sample]]) -> dict[str, dict[str, list[float]]]:
+def _rounds(pairs: list[tuple[Sample, Sample]]) -> dict[str, dict[str, list[float | None]]]:
     return {
         measure: {
             "values": [take(sample) for sample, _ in pairs],
-            "ratios": [take(sample) / take(baseline) for sample, baseline in pairs],
+            "ratios": [_ratio(take(sample), take(baseline)) for sample, baseline in pairs],
         }
         for measure, take in MEASURES.items()
     }
+
+
+def _ratio(value: float, baseline: float) -> float | None:
+    return value / baseline if baseline else None
 
 
 def _idle(found: Idle) -> dict[str, list[float]]:

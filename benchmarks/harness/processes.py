@@ -48,7 +48,7 @@ class Child:
     def ask(self, **command: Any) -> Any:
         """Send a command and wait for its answer. Raises ChildFailed when the process ended."""
         assert self._process.stdin is not None
-        with contextlib.suppress(BrokenPipeError):
+        with contextlib.suppress(OSError):  # BrokenPipeError; on Windows with EINVAL
             print(json.dumps(command), file=self._process.stdin, flush=True)
         return self.read()
 
@@ -69,7 +69,7 @@ class Child:
         """End the process."""
         with self._process as process:
             assert process.stdin is not None
-            with contextlib.suppress(BrokenPipeError):
+            with contextlib.suppress(OSError):
                 process.stdin.close()
             try:
                 process.wait(_PATIENCE)

@@ -31,8 +31,13 @@ class Figure:
     """The least and the greatest of the rounds' ratios."""
 
 
-def figure(values: Sequence[float], baseline: Sequence[float]) -> Figure:
-    """Values of the rounds, each divided by its round's baseline."""
+def figure(values: Sequence[float], baseline: Sequence[float]) -> Figure | None:
+    """Values of the rounds, each divided by its round's baseline; None where one of those is 0.
+
+    The CPU time of a short round is 0 on Windows, whose clock for it ticks every 16 ms.
+    """
+    if 0 in baseline:
+        return None
     ratios = [value / base for value, base in zip(values, baseline, strict=True)]
     return Figure(statistics.median(values), statistics.median(ratios), min(ratios), max(ratios))
 

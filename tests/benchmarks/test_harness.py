@@ -15,11 +15,13 @@ from hypothesis import strategies as st
 from benchmarks.contenders import BASELINE, CONTENDERS, contender, raw_asyncio
 from benchmarks.harness import idle, plot
 from benchmarks.harness.goals import Goal
+from benchmarks.harness.jsonfile import to_json
 from benchmarks.harness.processes import CAN_PIN, ChildFailed, Pair
 from benchmarks.harness.quantiles import quantile
 from benchmarks.harness.report import report
 from benchmarks.harness.results import Idle, Results, figure
 from benchmarks.harness.run import Settings, run, write
+from benchmarks.harness.workloads import phases
 
 ABOUT = {
     "date": "2026-01-01",
@@ -70,6 +72,19 @@ def test_a_server_that_died_is_said_and_does_not_hang():
 def test_ratios_are_taken_within_each_round():
     found = figure([10.0, 40.0, 30.0], [10.0, 20.0, 10.0])
     assert (found.value, found.ratio, found.low, found.high) == (30.0, 2.0, 1.0, 3.0)
+
+
+def test_there_is_no_figure_where_a_coarse_clock_measured_nothing():
+    """On Windows the clock of CPU time ticks every 16 ms."""
+    sample = {"elapsed": 1.0, "p50": 1.0, "p99": 1.0, "calls": 10, "cpu": 0.1}
+    results = Results({**ABOUT})
+    workload = next(iter(phases(can_pin=False)))[0]
+    for name in ("raw asyncio", "taskrpc"):
+        results.add(workload, name, sample, {**sample, "cpu": 0.0})
+    assert results.figure(workload, "taskrpc", "cpu") is None
+    assert results.figure(workload, "taskrpc", "rate").ratio == 1.0
+    rounds = json.loads(to_json(results))["calls"][workload.key]["taskrpc"]
+    assert (rounds["cpu"]["ratios"], rounds["rate"]["ratios"]) == ([None], [1.0])
 
 
 @given(st.lists(st.floats(1e-6, 10), min_size=1), st.floats(0.001, 1))
