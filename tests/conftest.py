@@ -6,6 +6,7 @@ import asyncio
 import gc
 import os
 import signal
+import sys
 from pathlib import Path
 
 import pytest
@@ -127,6 +128,21 @@ def _private_places(_empty_places, monkeypatch):
     own = ("TASKRPC_PEERS", "TASKRPC_TOKEN", "TASKRPC_INTERFACE_PATH", "TASKRPC_KEEPALIVE")
     for name in ("ROS_DOMAIN_ID", *own):
         monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture
+def symlink():
+    """Makes a symbolic link; skips the test where the system lets only administrators make any."""
+
+    def make(link, target):
+        try:
+            Path(link).symlink_to(target, target_is_directory=Path(target).is_dir())
+        except OSError:
+            if sys.platform != "win32":
+                raise
+            pytest.skip("Windows lets only administrators and developers make symbolic links")
+
+    return make
 
 
 @pytest.fixture

@@ -19,6 +19,7 @@ if hasattr(_winapi, "CopyFile2"):  # it crashes; without it, shutil.copy2 copies
 
 _chmod, _kill, _locking = os.chmod, os.kill, msvcrt.locking
 _KEYS = {0: "SIGINT", 1: "SIGBREAK"}  # by the number of CTRL_C_EVENT and CTRL_BREAK_EVENT
+_PRIVILEGE_NOT_HELD = 1314
 _EVENT_MODIFY_STATE, _STATUS_CONTROL_C_EXIT = 2, 0xC000013A - (1 << 32)
 
 
@@ -46,6 +47,12 @@ def _kill_with_keys(pid, number):
         _kill(pid, number)
 
 
+def _symlink_without_the_right(source, link, target_is_directory=False, *, dir_fd=None):
+    """Refuse as Windows does for most users; Wine reports success and makes no link."""
+    problem = "A required privilege is not held by the client"
+    raise OSError(errno.EINVAL, problem, source, _PRIVILEGE_NOT_HELD, link)
+
+
 def _event_name(pid, key):
     return f"taskrpc-key-{pid}-{key}"
 
@@ -64,7 +71,7 @@ def _await_key(event, name):
 
 
 os.chmod, msvcrt.locking = _chmod_even_of_mapped_files, _locking_with_error_number
-os.kill = _kill_with_keys
+os.kill, os.symlink = _kill_with_keys, _symlink_without_the_right
 sys.ctrl_c_reaches_one_process = True
 for _number, _name in _KEYS.items():
     _event = _winapi.CreateEventW(0, False, False, _event_name(os.getpid(), _number))

@@ -340,9 +340,9 @@ def test_definitions_in_subfolders_of_a_kind_are_found_under_the_package(workspa
         assert search.find("robot_msgs/Move") == service
 
 
-def test_a_package_may_have_definitions_in_subfolders_only(workspace):
+def test_a_package_may_have_definitions_in_subfolders_only(workspace, symlink):
     inner = workspace / "robot_msgs" / "action" / "arm" / "Reach.action"
     inner.parent.mkdir(parents=True)
     inner.write_text("---\n---\n", encoding="utf-8")
-    (inner.parent / "round").symlink_to(inner.parents[1], target_is_directory=True)
+    symlink(inner.parent / "round", inner.parents[1])
     assert Search().interfaces("robot_msgs") == ["robot_msgs/action/Reach"]

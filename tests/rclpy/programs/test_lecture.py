@@ -27,7 +27,7 @@ class Caller(Node):
 rclpy.init()
 node = Caller()
 if {wait}:
-    node.client.wait_for_service(timeout_sec=10.0)
+    node.client.wait_for_service(timeout_sec=60.0)
 print(node.{call})
 node.destroy_node()
 rclpy.shutdown()
@@ -113,13 +113,14 @@ def test_the_task_server_runs_four_tasks_by_priority(ros):
 
 def test_the_timeout_snippet_gets_an_answer_or_gives_up_in_time(ros, run):
     source = SNIPPETS.replace("{method}", snippet("send_request_with_timeout"))
-    call = "send_request_with_timeout(AddTwoInts.Request(a=1, b=2), timeout=0.5)"
-    code, out, err = run(source.replace("{call}", call).replace("{wait}", "False"))
+    call = "send_request_with_timeout(AddTwoInts.Request(a=1, b=2), timeout={})"
+    source = source.replace("{call}", call)
+    code, out, err = run(source.replace("{}", "0.5").replace("{wait}", "False"))
     assert (code, out) == (0, "None\n")
     assert "[WARN] [T] [caller]: Service call timed out\n" in err
     server = ros(listing("add_two_ints_server.py"), name="add_two_ints_server.py")
     server.wait_for("is ready")
-    code, out, _ = run(source.replace("{call}", call).replace("{wait}", "True"))
+    code, out, _ = run(source.replace("{}", "60").replace("{wait}", "True"))
     assert (code, out) == (0, "example_interfaces.srv.AddTwoInts_Response(sum=3)\n")
 
 

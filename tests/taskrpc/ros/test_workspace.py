@@ -36,14 +36,14 @@ def test_packages_are_found_at_any_depth_below_src(make):
         assert sorted(workspace.packages(start)) == ["deep", "one"]
 
 
-def test_packages_behind_links_are_found_once_and_loops_of_links_end(make, tmp_path):
+def test_packages_behind_links_are_found_once_and_loops_of_links_end(make, tmp_path, symlink):
     ws = make("one")
     elsewhere = tmp_path / "elsewhere" / "two"
     elsewhere.mkdir(parents=True)
     (elsewhere / "package.xml").write_text("<package><name>two</name></package>")
-    (elsewhere.parent / "back").symlink_to(ws)
-    (ws / "src" / "linked").symlink_to(elsewhere.parent, target_is_directory=True)
-    (ws / "src" / "loop").symlink_to(ws / "src", target_is_directory=True)
+    symlink(elsewhere.parent / "back", ws)
+    symlink(ws / "src" / "linked", elsewhere.parent)
+    symlink(ws / "src" / "loop", ws / "src")
     found = workspace._packages_in(ws / "src")
     assert [name for name, _ in found] == ["one", "two"]
 
