@@ -63,8 +63,12 @@ def _run_behind(options: Namespace) -> int:
     from srvgen import process
     from taskrpc.cli.command import UsageError
 
+    lexer = shlex.shlex(options.prefix, posix=True, punctuation_chars=False)
+    lexer.whitespace_split, lexer.commenters = True, ""
+    if sys.platform == "win32":
+        lexer.escape = ""  # there the backslash stands between folders
     try:
-        prefix = shlex.split(options.prefix)
+        prefix = list(lexer)
     except ValueError as error:
         raise UsageError(f"--prefix: expected a command, got {options.prefix}: {error}") from None
     program = options.rest

@@ -200,7 +200,7 @@ def _matches(arguments: Sequence[str], package: Path) -> Iterator[str]:
         if pattern in options:
             continue
         inner = pattern.removeprefix(f"{package}/")
-        if Path(inner).is_absolute() or ".." in Path(inner).parts:
+        if Path(inner).anchor or ".." in Path(inner).parts:  # `/*` is not absolute on Windows
             continue
         try:
             found = sorted(package.rglob(inner) if is_deep else package.glob(inner))

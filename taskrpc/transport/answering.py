@@ -59,11 +59,7 @@ class ThreadedServing(ServingConnection):
         if not self._was_asked:  # most connections never are, and need no descriptor more
             self._was_asked = True
             here.open(transport)
-        return (
-            here.is_open
-            and self.session.state is State.OPEN
-            and not transport.get_write_buffer_size()
-        )
+        return here.is_open and here.is_idle and self.session.state is State.OPEN
 
     # The loop's own ways to the session and to the socket
 
@@ -83,10 +79,14 @@ class ThreadedServing(ServingConnection):
 
     def flush(self) -> None:
         """Write what the session has to say, behind the rest of what a thread began to write."""
+        here = self._here
         with self._here.lock:
-            if not self._here.is_whole:
-                self._here.write_rest(self.transport)
+            writes = self.session.out or not here.is_whole or not here.is_idle
+            if not here.is_whole:
+                here.write_rest(self.transport)
             super().flush()
+            if writes and (transport := self.transport) is not None:
+                here.is_idle = not transport.get_write_buffer_size()
 
     def connection_lost(self, exc: Exception | None) -> None:
         """The transport is gone."""

@@ -17,11 +17,16 @@ class ThreadSocket:
     else, and closes it with the transport.
     """
 
-    __slots__ = ("_rest", "_socket", "lock")
+    __slots__ = ("_rest", "_socket", "is_idle", "lock")
 
     def __init__(self) -> None:
         self.lock = threading.RLock()
         self._rest = b""
+        self.is_idle = True
+        """Whether the transport had written everything when the loop last flushed.
+
+        Threads must not ask the transport itself: it writes what is left in its buffer without the
+        lock, and calls the buffer empty while it does."""
         self._socket: socket.socket | None = None
 
     @property

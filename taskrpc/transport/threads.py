@@ -213,23 +213,27 @@ class ThreadedConnection(CallingConnection):
 
     def flush(self) -> None:
         """Write what the session has to say, behind the rest of what a thread began to write."""
+        here = self._here
         with self._mine:
-            if not self._here.is_whole:
-                self._here.write_rest(self.transport)
+            writes = self.session.out or not here.is_whole or not here.is_idle
+            if not here.is_whole:
+                here.write_rest(self.transport)
             super().flush()
+            if writes and (transport := self.transport) is not None:
+                here.is_idle = not transport.get_write_buffer_size()
 
     def _is_free(self, size: int) -> bool:
         """Whether a request may be written here and now: nothing waits to go before it."""
-        session, transport = self.session, self.transport
+        session, here = self.session, self._here
         return (
-            self._here.is_open
-            and transport is not None
+            here.is_open
+            and self.transport is not None
             and size < LARGE
             and size <= session.body_limit
-            and self._here.is_whole
+            and here.is_whole
+            and here.is_idle
             and not self.owner.behind
             and not self.holds_back
             and not session.out
             and session.can_send(size)
-            and not transport.get_write_buffer_size()
         )

@@ -6,7 +6,7 @@ import subprocess
 import sys
 import threading
 import time
-from concurrent.futures import CancelledError, ThreadPoolExecutor, wait
+from concurrent.futures import CancelledError, Future, ThreadPoolExecutor, wait
 
 import pytest
 
@@ -399,6 +399,50 @@ def test_a_function_is_told_of_each_answer_in_the_order_of_the_calls(node):
             assert client.wait_for_service(5)
     assert all_told.wait(5)
     assert told == [(n, None) for n in range(20)]
+
+
+class Sending:
+    """A transport that takes what is left out of its buffer before it sends it.
+
+    As asyncio's on Windows does: meanwhile it calls the buffer empty.
+    """
+
+    def __init__(self, transport):
+        self._transport = transport
+        self._left, self._is_taken, self.kept = [], False, threading.Event()
+
+    def __getattr__(self, name):
+        return getattr(self._transport, name)
+
+    def write(self, data):
+        self._left.append(data)
+        self.kept.set()
+
+    def get_write_buffer_size(self):
+        return 0 if self._is_taken else sum(map(len, self._left))
+
+    def take(self):
+        self._is_taken = True
+
+    def send(self):
+        self._transport.writelines(self._left)
+        self.write = self._transport.write
+
+
+def test_a_thread_sends_nothing_while_the_transport_sends_what_was_left(node):
+    node.create_service(AddTwoInts, "add", add)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.call(AddTwoInts.Request(a=1)).sum == 1
+    connection = client._inner._channel._connection
+    connection.transport = sending = Sending(connection.transport)
+    first = client.call_async(AddTwoInts.Request(a=2))
+    assert sending.kept.wait(5)
+    node._loop.do(sending.take, "take()")
+    second = Future()
+    client.call_then(AddTwoInts.Request(a=3), lambda response, _: second.set_result(response))
+    node._loop.do(sending.send, "send()")
+    assert [future.result(5).sum for future in (first, second)] == [2, 3]
+    connection.transport = sending._transport
 
 
 def test_answers_that_come_together_are_told_in_the_order_of_the_calls(node):

@@ -1,5 +1,6 @@
 """`taskrpc run` runs an unmodified ROS program, and ends as Python would."""
 
+import shlex
 import shutil
 import signal
 import subprocess
@@ -44,7 +45,11 @@ def test_a_program_imports_rclpy_and_interfaces_in_any_order_and_has_its_argumen
     )
 
 
-@pytest.mark.parametrize("prefix", [(), ("--prefix", "env")])
+STARTER = "import subprocess, sys; sys.exit(subprocess.call(sys.argv[1:]))"
+PREFIX = f"{shlex.quote(sys.executable)} -c '{STARTER}'"
+
+
+@pytest.mark.parametrize("prefix", [(), ("--prefix", PREFIX)], ids=["", "prefix"])
 def test_code_runs_and_fails_as_python_c_does(tmp_path, prefix):
     folder = tmp_path / "my_things" / "srv"
     folder.mkdir(parents=True)
@@ -123,6 +128,7 @@ def test_a_program_is_compiled_and_found_as_python_itself_does(run):
 
 def test_messages_of_a_program_are_as_in_ros(run, monkeypatch):
     """With numpy's arrays and types of fields; here all fields are checked, too."""
+    pytest.importorskip("numpy")
     monkeypatch.setenv("ROS_PYTHON_CHECK_FIELDS", "1")
     source = (
         "from geometry_msgs.msg import PoseWithCovariance\n"
