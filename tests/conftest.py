@@ -23,7 +23,10 @@ settings.register_profile("taskrpc", deadline=None)
 settings.load_profile("taskrpc")
 
 MOST_PROCESSES = 4
-"""More than these gain little: the longest tests wait for programs that they start."""
+"""More than these gain little: the longest tests wait for programs that they start.
+
+Because they wait, there is one process more than the machine has cores.
+"""
 
 
 def pytest_addoption(parser):
@@ -46,7 +49,7 @@ def pytest_cmdline_main(config):
     whole = config.args_source is config.ArgsSource.TESTPATHS and not option.soak
     whole &= option.markexpr in (PLAIN_RUN, "faults")
     if whole and not picked and getattr(option, "numprocesses", 0) is None and not option.tx:
-        option.numprocesses = min(os.cpu_count() or 1, MOST_PROCESSES)
+        option.numprocesses = min((os.cpu_count() or 1) + 1, MOST_PROCESSES)
         option.dist = "worksteal"
 
 
