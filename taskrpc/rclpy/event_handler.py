@@ -30,10 +30,11 @@ from ._event_infos import (
 from .callback_groups import CallbackGroup
 from .exceptions import UnsupportedEventTypeError
 from .qos import QoSPolicyKind
-from .waitable import Waitable
+from .waitable import NumberOfEntities, Waitable
 
 if TYPE_CHECKING:
     from ._bridge import NativePublisher, NativeSubscription
+    from .handle import Handle
     from .node import Node
 
 Callback = Callable[[Any], Any] | None
@@ -54,6 +55,15 @@ class SubscriptionEventCallbacks:
     matched: Callback = None
     use_default_callbacks: bool = True
 
+    def create_event_handlers(
+        self, callback_group: CallbackGroup, subscription: Handle, topic_name: str
+    ) -> list[EventHandler]:
+        """Make a handler of each event that has a callback, given the subscription's `handle`.
+
+        Add the handlers to the node as waitables. Raises InvalidHandle.
+        """
+        return _made(self, callback_group, subscription, topic_name, _SUBSCRIPTION_EVENTS)
+
 
 @dataclasses.dataclass(kw_only=True)
 class PublisherEventCallbacks:
@@ -66,9 +76,46 @@ class PublisherEventCallbacks:
     matched: Callback = None
     use_default_callbacks: bool = True
 
+    def create_event_handlers(
+        self, callback_group: CallbackGroup, publisher: Handle, topic_name: str
+    ) -> list[EventHandler]:
+        """Make a handler of each event that has a callback, given the publisher's `handle`.
+
+        Add the handlers to the node as waitables. Raises InvalidHandle.
+        """
+        return _made(self, callback_group, publisher, topic_name, _PUBLISHER_EVENTS)
+
+
+EventCallbacks = SubscriptionEventCallbacks | PublisherEventCallbacks
+
+_SUBSCRIPTION_EVENTS: dict[str, EventType] = {
+    "deadline": QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_DEADLINE_MISSED,
+    "incompatible_qos": QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS,
+    "liveliness": QoSSubscriptionEventType.RCL_SUBSCRIPTION_LIVELINESS_CHANGED,
+    "message_lost": QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST,
+    "incompatible_type": QoSSubscriptionEventType.RCL_SUBSCRIPTION_INCOMPATIBLE_TYPE,
+    "matched": QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED,
+}
+"""The event of each callback, in the order in which ROS makes the handlers."""
+_PUBLISHER_EVENTS: dict[str, EventType] = {
+    "deadline": QoSPublisherEventType.RCL_PUBLISHER_OFFERED_DEADLINE_MISSED,
+    "liveliness": QoSPublisherEventType.RCL_PUBLISHER_LIVELINESS_LOST,
+    "incompatible_qos": QoSPublisherEventType.RCL_PUBLISHER_OFFERED_INCOMPATIBLE_QOS,
+    "incompatible_type": QoSPublisherEventType.RCL_PUBLISHER_INCOMPATIBLE_TYPE,
+    "matched": QoSPublisherEventType.RCL_PUBLISHER_MATCHED,
+}
+
 
 class EventHandler(Waitable[Any]):
-    """Runs a callback, on the spinning thread, for each event of one kind."""
+    """Runs a callback, on the spinning thread, for each event of one kind.
+
+    Args:
+        parent_impl: the `handle` of the publisher or subscription that has the events.
+
+    Raises:
+        InvalidHandle: the publisher or subscription was destroyed.
+        TypeError: it has no events of this type.
+    """
 
     def __init__(
         self,
@@ -76,18 +123,29 @@ class EventHandler(Waitable[Any]):
         callback_group: CallbackGroup,
         callback: Callable[[Any], Any],
         event_type: EventType,
-        parent_impl: Any = None,
+        parent_impl: Handle,
     ) -> None:
         super().__init__(callback_group)
         self.callback = callback
         self.event_type = event_type
         self.total = 0
         self._events: deque[Any] = deque()
+        with parent_impl:
+            self._source: Events = parent_impl.owner._events
+        self._source.add(self)
 
     def happened(self, event: Any) -> None:
         """Have the callback called with this; from any thread."""
         self._events.append(event)
         self._arrived()
+
+    def destroy(self) -> None:
+        """Get no more events."""
+        self._source.remove(self)
+
+    def get_num_entities(self) -> NumberOfEntities:
+        """What it waits for: one event."""
+        return NumberOfEntities(num_events=1)
 
     def _ready(self) -> bool:
         return bool(self._events)
@@ -98,6 +156,14 @@ class EventHandler(Waitable[Any]):
         except IndexError:  # another thread was quicker
             return None
         return lambda: self.callback(event)
+
+
+class _Logging(EventHandler):
+    """A handler that logs at once, even if the node does not spin."""
+
+    def happened(self, event: Any) -> None:
+        """Log the event; from any thread."""
+        self.callback(event)
 
 
 class QoSEventHandler(EventHandler):
@@ -113,79 +179,96 @@ class QoSEventHandler(EventHandler):
 
 
 class Events:
-    """The handlers of one publisher or subscription."""
+    """The events of one publisher or subscription, for the handlers that want them."""
 
     def __init__(
-        self,
-        node: Node,
-        group: CallbackGroup,
-        callbacks: SubscriptionEventCallbacks | PublisherEventCallbacks,
-        topic: str,
+        self, node: Node, group: CallbackGroup, callbacks: EventCallbacks, topic: str
     ) -> None:
         self._node = node
         self._topic = topic
+        self._callbacks = callbacks
+        self._group = group
         subscribes = isinstance(callbacks, SubscriptionEventCallbacks)
-        self._other = "publisher" if subscribes else "subscription"
-        self._verbs = ("offering", "received from") if subscribes else ("requesting", "sent to")
+        self._kinds = _SUBSCRIPTION_EVENTS if subscribes else _PUBLISHER_EVENTS
         self._qos_info: type[QoSOfferedIncompatibleQoSInfo] = (
             QoSRequestedIncompatibleQoSInfo if subscribes else QoSOfferedIncompatibleQoSInfo
         )
-        self.handlers: list[EventHandler] = []
-        kinds = QoSSubscriptionEventType if subscribes else QoSPublisherEventType
-        of_type = {kind.name.rpartition("INCOMPATIBLE_")[2]: kind for kind in kinds}
-        matched = kinds["RCL_SUBSCRIPTION_MATCHED" if subscribes else "RCL_PUBLISHER_MATCHED"]
-        self._defaults: list[EventHandler] = []
-        """The handlers that log incompatible QoS and types, even if the node does not spin."""
         self._matched_info = QoSSubscriptionMatchedInfo if subscribes else QoSPublisherMatchedInfo
         self._matches = 0
-        logs = callbacks.use_default_callbacks
-        self._qos = self._handler(group, callbacks.incompatible_qos, of_type["QOS"], logs)
-        self._type = self._handler(group, callbacks.incompatible_type, of_type["TYPE"], logs)
-        self._matched = self._handler(group, callbacks.matched, matched)
+        self._native: NativePublisher | NativeSubscription | None = None
+        self._watches = False
+        self._handlers: tuple[EventHandler, ...] = ()
+        """Replaced as a whole: the loop's thread reads it while programs add handlers."""
+        self._own: list[EventHandler] = []
         asked = [one.name for one in dataclasses.fields(callbacks) if one.name not in _REPORTED]
         if missing := [name for name in asked if callable(getattr(callbacks, name))]:
             node.get_logger().warning(
                 f"taskrpc does not report these events of {topic}: {', '.join(missing)}"
             )
 
+    def create_handlers(self, parent: Handle) -> list[EventHandler]:
+        """Make the handlers of the callbacks, and let the node wait for them."""
+        self._own = self._callbacks.create_event_handlers(self._group, parent, self._topic)
+        for handler in self._own:
+            if not isinstance(handler, _Logging):
+                self._node.add_waitable(handler)
+        return self._own
+
+    def add(self, handler: EventHandler) -> None:
+        """Report events of its type to a handler. Raises TypeError for a type of the other kind."""
+        expected = type(self._kinds["matched"])
+        if not isinstance(handler.event_type, expected):  # the numbers of both kinds are equal
+            got = repr(handler.event_type)
+            raise TypeError(f"expected event_type to be a {expected.__name__}, got {got}")
+        self._handlers += (handler,)
+        self._watch()
+
+    def remove(self, handler: EventHandler) -> None:
+        """Report no more events to a handler."""
+        self._handlers = tuple(each for each in self._handlers if each is not handler)
+
     def mismatch(self, what: str) -> None:
         """An incompatible endpoint was found; called on the loop's thread."""
-        handler = self._type if what == "TYPE" else self._qos
-        if handler is None:
-            return
-        handler.total += 1
-        if what == "TYPE":
-            event: Any = IncompatibleTypeInfo(total_count=handler.total, total_count_change=1)
-        else:
-            event = self._qos_info(
-                total_count=handler.total,
-                total_count_change=1,
-                last_policy_kind=QoSPolicyKind[what],
-            )
-        if handler in self._defaults:
-            handler.callback(event)
-        else:
+        for handler in self._of("incompatible_type" if what == "TYPE" else "incompatible_qos"):
+            handler.total += 1
+            if what == "TYPE":
+                event: Any = IncompatibleTypeInfo(total_count=handler.total, total_count_change=1)
+            else:
+                event = self._qos_info(
+                    total_count=handler.total,
+                    total_count_change=1,
+                    last_policy_kind=QoSPolicyKind[what],
+                )
             handler.happened(event)
 
     def watch(self, native: NativePublisher | NativeSubscription) -> None:
-        """Report matches if a callback for them is given."""
-        if self._matched is not None:
-            native.watch_matches(self._matches_are)
+        """Report matches once a handler wants them."""
+        self._native = native
+        self._watch()
+
+    def _watch(self) -> None:
+        if self._native is not None and not self._watches and self._of("matched"):
+            self._watches = True
+            self._native.watch_matches(self._matches_are)
+
+    def _of(self, name: str) -> list[EventHandler]:
+        return [each for each in self._handlers if each.event_type is self._kinds[name]]
 
     def _matches_are(self, count: int) -> None:
         """So many of the others match; called on the loop's thread."""
         change, self._matches = count - self._matches, count
-        if self._matched is None or not change:
+        if not change:
             return
         more = max(0, change)
-        self._matched.total += more
-        event = self._matched_info(
-            total_count=self._matched.total,
-            total_count_change=more,
-            current_count=count,
-            current_count_change=change,
-        )
-        self._matched.happened(event)
+        for handler in self._of("matched"):
+            handler.total += more
+            event = self._matched_info(
+                total_count=handler.total,
+                total_count_change=more,
+                current_count=count,
+                current_count_change=change,
+            )
+            handler.happened(event)
 
     @contextlib.contextmanager
     def kept(self) -> Iterator[None]:
@@ -198,32 +281,50 @@ class Events:
 
     def destroy(self) -> None:
         """Call no more."""
-        for handler in self.handlers:
-            if handler in self._defaults:
-                continue
+        for handler in self._own:
+            handler.destroy()
             self._node.remove_waitable(handler)
 
-    def _handler(
-        self, group: CallbackGroup, callback: Callback, event_type: EventType, logs: bool = False
-    ) -> EventHandler | None:
-        if callback is None and not logs:
-            return None
-        handler = EventHandler(
-            callback_group=group, callback=callback or self._log, event_type=event_type
-        )
-        self.handlers.append(handler)
-        if callback is None:
-            self._defaults.append(handler)
-        else:
-            self._node.add_waitable(handler)
-        return handler
 
-    def _log(self, event: Any) -> None:
+def _made(
+    callbacks: EventCallbacks,
+    group: CallbackGroup,
+    parent: Handle,
+    topic: str,
+    kinds: dict[str, EventType],
+) -> list[EventHandler]:
+    parent.check()
+    subscribes = isinstance(callbacks, SubscriptionEventCallbacks)
+    log = _Log(parent.owner._node.get_logger(), topic, subscribes)
+    handlers: list[EventHandler] = []
+    for name, kind in kinds.items():
+        callback, handler = getattr(callbacks, name), EventHandler
+        if callback is None and callbacks.use_default_callbacks and name.startswith("incompatible"):
+            callback, handler = log, _Logging
+        if callback is not None:
+            handlers.append(
+                handler(
+                    callback_group=group, callback=callback, event_type=kind, parent_impl=parent
+                )
+            )
+    return handlers
+
+
+class _Log:
+    """The default callback: it warns of an endpoint that does not fit."""
+
+    def __init__(self, logger: Any, topic: str, subscribes: bool) -> None:
+        self._logger = logger
+        self._topic = topic
+        self._other = "publisher" if subscribes else "subscription"
+        self._verbs = ("offering", "received from") if subscribes else ("requesting", "sent to")
+
+    def __call__(self, event: Any) -> None:
         offering, received = self._verbs
         kind = getattr(event, "last_policy_kind", None)
         problem = "type" if kind is None else "QoS"
         policy = "" if kind is None else f" Last incompatible policy: {kind.name}"
-        self._node.get_logger().warning(
+        self._logger.warning(
             f"New {self._other} discovered on topic '{self._topic}', {offering} incompatible"
             f" {problem}. No messages will be {received} it.{policy}"
         )

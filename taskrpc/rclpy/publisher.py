@@ -41,7 +41,7 @@ class Publisher(Generic[MsgT]):
         self.callback_group = callback_group
         self.handle = Handle(self)
         self._events = events
-        self.event_handlers = [] if events is None else events.handlers
+        self.event_handlers = [] if events is None else events.create_handlers(self.handle)
         mismatch = None if events is None else events.mismatch
         native = qos_profile._native()
         self._native = node._rclpy_bridge.publisher(msg_type, topic, native, mismatch)

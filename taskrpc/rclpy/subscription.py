@@ -76,7 +76,7 @@ class Subscription(Entity, Generic[MsgT]):
         self.raw = raw
         self.handle = SubscriptionHandle(self)
         self._events = events
-        self.event_handlers = [] if events is None else events.handlers
+        self.event_handlers = [] if events is None else events.create_handlers(self.handle)
         mismatch = None if events is None else events.mismatch
         native = qos_profile._native(subscribes=True)
         self._received = 0

@@ -12,8 +12,10 @@ from taskrpc.rclpy.event_handler import (
     QoSPublisherEventType,
     QoSPublisherMatchedInfo,
     QoSRequestedIncompatibleQoSInfo,
+    QoSSubscriptionEventType,
     QoSSubscriptionMatchedInfo,
 )
+from taskrpc.rclpy.exceptions import InvalidHandle
 from taskrpc.rclpy.qos import QoSPolicyKind, qos_profile_sensor_data
 from taskrpc.rclpy.qos_event import PublisherEventCallbacks, SubscriptionEventCallbacks
 from taskrpc.rclpy.serialization import deserialize_message, serialize_message
@@ -232,9 +234,72 @@ def test_handlers_that_log_are_there_by_default_and_only_then(node):
 def test_the_old_name_of_event_handlers_is_deprecated(node):
     kind = QoSPublisherEventType.RCL_PUBLISHER_MATCHED
     options = {"callback_group": node.default_callback_group, "callback": print}
+    parent = node.create_publisher(String, "talk", 10).handle
     with pytest.warns(DeprecationWarning, match="use EventHandler instead"):
-        handler = QoSEventHandler(**options, event_type=kind)
+        handler = QoSEventHandler(**options, event_type=kind, parent_impl=parent)
     assert isinstance(handler, EventHandler)
+
+
+def test_create_event_handlers_gives_the_handlers_of_ros_in_its_order(node):
+    group = node.default_callback_group
+    publisher = node.create_publisher(String, "talk", 10)
+    subscription = node.create_subscription(String, "talk", print, 10)
+    every = {"deadline": print, "liveliness": print, "matched": print}
+    handlers = PublisherEventCallbacks(**every).create_event_handlers(
+        group, publisher.handle, "talk"
+    )
+    assert [each.event_type for each in handlers] == [
+        QoSPublisherEventType.RCL_PUBLISHER_OFFERED_DEADLINE_MISSED,
+        QoSPublisherEventType.RCL_PUBLISHER_LIVELINESS_LOST,
+        QoSPublisherEventType.RCL_PUBLISHER_OFFERED_INCOMPATIBLE_QOS,
+        QoSPublisherEventType.RCL_PUBLISHER_INCOMPATIBLE_TYPE,
+        QoSPublisherEventType.RCL_PUBLISHER_MATCHED,
+    ]
+    callbacks = SubscriptionEventCallbacks(**every, message_lost=print, use_default_callbacks=False)
+    handlers = callbacks.create_event_handlers(group, subscription.handle, "talk")
+    assert [each.event_type for each in handlers] == [
+        QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_DEADLINE_MISSED,
+        QoSSubscriptionEventType.RCL_SUBSCRIPTION_LIVELINESS_CHANGED,
+        QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST,
+        QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED,
+    ]
+    assert all(group.has_entity(each) for each in handlers)
+
+
+def test_a_handler_made_later_gets_the_events_of_its_parent(world, node):
+    told = []
+    publisher = node.create_publisher(String, "talk", 10)
+    handler = EventHandler(
+        callback_group=node.default_callback_group,
+        callback=told.append,
+        event_type=QoSPublisherEventType.RCL_PUBLISHER_MATCHED,
+        parent_impl=publisher.handle,
+    )
+    node.add_waitable(handler)
+    node.create_subscription(String, "talk", print, 10)
+    world.spin_until(lambda: told)
+    assert told == [QoSPublisherMatchedInfo(**counts(1, 1, 1, 1))]
+    handler.destroy()
+    with node.create_subscription(String, "talk", print, 10):
+        until(lambda: publisher.get_subscription_count() == 2)
+    assert not handler._ready()
+
+
+def test_a_handler_of_what_has_no_such_events_is_refused(node):
+    publisher = node.create_publisher(String, "talk", 10)
+    options = {"callback_group": node.default_callback_group, "callback": print}
+    options["parent_impl"] = publisher.handle
+    with pytest.raises(
+        TypeError, match="expected event_type to be a QoSPublisherEventType, got <Q"
+    ):
+        EventHandler(**options, event_type=QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST)
+    node.destroy_publisher(publisher)
+    with pytest.raises(InvalidHandle):
+        EventHandler(**options, event_type=QoSPublisherEventType.RCL_PUBLISHER_MATCHED)
+    with pytest.raises(InvalidHandle):
+        PublisherEventCallbacks().create_event_handlers(
+            node.default_callback_group, publisher.handle, "talk"
+        )
 
 
 def test_whoever_wants_no_words_gets_none(world, node, capfd):

@@ -63,6 +63,14 @@ def test_numeric_arrays_of_fixed_length_are_numpys():
     assert message.flags == [False] * 3
 
 
+def test_array_of_two_dimensions_is_stored_and_read_flat():
+    """rclpy would send other memory than the array's."""
+    message = define("float64[36] covariance")()
+    message.covariance = numpy.eye(6)
+    assert message.covariance.shape == (36,)
+    assert from_cdr(type(message), to_cdr(message)).covariance.reshape(6, 6)[5, 5] == 1.0
+
+
 def test_change_of_a_numpy_array_changes_the_message_and_is_sent():
     message = define()()
     message.singles[1] = 2.5
