@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, Protocol
+
+if TYPE_CHECKING:  # with defaults, which typing has from Python 3.13 on; checkers bring it along
+    from typing_extensions import TypeVar
+else:
+    from typing import TypeVar
 
 
 class Msg(Protocol):
@@ -13,10 +18,16 @@ class Msg(Protocol):
         """Each field's name and its type in rosidl's spelling."""
 
 
-MsgT = TypeVar("MsgT", bound=Msg)
 # The bounds let pyright blame a callback that returns None, even one without annotations.
-RequestT = TypeVar("RequestT", bound=Msg)
-ResponseT = TypeVar("ResponseT", bound=Msg)
+# The defaults let programs annotate with `Client` alone, also under `mypy --strict`.
+if TYPE_CHECKING:
+    MsgT = TypeVar("MsgT", bound=Msg, default=Any)
+    RequestT = TypeVar("RequestT", bound=Msg, default=Any)
+    ResponseT = TypeVar("ResponseT", bound=Msg, default=Any)
+else:
+    MsgT = TypeVar("MsgT", bound=Msg)
+    RequestT = TypeVar("RequestT", bound=Msg)
+    ResponseT = TypeVar("ResponseT", bound=Msg)
 
 
 class Srv(Protocol[RequestT, ResponseT]):

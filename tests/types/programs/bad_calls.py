@@ -55,13 +55,13 @@ async def main(node: taskrpc.Node) -> None:
     # pyright reports: …"Add_Request" is not assignable to "Greet_Request"
 
     node.create_client(Spot, "greet")
-    # mypy reports: Argument 1 to "create_client" of "Node" has incompatible type "type[Spot]"; expected "type[Srv[Never, Never]]"
+    # mypy reports: Argument 1 to "create_client" of "Node" has incompatible type "type[Spot]"; expected "type[Srv[Any, Any]]"
     # pyright reports: …"Spot" is incompatible with protocol "Srv…
     node.create_client("my_interfaces/srv/Greet", "greet")
-    # mypy reports: Argument 1 to "create_client" of "Node" has incompatible type "str"; expected "type[Srv[Never, Never]]"
+    # mypy reports: Argument 1 to "create_client" of "Node" has incompatible type "str"; expected "type[Srv[Any, Any]]"
     # pyright reports: Argument of type "Literal['my_interfaces/srv/Greet']" cannot be assigned to parameter…
     node.create_client(Greet.Request, "greet")
-    # mypy reports: Argument 1 to "create_client" of "Node" has incompatible type "type[Greet_Request]"; expected "type[Srv[Never, Never]]"
+    # mypy reports: Argument 1 to "create_client" of "Node" has incompatible type "type[Greet_Request]"; expected "type[Srv[Any, Any]]"
     # pyright reports: …"Request" is incompatible with protocol "Srv…
     node.create_clint(Greet, "greet")
     # mypy reports: "Node" has no attribute "create_clint"; maybe "create_client"?

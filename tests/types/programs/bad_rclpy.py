@@ -41,7 +41,7 @@ def main(node: Node) -> None:
     # mypy reports: Argument 3 to "create_subscription" of "NodeEntities" has incompatible type "Callable[[Greet_Request], None]"; expected …
     # pyright reports: …"Spot" is not assignable to "Greet_Request"
     node.create_client(Spot, "greet")
-    # mypy reports: Argument 1 to "create_client" of "NodeEntities" has incompatible type "type[Spot]"; expected "type[Srv[Never, Never]]"
+    # mypy reports: Argument 1 to "create_client" of "NodeEntities" has incompatible type "type[Spot]"; expected "type[Srv[Any, Any]]"
     # pyright reports: …"Spot" is incompatible with protocol "Srv…
     rclpy.spin_onse(node)
     # mypy reports: Module has no attribute "spin_onse"; maybe "spin_once"?

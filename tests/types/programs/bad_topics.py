@@ -42,7 +42,7 @@ def main(node: taskrpc.Node, blocking: sync.Node) -> None:
     # mypy reports: Value of type variable "MsgT" of "create_publisher" of "NodeTopics" cannot be "Greet"
     # pyright reports: …"get_fields_and_field_types" is not present
     node.create_publisher("my_interfaces/msg/Spot", "spots")
-    # mypy reports: Argument 1 to "create_publisher" of "NodeTopics" has incompatible type "str"; expected "type[Never]"
+    # mypy reports: Argument 1 to "create_publisher" of "NodeTopics" has incompatible type "str"; expected "type[Any]"
     # pyright reports: Argument of type "Literal['my_interfaces/msg/Spot']" cannot be assigned to parameter…
     node.create_timer(1.0, heard)
     # mypy reports: Argument 2 to "create_timer" of "NodeTopics" has incompatible type "Callable[[String], None]"; expected …

@@ -46,6 +46,22 @@ def take(call: taskrpc.DeferredCall[Add.Request, Add.Response]) -> None:
     call.reply(Add.Response(sum=call.request.a + call.request.b))
 
 
+class Unknown:
+    """Bare classes are those of unknown messages."""
+
+    client: taskrpc.Client
+    publisher: taskrpc.Publisher
+    subscription: taskrpc.Subscription
+    srv_type: type[taskrpc.Srv]
+
+    async def greeting(self, call: taskrpc.DeferredCall) -> str:
+        response = await self.client.call(call.request)
+        return str(response.greeting)
+
+    def effect(self, response: Greet.Response) -> taskrpc.Effect:
+        return taskrpc.Effect(response, [])
+
+
 def heard(message: String) -> None:
     print(message.data.upper())
 
