@@ -10,6 +10,7 @@ from pathlib import Path
 from types import FrameType, ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
+from . import excepthook
 from .errors import DefinitionError
 from .files import KINDS
 from .loader import module_of, search, search_first
@@ -43,6 +44,7 @@ def install_import_hook(*paths: Path | str) -> None:
         paths: package folders, folders of packages or workspaces to look in first; `load` and
             `type_hash` use them too.
     """
+    excepthook.show_in_one_message()
     search_first([Path(path).resolve() for path in paths])
     if _finder not in sys.meta_path:
         # In front: a folder `my_robot_interfaces/srv` beside the script is a namespace package

@@ -17,7 +17,7 @@ from weakref import WeakValueDictionary, finalize
 
 import msgspec
 
-from . import _runtime, limits
+from . import _runtime, excepthook, limits
 from .closure import closure, full_text, joined_text
 from .errors import DefinitionError
 from .files import parse_definition
@@ -73,6 +73,7 @@ def load(type_name: str) -> Any:
     Raises:
         DefinitionError: there is no such type, or a definition is not valid.
     """
+    excepthook.show_in_one_message()
     name = _search.resolve_name(type_name)
     found = getattr(module_of(str(name)), name.name, None)
     if found is None:

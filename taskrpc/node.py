@@ -12,6 +12,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
+from srvgen import excepthook
 from taskrpc import mistakes, names, platform
 from taskrpc.access import Accounts, Role
 from taskrpc.client import DEFAULT_TIMEOUT, Client
@@ -135,7 +136,7 @@ class Node(NodeTopics):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        mistakes.explain(error)
+        excepthook.explain(error)
         await self.destroy()
 
     if not TYPE_CHECKING:  # type checkers report `with`; programs get a better message

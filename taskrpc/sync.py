@@ -17,9 +17,10 @@ from pathlib import Path
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Self
 
+from srvgen import excepthook
 from taskrpc import client as _client
-from taskrpc import mistakes, platform
 from taskrpc import node as _node
+from taskrpc import platform
 from taskrpc.access import Accounts, Role
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
 from taskrpc.deferred import DeferredService, Take
@@ -81,7 +82,7 @@ class Node(SyncTopics):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        mistakes.explain(error)
+        excepthook.explain(error)
         self.destroy()
 
     def start(self) -> Self:

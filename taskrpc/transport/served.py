@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import msgspec
 
-from taskrpc import mistakes
+from srvgen import excepthook
 from taskrpc.access import Role
 from taskrpc.callinfo import log_fields
 from taskrpc.errors import (
@@ -150,7 +150,7 @@ def claimless(offer: Offer) -> Callable[[Body], Any]:
 
 def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
     """Log a callback's exception with its traceback; tell the caller only where to look."""
-    mistakes.explain(error)
+    excepthook.explain(error)
     log.error(
         "call %d of %s from %s failed:",
         call.number,

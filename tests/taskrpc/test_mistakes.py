@@ -161,6 +161,37 @@ def test_a_node_in_a_plain_with_says_how_to_write_it():
         pass
 
 
+@pytest.mark.parametrize(
+    "load",
+    [
+        "import srvgen\nAdd = srvgen.load('example_interfaces/srv/AddTwoInts')",
+        "import srvgen\nsrvgen.install_import_hook()\n"
+        "from example_interfaces.srv import AddTwoInts as Add",
+    ],
+)
+def test_positional_fields_are_explained_in_a_script_without_a_node(tmp_path, load):
+    script = tmp_path / "caller.py"
+    script.write_text(f"{load}\nAdd.Request(1, 2)\n")
+    done = subprocess.run(
+        [sys.executable, script], capture_output=True, text=True, cwd=tmp_path, timeout=60
+    )
+    text = "a message takes its fields by name: write Request(a=1, b=2), not Request(1, 2)\n"
+    line = load.count("\n") + 2
+    assert (done.returncode, done.stderr) == (1, f"caller.py:{line}: TypeError: {text}")
+
+
+@pytest.mark.parametrize("node_first", [True, False])
+def test_loading_a_type_keeps_the_statuses_of_taskrpc(monkeypatch, node_first):
+    monkeypatch.setattr(sys, "excepthook", sys.__excepthook__)
+    uses = [lambda: taskrpc.Node("a"), lambda: srvgen.load("std_srvs/srv/Trigger")]
+    for use in uses if node_first else reversed(uses):
+        use()
+    error = taskrpc.OutcomeUnknown("lost")
+    with pytest.raises(SystemExit) as ended:
+        sys.excepthook(type(error), error, None)
+    assert ended.value.code == 5
+
+
 async def test_positional_fields_are_explained_where_a_node_sees_them():
     with pytest.raises(TypeError, match="by name"):
         async with taskrpc.Node("a", transport="memory"):

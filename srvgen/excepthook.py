@@ -1,0 +1,99 @@
+"""Ends a script that lets an error of srvgen escape by one message instead of a traceback.
+
+Errors of other kinds, such as a script's own TypeError, keep their traceback.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+TYPE_CHECKING = False  # typing is slow to import
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+    from types import TracebackType
+
+_POSITIONAL = "Extra positional arguments provided"
+"""msgspec's text; a check of our own in the constructors would slow all calls."""
+_BY_NAME = "a message takes its fields by name: write Request(a=1, b=2), not Request(1, 2)"
+_ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
+_OURS = tuple(os.path.join(_ROOT, package, "") for package in ("srvgen", "taskrpc"))
+
+
+def show_in_one_message(
+    is_ours: Callable[[BaseException], bool] | None = None,
+    exit_status: Callable[[BaseException], int] = lambda _: 1,
+) -> None:
+    """Show errors for which `is_ours` is true, by default those of srvgen, without a traceback.
+
+    A program with its own excepthook keeps it; `python -X dev` shows all tracebacks. A call with
+    `is_ours` replaces one without.
+    """
+    hook = sys.excepthook
+    replaceable = hook is sys.__excepthook__ or (is_ours is not None and isinstance(hook, _Show))
+    if replaceable and not sys.flags.dev_mode:
+        sys.excepthook = _Show(is_ours or _is_of_srvgen, exit_status)
+
+
+def explain(error: BaseException | None) -> None:
+    """Change the text of a TypeError for positional fields, so that it shows the right spelling."""
+    if isinstance(error, TypeError) and error.args == (_POSITIONAL,):
+        error.args = (_BY_NAME,)
+
+
+class _Show:
+    """Replaces `sys.excepthook`. The SystemExit that it raises sets the exit status."""
+
+    def __init__(
+        self, is_ours: Callable[[BaseException], bool], exit_status: Callable[[BaseException], int]
+    ) -> None:
+        self._is_ours = is_ours
+        self._exit_status = exit_status
+
+    def __call__(
+        self, kind: type[BaseException], error: BaseException, traceback: TracebackType | None
+    ) -> None:
+        errors = list(_members(error))
+        for each in errors:
+            explain(each)
+        if not all(self._is_ours(each) or each.args == (_BY_NAME,) for each in errors):
+            sys.__excepthook__(kind, error, traceback)
+            return
+        for each in errors:
+            place = _place(each.__traceback__) or _place(traceback)
+            message = f"{place}{type(each).__name__}: {each}"
+            print("\n  hint: ".join([message, *getattr(each, "__notes__", ())]), file=sys.stderr)
+        if not hasattr(sys, "ps1") and not sys.flags.interactive:
+            raise SystemExit(self._exit_status(errors[0]))
+
+
+def _is_of_srvgen(error: BaseException) -> bool:
+    from ._runtime import FieldError
+    from .errors import DefinitionError
+
+    return isinstance(error, DefinitionError | FieldError)
+
+
+def _members(error: BaseException) -> Iterator[BaseException]:
+    """The errors of a group, such as an `asyncio.TaskGroup` raises; any other error is its own."""
+    if isinstance(error, BaseExceptionGroup):
+        for each in error.exceptions:
+            yield from _members(each)
+    else:
+        yield error
+
+
+def _place(traceback: TracebackType | None) -> str:
+    """The last line of a traceback in the program itself, as `file.py:12: `."""
+    import sysconfig
+
+    folders = [sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")]
+    libraries = *_OURS, *(os.path.join(folder, "") for folder in folders)
+    place = ""
+    while traceback is not None:
+        file = traceback.tb_frame.f_code.co_filename
+        if not file.startswith(("<", *libraries)):
+            folder = os.path.join(os.getcwd(), "")
+            place = f"{file.removeprefix(folder)}:{traceback.tb_lineno}: "
+        traceback = traceback.tb_next
+    return place
