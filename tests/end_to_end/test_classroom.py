@@ -15,7 +15,7 @@ import pytest
 
 pytestmark = pytest.mark.real_time
 
-PATIENCE = 20.0
+PATIENCE = 60
 ROOT = Path(__file__).parents[2]
 
 

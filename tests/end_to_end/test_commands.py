@@ -21,7 +21,7 @@ ROOT = Path(__file__).parents[2]
 TRANSCRIPT = ROOT.parent / "shared" / "ros2" / "cli_transcript.txt"
 ADD = "example_interfaces/srv/AddTwoInts"
 ARABIC = "\u0627\u0644\u0645\u062d\u0637\u0629"
-PATIENCE = 20
+PATIENCE = 60
 
 PROGRAM = """
 import asyncio, srvgen, taskrpc

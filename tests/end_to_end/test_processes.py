@@ -83,7 +83,7 @@ async def test_a_client_that_waits_is_woken_by_a_server_that_starts(start, clien
     waiting = asyncio.create_task(client.wait_for_service(None))
     await asyncio.sleep(0.05)
     await asyncio.to_thread(start)
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(60):
         assert await waiting
 
 
@@ -103,10 +103,10 @@ async def test_a_killed_server_leaves_its_calls_with_an_unknown_outcome_at_once(
 async def test_a_restarted_server_is_found_by_the_same_client(start, client):
     for n in range(2):
         server = await asyncio.to_thread(start)
-        assert await client.wait_for_service(5)
+        assert await client.wait_for_service(60)
         assert (await client.call(ask(n))).sum == n
         server.kill()
-        server.wait(10)
+        server.wait(60)
         await until(lambda: not client.service_is_ready())
 
 
@@ -146,7 +146,7 @@ async def test_with_no_call_in_flight_a_server_ends_within_two_seconds(start, cl
 
 async def test_the_load_moves_to_a_second_server_unseen(start, client):
     first = start("first")
-    assert await client.wait_for_service(5)
+    assert await client.wait_for_service(60)
     start("second", "join")
     calls = []
 

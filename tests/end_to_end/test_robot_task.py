@@ -20,7 +20,7 @@ from taskrpc.cli.main import main
 pytestmark = pytest.mark.real_time
 
 POSIX = pytest.mark.skipif(os.name == "nt", reason="sends POSIX signals")
-PATIENCE = 20
+PATIENCE = 60
 READY = "taskrpc-server ready: /robot_task [my_robot_interfaces/srv/RobotTask] at "
 
 HOOVER = """

@@ -59,7 +59,7 @@ class Listener:
         self.node.destroy()
 
     def wait(self, count):
-        ends_at = time.monotonic() + 10
+        ends_at = time.monotonic() + 60
         while len(self.got) < count:
             assert time.monotonic() < ends_at, f"{len(self.got)} messages came"
             time.sleep(0.005)
@@ -77,7 +77,7 @@ def talker(listen="", **environment):
 
 def end(process, *, at_once=False):
     process.kill() if at_once else process.terminate()
-    process.wait(10)
+    process.wait(60)
     process.stdout.close()
 
 
@@ -87,7 +87,7 @@ def test_a_publisher_that_was_killed_is_found_when_it_is_back():
             process, _ = talker()
             listener.wait(len(listener.got) + 5)
             end(process, at_once=True)
-            ends_at = time.monotonic() + 5
+            ends_at = time.monotonic() + 60
             while listener.subscription.get_publisher_count():
                 assert time.monotonic() < ends_at
                 time.sleep(0.005)
@@ -111,6 +111,6 @@ def test_a_publisher_is_heard_by_its_address_and_comes_back_there(monkeypatch):
 
 def test_what_a_program_publishes_before_it_ends_arrives():
     with Listener() as listener:
-        subprocess.run([sys.executable, "-c", LAST_WORDS], check=True, timeout=20)
+        subprocess.run([sys.executable, "-c", LAST_WORDS], check=True, timeout=120)
         listener.wait(200)
         assert listener.got == list(range(200))

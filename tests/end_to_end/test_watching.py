@@ -18,7 +18,7 @@ from tests.taskrpc.metrics.exposition import read, values
 
 pytestmark = pytest.mark.real_time
 
-PATIENCE = 20
+PATIENCE = 60
 SERVER = [sys.executable, "-m", "taskrpc.cli.server", "--db", ":memory:"]
 
 

@@ -9,7 +9,7 @@ from taskrpc.rclpy.context import Context
 from taskrpc.rclpy.executors import SingleThreadedExecutor
 from taskrpc.rclpy.node import Node
 
-PATIENCE = 5.0
+PATIENCE = 60
 
 
 @contextlib.contextmanager

@@ -40,7 +40,7 @@ def pool(context, fake):
         yield pool
 
 
-def spin_until(executor, condition, seconds=5.0):
+def spin_until(executor, condition, seconds=60.0):
     end = time.monotonic() + seconds
     while not condition():
         assert time.monotonic() < end, "it never happened"
@@ -589,7 +589,7 @@ def test_the_contexts_end_wakes_who_spins(kind):
 
     thread = threading.Thread(target=spin)
     thread.start()
-    spinning.wait(5)
+    spinning.wait(60)
     time.sleep(0.02)
     context.shutdown()
     thread.join(5)
@@ -623,7 +623,7 @@ def test_leaving_the_with_block_shuts_down(context):
 
 @pytest.mark.real_time
 def test_a_pool_runs_callbacks_of_several_groups_at_once(pool, fake):
-    both = threading.Barrier(2, timeout=5)
+    both = threading.Barrier(2, timeout=60)
     done = []
 
     def meet():
@@ -638,7 +638,7 @@ def test_a_pool_runs_callbacks_of_several_groups_at_once(pool, fake):
 
 @pytest.mark.real_time
 def test_a_pool_runs_all_that_arrived_at_one_reentrant_entity_at_once(pool, fake):
-    together, met = threading.Barrier(3, timeout=5), Future()
+    together, met = threading.Barrier(3, timeout=60), Future()
 
     class Queue(Waitable):
         def __init__(self):
@@ -690,7 +690,7 @@ def test_a_task_that_was_chosen_while_a_callback_failed_runs_later(context):
     gate, after_the_failure, seen = threading.Event(), threading.Event(), []
 
     def fail():
-        gate.wait(5)
+        gate.wait(60)
         raise ZeroDivisionError
 
     class Failing:
@@ -708,7 +708,7 @@ def test_a_task_that_was_chosen_while_a_callback_failed_runs_later(context):
             self.asked += 1
             if self.asked == 2:  # the first time the executor only collects what is ready
                 gate.set()
-                assert after_the_failure.wait(5)
+                assert after_the_failure.wait(60)
             return False
 
     with pytest.warns(UserWarning, match="single thread"):

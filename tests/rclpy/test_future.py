@@ -136,7 +136,7 @@ def test_awaiting_raises_the_exception():
 async def test_a_coroutine_of_asyncio_awaits_it_while_another_thread_completes_it():
     future = Future()
     threading.Timer(0.01, future.set_result, ["here"]).start()
-    assert await asyncio.wait_for(_awaited(future), 5) == "here"
+    assert await asyncio.wait_for(_awaited(future), 60) == "here"
 
 
 @pytest.mark.real_time

@@ -139,7 +139,7 @@ def ended_by(number, body):
         assert process.stdout.readline() == "up\n"
         time.sleep(0.1)  # from the first callback to the next sleep
         process.send_signal(number)
-        out, err = process.communicate(timeout=20)
+        out, err = process.communicate(timeout=120)
     return process.returncode, out, err
 
 
@@ -209,7 +209,7 @@ def test_ctrl_c_ends_the_spinning_of_another_thread():
             while True:
                 time.sleep(1)
         except KeyboardInterrupt:
-            print(ended.wait(5))
+            print(ended.wait(60))
     """
     assert ended_by(signal.SIGINT, body) == (0, "thread ended\nTrue\n", "")
 

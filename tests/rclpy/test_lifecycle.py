@@ -244,7 +244,7 @@ def test_others_ask_for_steps_and_are_told_of_them():
 
         def ask(srv_type, name, **fields):
             client = other.create_client(srv_type, f"/robot/{name}")
-            assert client.wait_for_service(5.0)
+            assert client.wait_for_service(60)
             return world.answer(client.call_async(srv_type.Request(**fields)))
 
         assert ask(GetState, "get_state").current_state.label == "unconfigured"

@@ -150,7 +150,7 @@ def test_a_node_may_be_destroyed_while_it_is_spun(world):
 
     thread = threading.Thread(target=spin)
     thread.start()
-    assert spun.wait(5)
+    assert spun.wait(60)
     node.destroy_node()
     world.context.shutdown()
     thread.join(5)

@@ -170,7 +170,7 @@ def asked_of_a_server(world, client):
 
     node = client._node
     service = world.node("server").create_service(AddTwoInts, "svc", add)
-    assert client.wait_for_service(5.0)
+    assert client.wait_for_service(60)
     good = client.call_async(Request(a=1, b=2))
     world.answer(good)
     forgotten = client.call_async(Request())

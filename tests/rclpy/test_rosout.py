@@ -103,7 +103,7 @@ def test_levels_are_shown_and_set_by_services(start):
 
     def call(kind, name, **fields):
         client = node.create_client(kind, f"/node/{name}")
-        assert client.wait_for_service(5)
+        assert client.wait_for_service(60)
         future = client.call_async(kind.Request(**fields))
         executor.spin_until_future_complete(future, 5)
         return future.result()

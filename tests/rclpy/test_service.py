@@ -187,7 +187,7 @@ def test_a_program_that_ends_right_after_its_call_has_called():
 
     with living() as world:
         world.node("server").create_service(AddTwoInts, "add", note)
-        subprocess.run([sys.executable, "-c", program], check=True, timeout=30)
+        subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
         world.spin_until(lambda: seen)
     assert seen == [7]
 

@@ -115,7 +115,7 @@ def test_a_callback_that_spins_until_a_call_is_answered_leaves_its_node_with_the
     group = ReentrantCallbackGroup()
     node.create_service(AddTwoInts, "add", lambda request, response: response, callback_group=group)
     client = node.create_client(AddTwoInts, "add", callback_group=group)
-    assert client.wait_for_service(5)
+    assert client.wait_for_service(60)
     answered = []
 
     def callback():
@@ -136,7 +136,7 @@ def test_spinning_once_without_waiting_serves_what_the_program_itself_has_just_s
     client = node.create_client(AddTwoInts, "add")
     node.create_subscription(Empty, "news", seen.append, 10)
     publisher = node.create_publisher(Empty, "news", 10)
-    assert client.wait_for_service(5)
+    assert client.wait_for_service(60)
     while not publisher.get_subscription_count():
         rclpy.spin_once(node, timeout_sec=0.01)
     publisher.publish(Empty())
@@ -207,11 +207,11 @@ def test_what_is_created_while_another_thread_spins_is_served(spinning):
     spinning.add_waitable(Own(ReentrantCallbackGroup()))
     spinning.create_service(AddTwoInts, "late", serve)
     client = spinning.create_client(AddTwoInts, "late")
-    assert client.wait_for_service(5)
+    assert client.wait_for_service(60)
     client.call_async(AddTwoInts.Request())
     spinning.create_guard_condition(events[2].set).trigger()
     spinning.create_timer(0.01, events[3].set)
-    assert [event.wait(5) for event in events] == [True] * 4
+    assert [event.wait(60) for event in events] == [True] * 4
 
 
 def test_a_rate_sleeps_while_another_thread_spins(spinning):

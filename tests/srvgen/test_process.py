@@ -39,7 +39,7 @@ def ended(module, command, *argv, signal="SIGINT"):
         module=module, argv=list(argv), package=package, function=function, signal=signal
     )
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=30, check=False
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=False
     )
     return done.returncode, done.stderr
 
@@ -109,7 +109,7 @@ def in_shell(command, streams):
     """Status and stderr of `MODULE ARGUMENTS` with redirections as a shell has them."""
     line = f"{sys.executable} -m {command} {streams}"
     done = subprocess.run(
-        ["sh", "-c", line], capture_output=True, text=True, timeout=30, check=False
+        ["sh", "-c", line], capture_output=True, text=True, timeout=120, check=False
     )
     return done.returncode, done.stderr
 

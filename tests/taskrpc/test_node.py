@@ -120,7 +120,7 @@ async def test_spin_that_is_cancelled_answers_what_is_in_flight():
 
         serving = asyncio.create_task(serve())
         client = node.create_client(Add, "gate")
-        assert await client.wait_for_service(5)
+        assert await client.wait_for_service(60)
         call = client.call_async(ask(1))
         await until(lambda: gate.started)
         serving.cancel()
@@ -141,7 +141,7 @@ async def test_one_signal_ends_every_node_that_spins(number):
         spinning = asyncio.gather(one.spin(), other.spin())
         await asyncio.sleep(0.01)
         signal.raise_signal(getattr(signal, number))
-        await asyncio.wait_for(spinning, 5)
+        await asyncio.wait_for(spinning, 60)
 
 
 async def test_nodes_of_equal_settings_share_an_endpoint_until_the_last_has_gone():

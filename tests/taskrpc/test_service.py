@@ -435,7 +435,7 @@ def test_a_callback_that_ends_a_program_which_spins_ends_it_without_waiting(call
             node.create_service(Add, "leave", callback)
             async with taskrpc.Node("caller", token="c") as caller:
                 client = caller.create_client(Add, "leave")
-                assert await client.wait_for_service(5)
+                assert await client.wait_for_service(60)
                 leaving = asyncio.ensure_future(client.call(ask()))
                 began = time.monotonic()
                 try:
@@ -477,7 +477,7 @@ async def test_calls_leave_no_work_to_the_garbage_collector(kind, once):
         store = taskrpc.MemoryCompletions() if once else None
         server.create_service(Add, "add", callback, threaded=kind == "threaded", exactly_once=store)
         client = node.create_client(Add, "add")
-        assert await client.wait_for_service(timeout=5)
+        assert await client.wait_for_service(timeout=60)
 
         async def calls():
             for _ in range(30):

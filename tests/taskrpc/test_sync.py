@@ -34,7 +34,7 @@ def node():
 def test_a_call_blocks_until_the_response_is_there(node):
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
-    assert client.wait_for_service(timeout=5)
+    assert client.wait_for_service(timeout=60)
     assert client.call(AddTwoInts.Request(a=2, b=3)).sum == 5
 
 
@@ -63,7 +63,7 @@ def test_a_deadline_ends_the_wait_although_the_callback_goes_on(node):
     release = threading.Event()
 
     def stuck(request, response):
-        release.wait(10)
+        release.wait(300)
         return response
 
     node.create_service(AddTwoInts, "stuck", stuck)
@@ -114,14 +114,14 @@ def test_cancelling_the_future_cancels_the_call(node):
 
     node.create_service(AddTwoInts, "patient", patient)
     client = node.create_client(AddTwoInts, "patient")
-    assert client.wait_for_service(5)
+    assert client.wait_for_service(60)
     future = client.call_async(AddTwoInts.Request())
     while not future.cancel():
         pass
     with pytest.raises(CancelledError):
-        future.result(5)
+        future.result(60)
     if client.call_async(AddTwoInts.Request(), timeout=0.2).exception(5):
-        assert cancelled.wait(5)
+        assert cancelled.wait(60)
 
 
 def test_ctrl_c_reaches_a_program_that_waits(tmp_path):
@@ -138,7 +138,7 @@ def test_ctrl_c_reaches_a_program_that_waits(tmp_path):
         "        print('interrupted')\n"
     )
     done = subprocess.run(
-        [sys.executable, program], capture_output=True, text=True, timeout=30, check=False
+        [sys.executable, program], capture_output=True, text=True, timeout=120, check=False
     )
     assert (done.returncode, done.stdout, done.stderr) == (0, "interrupted\n", "")
 
@@ -163,7 +163,7 @@ def test_a_call_at_the_very_end_of_a_program_is_refused_and_does_not_hang_it(tmp
         "client.call(T.Request())\n"
     )
     done = subprocess.run(
-        [sys.executable, program], capture_output=True, text=True, timeout=30, check=False
+        [sys.executable, program], capture_output=True, text=True, timeout=120, check=False
     )
     assert (done.returncode, done.stderr) == (0, "")
     assert done.stdout.count("the program is ending") == 2
@@ -210,7 +210,7 @@ class Stingy:
 def test_what_the_socket_does_not_take_at_once_is_sent_by_the_loop(node, takes):
     node.create_service(AddTwoInts, "add", add, concurrency=4)
     client = node.create_client(AddTwoInts, "add")
-    assert client.wait_for_service(timeout=5)
+    assert client.wait_for_service(timeout=60)
     here = client._inner._channel._connection._here
     here._socket = stingy = Stingy(here._socket, takes)
     with ThreadPoolExecutor(8) as threads:
@@ -222,7 +222,7 @@ def test_what_the_socket_does_not_take_at_once_is_sent_by_the_loop(node, takes):
 def test_a_caller_writes_to_the_socket_itself(node):
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
-    assert client.wait_for_service(timeout=5)
+    assert client.wait_for_service(timeout=60)
     here = client._inner._channel._connection._here
     here._socket = stingy = Stingy(here._socket, 10**6)
     for n in range(20):
@@ -233,12 +233,12 @@ def test_a_caller_writes_to_the_socket_itself(node):
 def test_calls_from_threads_and_from_the_loop_do_not_disturb_each_other(node):
     node.create_service(AddTwoInts, "add", add, concurrency=8)
     client = node.create_client(AddTwoInts, "add")
-    assert client.wait_for_service(timeout=5)
+    assert client.wait_for_service(timeout=60)
 
     def both(n):
         later = client.call_async(AddTwoInts.Request(a=n, b=1))
         now = client.call(AddTwoInts.Request(a=n, b=2))
-        return later.result(10).sum, now.sum
+        return later.result(60).sum, now.sum
 
     with ThreadPoolExecutor(8) as threads:
         assert list(threads.map(both, range(300))) == [(n + 1, n + 2) for n in range(300)]
@@ -250,19 +250,19 @@ def test_a_thread_that_waits_learns_that_its_server_is_gone():
 
     def stuck(request, response):
         began.set()
-        release.wait(10)
+        release.wait(300)
         return response
 
     with taskrpc.sync.Node("caller") as caller, taskrpc.sync.Node("server") as server:
         server.create_service(AddTwoInts, "stuck", stuck)
         client = caller.create_client(AddTwoInts, "stuck")
-        assert client.wait_for_service(timeout=5)
+        assert client.wait_for_service(timeout=60)
         with ThreadPoolExecutor(1) as threads:
             waiting = threads.submit(client.call, AddTwoInts.Request(), timeout=30)
-            assert began.wait(10)
+            assert began.wait(60)
             server.destroy()
             with pytest.raises(taskrpc.OutcomeUnknown):
-                waiting.result(10)
+                waiting.result(60)
             release.set()
 
 
@@ -270,12 +270,12 @@ def test_a_short_deadline_behind_a_long_one_is_kept(node):
     release = threading.Event()
 
     def stuck(request, response):
-        release.wait(10)
+        release.wait(300)
         return response
 
     node.create_service(AddTwoInts, "stuck", stuck, concurrency=2)
     client = node.create_client(AddTwoInts, "stuck")
-    assert client.wait_for_service(timeout=5)
+    assert client.wait_for_service(timeout=60)
     with ThreadPoolExecutor(1) as threads:
         patient = threads.submit(client.call, AddTwoInts.Request(), timeout=30)
         began = time.monotonic()
@@ -283,7 +283,7 @@ def test_a_short_deadline_behind_a_long_one_is_kept(node):
             client.call(AddTwoInts.Request(), timeout=0.1)
         assert 0.1 <= time.monotonic() - began < 5
         release.set()
-        patient.result(10)
+        patient.result(60)
 
 
 def test_a_call_on_its_way_while_its_service_moves_reaches_that_service_and_no_other():
@@ -307,7 +307,7 @@ def test_a_call_on_its_way_while_its_service_moves_reaches_that_service_and_no_o
             node.create_service(AddTwoInts, name, noting(name))
         clients = [caller.create_client(AddTwoInts, name) for name in ("moving", "other", "third")]
         for client in clients:
-            assert client.wait_for_service(timeout=5)
+            assert client.wait_for_service(timeout=60)
             client.call(AddTwoInts.Request())
         reached.clear()
         channel = clients[0]._inner._channel
@@ -317,7 +317,7 @@ def test_a_call_on_its_way_while_its_service_moves_reaches_that_service_and_no_o
             if threading.current_thread() is threading.main_thread():
                 old._loop.do(moving.destroy, "destroy()")
                 new.create_service(AddTwoInts, "moving", noting("new moving"))
-                assert clients[0].wait_for_service(timeout=5)
+                assert clients[0].wait_for_service(timeout=60)
             return encode(request)
 
         channel._encode = encode_late
@@ -329,7 +329,7 @@ def test_a_connection_that_threads_call_on_retires_in_time(node):
     """Numbers of calls never come again on one connection, and never outgrow their field."""
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
-    assert client.wait_for_service(timeout=5)
+    assert client.wait_for_service(timeout=60)
     first = client._inner._channel._connection
     first.session.last_call_id = LAST_CALL_ID - 3
     for n in range(6):
@@ -343,7 +343,7 @@ def test_the_loop_waits_for_a_thread_that_begins_a_call(node, what):
     """Else it would look through calls, or number one of its own, while the thread adds one."""
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
-    assert client.wait_for_service(timeout=5)
+    assert client.wait_for_service(timeout=60)
     connection = client._inner._channel._connection
     done = threading.Event()
 
@@ -354,14 +354,14 @@ def test_the_loop_waits_for_a_thread_that_begins_a_call(node, what):
     with connection._mine:
         node._loop.soon(act)
         assert not done.wait(0.05)
-    assert done.wait(10)
+    assert done.wait(60)
 
 
 def test_deadlines_that_threads_tell_of_at_the_same_time_are_all_kept(node):
     """The loop hears of several at once: a later one must not take the place of an earlier."""
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
-    assert client.wait_for_service(timeout=5)
+    assert client.wait_for_service(timeout=60)
     connection = client._inner._channel._connection
     planned = []
 
@@ -380,7 +380,7 @@ def test_whoever_waits_for_several_futures_learns_of_one_that_never_began(node):
     node._loop.soon(lambda: time.sleep(0.05))
     future = client.call_async(AddTwoInts.Request())
     assert future.cancel()
-    assert wait([future], timeout=10).done == {future}
+    assert wait([future], timeout=60).done == {future}
 
 
 def test_a_function_is_told_of_each_answer_in_the_order_of_the_calls(node):
@@ -396,8 +396,8 @@ def test_a_function_is_told_of_each_answer_in_the_order_of_the_calls(node):
     for n in range(20):  # the first go by the loop, which finds the service, the others directly
         client.call_then(AddTwoInts.Request(a=n), tell)
         if n == 10:
-            assert client.wait_for_service(5)
-    assert all_told.wait(5)
+            assert client.wait_for_service(60)
+    assert all_told.wait(60)
     assert told == [(n, None) for n in range(20)]
 
 
@@ -436,12 +436,12 @@ def test_a_thread_sends_nothing_while_the_transport_sends_what_was_left(node):
     connection = client._inner._channel._connection
     connection.transport = sending = Sending(connection.transport)
     first = client.call_async(AddTwoInts.Request(a=2))
-    assert sending.kept.wait(5)
+    assert sending.kept.wait(60)
     node._loop.do(sending.take, "take()")
     second = Future()
     client.call_then(AddTwoInts.Request(a=3), lambda response, _: second.set_result(response))
     node._loop.do(sending.send, "send()")
-    assert [future.result(5).sum for future in (first, second)] == [2, 3]
+    assert [future.result(60).sum for future in (first, second)] == [2, 3]
     connection.transport = sending._transport
 
 
@@ -467,9 +467,9 @@ def test_answers_that_come_together_are_told_in_the_order_of_the_calls(node):
 
     for n in range(2):
         client.call_then(AddTwoInts.Request(a=n), tell)
-        assert arrived.acquire(timeout=5)
+        assert arrived.acquire(timeout=60)
     loops[0].call_soon_threadsafe(opened.set)  # both callbacks end in one turn of the loop
-    assert all_told.wait(5)
+    assert all_told.wait(60)
     assert told == [(0, None), (1, None)]
 
 
@@ -482,7 +482,7 @@ def test_a_function_is_told_of_an_error(node):
         heard.set()
 
     node.create_client(AddTwoInts, "nobody").call_then(AddTwoInts.Request(), tell)
-    assert heard.wait(5)
+    assert heard.wait(60)
     assert told == [(None, taskrpc.ServiceUnavailable)]
 
 
@@ -501,9 +501,9 @@ def test_a_call_that_was_given_up_is_told_to_nobody_and_cancelled_at_the_server(
     told = []
     for _ in range(2):  # once by the loop, once directly
         give_up = client.call_then(AddTwoInts.Request(), lambda *end: told.append(end))
-        assert begun.wait(5)
+        assert begun.wait(60)
         give_up()
-        assert cancelled.wait(5)
+        assert cancelled.wait(60)
         begun.clear()
         cancelled.clear()
     assert told == []

@@ -127,7 +127,7 @@ with rclpy.init():
     node = rclpy.create_node("notebook")
     node.create_service(Trigger, "ask", lambda request, response: response)
     client = node.create_client(Trigger, "ask")
-    assert client.wait_for_service(20)
+    assert client.wait_for_service(60)
     future = client.call_async(Trigger.Request())
     rclpy.spin_until_future_complete(node, future)
     print(future.result().success)

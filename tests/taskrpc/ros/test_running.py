@@ -100,7 +100,7 @@ if __name__ == "__main__":
     result = context.Queue()
     child = context.Process(target=work, args=(result,))
     child.start()
-    print(result.get(timeout=20))
+    print(result.get(timeout=120))
     child.join()
 """
 
@@ -170,7 +170,7 @@ def test_ctrl_c_is_one_line_and_ends_as_python_does_unless_the_program_catches_i
         with subprocess.Popen(command, stdout=-1, stderr=-1, text=True) as process:
             assert process.stdout.readline() == "1\n"
             process.send_signal(signal.SIGINT)
-            assert process.communicate(timeout=30) == ("", error)
+            assert process.communicate(timeout=120) == ("", error)
         assert process.returncode == code
 
 
@@ -199,7 +199,7 @@ def test_a_second_ctrl_c_ends_the_end_without_a_word(tmp_path):
         for line in ("1\n", "2\n"):
             assert process.stdout.readline() == line
             process.send_signal(signal.SIGINT)
-        assert process.communicate(timeout=30) == ("", "KeyboardInterrupt\n")
+        assert process.communicate(timeout=120) == ("", "KeyboardInterrupt\n")
     assert process.returncode == -signal.SIGINT
 
 

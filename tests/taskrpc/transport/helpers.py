@@ -41,7 +41,7 @@ class Gate:
         return response
 
 
-async def until(condition, seconds=10):
+async def until(condition, seconds=60):
     """Return when `condition()` holds; fails when it never does."""
     async with asyncio.timeout(seconds):
         while not condition():
@@ -64,5 +64,5 @@ async def served(net, callback=add, name="add", srv_type=Add, **options):
     server = await net.node("server")
     server.create_service(srv_type, name, callback, **options)
     client = await net.client(srv_type, name)
-    assert await client.wait_for_service(5)
+    assert await client.wait_for_service(60)
     return server, client

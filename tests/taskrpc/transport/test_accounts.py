@@ -153,7 +153,7 @@ async def test_who_is_shut_out_and_does_not_listen_is_cut_off(
         server.create_service(Add, "add", gate)
         async with caller(server, ANA, tls=Tls()) as laptop:
             client = laptop.create_client(Add, "/add", timeout=None)
-            assert await client.wait_for_service(5)
+            assert await client.wait_for_service(60)
             pending = asyncio.ensure_future(outcome(client.call(ask(1))))
             await until(lambda: gate.started)
             (connection,) = laptop._transport.dialler.connections

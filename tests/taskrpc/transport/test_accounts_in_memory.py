@@ -64,7 +64,7 @@ async def test_who_is_shut_out_neither_reads_nor_runs_on(file, often):
     ):
         server.create_service(Add, "add", gate)
         client = laptop.create_client(Add, "/add", timeout=None)
-        assert await client.wait_for_service(1)
+        assert await client.wait_for_service(60)
         pipe = client._channel._connection.transport
         calls = [client.call_async(ask(number)) for number in range(5)]
         await until(lambda: gate.started == [0])

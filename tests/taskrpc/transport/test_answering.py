@@ -40,7 +40,7 @@ def taken(server):
 async def client(taken):
     async with taskrpc.Node("caller") as node:
         client = node.create_client(Echo, "echo", timeout=20)
-        assert await client.wait_for_service(5)
+        assert await client.wait_for_service(60)
         yield client
 
 
@@ -70,7 +70,7 @@ def answer_here(call, text):
 async def standing(server):
     """While the server's event loop does nothing."""
     release, busy = threading.Event(), threading.Event()
-    server._loop.soon(lambda: (busy.set(), release.wait(10)))
+    server._loop.soon(lambda: (busy.set(), release.wait(300)))
     await asyncio.to_thread(busy.wait)
     try:
         yield
@@ -82,7 +82,7 @@ async def test_an_answer_goes_out_while_the_servers_loop_is_busy(server, client,
     (future,) = await calls(client, taken, 1)
     async with standing(server):
         await asyncio.to_thread(taken[0].reply, Echo.Response(name="at once"))
-        assert (await asyncio.wait_for(future, 5)).name == "at once"
+        assert (await asyncio.wait_for(future, 60)).name == "at once"
 
 
 @pytest.mark.parametrize("answers", [1, 3])
@@ -92,7 +92,7 @@ async def test_an_answer_does_not_overtake_what_was_sent_before(server, taken, a
         client = node.create_client(Echo, "echo")
         node.create_subscription(Echo.Request, "news", got.append)
         publisher = server.create_publisher(Echo.Request, "news")
-        assert await client.wait_for_service(5)
+        assert await client.wait_for_service(60)
         while not publisher.get_subscription_count():
             await asyncio.sleep(0.01)
         for future in await calls(client, taken, answers):
@@ -184,7 +184,7 @@ async def test_an_answer_for_which_the_system_has_no_room_goes_by_the_loop(serve
     here._socket = Full(here._socket)
     served(server)._was_asked = True
     assert answer_here(taken[0], "x")
-    assert (await asyncio.wait_for(future, 5)).name == "x"
+    assert (await asyncio.wait_for(future, 60)).name == "x"
 
 
 class Exhausted:
@@ -204,7 +204,7 @@ async def test_without_a_descriptor_for_threads_the_loop_answers(server, client,
     served(server)._was_asked = True
     assert not answer_here(taken[0], "x")
     taken[0].reply(Echo.Response(name="x"))
-    assert (await asyncio.wait_for(future, 5)).name == "x"
+    assert (await asyncio.wait_for(future, 60)).name == "x"
 
 
 async def test_threads_and_the_loop_answer_at_the_same_time(server, client, taken):
@@ -240,13 +240,13 @@ async def test_a_server_that_ends_waits_for_the_answers_of_threads(client, taken
     await asyncio.sleep(0.05)
     taken[0].reply(Echo.Response(name="the last one"))
     assert (await future).name == "the last one"
-    await asyncio.wait_for(ending, 5)
+    await asyncio.wait_for(ending, 60)
 
 
 async def test_an_answer_to_a_caller_who_is_gone_is_dropped(server, taken):
     async with taskrpc.Node("caller") as node:
         client = node.create_client(Echo, "echo")
-        assert await client.wait_for_service(5)
+        assert await client.wait_for_service(60)
         await calls(client, taken, 1)
         connection = served(server)
         assert isinstance(connection, ThreadedServing)

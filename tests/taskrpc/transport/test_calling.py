@@ -40,7 +40,7 @@ async def lab(request):
             gate = Gate()
             server.create_service(Add, "add", gate)
             lab = Lab(network, server, user, gate)
-            assert await lab.client.wait_for_service(5)
+            assert await lab.client.wait_for_service(60)
             running = lab.client.call_async(ask(1))
             await asyncio.sleep(1)
             yield lab
@@ -110,7 +110,7 @@ async def test_error_of_a_callback_within_that_tick_reaches_the_caller(lab):
 
     lab.server.create_service(Add, "refuse", refuse)
     client = lab.user.create_client(Add, "refuse")
-    assert await client.wait_for_service(5)
+    assert await client.wait_for_service(60)
     asyncio.get_running_loop().call_later(SPAN - 0.0005, lab.gate.opened.set)
     with pytest.raises(taskrpc.HandlerFailed, match="no such shelf"):
         await client.call(ask(2), timeout=SPAN)

@@ -18,7 +18,7 @@ async def test_change_that_arrives_with_the_answer_to_resolve_makes_the_client_r
         server.create_service(Add, "first", add)
         server.create_service(Add, "add", add)
         first = node.create_client(Add, "first")
-        assert await first.wait_for_service(1)
+        assert await first.wait_for_service(60)
         (serving,) = server._transport._served
         asking = first._channel._connection
         asked, answers = [], []
@@ -36,7 +36,7 @@ async def test_change_that_arrives_with_the_answer_to_resolve_makes_the_client_r
 
         asking.transport.write, serving.transport.write = recorded, with_a_change
         client = node.create_client(Add, "add")
-        assert await client.wait_for_service(1)
+        assert await client.wait_for_service(60)
         assert asked.count(FrameType.RESOLVE) == 2
         assert (await client.call(ask(1, 2))).sum == 3
 
@@ -76,7 +76,7 @@ async def test_call_that_finds_no_other_server_fails_at_once():
         gate = Gate()
         service = server.create_service(Add, "gate", gate)
         client = node.create_client(Add, "gate")
-        assert await client.wait_for_service(1)
+        assert await client.wait_for_service(60)
         running = client.call_async(ask(1), timeout=60)
         await until(lambda: gate.started)
         began = asyncio.get_running_loop().time()

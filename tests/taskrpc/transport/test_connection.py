@@ -40,7 +40,7 @@ async def node():
 async def connected(node, name="add"):
     """A client and the two ends of its connection."""
     client = node.create_client(Add, name)
-    assert await client.wait_for_service(1)
+    assert await client.wait_for_service(60)
     return client, client._channel._connection
 
 
@@ -135,7 +135,7 @@ async def test_a_peer_that_reads_steadily_is_not_cut_off_however_much_waits_for_
 
     server.create_service(Text, "big", big)
     client = node.create_client(Text, "big", timeout=None)
-    assert await client.wait_for_service(1)
+    assert await client.wait_for_service(60)
     pipe = client._channel._connection.transport
     serving = next(iter(server._transport._served))
     pipe.pause_reading()
@@ -165,7 +165,7 @@ async def test_a_caller_that_never_reads_is_cut_off(server, node, caplog):
 
     server.create_service(Text, "big", big)
     client = node.create_client(Text, "big", timeout=None)
-    assert await client.wait_for_service(1)
+    assert await client.wait_for_service(60)
     client._channel._connection.transport.pause_reading()
     call = client.call_async(Text.Request())
     await asyncio.sleep(STALL_PERIOD + 2.5)

@@ -108,7 +108,7 @@ async def test_another_service_is_found_while_all_places_in_flight_are_taken(net
     calls = [busy.call_async(ask(n), timeout=None) for n in range(256)]
     await until(lambda: len(gate.started) == 256)
     other = node.create_client(Add, "add")
-    assert await other.wait_for_service(2)
+    assert await other.wait_for_service(60)
     late = other.call_async(ask(1, 2), timeout=None)
     gate.opened.set()
     assert (await late).sum == 3

@@ -33,7 +33,7 @@ async def test_a_service_withdrawn_and_offered_again_is_found_by_the_same_client
         await until(lambda: not client.service_is_ready())
         assert not await client.wait_for_service(0.1)
         server.create_service(Add, "add", add)
-        assert await client.wait_for_service(2)
+        assert await client.wait_for_service(60)
         assert client.service_is_ready()
         assert (await client.call(ask(2, 3))).sum == 5
 
@@ -88,7 +88,7 @@ async def test_drain_answers_what_is_in_flight_and_the_rest_moves_on_unseen(net)
 
     offer(first, "first")
     client = await net.client(Add, "where")
-    assert await client.wait_for_service(5)
+    assert await client.wait_for_service(60)
     offer(second, "second")
     calls = []
 

@@ -60,7 +60,7 @@ async def test_a_call_is_heard_beside_a_flood_that_is_never_read_up(net):
     subscription = client.create_subscription(String, "text", got.append)
     calling = client.create_client(Add, "add")
     await until(publisher.get_subscription_count)
-    assert await calling.wait_for_service(5)
+    assert await calling.wait_for_service(60)
     (feed,) = publisher._publication.feeds.values()
     over = asyncio.Event()
 
@@ -96,7 +96,7 @@ async def test_a_peer_of_before_there_were_topics_is_asked_once_and_can_be_calle
     subscription = client.create_subscription(String, "text", print)
     await until(lambda: of_topics(caplog))
     calling = client.create_client(Add, "add")
-    assert await calling.wait_for_service(5)
+    assert await calling.wait_for_service(60)
     client.create_subscription(String, "more", print)
     for _ in range(20):
         assert (await calling.call(ask(2, 3))).sum == 5
@@ -212,7 +212,7 @@ async def test_a_callback_may_destroy_its_own_subscription_and_go_on(net):
     publisher, subscription = await joined(net, only_one)
     for number in range(3):
         publisher.publish(Int32(data=number))
-    async with asyncio.timeout(5):
+    async with asyncio.timeout(60):
         await ended.wait()
     assert got == [0]
 
@@ -298,7 +298,7 @@ async def test_who_subscribes_without_end_is_cut_off_and_the_others_notice_nothi
     link._connection.say(subscribe_without_end)
     await until(lambda: any("one of 4096" in text for text in caplog.messages))
     other = await net.client(Add, "add", node="other")
-    assert await other.wait_for_service(5)
+    assert await other.wait_for_service(60)
     assert (await other.call(ask(1, 1))).sum == 2
     await until(lambda: publisher.get_subscription_count() == 1)
 

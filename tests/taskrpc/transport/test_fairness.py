@@ -22,7 +22,7 @@ async def nodes(*names):
 
 async def client_of(node, name="work", srv_type=Add):
     client = node.create_client(srv_type, name, timeout=None)
-    assert await client.wait_for_service(1)
+    assert await client.wait_for_service(60)
     return client
 
 

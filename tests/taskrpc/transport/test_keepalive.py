@@ -29,7 +29,7 @@ async def apart(server_options, client_options):
         ):
             server.create_service(Add, "add", gate)
             client = node.create_client(Add, "add", timeout=None)
-            assert await client.wait_for_service(1)
+            assert await client.wait_for_service(60)
             yield network, gate, client
 
 
@@ -128,7 +128,7 @@ async def test_the_kernel_is_told_at_both_ends(profile):
     ):
         server.create_service(Add, "add", Gate())
         client = node.create_client(Add, "add")
-        assert await client.wait_for_service(5)
+        assert await client.wait_for_service(60)
         for end in (client._channel._connection, *server._transport._served):
             option = end.transport.get_extra_info("socket").getsockopt
             assert option(socket.SOL_SOCKET, socket.SO_KEEPALIVE)

@@ -45,7 +45,7 @@ class Lab:
         node = await self.node("student", token=CLASS.token)
         options.setdefault("timeout", None)
         client = node.create_client(srv_type, f"/{name}", **options)
-        assert await client.wait_for_service(1)
+        assert await client.wait_for_service(60)
         return client
 
 

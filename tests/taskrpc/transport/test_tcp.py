@@ -89,7 +89,7 @@ async def test_peers_of_this_user_need_no_token(monkeypatch):
         monkeypatch.setenv("TASKRPC_PEERS", f"127.0.0.1:1; localhost:{port}")
         async with taskrpc.Node("client") as node:
             client = node.create_client(Add, "add")
-            assert await client.wait_for_service(2)
+            assert await client.wait_for_service(60)
             assert (await client.call(ask(1))).sum == 1
 
 
@@ -107,7 +107,7 @@ async def test_the_first_peer_that_has_the_service_answers(caplog):
         two.create_service(Add, "multiply", add)
         peers = ["127.0.0.1:1", one.address, two.address]
         async with taskrpc.Node("client", peers=peers) as node:
-            assert await node.create_client(Add, "multiply").wait_for_service(2)
+            assert await node.create_client(Add, "multiply").wait_for_service(60)
             with pytest.raises(taskrpc.ServiceUnavailable, match="subtract"):
                 await node.create_client(Add, "subtract").call(ask())
             entries = await node.graph()
@@ -126,7 +126,7 @@ async def test_a_peer_that_starts_late_is_asked_again(unused_tcp_port):
         async with taskrpc.Node("server", listen=place) as server:
             await asyncio.sleep(0.1)  # reached, but without the service
             server.create_service(Add, "add", add)
-            async with asyncio.timeout(5):
+            async with asyncio.timeout(60):
                 assert await waiting
 
 
@@ -246,7 +246,7 @@ async def talk(node, *pieces, wait=5.0):
 async def test_a_stranger_is_closed_with_one_log_line_and_harms_nobody(pieces, caplog):
     async with offering() as server, taskrpc.Node("client", token="c") as node:
         client = node.create_client(Add, "add")
-        assert await client.wait_for_service(2)
+        assert await client.wait_for_service(60)
         await talk(server, *pieces)
         assert (await client.call(ask(1))).sum == 1
         assert len(server._transport._served) == 1
