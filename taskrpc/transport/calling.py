@@ -155,16 +155,14 @@ class CallingConnection(Connection):
 
         Raises InvalidRequest for a body above the server's limit.
         """
-        session, size, deadline = self.session, len(call.body), call.deadline
-        if size > session.body_limit:
-            limit = session.body_limit
+        limit, deadline = self.session.body_limit, call.deadline
+        if len(call.body) > limit:
+            size = len(call.body)
             raise InvalidRequest("", f"a message of {size} bytes; the server accepts {limit}")
         if deadline is not None and deadline < self.look_before:
             self.watch(deadline)
-        if self._waiting or self._writing_paused or not session.can_send(size):
+        if self._waiting or self._writing_paused or not self._send(call):
             self._waiting.append(call)
-        else:
-            self._send(call)
 
     @property
     def holds_back(self) -> bool:
@@ -309,32 +307,33 @@ class CallingConnection(Connection):
             call.failed(unknown_error())
         self._refuse_waiting(_lost_unsent())
 
-    def _send(self, call: OpenCall) -> None:
-        session = self.session
-        left = NO_DEADLINE
+    def _send(self, call: OpenCall) -> bool:
+        """Send a call, or end it after its deadline; False while there is no room for it."""
+        session, body, left = self.session, call.body, NO_DEADLINE
         if call.deadline is not None:
             left = time_left(call.deadline, self.owner.now())
             if left <= 0:
                 call.expired()
-                return
-        alone = not session.open_calls and not self.in_turn
-        call.call_id = session.request(call, call.method, call.body, left, call.flags)
-        if call.call_id >= LAST_CALL_ID:
+                return True
+        call_id = session.request(call, call.method, body, left, call.flags)
+        if not call_id:
+            return False
+        call.call_id = call_id
+        if call_id >= LAST_CALL_ID:
             self.epoch += 1
         # A large request goes out at once, so that a server that does not read is noticed.
-        if alone or len(call.body) >= LARGE:
+        if len(body) >= LARGE or (len(session.open_calls) == 1 and not self.in_turn):
             self.flush()
-        else:
+        elif not self._flush_planned:
             self.flush_soon()
+        return True
 
     def _send_waiting(self) -> None:
         while self._waiting and not self._writing_paused:
-            call = self._waiting[0]
-            if not self.session.can_send(len(call.body)):
+            call = self._waiting.popleft()
+            if not call.future.done() and not self._send(call):
+                self._waiting.appendleft(call)
                 break
-            self._waiting.popleft()
-            if not call.future.done():
-                self._send(call)
 
     def _refuse_waiting(self, error: TaskRpcError) -> None:
         waiting, self._waiting = self._waiting, deque()

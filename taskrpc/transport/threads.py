@@ -149,6 +149,8 @@ class ThreadedConnection(CallingConnection):
             if left <= 0 or not self._is_free(len(call.body)):
                 return False
             call.call_id = session.request(call, call.method, call.body, left)
+            if not call.call_id:
+                return False
             if call.call_id >= LAST_CALL_ID:
                 self.epoch += 1
             self._here.write(self, b"".join(session.take()))
@@ -235,5 +237,4 @@ class ThreadedConnection(CallingConnection):
             and not self.owner.behind
             and not self.holds_back
             and not session.out
-            and session.can_send(size)
         )

@@ -111,23 +111,22 @@ class Session(Link):
         """Calls of ours without a terminal frame."""
         return len(self.open_calls)
 
-    def can_send(self, size: int) -> bool:
-        """Whether a request of `size` bytes fits into the peer's limits now."""
-        limits, open_calls = self.their_limits, self.open_calls
-        return self.state is _OPEN and (
-            not open_calls
-            or (len(open_calls) < limits.calls and self.bytes_in_flight + size <= limits.bytes)
-        )
-
     def request(self, ticket: Any, method: int, body: Body, time_left: int, flags: int = 0) -> int:
         """Send a request; `ticket` comes back with the answer. Returns the call id.
 
-        The caller has asked `can_send` before.
+        Returns 0, and sends nothing, where the request does not fit into the peer's limits now.
         """
-        size = len(body)
+        open_calls, size = self.open_calls, len(body)
+        in_flight = self.bytes_in_flight + size
+        if self.state is not _OPEN:
+            return 0
+        if open_calls:  # alone, a request may be larger than all together
+            limits = self.their_limits
+            if len(open_calls) >= limits.calls or in_flight > limits.bytes:
+                return 0
         self.last_call_id = call_id = self.last_call_id + 1
-        self.open_calls[call_id] = (ticket, size)
-        self.bytes_in_flight += size
+        open_calls[call_id] = (ticket, size)
+        self.bytes_in_flight = in_flight
         if size < LARGE:
             header = _pack(SIZE_OF_EMPTY + size, _REQUEST, flags, method, call_id, time_left)
             self.out.append(header + body)

@@ -37,6 +37,9 @@ from tests.taskrpc.wire.helpers import ConnectionPair, open_pair, receive
 DOCUMENTED = get_args(Event)
 SIZE_OF_HEADER = HEADER.size
 
+UNHEEDED = Limits(calls=10_000, bytes=10_000_000)
+"""What a client believes that breaks the server's limits."""
+
 
 def types(events):
     return [type(event) for event in events]
@@ -122,11 +125,11 @@ def test_a_cancelled_call_keeps_its_place_until_its_terminal_frame():
     (request,) = pair.deliver(pair.server)
     pair.client.cancel(call_id)
     pair.client.cancel(call_id)
-    assert not pair.client.can_send(0)
+    assert not pair.client.request("no room", 1, b"", NO_DEADLINE)
     assert pair.deliver(pair.server) == [CancelReceived(call_id, request)]
     pair.server.respond(call_id, b"too late")
     assert pair.deliver(pair.client) == []
-    assert pair.client.can_send(0)
+    assert pair.client.request("room", 1, b"", NO_DEADLINE)
 
 
 def test_the_answer_to_a_call_that_was_asked_to_stop_comes_until_it_is_dropped():
@@ -196,6 +199,7 @@ def test_any_number_of_questions_fits_beside_a_full_house():
 
 def test_a_client_that_exceeds_its_calls_has_its_answers_and_the_reason():
     pair = open_pair(limits=Limits(calls=2))
+    pair.client.their_limits = UNHEEDED
     ids = [pair.client.request(n, 1, b"", NO_DEADLINE) for n in range(5)]
     *two, overrun = pair.deliver(pair.server)
     assert types(two) == [RequestReceived] * 2
@@ -211,6 +215,7 @@ def test_a_client_that_exceeds_its_calls_has_its_answers_and_the_reason():
 
 def test_who_heeds_no_farewell_is_not_heard_and_costs_nothing():
     pair = open_pair(limits=Limits(calls=2))
+    pair.client.their_limits = UNHEEDED
     for n in range(1000):
         pair.client.request(n, 1, b"", NO_DEADLINE)
     assert types(pair.deliver(pair.server)) == [RequestReceived] * 2 + [Overrun]
@@ -236,7 +241,8 @@ def test_who_does_not_speak_the_protocol_is_told_nothing():
 def test_a_client_that_exceeds_its_bytes_has_its_answers_and_the_reason():
     pair = open_pair(limits=Limits(bytes=100))
     pair.client.request("alone it may be larger", 1, bytes(500), NO_DEADLINE)
-    assert not pair.client.can_send(0)
+    assert not pair.client.request("no room", 1, b"", NO_DEADLINE)
+    pair.client.their_limits = UNHEEDED
     pair.client.request("too much", 1, b"", NO_DEADLINE)
     *_, overrun = pair.deliver(pair.server)
     assert isinstance(overrun, Overrun)
@@ -245,12 +251,11 @@ def test_a_client_that_exceeds_its_bytes_has_its_answers_and_the_reason():
 
 def test_one_body_above_the_bytes_in_flight_is_sent_alone():
     pair = open_pair(limits=Limits(bytes=100))
-    assert pair.client.can_send(5000)
     call_id = pair.client.request("large", 1, bytes(5000), NO_DEADLINE)
     assert types(pair.deliver(pair.server)) == [RequestReceived]
     pair.server.respond(call_id, b"")
     pair.deliver(pair.client)
-    assert pair.client.can_send(100)
+    assert pair.client.request("room", 1, bytes(100), NO_DEADLINE)
 
 
 def test_an_advertisement_tells_the_client_to_look_again():
@@ -269,7 +274,7 @@ def test_a_draining_server_answers_what_it_has():
     pair.server.drain()
     pair.server.drain()
     assert pair.deliver(pair.client) == [Draining([])]
-    assert not pair.client.can_send(0)
+    assert not pair.client.request("no room", 1, b"", NO_DEADLINE)
     pair.server.respond(call_id, b"done")
     assert pair.deliver(pair.client) == [Answered("ticket", b"done", 0)]
 

@@ -70,18 +70,18 @@ class Talk(RuleBasedStateMachine):
     @rule(target=calls, size=sizes)
     def request(self, size):
         client = self.pair.client
-        fits = client.can_send(size)
         in_flight = self.made() - self.freed
         counted = sum(self.sizes.get(call, QUESTION) for call in in_flight)
-        assert fits == (
+        ticket = client.last_call_id + 1
+        call_id = client.request(ticket, 1, bytes(size), 1000)
+        assert bool(call_id) == (
             client.state is State.OPEN
             and len(in_flight) < LIMITS.calls
             and (not in_flight or counted + size <= LIMITS.bytes)
         )
-        if not fits:
+        if not call_id:
             return multiple()
-        ticket = client.last_call_id + 1
-        assert client.request(ticket, 1, bytes(size), 1000) == ticket
+        assert call_id == ticket
         self.sizes[ticket] = size
         return ticket
 
