@@ -31,7 +31,6 @@ from taskrpc.errors import (
 )
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Channel, Mode, SentCall
-from taskrpc.wire.ledger import REPEATED_FOR
 from taskrpc.wire.once import Number, Numbers, number_of_id
 
 FREE_SENDINGS = 8
@@ -146,7 +145,7 @@ class Attempts(msgspec.Struct, eq=False):
                 problem = "a request id was given, but the service is not exactly-once"
                 raise InvalidRequest("", problem)
             return None
-        if self._store and self._in_doubt and self._doubted_for() > REPEATED_FOR:
+        if self._store and self._in_doubt and self._is_too_old():
             self._give_up("the server may have forgotten the request, which was sent long ago")
         if self._store != channel.store_id:
             if self._store and self._in_doubt:
@@ -174,6 +173,12 @@ class Attempts(msgspec.Struct, eq=False):
         if self._numbers is not None:
             self._numbers.settle(self._sequence)
             self._numbers = None
+
+    def _is_too_old(self) -> bool:
+        """Whether the server may have forgotten a request that is in doubt."""
+        from taskrpc.wire.ledger import REPEATED_FOR  # few requests are ever in doubt
+
+        return self._doubted_for() > REPEATED_FOR
 
     def _doubted_for(self) -> float:
         """Seconds since the first attempt whose outcome is unknown, by the clock that says more.

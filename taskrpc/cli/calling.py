@@ -13,7 +13,6 @@ import msgspec
 import srvgen
 from taskrpc.cli import shells
 from taskrpc.cli.command import hinted
-from taskrpc.cli.graph import why_unavailable
 from taskrpc.cli.remote import HERE, Remote
 from taskrpc.cli.service_types import differs_here, local_service_type, service_type_name
 from taskrpc.cli.values import build_request
@@ -183,6 +182,8 @@ class _Caller:
                 self._lost = self._lost or ConnectionLost(f"{place} did not answer in time")
 
     async def _unknown(self) -> ServiceUnavailable:
+        from taskrpc.cli.graph import why_unavailable  # only where a call fails
+
         waited, place = f"(waited {self._plan.timeout:g} s)", self._plan.remote.place
         return await why_unavailable(self._service, place, self._node, waited, self._lost)
 

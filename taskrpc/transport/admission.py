@@ -9,7 +9,7 @@ from taskrpc import platform
 from taskrpc.errors import ServerBusy
 from taskrpc.transport.seldom import SeldomLog
 from taskrpc.transport.serving import ServingConnection
-from taskrpc.transport.shares import ByHost, Caller, name_of
+from taskrpc.transport.shares import ByHost, Caller, host_of, name_of
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -45,8 +45,9 @@ class Admission:
         self._greedy = SeldomLog(log)
         self._problem = f"the server has {self._most} connections, as many as it can"
 
-    def came(self, connection: ServingConnection) -> None:
-        """Somebody connected; there is room for him, or there will be."""
+    def came(self, connection: ServingConnection, peername: object) -> None:
+        """A caller connected from this address; there is room for it, or there will be."""
+        connection.host_name = host_of(peername)
         if len(self._strangers) >= self._most_strangers:
             self._cut_oldest(connection)
         self._strangers.add(connection.host_name, connection)

@@ -8,7 +8,7 @@ import logging
 import os
 import time
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import msgspec
 
@@ -21,8 +21,6 @@ from taskrpc.errors import (
     TaskRpcError,
 )
 from taskrpc.transport.about import this_process
-from taskrpc.transport.admission import Admission
-from taskrpc.transport.answering import ThreadedServing
 from taskrpc.transport.base import Offer
 from taskrpc.transport.calling import CallingConnection
 from taskrpc.transport.channel import RemoteChannel
@@ -33,27 +31,25 @@ from taskrpc.transport.dialling import READY_TIMEOUT, Dialler, placed
 from taskrpc.transport.entries import Change, Entry, Roster, entry_of
 from taskrpc.transport.handing import Handing
 from taskrpc.transport.keepalive import DEFAULT, Keepalive
-from taskrpc.transport.load import Load
 from taskrpc.transport.network import Address, Network
 from taskrpc.transport.news import News
 from taskrpc.transport.offers import Offers
-from taskrpc.transport.revoking import look_after_accounts
 from taskrpc.transport.seldom import FewLines
-from taskrpc.transport.serving import ServingConnection
-from taskrpc.transport.shares import host_of
-from taskrpc.transport.threads import ThreadedConnection
 from taskrpc.transport.timers import clock_of
 from taskrpc.transport.traffic import Traffic
-from taskrpc.transport.unread import Unread
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import DEFAULT_LIMITS, Listing, Resolve, TopicEndpoint
 from taskrpc.wire.messages import Endpoint as Named
 
 if TYPE_CHECKING:
     from taskrpc.observer import Connections
+    from taskrpc.transport.admission import Admission
+    from taskrpc.transport.load import Load
     from taskrpc.transport.publishing import Publication
+    from taskrpc.transport.serving import ServingConnection
     from taskrpc.transport.subscribing import Reception
     from taskrpc.transport.topics import Topics
+    from taskrpc.transport.unread import Unread
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -81,8 +77,8 @@ class Endpoint(Handing):
     ) -> None:
         super().__init__()
         self.keepalive = keepalive
-        self._calling = ThreadedConnection if threads else CallingConnection
-        self._serving = ThreadedServing if threads else ServingConnection
+        self._has_threads = threads
+        self._calling = _calling_class(threads=threads)
         self.now = clock_of(self.loop)
         self.network = network
         self.news = News(network)
@@ -94,9 +90,10 @@ class Endpoint(Handing):
         self.id = os.urandom(16)
         self.call_numbers = itertools.count(1)
         self.counting = Counting()
-        self.unread = Unread()
+        self.unread: Unread
+        """Made by `_take_connections`, as `load` is: many programs only call."""
+        self.load: Load
         self.refusals = FewLines(log)
-        self.load = Load()
         self._offers = Offers()
         self.offers = self._offers.by_method
         self._roster = Roster(this_process())
@@ -265,11 +262,11 @@ class Endpoint(Handing):
     def connection_began(self, connection: Connection) -> None:
         """A connection has its transport."""
         self._traffic_of(connection).began()
-        if isinstance(connection, ServingConnection):
-            self._served[connection] = None
+        if connection.serves:
+            served = cast("ServingConnection", connection)
+            self._served[served] = None
             if self._admission is not None and connection.transport is not None:
-                connection.host_name = host_of(connection.transport.get_extra_info("peername"))
-                self._admission.came(connection)
+                self._admission.came(served, connection.transport.get_extra_info("peername"))
         elif isinstance(connection, CallingConnection):
             self.dialler.connections[connection] = None
         self._vouch(connection)
@@ -278,10 +275,11 @@ class Endpoint(Handing):
     def connection_ended(self, connection: Connection) -> None:
         """A connection is gone."""
         self._traffic_of(connection).left(connection)
-        if isinstance(connection, ServingConnection):
-            self._served.pop(connection, None)
+        if connection.serves:
+            served = cast("ServingConnection", connection)
+            self._served.pop(served, None)
             if self._admission is not None:
-                self._admission.left(connection)
+                self._admission.left(served)
         elif isinstance(connection, CallingConnection):
             self.dialler.ended(connection)
 
@@ -290,7 +288,11 @@ class Endpoint(Handing):
     def _take_connections(self) -> None:
         """Listen, from the first service or publisher on."""
         if not self.address:
-            self._admission = Admission()
+            from taskrpc.transport.admission import Admission
+            from taskrpc.transport.load import Load
+            from taskrpc.transport.unread import Unread
+
+            self.unread, self.load, self._admission = Unread(), Load(), Admission()
             self.address = self.network.listen(self._accepted)
             if self._watches_files:  # they may change before the first connection
                 self._look_again()
@@ -301,7 +303,7 @@ class Endpoint(Handing):
         return bool(self.network.certificate) or (book is not None and book.may_change)
 
     def _traffic_of(self, connection: Connection) -> Traffic:
-        return self._called if isinstance(connection, ServingConnection) else self._calls
+        return self._called if connection.serves else self._calls
 
     def _caller(self, address: Address) -> CallingConnection:
         name = self._roster.first_node or self._roster.about.script
@@ -316,22 +318,21 @@ class Endpoint(Handing):
             if self._ticker is None:  # nobody was here to look after
                 book.look()
             me = msgspec.structs.replace(me, accounts=book.now, today=time.time())
-        return self._serving(self, me)
+        return _serving_class(threads=self._has_threads)(self, me)
 
     def _identity(self, token: bytes, name: str) -> Identity:
         return Identity(self.id, os.urandom(16), token, self.network.domain, name)
 
     def _vouch(self, connection: Connection) -> None:
-        served = isinstance(connection, ServingConnection)
         if connection.transport is None:
             return
         try:
-            voucher = self.network.voucher(connection.transport, serving=served)
+            voucher = self.network.voucher(connection.transport, serving=connection.serves)
         except PermissionDenied as error:
             connection.abort(error)
             log.warning("closed the connection of another user: %s", error)
         else:
-            channel = self.network.channel(connection.transport, serving=served)
+            channel = self.network.channel(connection.transport, serving=connection.serves)
             connection.session.vouch(voucher, channel)
 
     def publish(self, change: Change, *, claim: str = "") -> None:
@@ -385,8 +386,9 @@ class Endpoint(Handing):
         # First: whatever fails below, revoked accounts must be found a second later.
         if connections or (self.address and self._watches_files):
             self._look_again()
-        self.unread.measure_all()
-        self.load.settle()
+        if self._admission is not None:
+            self.unread.measure_all()
+            self.load.settle()
         # Thousands have their pings, and the time that this takes, spread over the second.
         slices = min(SLICES, 1 + len(connections) // SLICE)
         for number in range(1, slices):
@@ -394,6 +396,8 @@ class Endpoint(Handing):
             self.loop.call_later(TICK * number / slices, self._look_after, part)
         self._look_after(connections[::slices])
         if (book := self.network.accounts) is not None:
+            from taskrpc.transport.revoking import look_after_accounts  # few have accounts
+
             book.look()
             look_after_accounts(self._served, book.now, time.time())
         if self.address and self.network.certificate != self._roster.about.certificate:
@@ -407,6 +411,24 @@ class Endpoint(Handing):
         now = self.loop.time()
         for connection in connections:
             connection.tick(now)
+
+
+def _calling_class(*, threads: bool) -> type[CallingConnection]:
+    if not threads:
+        return CallingConnection
+    from taskrpc.transport.threads import ThreadedConnection
+
+    return ThreadedConnection
+
+
+def _serving_class(*, threads: bool) -> type[ServingConnection]:
+    if not threads:
+        from taskrpc.transport.serving import ServingConnection
+
+        return ServingConnection
+    from taskrpc.transport.answering import ThreadedServing
+
+    return ThreadedServing
 
 
 def _named(offer: Offer) -> Named:

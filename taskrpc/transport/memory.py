@@ -12,15 +12,17 @@ import os
 import weakref
 from collections import deque
 from collections.abc import Callable, Collection
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
 from taskrpc.access import account_of
 from taskrpc.errors import NameInUse
-from taskrpc.transport.accounts import AccountBook
 from taskrpc.transport.entries import Change, Entry, Roster
 from taskrpc.transport.network import Address, Factory
+
+if TYPE_CHECKING:
+    from taskrpc.transport.accounts import AccountBook
 
 HIGH_WATER, LOW_WATER = 65_536, 16_384
 

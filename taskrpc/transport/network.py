@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Collection
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
-from taskrpc.transport.accounts import AccountBook
 from taskrpc.transport.entries import Change, Entry, Roster
 from taskrpc.wire.handshake import Voucher
+
+if TYPE_CHECKING:
+    from taskrpc.transport.accounts import AccountBook
 
 
 class Address(msgspec.Struct, frozen=True):

@@ -6,18 +6,20 @@ import asyncio
 import weakref
 from collections.abc import Hashable, Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from taskrpc.access import Accounts
 from taskrpc.errors import TaskRpcError
 from taskrpc.lab import Lab, remembered_lab
-from taskrpc.transport.accounts import AccountBook
 from taskrpc.transport.base import Transport
 from taskrpc.transport.endpoint import Endpoint
 from taskrpc.transport.keepalive import keepalive_of
-from taskrpc.transport.memory import MemoryNetwork
 from taskrpc.transport.network import Network
 from taskrpc.transport.tcp import TcpNetwork, domain_id, environment_peers
 from taskrpc.transport.tls import Tls
+
+if TYPE_CHECKING:
+    from taskrpc.transport.accounts import AccountBook
 
 _endpoints: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[Hashable, Endpoint]] = (
     weakref.WeakKeyDictionary()
@@ -51,7 +53,7 @@ def shared_transport(
     endpoint = endpoints.get(key)
     if endpoint is None:
         secret = token.encode() if token else None
-        book = None if accounts is None else AccountBook(accounts)
+        book = None if accounts is None else _account_book(accounts)
         network = _network(name, domain, listen, where, secret, tls, lab, book)
         # An endpoint holds its loop: one that stayed here would keep the loop alive for ever.
         forget = lambda: endpoints.pop(key)  # noqa: E731
@@ -93,8 +95,16 @@ def _network(
             accounts=accounts,
         )
     if name == "memory":
+        from taskrpc.transport.memory import MemoryNetwork
+
         return MemoryNetwork(domain=domain, program=listen or "", token=token, accounts=accounts)
     raise TaskRpcError(f"transport: expected 'tcp' or 'memory', got {name!r}")
+
+
+def _account_book(accounts: Accounts | str | Path) -> AccountBook:
+    from taskrpc.transport.accounts import AccountBook  # few programs have accounts
+
+    return AccountBook(accounts)
 
 
 def _listed(peers: Sequence[str]) -> Sequence[str]:

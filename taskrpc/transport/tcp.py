@@ -10,6 +10,7 @@ import socket
 import ssl
 from collections.abc import Callable, Collection, Sequence
 from functools import partial
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 
@@ -17,10 +18,7 @@ from taskrpc import platform
 from taskrpc.access import account_of
 from taskrpc.errors import AuthenticationFailed, CannotListen, TaskRpcError
 from taskrpc.lab import Lab
-from taskrpc.transport.accounts import AccountBook
 from taskrpc.transport.entries import Change, Entry, Roster
-from taskrpc.transport.exposure import refuse_exposure
-from taskrpc.transport.listening import BACKLOG, Listener
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.registry import Registry
 from taskrpc.transport.tls import ServerTls, Tls, common_name, digest, pinned_context
@@ -34,6 +32,10 @@ from taskrpc.transport.unix import (
     unix_voucher,
 )
 from taskrpc.wire.handshake import Voucher
+
+if TYPE_CHECKING:
+    from taskrpc.transport.accounts import AccountBook
+    from taskrpc.transport.listening import Listener
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -84,6 +86,8 @@ class TcpNetwork:
 
     def listen(self, factory: Factory) -> str:
         """Take connections from now on."""
+        from taskrpc.transport.listening import Listener  # many programs only call
+
         if is_unix(self._listen_at):
             name = f"{os.getpid()}-{id(self):x}.sock"
             sock, path, made = bound_unix(self._listen_at, name)
@@ -92,6 +96,8 @@ class TcpNetwork:
             return PREFIX + path
         host, port = split_place(self._listen_at)
         if not is_loopback(host):
+            from taskrpc.transport.exposure import refuse_exposure
+
             refuse_exposure(
                 host,
                 certificate=self.certificate != "",
@@ -302,6 +308,8 @@ def is_loopback(host: str) -> bool:
 
 def bound(host: str, port: int) -> socket.socket:
     """A listening socket. Raises CannotListen."""
+    from taskrpc.transport.listening import BACKLOG
+
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
     # Said in so many words: without it asyncio leaves Nagle's algorithm on where it accepts, and
     # a second write in a row waits 40 ms for the peer's acknowledgement.

@@ -21,7 +21,7 @@ from taskrpc.errors import CannotListen, TaskRpcError
 log = logging.getLogger("taskrpc.transport")
 
 _Loaded = TypeVar("_Loaded")
-_CERTIFICATE = re.compile("-----BEGIN CERTIFICATE-----.*?-----END CERTIFICATE-----", re.DOTALL)
+_CERTIFICATE = "(?s)-----BEGIN CERTIFICATE-----.*?-----END CERTIFICATE-----"
 
 
 class Tls(msgspec.Struct, frozen=True):
@@ -132,7 +132,7 @@ def shown_certificate(tls: Tls | None) -> str:
 
 def first_certificate(pem: str) -> str:
     """The first certificate of a text in PEM format. Raises ValueError where there is none."""
-    found = _CERTIFICATE.search(pem)
+    found = re.search(_CERTIFICATE, pem)
     if found is None:
         raise ValueError("expected a certificate in PEM format")
     return found[0]

@@ -11,7 +11,6 @@ from pathlib import Path
 
 from taskrpc import platform
 from taskrpc.errors import CannotListen, PermissionDenied, TaskRpcError
-from taskrpc.transport.listening import BACKLOG
 from taskrpc.wire.handshake import Voucher
 
 PREFIX = "unix:"
@@ -117,6 +116,8 @@ def _unix_socket() -> socket.socket:
 
 
 def _bound(path: Path) -> socket.socket:
+    from taskrpc.transport.listening import BACKLOG
+
     sock = _unix_socket()
     try:
         sock.bind(str(path))

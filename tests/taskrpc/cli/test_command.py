@@ -131,6 +131,25 @@ def test_a_call_imports_neither_robot_nor_tasks_nor_rich():
     assert done.stdout.strip() == "[]"
 
 
+def test_a_program_that_only_calls_does_not_import_the_serving_side():
+    program = (
+        "import sys, asyncio, srvgen, taskrpc\n"
+        "from taskrpc.cli import calling, call\n"
+        "async def main():\n"
+        "    async with taskrpc.Node('caller') as node:\n"
+        "        node.create_client(srvgen.load('std_srvs/srv/Empty'), 'empty')\n"
+        "asyncio.run(main())\n"
+        "serving = {'serving', 'served', 'admission', 'load', 'unread', 'listening', 'accounts'}\n"
+        "serving |= {'answering', 'revoking', 'exposure', 'memory', 'publishing'}\n"
+        "print([each for each in sys.modules if each.removeprefix('taskrpc.transport.') in serving"
+        " or each in ('taskrpc.service', 'taskrpc.wire.ledger', 'taskrpc.cli.graph')])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=20, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
 def test_with_arguments_given_the_process_is_left_as_it_was(monkeypatch):
     frozen = []
     monkeypatch.setattr(command.gc, "freeze", lambda: frozen.append(True))

@@ -9,7 +9,7 @@ import socket
 import pytest
 
 import taskrpc
-from taskrpc.transport import admission, endpoint, listening
+from taskrpc.transport import admission, listening
 from taskrpc.transport.listening import Listener
 from taskrpc.transport.seldom import LINES, PERIOD, FewLines, SeldomLog
 from taskrpc.transport.tcp import bound
@@ -62,7 +62,7 @@ async def test_the_oldest_strangers_are_cut_off_and_who_has_proved_himself_stays
 async def test_one_machines_strangers_take_no_places_of_another_machines(monkeypatch, caplog):
     monkeypatch.setattr(admission, "MAX_STRANGERS", 4)
     machines = itertools.chain(["192.0.2.8"], itertools.repeat("192.0.2.7"))
-    monkeypatch.setattr(endpoint, "host_of", lambda peer: next(machines))
+    monkeypatch.setattr(admission, "host_of", lambda peer: next(machines))
     async with offering() as server:
         connections = await strangers(server, 7)
         await until(lambda: len(server._transport._served) == 4)
