@@ -10,7 +10,7 @@ from typing import Any, ClassVar, Protocol, cast
 
 from taskrpc.errors import ConnectionLost, ProtocolError, TaskRpcError
 from taskrpc.transport.keepalive import Keepalive
-from taskrpc.transport.patience import Patience
+from taskrpc.transport.patience import Patience, drop_dead_peers
 from taskrpc.transport.seldom import FewLines
 from taskrpc.transport.timers import Deadlines, Expiring
 from taskrpc.wire.events import Closed, Event
@@ -64,6 +64,7 @@ class Connection(asyncio.BufferedProtocol):
         "_flush_planned",
         "_gone",
         "_handshake_timer",
+        "_kernel_asks",
         "_lost",
         "_patience",
         "_read_buffer",
@@ -101,7 +102,10 @@ class Connection(asyncio.BufferedProtocol):
         self._deadlines: Deadlines | None = None
         self._gone: asyncio.Future[None] | None = None
         self._lost = False
+        self._kernel_asks = False
+        """Whether the kernel asks a silent peer for a sign of life; only TCP does."""
         self._patience: Patience | None = None
+        """Only while the peer has not acknowledged everything."""
         self.read_at = 0.0
         """When what is being handled was read, by the loop's clock."""
 
@@ -112,7 +116,7 @@ class Connection(asyncio.BufferedProtocol):
         # Cast, not checked: uvloop's transports are no subclasses of asyncio's.
         self.transport = cast("asyncio.Transport", transport)
         if (sock := transport.get_extra_info("socket")) is not None:
-            self._patience = Patience(sock, self.owner.keepalive)
+            self._kernel_asks = drop_dead_peers(sock, *self.owner.keepalive)
         loop = self.owner.loop
         self._handshake_timer = loop.call_later(HANDSHAKE_TIMEOUT, self._handshake_late)
         self.owner.connection_began(self)
@@ -273,12 +277,24 @@ class Connection(asyncio.BufferedProtocol):
         if self._watch.stalled(now, unread, owes=owes):
             log.warning("%s moved too few bytes for %s s; cut off", self.peer_name, STALL_PERIOD)
             self.abort(ProtocolError("the peer moved too few bytes with a frame half-way"))
-        elif self._patience is not None and self._patience.kernel_asks:
-            if self._patience.is_over(self._watch.written):
+        # A PING of ours would start the kernel's clock anew, and a dead peer live longer.
+        elif self._kernel_asks:
+            if self._acknowledges_nothing(self.transport):
                 self.abort(ProtocolError("the peer acknowledges nothing"))
         elif self._watch.silent(now, self.owner.keepalive.silence):
             self.session.ping(self._watch.received & 0xFFFFFFFF)
             self.flush()
+
+    def _acknowledges_nothing(self, transport: asyncio.Transport) -> bool:
+        """Whether the kernel has asked the peer in vain for room for what we have written."""
+        if self._patience is None:
+            if not self._watch.has_written():
+                return False
+            self._patience = Patience(transport.get_extra_info("socket"), self.owner.keepalive)
+        is_over = self._patience.is_over()
+        if not self._patience.is_busy:
+            self._patience = None
+        return is_over
 
     def _closed(self, event: Closed) -> None:
         self._refuse(event.error)
@@ -309,6 +325,7 @@ class _Watch:
         "_moved_before",
         "_owed",
         "_received_before",
+        "_written_before",
         "received",
         "written",
     )
@@ -320,6 +337,7 @@ class _Watch:
         self._moved_before = 0
         self._owed = False
         self._received_before = 0
+        self._written_before = 0
         self._heard = now
 
     def stalled(self, now: float, unread: int, *, owes: bool) -> bool:
@@ -335,6 +353,11 @@ class _Watch:
         if still or not owes:
             self._began = now
         return still and hardly
+
+    def has_written(self) -> bool:
+        """Whether something was written since this was asked before."""
+        before, self._written_before = self._written_before, self.written
+        return before != self.written
 
     def silent(self, now: float, seconds: float) -> bool:
         """Whether the peer has said nothing for so many seconds, so that a ping is due."""

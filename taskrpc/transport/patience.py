@@ -26,32 +26,28 @@ _IN_VAIN = 2
 
 
 class Patience:
-    """Lets the kernel end a connection whose peer is gone, and no other."""
+    """Lets the kernel end a connection whose peer is gone, and no other.
 
-    __slots__ = ("_is_busy", "_keepalive", "_seen", "_sock", "_spares", "kernel_asks")
+    For a connection that has written something, after `drop_dead_peers`. It is not needed any
+    more once `is_busy` is False: thousands of idle connections have none.
+    """
+
+    __slots__ = ("_keepalive", "_sock", "_spares", "is_busy")
 
     def __init__(self, sock: socket.socket, keepalive: Keepalive) -> None:
         self._sock = sock
         self._keepalive = keepalive
-        self._seen = 0
-        self._is_busy = False
         self._spares = False
-        # A PING of ours would start the kernel's clock anew, and a dead peer live longer.
-        self.kernel_asks = drop_dead_peers(sock, *keepalive)
-        """Whether there is a kernel that asks the silent; it cannot where there is no TCP."""
+        self.is_busy = True
+        """Whether the peer has not acknowledged everything, as of the last look."""
 
-    def is_over(self, written: int) -> bool:
-        """Whether the peer is gone that had no room for more; to be asked once a second.
-
-        `written` counts the bytes that we have sent: while nothing is, nobody need look.
-        """
-        if written == self._seen and not self._is_busy:
-            return False
-        self._seen = written
+    def is_over(self) -> bool:
+        """Whether the peer is gone that had no room for more; to be asked once a second."""
         backlog = _backlog_of(self._sock)
         if backlog is None:
+            self.is_busy = False
             return False
-        self._is_busy = backlog.is_there
+        self.is_busy = backlog.is_there
         if backlog.waits_for_room is not self._spares:
             self._spares = backlog.waits_for_room
             _bear(self._sock, 0.0 if self._spares else self._keepalive.dead_after)

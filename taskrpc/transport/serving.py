@@ -111,7 +111,7 @@ class ServingConnection(Connection):
         # Not a list at once: most of thousands of idle connections need none.
         self._held: list[_Held] | None = None
         # Several nodes of a program share a connection: a method id means a service and a caller.
-        self._handles: dict[tuple[int, str], int] = {}
+        self._handles: dict[tuple[int, str], int] | None = None
         self._routes: dict[int, Route] = {}
 
     def pause_writing(self) -> None:
@@ -338,7 +338,7 @@ class ServingConnection(Connection):
             self.session.fail(event.call_id, error)
         elif question.type_hash not in ("", offer.srv_type._HASH):
             self.session.fail(event.call_id, mismatch(question, offer))
-        elif len(self._handles) >= MAX_HANDLES:
+        elif len(self._routes) >= MAX_HANDLES:
             # Numbers are never given twice on one connection; the next one begins anew.
             error = ServerBusy(f"{MAX_HANDLES} services were asked for on this connection")
             self.session.fail(event.call_id, error)
@@ -375,6 +375,8 @@ class ServingConnection(Connection):
 
     def _handle(self, method: int, offer: Offer, caller: str) -> int:
         """The number by which this peer calls a service for one of its nodes."""
+        if self._handles is None:
+            self._handles = {}
         handle = self._handles.setdefault((method, caller), len(self._handles) + 1)
         if handle not in self._routes:
             self._routes[handle] = route_to(offer, method, caller, self.principal, self.role)

@@ -13,6 +13,7 @@ import time
 import pytest
 
 import taskrpc
+from taskrpc.transport import connection as connections
 from taskrpc.transport import patience
 from taskrpc.transport.connection import Connection
 from tests.faults.harness import Bug, Lateness, milliseconds
@@ -62,7 +63,7 @@ def black_hole(connection):
 
 
 def looks_after_no_peer(patch):
-    patch(patience, "drop_dead_peers", lambda sock, silence, seconds: None)
+    patch(connections, "drop_dead_peers", lambda sock, silence, seconds: None)
 
 
 def looks_only_while_nothing_is_sent(patch):
@@ -71,11 +72,15 @@ def looks_only_while_nothing_is_sent(patch):
 
 def is_more_patient_than_it_says(patch):
     drop = patience.drop_dead_peers
-    patch(patience, "drop_dead_peers", lambda sock, silence, dead: drop(sock, silence, dead + 2))
+    patch(
+        connections,
+        "drop_dead_peers",
+        lambda sock, silence, dead: drop(sock, silence, dead + 2),
+    )
 
 
 def takes_the_full_for_dead(patch):
-    patch(patience.Patience, "is_over", lambda self, written: False)
+    patch(patience.Patience, "is_over", lambda self: False)
 
 
 def waits_for_the_full_for_ever(patch):

@@ -12,7 +12,7 @@ import taskrpc
 from taskrpc.testing import FaultyNetwork
 from taskrpc.transport.keepalive import PROFILES
 from taskrpc.transport.patience import _INFO as INFO
-from taskrpc.transport.patience import Patience
+from taskrpc.transport.patience import Patience, drop_dead_peers
 from taskrpc.transport.tcp import bound
 from taskrpc.wire.frames import FrameType
 from tests.taskrpc.transport.helpers import Add, Gate, ask, until
@@ -141,6 +141,20 @@ async def test_the_kernel_is_told_at_both_ends(profile):
 
 
 @pytest.mark.real_time
+async def test_an_idle_connection_keeps_nothing_for_a_full_peer():
+    async with taskrpc.Node("s", token="s") as server, taskrpc.Node("c", token="s") as node:
+        server.create_service(Add, "add", Gate())
+        assert await node.create_client(Add, "add").wait_for_service(5)
+        (served,) = server._transport._served
+
+        def is_idle_after_a_look():
+            served.tick(asyncio.get_running_loop().time())
+            return served._patience is None
+
+        await until(is_idle_after_a_look)
+
+
+@pytest.mark.real_time
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux takes the full for dead")
 async def test_a_peer_without_room_is_spared_until_it_reads_on():
     loop = asyncio.get_running_loop()
@@ -150,6 +164,7 @@ async def test_a_peer_without_room_is_spared_until_it_reads_on():
         await asyncio.sleep(0)
         reader = stack.enter_context((await loop.sock_accept(listening))[0])
         sender.setblocking(False)
+        drop_dead_peers(sender, *PROFILES["robot"])
         patience = Patience(sender, PROFILES["robot"])
 
         def borne():
@@ -157,14 +172,14 @@ async def test_a_peer_without_room_is_spared_until_it_reads_on():
 
         usual = borne()
         assert usual > 0
-        assert not patience.is_over(1)
+        assert not patience.is_over()
         assert borne() == usual, "all was delivered"
         written = sender.send(b"x" * 1_000_000)
-        await until(lambda: patience.is_over(written) or not borne())
-        assert not patience.is_over(written)
+        await until(lambda: patience.is_over() or not borne())
+        assert not patience.is_over()
         while written:
             written -= len(await loop.sock_recv(reader, 100_000))
-        await until(lambda: patience.is_over(written) or borne() == usual)
+        await until(lambda: patience.is_over() or borne() == usual)
 
 
 class Ending:
@@ -186,6 +201,6 @@ class Ending:
 def test_a_full_connection_that_has_just_ended_is_no_trouble(error):
     sock = Ending()
     patience = Patience(sock, PROFILES["robot"])
-    assert not patience.is_over(100)
+    assert not patience.is_over()
     sock.error = error
-    assert not patience.is_over(200)
+    assert not patience.is_over()
