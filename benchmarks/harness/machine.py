@@ -30,6 +30,39 @@ def _load() -> float:
     return round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else 0.0
 
 
+class Others:
+    """How much of the machine other programs use, from the making of this object on."""
+
+    def __init__(self) -> None:
+        self._before = _busy_beside_us()
+        self._began = time.monotonic()
+
+    def cores(self) -> float | None:
+        """Cores that others kept busy on average; None where the system does not tell.
+
+        The processes that this one has started count as ours once they have ended.
+        """
+        now = _busy_beside_us()
+        if self._before is None or now is None:
+            return None
+        return round(max(0.0, now - self._before) / (time.monotonic() - self._began), 2)
+
+
+def _busy_beside_us() -> float | None:
+    """Seconds that cores have worked for others, the machine's host included."""
+    stat = Path("/proc/stat")
+    if not stat.exists():
+        return None
+    return _busy(stat.read_text(), os.sysconf("SC_CLK_TCK")) - sum(os.times()[:4])
+
+
+def _busy(stat: str, ticks_a_second: int) -> float:
+    """Seconds that all cores have worked; `stat` is the text of /proc/stat."""
+    ticks = [int(each) for each in stat.partition("\n")[0].split()[1:9]]
+    user, nice, system, _idle, _waiting, irq, softirq, steal = ticks
+    return (user + nice + system + irq + softirq + steal) / ticks_a_second
+
+
 def _cpu() -> str:
     info = Path("/proc/cpuinfo")
     if info.exists():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import statistics
 from collections.abc import Iterable
+from typing import Any
 
 from benchmarks.contenders import BASELINE, CONTENDERS
 from benchmarks.harness.goals import GOALS, LOOPS, Goal
@@ -34,9 +35,11 @@ _METHOD = """\
 
 _QUIET = 0.5
 """The load average up to which a machine counts as idle."""
+_FEW = 0.1
+"""Cores that others may use meanwhile."""
 _BUSY = (
-    " **The machine was busy: its load average was {load:g} at the start.** The brackets in the"
-    " tables show how much the figures vary."
+    " **The machine was busy: do not compare these figures with those of an idle one.** The"
+    " brackets in the tables show how much they vary."
 )
 
 
@@ -74,8 +77,18 @@ def _about(results: Results) -> str:
         f" {about['python']}, commit {about['commit'] or 'unknown'};"
         f" {about['rounds']} rounds, {about['seconds']:g} s a measurement."
         + (" **A quick run: too short to quote.**" if about["quick"] else "")
-        + (_BUSY.format(load=about["load"]) if about.get("load", 0) > _QUIET else "")
+        + _load(about)
     )
+
+
+def _load(about: dict[str, Any]) -> str:
+    """How busy the machine was, and whether that matters."""
+    if "load" not in about:  # a run of before
+        return ""
+    others = about.get("others")
+    meanwhile = "" if others is None else f"; during the run others used {others:g} cores"
+    text = f" Load average at the start: {about['load']:g}{meanwhile}."
+    return text + (_BUSY if about["load"] > _QUIET or (others or 0) > _FEW else "")
 
 
 def _goals(results: Results) -> str:

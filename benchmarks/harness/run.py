@@ -13,7 +13,7 @@ from benchmarks.contenders import BASELINE
 from benchmarks.harness import idle
 from benchmarks.harness.contender import Contender
 from benchmarks.harness.jsonfile import to_json
-from benchmarks.harness.machine import about
+from benchmarks.harness.machine import Others, about
 from benchmarks.harness.picture import picture
 from benchmarks.harness.processes import CAN_PIN, ChildFailed, Pair
 from benchmarks.harness.report import report
@@ -49,6 +49,7 @@ def say(text: str) -> None:
 
 def run(contenders: Sequence[Contender], settings: Settings) -> Results:
     """Measure these contenders, of which the baseline must be one."""
+    others = Others()
     results = Results({**about(), **asdict(settings)}, _versions(contenders))
     chosen = [each for each in contenders if not _leave_out(each, results)]
     with ExitStack() as stack:
@@ -65,6 +66,7 @@ def run(contenders: Sequence[Contender], settings: Settings) -> Results:
         _measure_starts(field, settings, results)
     if settings.idle_counts:
         _attempt("idle connections", results, lambda: _measure_idle(chosen, settings, results))
+    results.about["others"] = others.cores()
     return results
 
 

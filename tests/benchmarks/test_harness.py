@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from benchmarks.contenders import BASELINE, CONTENDERS, contender, raw_asyncio
-from benchmarks.harness import idle, plot
+from benchmarks.harness import idle, machine, plot
 from benchmarks.harness.goals import Goal
 from benchmarks.harness.jsonfile import to_json
 from benchmarks.harness.processes import CAN_PIN, ChildFailed, Pair
@@ -107,9 +107,31 @@ def test_what_was_not_measured_says_so():
 
 
 def test_the_report_says_that_the_machine_was_busy():
-    sentence = "its load average was 3.5 at the start"
-    assert sentence in report(Results({**ABOUT, "load": 3.5}))
-    assert "load average" not in report(Results({**ABOUT, "load": 0.2}))
+    told = "Load average at the start: 0.2; during the run others used 0.05 cores."
+    warning = "The machine was busy"
+    quiet = report(Results({**ABOUT, "load": 0.2, "others": 0.05}))
+    assert told in quiet
+    assert warning not in quiet
+    assert warning in report(Results({**ABOUT, "load": 3.5, "others": None}))
+    assert warning in report(Results({**ABOUT, "load": 0.2, "others": 0.9}))
+
+
+def test_what_others_use_is_counted_in_cores(monkeypatch):
+    seconds = iter([(100.0, 50.0), (110.0, 52.5)])
+    now = None
+
+    def busy():
+        nonlocal now
+        now, found = next(seconds)
+        return found
+
+    monkeypatch.setattr(machine, "_busy_beside_us", busy)
+    monkeypatch.setattr(machine.time, "monotonic", lambda: now or 100.0)
+    assert machine.Others().cores() == 0.25
+
+
+def test_cores_wait_for_disks_without_being_busy():
+    assert machine._busy("cpu  100 20 30 9000 900 4 5 6 7 8\ncpu0 1 1 1", 100) == 1.65
 
 
 def test_the_report_tells_what_a_command_imports():
