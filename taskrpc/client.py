@@ -90,9 +90,7 @@ class Client(Generic[RequestT, ResponseT]):
             InvalidRequest: a value does not fit its field.
             TypeMismatch, ServerBusy, HandlerFailed, OutcomeUnknown, …: see `taskrpc.errors`.
         """
-        # What `_deadline` does, without the function: every call passes here.
-        span = self._timeout if timeout is UNSET else _checked(timeout)
-        deadline = None if span is None else self._now() + span
+        deadline = self._deadline(timeout)
         policy = self._retry if retry is UNSET else retry
         channel, call = self._channel, None
         response: ResponseT
