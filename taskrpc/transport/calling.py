@@ -322,7 +322,7 @@ class CallingConnection(Connection):
         if call_id >= LAST_CALL_ID:
             self.epoch += 1
         # A large request goes out at once, so that a server that does not read is noticed.
-        if len(body) >= LARGE or (len(session.open_calls) == 1 and not self.in_turn):
+        if (len(session.open_calls) == 1 and not self.in_turn) or len(body) >= LARGE:
             self.flush()
         elif not self._flush_planned:
             self.flush_soon()
