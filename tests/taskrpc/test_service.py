@@ -479,16 +479,18 @@ async def test_calls_leave_no_work_to_the_garbage_collector(kind, once):
         client = node.create_client(Add, "add")
         assert await client.wait_for_service(timeout=60)
 
-        async def calls():
-            for _ in range(30):
+        async def garbage():
+            """Objects that 100 calls leave for the collector."""
+            gc.collect()
+            for _ in range(100):
                 await client.call(Add.Request())
+            return gc.collect()
 
-        await calls()
-        gc.collect()
+        await garbage()
         gc.disable()
         try:
-            await calls()
-            assert gc.collect() < 30
+            # The least of three: threads that earlier tests have left make garbage, too.
+            assert min([await garbage() for _ in range(3)]) < 100
         finally:
             gc.enable()
 
