@@ -36,10 +36,10 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
-from srvgen.fieldtypes import parse_type
-from srvgen.files import KINDS, parse_definition
-from srvgen.generate import generate
-from srvgen.search import BUNDLED, Search
+from srvgen.classes.generate import generate
+from srvgen.definitions.field_types import parse_type
+from srvgen.definitions.files import KINDS, parse_definition
+from srvgen.definitions.search import BUNDLED, Search
 
 ROOT = Path(__file__).resolve().parents[1]
 LOADED = (

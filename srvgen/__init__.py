@@ -7,12 +7,12 @@ from importlib import import_module
 TYPE_CHECKING = False  # importing typing would cost more than all the rest of this file
 if TYPE_CHECKING:
     from ._runtime import FieldError
-    from .cdr import CdrError, from_cdr, to_cdr
+    from .cdr.messages import CdrError, from_cdr, to_cdr
+    from .classes.importer import install_import_hook
+    from .classes.loader import define, load, type_hash
     from .convert import from_builtins, to_builtins
+    from .definitions.parser import parse_action, parse_msg, parse_srv
     from .errors import DefinitionError
-    from .importer import install_import_hook
-    from .loader import define, load, type_hash
-    from .parser import parse_action, parse_msg, parse_srv
 
 __all__ = [
     "CdrError",
@@ -34,20 +34,20 @@ __all__ = [
 # Each name is imported when it is first asked for: a program that has generated its classes
 # beforehand pays for no parser.
 _HOMES = {
-    "CdrError": "cdr",
+    "CdrError": "cdr.messages",
     "DefinitionError": "errors",
     "FieldError": "_runtime",
-    "define": "loader",
+    "define": "classes.loader",
     "from_builtins": "convert",
-    "from_cdr": "cdr",
-    "install_import_hook": "importer",
-    "load": "loader",
-    "parse_action": "parser",
-    "parse_msg": "parser",
-    "parse_srv": "parser",
+    "from_cdr": "cdr.messages",
+    "install_import_hook": "classes.importer",
+    "load": "classes.loader",
+    "parse_action": "definitions.parser",
+    "parse_msg": "definitions.parser",
+    "parse_srv": "definitions.parser",
     "to_builtins": "convert",
-    "to_cdr": "cdr",
-    "type_hash": "loader",
+    "to_cdr": "cdr.messages",
+    "type_hash": "classes.loader",
 }
 
 

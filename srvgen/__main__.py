@@ -7,13 +7,13 @@ from __future__ import annotations
 
 import sys
 
-from srvgen import process
+from srvgen.cli import process
 
 
 def main() -> int:
     """Run `srvgen` with the arguments of this process and return its exit code."""
     process.begin()
-    from srvgen.cli import main
+    from srvgen.cli.main import main
 
     return main()
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, TypeVar
 
 from ._runtime import FieldError, Message, shown, to_list, under
-from .names import near
+from .definitions.names import near
 
 M = TypeVar("M", bound=Message)
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from .model import ActionDef, Constant, Definition, Field, MessageDef, ServiceDef, Value
+from .definitions.model import ActionDef, Constant, Definition, Field, MessageDef, ServiceDef, Value
 
 
 def describe(definition: Definition) -> dict[str, Any]:

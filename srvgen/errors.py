@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, ClassVar
 
-from .mistake import Repair
+from .diagnostics.mistake import Repair
 
 if TYPE_CHECKING:
-    from .model import Definition
+    from .definitions.model import Definition
 
 _LONGEST = 400
 """Characters that are shown of a line or a sentence."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from typing import Literal
 
-from .lines import SEPARATOR
-from .model import Definition, sections
+from .definitions.lines import SEPARATOR
+from .definitions.model import Definition, sections
 
 Comments = Literal["own", "all", "none"]
 """Whose comments are shown: of the definition itself, of the nested ones too, or nobody's."""

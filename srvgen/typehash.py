@@ -8,8 +8,8 @@ from typing import Any
 
 from msgspec import json
 
-from .implied import implied_types, whole
-from .model import Definition, Field, FieldType, MessageDef
+from .definitions.implied import implied_types, whole
+from .definitions.model import Definition, Field, FieldType, MessageDef
 
 _TYPE_IDS = {
     "int8": 2,

@@ -13,10 +13,8 @@ if TYPE_CHECKING:
     from taskrpc import metrics as metrics
     from taskrpc import sync as sync
     from taskrpc import testing as testing
-    from taskrpc.access import Account, Accounts, Role
     from taskrpc.callinfo import CallInfo, current_call
     from taskrpc.client import Client
-    from taskrpc.deduplication import Effect
     from taskrpc.deferred import DeferredCall
     from taskrpc.errors import (
         AuthenticationFailed,
@@ -41,6 +39,8 @@ if TYPE_CHECKING:
         TypeMismatch,
         WouldDeadlock,
     )
+    from taskrpc.exactly_once import Effect
+    from taskrpc.exactly_once.stores import MemoryCompletions, SqliteCompletions
     from taskrpc.given_types import Msg, Srv
     from taskrpc.metrics import Metrics
     from taskrpc.node import Node, run
@@ -57,18 +57,18 @@ if TYPE_CHECKING:
         default_world,
         read_map,
     )
+    from taskrpc.security.roles import Account, Accounts, Role
+    from taskrpc.security.tls import Tls
     from taskrpc.service import Service
-    from taskrpc.storage.stores import MemoryCompletions, SqliteCompletions
     from taskrpc.tasks import MemoryStore, SqliteStore, TaskServer
     from taskrpc.timer import Timer
     from taskrpc.topic import Publisher, Subscription
-    from taskrpc.transport.tls import Tls
 
 _HOMES = {
-    "access": "Account Accounts Role",
+    "security.roles": "Account Accounts Role",
     "callinfo": "CallInfo current_call",
     "client": "Client",
-    "deduplication": "Effect",
+    "exactly_once": "Effect",
     "deferred": "DeferredCall",
     "errors": (
         "AuthenticationFailed CannotListen Code ConnectionLost DeadlineExceeded HandlerError"
@@ -84,11 +84,11 @@ _HOMES = {
     "retry": "RetryPolicy",
     "robot": "KinematicRobot Plan Pose Robot TargetError World default_world read_map",
     "service": "Service",
-    "storage.stores": "MemoryCompletions SqliteCompletions",
+    "exactly_once.stores": "MemoryCompletions SqliteCompletions",
     "tasks": "MemoryStore SqliteStore TaskServer",
     "timer": "Timer",
     "topic": "Publisher Subscription",
-    "transport.tls": "Tls",
+    "security.tls": "Tls",
 }
 _HOME_OF = {name: home for home, exported in _HOMES.items() for name in exported.split()}
 

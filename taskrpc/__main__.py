@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import sys
 
-from srvgen import process
+from srvgen.cli import process
 
 
 def main() -> int:

@@ -29,9 +29,9 @@ from taskrpc.errors import (
     SessionExpired,
     TaskRpcError,
 )
+from taskrpc.request_ids.ids import Number, Numbers, number_of_id
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Channel, Mode, SentCall
-from taskrpc.wire.once import Number, Numbers, number_of_id
 
 FREE_SENDINGS = 8
 """Sendings of one exactly-once request over new connections that take nothing from the budget: a
@@ -176,7 +176,7 @@ class Attempts(msgspec.Struct, eq=False):
 
     def _is_too_old(self) -> bool:
         """Whether the server may have forgotten a request that is in doubt."""
-        from taskrpc.wire.ledger import REPEATED_FOR  # few requests are ever in doubt
+        from taskrpc.request_ids.ledger import REPEATED_FOR  # few requests are ever in doubt
 
         return self._doubted_for() > REPEATED_FOR
 

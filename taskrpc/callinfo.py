@@ -8,9 +8,9 @@ from typing import Any
 
 import msgspec
 
-from taskrpc.access import Role
 from taskrpc.errors import PermissionDenied
-from taskrpc.wire.once import Completion
+from taskrpc.request_ids.ids import Completion
+from taskrpc.security.roles import Role
 
 
 class Denied(PermissionDenied):

@@ -15,7 +15,7 @@ from taskrpc.given_types import RequestT, ResponseT
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Tell, ToldThread, Transport, WaitingThread
 from taskrpc.transport.codec import ServiceType
-from taskrpc.transport.timers import clock_of
+from taskrpc.transport.connection.deadline_timer import clock_of
 
 DEFAULT_TIMEOUT = 10.0
 

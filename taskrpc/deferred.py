@@ -11,9 +11,9 @@ from collections.abc import Callable
 from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeAlias
 
-from taskrpc.access import Role
 from taskrpc.errors import OutcomeUnknown, ServiceUnavailable, TaskRpcError
 from taskrpc.given_types import RequestT, ResponseT
+from taskrpc.security.roles import Role
 from taskrpc.transport.base import IncomingCall, Offer, Transport
 from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.wire.messages import Endpoint

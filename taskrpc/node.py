@@ -13,18 +13,18 @@ from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
 
 from srvgen import excepthook
-from taskrpc import mistakes, names, platform
-from taskrpc.access import Accounts, Role
+from taskrpc import names, platform, script_errors
 from taskrpc.client import DEFAULT_TIMEOUT, Client
 from taskrpc.errors import ServiceUnavailable, TaskRpcError, WouldDeadlock
 from taskrpc.given_types import RequestT, ResponseT, Srv, service_type
 from taskrpc.node_topics import NodeTopics
+from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.retry import RetryPolicy
+from taskrpc.security.roles import Accounts, Role
+from taskrpc.security.tls import Tls
 from taskrpc.transport.base import Mode, Transport
-from taskrpc.transport.entries import Entry
-from taskrpc.transport.shared import lab_namespace, shared_transport
-from taskrpc.transport.tls import Tls
-from taskrpc.wire.once import CompletionStore
+from taskrpc.transport.discovery.entries import Entry
+from taskrpc.transport.shared_endpoint import lab_namespace, shared_transport
 
 if TYPE_CHECKING:
     from taskrpc.deferred import DeferredService, Take
@@ -83,7 +83,7 @@ class Node(NodeTopics):
         observer: Observer | None = None,
     ) -> None:
         super().__init__()
-        mistakes.show_in_one_message()
+        script_errors.show_in_one_message()
         self._name = names.check_node_name(name)
         in_lab = "" if namespace else lab_namespace(transport, peers)
         self._namespace = names.check_namespace(namespace or in_lab)
@@ -411,7 +411,7 @@ def run(main: Coroutine[Any, Any, _Result]) -> _Result:
         TaskRpcError: `main` is not a coroutine.
         WouldDeadlock: an event loop is already running, as in a notebook; await `main()` there.
     """
-    mistakes.show_in_one_message()
+    script_errors.show_in_one_message()
     _check_main(main)
     with asyncio.Runner(loop_factory=fast_loop()) as runner:
         return runner.run(main)

@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 import msgspec
 
-from taskrpc.access import Role
 from taskrpc.callinfo import Denied, answering
 from taskrpc.deadline import TICK
 from taskrpc.errors import (
@@ -26,19 +25,20 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
+from taskrpc.execution.fair_queue import Turns
+from taskrpc.execution.stepping import Stepper
 from taskrpc.given_types import RequestT, ResponseT
-from taskrpc.stepping import Stepper
+from taskrpc.request_ids.ids import CompletionStore
+from taskrpc.security.roles import Role
 from taskrpc.transport.base import IncomingCall, Mode, Offer, Transport
 from taskrpc.transport.codec import ServiceType, codec_of
-from taskrpc.transport.served import answer_unexpected
-from taskrpc.transport.timers import clock_of
-from taskrpc.turns import Turns
+from taskrpc.transport.connection.deadline_timer import clock_of
+from taskrpc.transport.connection.incoming_call import answer_unexpected
 from taskrpc.wire.messages import DEFAULT_LIMITS
-from taskrpc.wire.once import CompletionStore
 
 if TYPE_CHECKING:
-    from taskrpc.daemons import DaemonThreads
-    from taskrpc.deduplication import Effect, OnceDesk
+    from taskrpc.exactly_once import Effect, OnceDesk
+    from taskrpc.execution.daemon_threads import DaemonThreads
     from taskrpc.observer import Observer, ServiceStatus
 
 log = logging.getLogger("taskrpc.server")
@@ -116,7 +116,7 @@ class Service:
     def _desk_before(self, store: CompletionStore | None) -> OnceDesk | None:
         if store is None:
             return None
-        from taskrpc.deduplication import OnceDesk  # few services are exactly-once
+        from taskrpc.exactly_once import OnceDesk  # few services are exactly-once
 
         codec = codec_of(self.srv_type.Response)
         return OnceDesk(store, codec, self._arrived)
@@ -381,7 +381,7 @@ class Service:
 
 
 def _threads(name: str, concurrency: int) -> DaemonThreads:
-    from taskrpc.daemons import DaemonThreads  # few services need threads
+    from taskrpc.execution.daemon_threads import DaemonThreads  # few services need threads
 
     return DaemonThreads(concurrency, f"taskrpc {name}")
 

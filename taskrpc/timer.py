@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from taskrpc.running import Runner
+from taskrpc.execution.running import Runner
 
 
 class Timer:

@@ -9,11 +9,11 @@ from collections import deque
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic
 
-from taskrpc.access import Role
 from taskrpc.errors import InvalidRequest, TaskRpcError
+from taskrpc.execution.running import HOLDS_LOOP_AFTER, Callback, Runner
 from taskrpc.given_types import MsgT
 from taskrpc.qos import QoS
-from taskrpc.running import HOLDS_LOOP_AFTER, Callback, Runner
+from taskrpc.security.roles import Role
 from taskrpc.transport.base import OnMismatch, Reception, Transport
 from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import TopicEndpoint

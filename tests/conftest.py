@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
-from srvgen import loader
+from srvgen.classes import loader
 from taskrpc.testing import VirtualTimeLoop
 from tests.faults.harness import HAPPENED
 

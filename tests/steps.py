@@ -24,7 +24,7 @@ import srvgen
 import taskrpc
 from taskrpc.robot.protocol import Plan, Pose
 from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.store import MemoryStore
+from taskrpc.tasks.records.store import MemoryStore
 from taskrpc.testing import VirtualTimeLoop
 
 FIGURES = Path(__file__).with_name("steps.json")

@@ -17,10 +17,11 @@ from typing import Any
 
 import pytest
 
-import srvgen.cli
+import srvgen.cli.main
 import taskrpc
 from taskrpc import errors
-from taskrpc.cli import call, main, parsing, server
+from taskrpc.cli import call, main, server
+from taskrpc.cli.shared import parsing
 from taskrpc.wire import frames, status
 from tests.docs.markdown import Page, read_page
 from tests.docs.stage import Stage
@@ -104,7 +105,7 @@ def commands() -> dict[str, dict[str, bool]]:
     found = {
         "taskrpc-server": server._parser(),
         "taskrpc-call": _configured(call.configure, "taskrpc-call"),
-        **_with_children(srvgen.cli._parser(), "srvgen"),
+        **_with_children(srvgen.cli.main._parser(), "srvgen"),
     }
     for name in main._PURPOSES:
         found |= _with_children(main.parser_of(name), "taskrpc", only=name)

@@ -124,7 +124,7 @@ _tokens: dict[str, str] = {}
 
 def _token_of(place: str) -> str:
     """The secret of the server, from the registry."""
-    from taskrpc.transport.registry import Registry
+    from taskrpc.transport.discovery.registry import Registry
 
     if place not in _tokens:
         entries = Registry(int(os.environ["ROS_DOMAIN_ID"])).entries()

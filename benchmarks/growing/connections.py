@@ -13,7 +13,7 @@ from benchmarks.contenders.taskrpc_tcp import Add, connect_idle
 from benchmarks.growing import server, timing
 from benchmarks.growing.memory import memory_each
 from taskrpc.transport.codec import codec_of
-from taskrpc.transport.registry import Registry
+from taskrpc.transport.discovery.registry import Registry
 from taskrpc.wire.events import Answered, Ready
 from taskrpc.wire.frames import NO_DEADLINE
 from taskrpc.wire.handshake import Identity

@@ -14,7 +14,7 @@ import msgspec
 
 from taskrpc import platform
 from taskrpc.errors import TaskRpcError
-from taskrpc.transport.tls import first_certificate
+from taskrpc.security.tls import first_certificate
 
 if TYPE_CHECKING:
     from cryptography import x509

@@ -10,9 +10,9 @@ from collections.abc import Callable
 from taskrpc.classroom.authority import fingerprint
 from taskrpc.classroom.invitation import Invitation
 from taskrpc.errors import AuthenticationFailed, ServiceUnavailable, TaskRpcError
-from taskrpc.lab import Lab
+from taskrpc.security.lab import Lab
 from taskrpc.transport.endpoint import Endpoint
-from taskrpc.transport.tcp import TcpNetwork, split_place
+from taskrpc.transport.tcp.tcp_network import TcpNetwork, split_place
 from taskrpc.wire.messages import Listing, Resolve
 
 PATIENCE = 4.0

@@ -12,11 +12,11 @@ from typing import Literal
 import msgspec
 
 from taskrpc import platform
-from taskrpc.access import Account, Role, why_no_name
 from taskrpc.classroom.authority import files_in
 from taskrpc.classroom.invitation import Invitation, to_join_string
 from taskrpc.classroom.student_names import account_for, cleaned, why_no_student
 from taskrpc.errors import TaskRpcError
+from taskrpc.security.roles import Account, Role, why_no_name
 
 _SECRET_BYTES = 18
 

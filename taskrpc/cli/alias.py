@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from taskrpc.cli.command import Exit
+from taskrpc.cli.shared.command import Exit
 
 _ROSDEP = "#All required rosdeps installed successfully: taskrpc brings what it knows"
 _ALIAS = """alias ros2=taskrpc
@@ -68,7 +68,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def _alias(options: argparse.Namespace) -> Exit:
     if options.complete is not None:
-        from taskrpc.cli.completing import candidates
+        from taskrpc.cli.shared.completing import candidates
 
         print("\n".join(candidates(options.complete)))
     else:

@@ -6,8 +6,8 @@ import math
 import sys
 from collections.abc import Sequence
 
-from srvgen import process
-from taskrpc.cli.command import Exit, UsageError, run_main, standard_input
+from srvgen.cli import process
+from taskrpc.cli.shared.command import Exit, UsageError, run_main, standard_input
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
@@ -30,7 +30,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of a call."""
     from argparse import RawDescriptionHelpFormatter
 
-    from taskrpc.cli.parsing import Parser
+    from taskrpc.cli.shared.parsing import Parser
 
     assert isinstance(parser, Parser)
     parser.mixed = True
@@ -44,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Make the calls that the options ask for."""
-    from taskrpc.cli import values
+    from taskrpc.cli.shared import values
 
     type_name, request = values.split_type(options.request)
     if options.stdin:
@@ -53,8 +53,8 @@ def run(options: argparse.Namespace) -> int:
         request = [standard_input()]
     import asyncio
 
-    from taskrpc.cli.calling import Plan, perform
-    from taskrpc.cli.remote import remote_of
+    from taskrpc.cli.service.calling import Plan, perform
+    from taskrpc.cli.shared.remote import remote_of
 
     plan = Plan(
         options.service_name,
@@ -81,7 +81,7 @@ def _request_id(options: argparse.Namespace) -> str:
 
 
 def _run(arguments: list[str]) -> int:
-    from taskrpc.cli.parsing import Parser
+    from taskrpc.cli.shared.parsing import Parser
 
     parser = Parser(prog="taskrpc-call")
     configure(parser)
@@ -103,8 +103,8 @@ def _add_positional(parser: argparse.ArgumentParser) -> None:
 
 
 def _add_options(parser: argparse.ArgumentParser) -> None:
-    from taskrpc.cli.parsing import number, whole
-    from taskrpc.cli.remote import add_connect
+    from taskrpc.cli.shared.parsing import number, whole
+    from taskrpc.cli.shared.remote import add_connect
 
     add = parser.add_argument
     add("--stdin", action="store_true", help="Read values from standard input")

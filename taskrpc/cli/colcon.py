@@ -7,8 +7,8 @@ import sys
 import time
 from pathlib import Path
 
-from taskrpc.cli.command import Exit, NotFound, hinted
-from taskrpc.cli.parsing import add_command, add_group
+from taskrpc.cli.shared.command import Exit, NotFound, hinted
+from taskrpc.cli.shared.parsing import add_command, add_group
 
 _SHELLS = {".bash": "bash", ".zsh": "zsh", ".sh": "sh"}
 _NOTE = "taskrpc: nothing was built: packages run from their sources here"
@@ -43,7 +43,7 @@ def _build(options: argparse.Namespace) -> int:
     found = _packages()
     for name in options.names:
         if name not in found:
-            from srvgen.names import did_you_mean
+            from srvgen.definitions.names import did_you_mean
 
             hint = did_you_mean(name, sorted(found))
             raise hinted(NotFound(f"no package '{name}' in the workspace here"), hint)
@@ -75,7 +75,7 @@ def _build_one(name: str) -> bool:
 def _problems(package: str) -> list[str]:
     """What is wrong with a package's definitions."""
     import srvgen
-    from taskrpc.cli import definitions
+    from taskrpc.cli.shared import definitions
 
     search = definitions.search()
     if package not in search.packages():

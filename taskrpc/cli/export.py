@@ -6,8 +6,8 @@ import argparse
 import shlex
 from pathlib import Path
 
-from taskrpc.cli.command import Exit
-from taskrpc.cli.parsing import add_command, add_group
+from taskrpc.cli.shared.command import Exit
+from taskrpc.cli.shared.parsing import add_command, add_group
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:

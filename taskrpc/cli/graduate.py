@@ -7,8 +7,8 @@ import json
 import sys
 from pathlib import Path
 
-from taskrpc.cli.command import Exit, UsageError
-from taskrpc.cli.parsing import number
+from taskrpc.cli.shared.command import Exit, UsageError
+from taskrpc.cli.shared.parsing import number
 from taskrpc.errors import TaskRpcError
 
 

@@ -7,9 +7,9 @@ import json
 import sys
 from typing import TYPE_CHECKING, Any
 
-from taskrpc.cli import definitions
-from taskrpc.cli.command import Exit, NotFound, UsageError, hinted, standard_input
-from taskrpc.cli.parsing import Commands, add_command, add_group, print_names
+from taskrpc.cli.shared import definitions
+from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted, standard_input
+from taskrpc.cli.shared.parsing import Commands, add_command, add_group, print_names
 
 if TYPE_CHECKING:
     from srvgen.show import Comments
@@ -111,7 +111,7 @@ def _list(options: argparse.Namespace) -> int:
 def _package(options: argparse.Namespace) -> int:
     search = definitions.search()
     if options.package_name not in search.packages():
-        from srvgen.names import did_you_mean
+        from srvgen.definitions.names import did_you_mean
 
         hint = did_you_mean(options.package_name, search.packages())
         raise hinted(NotFound(f"Unknown package '{options.package_name}'"), hint)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import argparse
 import time
 
-from taskrpc.cli.command import Exit, NotFound, UsageError, standard_input
-from taskrpc.lab import Lab, forget_lab, remember_lab, remembered_lab
+from taskrpc.cli.shared.command import Exit, NotFound, UsageError, standard_input
+from taskrpc.security.lab import Lab, forget_lab, remember_lab, remembered_lab
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
@@ -62,8 +62,8 @@ def _greeted(lab: Lab) -> list[str]:
     """The server's facts; this first call also enters the student in the roster."""
     import asyncio
 
-    from taskrpc.cli import health
-    from taskrpc.cli.remote import Remote
+    from taskrpc.cli.doctor import health
+    from taskrpc.cli.shared.remote import Remote
 
     async def ask() -> list[str]:
         return [finding.text async for finding in health.ask(Remote(lab.place))]
@@ -96,7 +96,7 @@ def _visited(lab: Lab) -> Listing:
 
 
 def _warn_of_peers() -> None:
-    from taskrpc.transport.tcp import environment_peers
+    from taskrpc.transport.tcp.tcp_network import environment_peers
 
     if peers := environment_peers():
         listed = ", ".join(peers)

@@ -17,14 +17,14 @@ import sys
 from collections.abc import Sequence
 from importlib import import_module
 
-from srvgen import process
-from taskrpc.cli.command import UsageError, run_main
+from srvgen.cli import process
+from taskrpc.cli.shared.command import UsageError, run_main
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
     from argparse import Namespace
 
-    from taskrpc.cli.parsing import Parser
+    from taskrpc.cli.shared.parsing import Parser
 
 _PURPOSES = {
     "service": "Various service related sub-commands",
@@ -63,6 +63,9 @@ _NOT_HERE = {
 }
 """Commands of ros2 that are not among ours, and what to do instead."""
 
+_IN_FOLDERS = frozenset("classroom demo doctor param pkg service task topic".split())
+"""Commands of several modules: a folder, in which `command_line` is read first."""
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run the command and return its exit code."""
@@ -82,7 +85,7 @@ def _run(arguments: list[str]) -> int:
 
 def parser_of(command: str) -> Parser:
     """The parser, with the arguments of the one command that is used."""
-    from taskrpc.cli.parsing import Parser, add_command, add_group
+    from taskrpc.cli.shared.parsing import Parser, add_command, add_group
 
     parser = Parser(prog="taskrpc", description="ROS 2 services without ROS.")
     parser.add_argument("--version", action="store_true", help="print the version and exit")
@@ -90,7 +93,8 @@ def parser_of(command: str) -> Parser:
     for name, purpose in _PURPOSES.items():
         own = add_command(commands, name, purpose)
         if name == command:
-            import_module(f"taskrpc.cli.{name}").configure(own)
+            home = f"{name}.command_line" if name in _IN_FOLDERS else name
+            import_module(f"taskrpc.cli.{home}").configure(own)
     return parser
 
 

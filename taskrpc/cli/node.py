@@ -8,10 +8,10 @@ import sys
 from collections.abc import Iterable, Iterator
 
 from taskrpc import names
-from taskrpc.cli import graph, shells
-from taskrpc.cli.command import Exit, NotFound, hinted
-from taskrpc.cli.parsing import add_command, add_group, print_names
-from taskrpc.cli.remote import add_connect, add_discovery, remote_of
+from taskrpc.cli.shared import graph, quoting
+from taskrpc.cli.shared.command import Exit, NotFound, hinted
+from taskrpc.cli.shared.parsing import add_command, add_group, print_names
+from taskrpc.cli.shared.remote import add_connect, add_discovery, remote_of
 from taskrpc.wire.messages import Endpoint, TopicEndpoint
 
 _SECTIONS = (
@@ -57,13 +57,13 @@ def _list(options: argparse.Namespace) -> int:
 
 def _info(options: argparse.Namespace) -> int:
     entries = graph.look(remote_of(options))
-    name = shells.expanded(options.node_name, kind="node name")
+    name = quoting.expanded(options.node_name, kind="node name")
     known = [node for entry in entries for node in entry.nodes]
     if (count := known.count(name)) > 1:
         several = f'There are {count} nodes in the graph with the exact name "{name}".'
         print(f"{several} You are seeing information about all of them.", file=sys.stderr)
     if name not in known:
-        from srvgen.names import did_you_mean
+        from srvgen.definitions.names import did_you_mean
 
         raise hinted(NotFound(f"Unable to find node '{name}'"), did_you_mean(name, known))
     hidden = options.include_hidden

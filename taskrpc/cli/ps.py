@@ -7,8 +7,8 @@ import json
 from collections.abc import Sequence
 
 from taskrpc import platform
-from taskrpc.cli.command import Exit
-from taskrpc.cli.processes import Process, clock_time, processes
+from taskrpc.cli.shared.command import Exit
+from taskrpc.cli.shared.processes import Process, clock_time, processes
 
 _HEADINGS = ("PID", "SINCE", "DOMAIN", "SCRIPT", "FOLDER", "SERVICES")
 

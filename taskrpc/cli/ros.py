@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from argparse import ArgumentParser, Namespace
 
-from taskrpc.cli.command import Exit
-from taskrpc.cli.parsing import add_command, add_group
+from taskrpc.cli.shared.command import Exit
+from taskrpc.cli.shared.parsing import add_command, add_group
 
 
 def configure(parser: ArgumentParser) -> None:

@@ -60,8 +60,8 @@ def _run_behind(options: Namespace) -> int:
     import subprocess
     import sys
 
-    from srvgen import process
-    from taskrpc.cli.command import UsageError
+    from srvgen.cli import process
+    from taskrpc.cli.shared.command import UsageError
 
     lexer = shlex.shlex(options.prefix, posix=True, punctuation_chars=False)
     lexer.whitespace_split, lexer.commenters = True, ""
@@ -89,7 +89,7 @@ def _run_behind(options: Namespace) -> int:
 def _run_named(program: str, *arguments: str) -> int:
     from pathlib import Path
 
-    from taskrpc.cli.command import hinted
+    from taskrpc.cli.shared.command import hinted
     from taskrpc.errors import TaskRpcError
     from taskrpc.ros.running import run_executable, run_script, similar_script
 

@@ -15,11 +15,11 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-from srvgen import process
+from srvgen.cli import process
 from taskrpc import logs, platform
-from taskrpc.cli import remote
-from taskrpc.cli.command import Exit, UsageError, goes_on, run_main
-from taskrpc.cli.parsing import Parser, number, whole
+from taskrpc.cli.shared import remote
+from taskrpc.cli.shared.command import Exit, UsageError, goes_on, run_main
+from taskrpc.cli.shared.parsing import Parser, number, whole
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from taskrpc.observer import Observer
     from taskrpc.robot.protocol import Robot
     from taskrpc.tasks import TaskServer
-    from taskrpc.tasks.store import TaskStore
+    from taskrpc.tasks.records.store import TaskStore
 
 _Result = TypeVar("_Result")
 
@@ -238,7 +238,7 @@ def _store(options: argparse.Namespace) -> TaskStore:
 
 
 def _default_file() -> Path:
-    from taskrpc.transport.tcp import domain_id
+    from taskrpc.transport.tcp.tcp_network import domain_id
 
     domain = domain_id()
     name = f"tasks_domain_{domain}.db" if domain else "tasks.db"

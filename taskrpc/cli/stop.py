@@ -8,9 +8,9 @@ import time
 from collections.abc import Sequence
 
 from taskrpc import platform
-from taskrpc.cli import shells
-from taskrpc.cli.command import Exit, NotFound, UsageError, hinted
-from taskrpc.cli.processes import Process, listing, processes
+from taskrpc.cli.shared import quoting
+from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted
+from taskrpc.cli.shared.processes import Process, listing, processes
 
 PATIENCE = 5.0
 """Seconds that a process gets to end."""
@@ -55,7 +55,7 @@ def _chosen(name: str | None) -> Sequence[Process]:
         return found
     if not found:
         there = f"there are {listing(running)}" if running else "no taskrpc program runs"
-        hint = shells.name_hint(name or "") or there
+        hint = quoting.name_hint(name or "") or there
         raise hinted(NotFound(f"no taskrpc program is meant by {name!r}"), hint)
     problem = f"expected the name of one program, {len(found)} are meant: {listing(found)}"
     raise hinted(NotFound(problem), "give a pid, or --all")

@@ -6,16 +6,16 @@ import hmac
 import os
 import time
 
-from taskrpc.access import account_of
-from taskrpc.cli.remote import Remote
+from taskrpc.cli.shared.remote import Remote
 from taskrpc.errors import TaskRpcError
 from taskrpc.metrics import Metrics
 from taskrpc.metrics.tasks import MeasuredStore, task_families
+from taskrpc.security.accounts import AccountBook
+from taskrpc.security.listen_policy import refuse_exposure
+from taskrpc.security.roles import account_of
 from taskrpc.tasks import TaskServer
-from taskrpc.tasks.store import TaskStore
-from taskrpc.transport.accounts import AccountBook
-from taskrpc.transport.exposure import refuse_exposure
-from taskrpc.transport.tcp import is_loopback, split_place
+from taskrpc.tasks.records.store import TaskStore
+from taskrpc.transport.tcp.tcp_network import is_loopback, split_place
 
 try:
     from taskrpc.web import WebServer, task_pages

@@ -6,7 +6,7 @@ import sys
 from collections.abc import Collection, Iterable
 from typing import NamedTuple
 
-from srvgen.model import Definition, sections
+from srvgen.definitions.model import Definition, sections
 
 OURS = frozenset({"taskrpc", "srvgen"})
 """What no robot has, unless it is installed there."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Literal
 from xml.sax.saxutils import escape, quoteattr
 
-from srvgen.names import LOWER_RULE, is_package_name
+from srvgen.definitions.names import LOWER_RULE, is_package_name
 from taskrpc.errors import TaskRpcError
 
 _LINTERS = {

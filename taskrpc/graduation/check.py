@@ -9,8 +9,8 @@ from typing import NamedTuple
 from xml.etree.ElementTree import ParseError
 
 from srvgen import DefinitionError
-from srvgen.model import Definition
-from srvgen.search import Search
+from srvgen.definitions.model import Definition
+from srvgen.definitions.search import Search
 from taskrpc.colcon import programs
 from taskrpc.colcon.dependencies import OURS, needs_of
 from taskrpc.errors import TaskRpcError

@@ -6,7 +6,7 @@ import ast
 from collections.abc import Callable, Iterator, Mapping
 from typing import TypeAlias
 
-from srvgen.model import Definition, FieldType, MessageDef, sections
+from srvgen.definitions.model import Definition, FieldType, MessageDef, sections
 from taskrpc.graduation.program import Finding, Program, at, dotted
 
 Load: TypeAlias = Callable[[str], Definition | None]

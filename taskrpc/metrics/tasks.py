@@ -8,11 +8,11 @@ from collections.abc import Sequence
 
 from taskrpc.metrics.families import Family, Histogram, Kind, Sample, by_label
 from taskrpc.metrics.stores import store_families
+from taskrpc.request_ids.ids import Client, Completion
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, State, Task
-from taskrpc.tasks.sqlite_store import SqliteStore
-from taskrpc.tasks.store import Stored, TaskStore
-from taskrpc.wire.once import Client, Completion
+from taskrpc.tasks.records.sqlite_store import SqliteStore
+from taskrpc.tasks.records.store import Stored, TaskStore
 
 _ROBOT_STATES = ("idle", "working", "paused")
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING
 
-from ._spinning import (
+from ._impl.execution.spinning import (
     InitContextManager,
     create_node,
     get_global_executor,

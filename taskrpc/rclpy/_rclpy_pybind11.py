@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from ._arguments import parse
-from ._transitions import TransitionCallbackReturnType
+from ._impl.arguments import parse
+from ._impl.lifecycle_states import TransitionCallbackReturnType
 from .clock_type import ClockType
 from .exceptions import (
     InvalidHandle,

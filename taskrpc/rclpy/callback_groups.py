@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 import weakref
 
-from ._entity import Entity
+from ._impl.execution.entity import Entity
 
 
 class CallbackGroup:

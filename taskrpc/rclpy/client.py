@@ -14,15 +14,15 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 from taskrpc.errors import InvalidRequest, TaskRpcError, TypeMismatch
 from taskrpc.introspection import gid_of
 
-from ._deadlocks import call_ended, check_call
-from ._detached import detached
-from ._elsewhere import names_of
-from ._entity import Entity
-from ._explain import failed, like_ros, mismatched, nobody_spun
-from ._like_ros import wrapped_or_refused
-from ._outbox import Outbox, Tell
-from ._rounds import ExternalShutdownException
-from ._running import is_busy
+from ._impl.copies import detached
+from ._impl.diagnostics.deadlocks import call_ended, check_call
+from ._impl.diagnostics.explain import failed, like_ros, mismatched, nobody_spun
+from ._impl.diagnostics.like_ros import wrapped_or_refused
+from ._impl.execution.entity import Entity
+from ._impl.execution.outbox import Outbox, Tell
+from ._impl.execution.rounds import ExternalShutdownException
+from ._impl.execution.running_callbacks import is_busy
+from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup
 from .future import Future
 from .handle import ArrivalHandle

@@ -7,8 +7,8 @@ import weakref
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from ._jumps import ClockChange, JumpHandle, JumpThreshold, TimeJump
-from ._sleep import Sleep
+from ._impl.clock_jumps import ClockChange, JumpHandle, JumpThreshold, TimeJump
+from ._impl.execution.wakeups import Sleep
 from .clock_type import ClockType
 from .context import Context
 from .duration import Duration

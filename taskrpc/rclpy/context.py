@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self, TypeVar
 
-from ._arguments import Arguments, parse
-from ._explain import like_ros
-from ._sleep import Sleep
+from ._impl.arguments import Arguments, parse
+from ._impl.diagnostics.explain import like_ros
+from ._impl.execution.wakeups import Sleep
 from .exceptions import RCLError
 from .handle import Handle
 from .impl import log_output

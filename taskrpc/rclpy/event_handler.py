@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from ._event_infos import (
+from ._impl.event_infos import (
     IncompatibleTypeInfo,
     QoSLivelinessChangedInfo,
     QoSLivelinessLostInfo,
@@ -33,7 +33,7 @@ from .qos import QoSPolicyKind
 from .waitable import NumberOfEntities, Waitable
 
 if TYPE_CHECKING:
-    from ._bridge import NativePublisher, NativeSubscription
+    from ._impl.bridge import NativePublisher, NativeSubscription
     from .handle import Handle
     from .node import Node
 

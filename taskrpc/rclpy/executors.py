@@ -13,11 +13,18 @@ from concurrent.futures import ThreadPoolExecutor
 from types import CoroutineType, TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from ._bridge import settle
-from ._deadlocks import check_spin
-from ._entity import Entity
-from ._rounds import ExternalShutdownException, Rounds, Timeout, TimeoutObject, Work, never
-from ._running import Callback, current_callback, ended, is_busy, started
+from ._impl.bridge import settle
+from ._impl.diagnostics.deadlocks import check_spin
+from ._impl.execution.entity import Entity
+from ._impl.execution.rounds import (
+    ExternalShutdownException,
+    Rounds,
+    Timeout,
+    TimeoutObject,
+    Work,
+    never,
+)
+from ._impl.execution.running_callbacks import Callback, current_callback, ended, is_busy, started
 from .context import Context
 from .exceptions import InvalidHandle
 from .future import Future

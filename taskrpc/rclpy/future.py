@@ -12,7 +12,7 @@ import weakref
 from collections.abc import Callable, Generator
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from ._running import Callback, running
+from ._impl.execution.running_callbacks import Callback, running
 
 if TYPE_CHECKING:
     from .executors import Executor

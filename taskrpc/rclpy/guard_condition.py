@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
-from ._entity import Entity
+from ._impl.execution.entity import Entity
 from .callback_groups import CallbackGroup
 from .context import Context
 from .handle import Handle

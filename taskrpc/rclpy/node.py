@@ -11,18 +11,18 @@ from typing import TYPE_CHECKING, Any, Self
 from taskrpc import names
 from taskrpc.errors import InvalidName
 
-from . import _watchdog
-from ._arguments import Arguments, parse
-from ._bridge import Bridge
-from ._elsewhere import names_of
-from ._explain import name_of
-from ._names import kind_of, translated
-from ._node_entities import NodeEntities
-from ._node_graph import NodeGraph
-from ._node_parameters import NodeParameters
-from ._remapping import Remapping
-from ._rosout import Rosout
-from ._running import current_callback
+from ._impl.arguments import Arguments, parse
+from ._impl.bridge import Bridge
+from ._impl.diagnostics import watchdog
+from ._impl.diagnostics.explain import name_of
+from ._impl.execution.running_callbacks import current_callback
+from ._impl.graph.names import kind_of, translated
+from ._impl.graph.node_graph import NodeGraph
+from ._impl.node_entities import NodeEntities
+from ._impl.parameters.node_parameters import NodeParameters
+from ._impl.reexports import names_of
+from ._impl.remapping import Remapping
+from ._impl.rosout import Rosout
 from .callback_groups import CallbackGroup
 from .clock import Clock, ROSClock
 from .context import Context
@@ -128,7 +128,7 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         self._type_description_service = TypeDescriptionService(self)
         if enable_logger_service:
             self._logging_service = LoggingService(self)
-        _watchdog.watch(self)
+        watchdog.watch(self)
 
     def _rclpy_join(self, node_name: str, namespace: str, given: list[Arguments]) -> None:
         """Take part in the network by the name and namespace that the arguments leave."""
@@ -226,7 +226,7 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         """Destroy all that it has, and leave the network; nothing happens the second time."""
         if not self._rclpy_handle.valid:
             return
-        _watchdog.ends(self)
+        watchdog.ends(self)
         self._context.untrack_node(self)
         self._rclpy_destroy_entities()
         if self._rclpy_rosout is not None:

@@ -10,7 +10,7 @@ from typing import Any, TypeAlias
 
 import srvgen
 
-from ._arguments import fits
+from ._impl.arguments import fits
 
 ParameterMsg = srvgen.load("rcl_interfaces/msg/Parameter")
 ParameterType = srvgen.load("rcl_interfaces/msg/ParameterType")

@@ -155,7 +155,7 @@ class AsyncParameterClient:
         raw: bool = False,
     ) -> Subscription[Any]:
         """Have `callback(event)` called for changes of every node's parameters."""
-        from ._node_parameters import PARAMETER_EVENTS, ParameterEvent
+        from ._impl.parameters.node_parameters import PARAMETER_EVENTS, ParameterEvent
 
         return self.node.create_subscription(
             ParameterEvent,

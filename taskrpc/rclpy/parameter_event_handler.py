@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from taskrpc import names
 
-from ._node_parameters import PARAMETER_EVENTS, ParameterEvent
+from ._impl.parameters.node_parameters import PARAMETER_EVENTS, ParameterEvent
 from .callback_groups import CallbackGroup
 from .qos import QoSProfile, qos_profile_parameter_events
 

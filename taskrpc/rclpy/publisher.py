@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 from srvgen import from_cdr
 
-from ._detached import detached
-from ._elsewhere import names_of
-from ._endpoints import forget, remember
+from ._impl.copies import detached
+from ._impl.graph.endpoints import forget, remember
+from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup
 from .duration import Duration
 from .endpoint_info import EndpointTypeEnum

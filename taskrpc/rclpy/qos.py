@@ -8,7 +8,7 @@ from typing import Any, Self, TypeVar
 
 from taskrpc.qos import MAX_DEPTH, QoS
 
-from ._qos_policies import (
+from ._impl.graph.qos_policies import (
     DeadlineBestAvailable,
     DurabilityPolicy,
     HistoryPolicy,
@@ -333,7 +333,7 @@ def qos_check_compatible(
     publisher_qos: QoSProfile, subscription_qos: QoSProfile
 ) -> tuple[QoSCompatibility, str]:
     """Whether a publisher and a subscription would find each other, and why not."""
-    from ._qos_compatibility import errors, warnings_of
+    from ._impl.graph.qos_compatibility import errors, warnings_of
 
     if found := errors(publisher_qos, subscription_qos):
         return QoSCompatibility.ERROR, "".join(f"ERROR: {text};" for text in found)

@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING, Any, TypeAlias
 
-from ._node_parameters import SetParametersResult
-from ._parameter_declarations import ParameterDescriptor
-from ._qos_policies import (
+from ._impl.graph.qos_policies import (
     DurabilityPolicy,
     HistoryPolicy,
     LivelinessPolicy,
@@ -15,6 +13,8 @@ from ._qos_policies import (
     QoSPolicyKind,
     ReliabilityPolicy,
 )
+from ._impl.parameters.declarations import ParameterDescriptor
+from ._impl.parameters.node_parameters import SetParametersResult
 from .duration import Duration
 from .exceptions import ParameterAlreadyDeclaredException
 from .publisher import Publisher
@@ -22,7 +22,7 @@ from .qos import QoSProfile
 from .subscription import Subscription
 
 if TYPE_CHECKING:
-    from ._node_parameters import NodeParameters
+    from ._impl.parameters.node_parameters import NodeParameters
 
 QosCallbackResult = SetParametersResult
 """What a validating callback returns."""

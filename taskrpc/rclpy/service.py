@@ -12,11 +12,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, Self, Type
 from taskrpc.errors import Code, HandlerFailed, InvalidRequest, WouldDeadlock
 from taskrpc.introspection import gid_of
 
-from . import _explain
-from ._detached import detached
-from ._elsewhere import names_of
-from ._entity import Entity
-from ._like_ros import depth_of, wrapped_or_refused
+from ._impl.copies import detached
+from ._impl.diagnostics import explain
+from ._impl.diagnostics.like_ros import depth_of, wrapped_or_refused
+from ._impl.execution.entity import Entity
+from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup
 from .handle import ArrivalHandle
 from .service_introspection import Introspection, ServiceIntrospectionState
@@ -118,8 +118,8 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     def _came(self, call: DeferredCall[Any, Any]) -> None:
         self._calls.append(call)
         if len(self._calls) > self._depth:
-            if not _explain.like_ros():
-                _explain.too_many(self, self._depth)
+            if not explain.like_ros():
+                explain.too_many(self, self._depth)
             else:  # the oldest is never answered
                 with contextlib.suppress(IndexError):
                     self._calls.popleft()
@@ -181,8 +181,8 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
 
     def _destroyed(self, call: DeferredCall[Any, Any]) -> None:
         """Raise InvalidHandle, as ROS does: the callback has destroyed what it would answer by."""
-        if not _explain.like_ros():
-            _explain.destroyed(self)
+        if not explain.like_ros():
+            explain.destroyed(self)
             why = f"the callback of {self._full_name} destroyed its service before it returned"
             call.fail(HandlerFailed(Code.INTERNAL, why))
         self.handle.check()
@@ -195,21 +195,21 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     def _reply(self, call: DeferredCall[Any, Any], response: Any) -> None:
         expected = self.srv_type.Response
         if not isinstance(response, expected):
-            if _explain.like_ros():
+            if explain.like_ros():
                 raise TypeError
             problem = f"the callback of {self._full_name} returned {_what(response)}"
             if response is None:
                 problem += f"; does `return response` (a {expected.__name__}) lack at its end?"
             else:
                 problem += f", expected a {expected.__name__}"
-            _explain.answered_nothing(self, problem)
+            explain.answered_nothing(self, problem)
             call.fail(HandlerFailed(Code.INTERNAL, problem))
             raise TypeError(problem)
         response = detached(response)
         try:
             self._send(call, response)
         except InvalidRequest as error:
-            if not _explain.like_ros():
+            if not explain.like_ros():
                 why = f"the response of {self._full_name}: {error}"
                 call.fail(HandlerFailed(Code.INTERNAL, why))
             raise
@@ -227,7 +227,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         self._introspection.tell(step, gid_of(info.caller), info.number, **messages)
 
     def _raised(self, call: DeferredCall[Any, Any], error: BaseException) -> None:
-        if _explain.like_ros():
+        if explain.like_ros():
             self._leave()
             return
         what = type(error).__name__
@@ -239,7 +239,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         # A program that is ending already, which the callback noticed, needs no advice.
         of_itself = isinstance(error, Exception) and self._node.context.ok()
         if of_itself and not isinstance(error, WouldDeadlock):
-            _explain.raised(self, problem)
+            explain.raised(self, problem)
         call.fail(HandlerFailed(Code.INTERNAL, problem))
         self._leave()
 

@@ -13,8 +13,8 @@ import weakref
 from types import FrameType, TracebackType
 from typing import Any
 
-from . import _reminder
 from . import context as _context
+from ._impl.execution import signal_reminder
 
 
 class SignalHandlerOptions(enum.IntEnum):
@@ -63,7 +63,7 @@ def uninstall_signal_handlers() -> None:
     for number, before in _before.items():
         if signal.getsignal(number) is _handle:
             signal.signal(number, before)
-    _reminder.end()
+    signal_reminder.end()
     _before.clear()
 
 
@@ -73,14 +73,14 @@ def _install(number: int) -> None:
         _before[number] = before
         signal.signal(number, _handle)
         _end_quietly()
-    _reminder.begin(number, _handle)
+    signal_reminder.begin(number, _handle)
 
 
 def _handle(number: int, frame: FrameType | None) -> None:
     before = _before.get(number)
     if number == signal.SIGINT and _is_put_off(frame):
         return
-    _reminder.heeded()
+    signal_reminder.heeded()
     _context.end_all_by_signal()
     if number == signal.SIGINT:
         _end_in_one_line()
@@ -95,7 +95,7 @@ def _is_put_off(frame: FrameType | None) -> bool:
         _put_off = 0
         return False
     _put_off += 1
-    return _reminder.comes_again()
+    return signal_reminder.comes_again()
 
 
 def _is_delicate(frame: FrameType) -> bool:

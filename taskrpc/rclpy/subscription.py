@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeAlias, TypedDict, Type
 
 from srvgen import to_cdr
 
-from ._elsewhere import names_of
-from ._endpoints import forget, remember
-from ._entity import Entity
+from ._impl.execution.entity import Entity
+from ._impl.graph.endpoints import forget, remember
+from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup
 from .endpoint_info import EndpointTypeEnum
 from .event_handler import Events

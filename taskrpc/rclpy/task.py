@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from .future import Future, Step, running_steps
 
 if TYPE_CHECKING:
-    from ._entity import Entity
+    from ._impl.execution.entity import Entity
     from .executors import Executor
 
 T = TypeVar("T")

@@ -8,11 +8,11 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any, ClassVar, Self
 
-from ._deadlocks import check_rate
-from ._entity import Entity
-from ._explain import like_ros, nobody_woke
-from ._jumps import ClockChange, TimeJump
-from ._running import is_busy
+from ._impl.clock_jumps import ClockChange, TimeJump
+from ._impl.diagnostics.deadlocks import check_rate
+from ._impl.diagnostics.explain import like_ros, nobody_woke
+from ._impl.execution.entity import Entity
+from ._impl.execution.running_callbacks import is_busy
 from .callback_groups import CallbackGroup
 from .clock import Clock
 from .clock_type import ClockType

@@ -6,7 +6,7 @@ import weakref
 from typing import TYPE_CHECKING, Any
 
 import srvgen
-from srvgen.loader import search
+from srvgen.classes.loader import search
 from srvgen.typehash import type_description
 
 from .qos import qos_profile_services_default

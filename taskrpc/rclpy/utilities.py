@@ -6,7 +6,7 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from ._arguments import parse
+from ._impl.arguments import parse
 from .constants import S_TO_NS
 from .context import Context
 

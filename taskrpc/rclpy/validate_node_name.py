@@ -5,7 +5,7 @@ from __future__ import annotations
 from taskrpc import names
 from taskrpc.errors import InvalidName
 
-from ._names import refuse_other_than_text, translated
+from ._impl.graph.names import refuse_other_than_text, translated
 
 
 def validate_node_name(node_name: str) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from taskrpc import names
 from taskrpc.errors import InvalidName
 
-from ._names import kind_of, refuse_other_than_text, translated
+from ._impl.graph.names import kind_of, refuse_other_than_text, translated
 
 
 def validate_topic_name(name: str, *, is_service: bool = False) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
-from ._entity import Entity
+from ._impl.execution.entity import Entity
 from .callback_groups import CallbackGroup
 from .future import Future
 from .guard_condition import GuardCondition

@@ -9,7 +9,7 @@ from importlib.machinery import ModuleSpec
 from types import ModuleType
 from typing import TYPE_CHECKING
 
-from srvgen.importer import is_importing
+from srvgen.classes.importer import is_importing
 
 if TYPE_CHECKING:
     from importlib.abc import MetaPathFinder

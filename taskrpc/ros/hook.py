@@ -12,7 +12,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING
 
 import srvgen
-from srvgen.loader import make_ros_classes
+from srvgen.classes.loader import make_ros_classes
 from taskrpc.ros import workspace
 from taskrpc.ros.absent import AbsentFinder, of_ros, of_ros_or_interfaces
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from types import ModuleType, TracebackType
 from typing import Any, NoReturn
 
-from srvgen import process
+from srvgen.cli import process
 from taskrpc.errors import TaskRpcError
 from taskrpc.ros import hook, workspace
 
@@ -55,7 +55,7 @@ def _run_as_main(source: str | bytes, file: str, **attributes: object) -> int:
 
 def similar_script(path: Path) -> str:
     """A hint at a script beside `path` whose name is like it; "" where there is none."""
-    from srvgen.names import near  # only a mistake needs it
+    from srvgen.definitions.names import near  # only a mistake needs it
 
     found = {one.name: one for one in path.parent.glob("*.py")}
     found |= {one.stem: one for one in found.values()}

@@ -9,8 +9,8 @@ from itertools import pairwise
 
 import msgspec
 
+from taskrpc.request_ids.ids import Client, Completion
 from taskrpc.storage.records import Damaged, read_records, with_checksum
-from taskrpc.wire.once import Client, Completion
 
 _TABLES = (
     "CREATE TABLE taskrpc_store (store_id BLOB NOT NULL, commits INTEGER NOT NULL)",

@@ -3,9 +3,9 @@
 from taskrpc.tasks.answers import Answer, Resumed
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import EstimateChange, State, Task
+from taskrpc.tasks.records.sqlite_store import SqliteStore
+from taskrpc.tasks.records.store import MemoryStore, Stored, TaskStore
 from taskrpc.tasks.server import TaskServer
-from taskrpc.tasks.sqlite_store import SqliteStore
-from taskrpc.tasks.store import MemoryStore, Stored, TaskStore
 
 __all__ = [
     "Answer",

@@ -9,18 +9,18 @@ from collections.abc import Callable, Sequence
 from functools import partial
 
 from taskrpc.errors import TaskRpcError
+from taskrpc.request_ids.ids import Completion
 from taskrpc.robot.protocol import Pose, Robot, TargetError
 from taskrpc.tasks.answers import Answer, Resumed, again, by, priority_refusal, shown, unstored
-from taskrpc.tasks.board import Board
-from taskrpc.tasks.book import TaskBook, Then, settle
-from taskrpc.tasks.guard import RobotGuard, checked_plan, sentence
 from taskrpc.tasks.model import EstimateChange, State, Task
-from taskrpc.tasks.queue import TaskQueue
-from taskrpc.tasks.run import Run
-from taskrpc.tasks.store import TaskStore
-from taskrpc.tasks.timetable import Timetable
+from taskrpc.tasks.queue.task_queue import TaskQueue
+from taskrpc.tasks.queue.timetable import Timetable
+from taskrpc.tasks.records.change_feed import Board
+from taskrpc.tasks.records.repository import TaskBook, Then, settle
+from taskrpc.tasks.records.store import TaskStore
+from taskrpc.tasks.robot_guard import RobotGuard, checked_plan, sentence
+from taskrpc.tasks.task_run import Run
 from taskrpc.tasks.worker import Worker
-from taskrpc.wire.once import Completion
 
 _log = logging.getLogger("taskrpc.tasks")
 

@@ -16,18 +16,18 @@ from taskrpc.callinfo import current_call
 from taskrpc.errors import Code, HandlerError, OutcomeUnknown, StoreError, TaskRpcError, told
 from taskrpc.introspection import IntrospectionState
 from taskrpc.node import Node
+from taskrpc.request_ids.ids import Completion
 from taskrpc.robot.protocol import Robot
 from taskrpc.service import Service
 from taskrpc.tasks.answers import Answer, Resumed
-from taskrpc.tasks.completions import TaskCompletions
-from taskrpc.tasks.listing import page
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.messages import Messages
 from taskrpc.tasks.model import Task
-from taskrpc.tasks.news import TaskNews
-from taskrpc.tasks.rights import ROLES, client_name, refuse_others_task, submitter
-from taskrpc.tasks.store import TaskStore
-from taskrpc.wire.once import Completion
+from taskrpc.tasks.permissions import ROLES, client_name, refuse_others_task, submitter
+from taskrpc.tasks.queue.pages import page
+from taskrpc.tasks.records.completions import TaskCompletions
+from taskrpc.tasks.records.store import TaskStore
+from taskrpc.tasks.topics import TaskNews
 
 _log = logging.getLogger("taskrpc.tasks")
 

@@ -8,11 +8,11 @@ import logging
 from collections.abc import Awaitable, Callable
 
 from taskrpc.errors import TaskRpcError
-from taskrpc.tasks.book import TaskBook
-from taskrpc.tasks.guard import RobotGuard
 from taskrpc.tasks.model import State, Task
-from taskrpc.tasks.run import Run
-from taskrpc.tasks.timetable import Timetable
+from taskrpc.tasks.queue.timetable import Timetable
+from taskrpc.tasks.records.repository import TaskBook
+from taskrpc.tasks.robot_guard import RobotGuard
+from taskrpc.tasks.task_run import Run
 
 _log = logging.getLogger("taskrpc.tasks")
 

@@ -7,7 +7,7 @@ from typing import Self
 
 from taskrpc.testing.wires import Links
 from taskrpc.transport.memory import hub_of
-from taskrpc.transport.tcp import domain_id
+from taskrpc.transport.tcp.tcp_network import domain_id
 
 
 class FaultyNetwork:

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import cast
 
-from taskrpc.transport.connection import Connection
+from taskrpc.transport.connection.connection import Connection
 from taskrpc.transport.memory import Listener, Pipe
 
 

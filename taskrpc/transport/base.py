@@ -13,14 +13,14 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import msgspec
 
-from taskrpc.access import Role
 from taskrpc.callinfo import CallInfo
 from taskrpc.errors import TaskRpcError
+from taskrpc.request_ids.ids import Claim, Number, Numbers
+from taskrpc.security.roles import Role
 from taskrpc.transport.codec import ServiceType
-from taskrpc.transport.entries import Entry
+from taskrpc.transport.discovery.entries import Entry
 from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import Endpoint, TopicEndpoint
-from taskrpc.wire.once import Claim, Number, Numbers
 
 if TYPE_CHECKING:
     from concurrent.futures import Future

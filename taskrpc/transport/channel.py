@@ -16,19 +16,19 @@ from taskrpc.errors import (
     TaskRpcError,
     TypeMismatch,
 )
+from taskrpc.request_ids.counter import Counting
+from taskrpc.request_ids.ids import Number, Numbers, with_number
 from taskrpc.retry import reconnect_delay
 from taskrpc.transport.base import Mode, Tell, Unsent
-from taskrpc.transport.calling import CallingConnection, OpenCall
 from taskrpc.transport.codec import ServiceType, codec_of
-from taskrpc.transport.counting import Counting
-from taskrpc.transport.dialling import Dialler, why_silent
+from taskrpc.transport.connection.client_side import CallingConnection, OpenCall
+from taskrpc.transport.connection.client_threads import ThreadedConnection, Told, Waiter
+from taskrpc.transport.connection.dialling import Dialler, why_silent
+from taskrpc.transport.discovery.availability import News
 from taskrpc.transport.network import Address, Network
-from taskrpc.transport.news import News
-from taskrpc.transport.threads import ThreadedConnection, Told, Waiter
 from taskrpc.wire.frames import Flag
 from taskrpc.wire.messages import Endpoint as Named
 from taskrpc.wire.messages import Resolve
-from taskrpc.wire.once import Number, Numbers, with_number
 
 if TYPE_CHECKING:
     from concurrent.futures import Future

@@ -13,43 +13,43 @@ from typing import TYPE_CHECKING, Any, cast
 import msgspec
 
 from taskrpc import platform
-from taskrpc.access import Role
 from taskrpc.errors import (
     ConnectionLost,
     PermissionDenied,
     ServiceUnavailable,
     TaskRpcError,
 )
-from taskrpc.transport.about import this_process
+from taskrpc.request_ids.counter import Counting
+from taskrpc.security.roles import Role
 from taskrpc.transport.base import Offer
-from taskrpc.transport.calling import CallingConnection
 from taskrpc.transport.channel import RemoteChannel
 from taskrpc.transport.codec import ServiceType
-from taskrpc.transport.connection import READ_BUFFER, Connection
-from taskrpc.transport.counting import Counting
-from taskrpc.transport.dialling import READY_TIMEOUT, Dialler, placed
-from taskrpc.transport.entries import Change, Entry, Roster, entry_of
-from taskrpc.transport.handing import Handing
-from taskrpc.transport.keepalive import DEFAULT, Keepalive
+from taskrpc.transport.connection.client_side import CallingConnection
+from taskrpc.transport.connection.connection import READ_BUFFER, Connection
+from taskrpc.transport.connection.deadline_timer import clock_of
+from taskrpc.transport.connection.dialling import READY_TIMEOUT, Dialler, placed
+from taskrpc.transport.connection.handoff import Handing
+from taskrpc.transport.connection.traffic import Traffic
+from taskrpc.transport.discovery.about import this_process
+from taskrpc.transport.discovery.availability import News
+from taskrpc.transport.discovery.entries import Change, Entry, Roster, entry_of
+from taskrpc.transport.limits.keepalive import DEFAULT, Keepalive
+from taskrpc.transport.limits.log_throttling import FewLines
 from taskrpc.transport.network import Address, Network
-from taskrpc.transport.news import News
 from taskrpc.transport.offers import Offers
-from taskrpc.transport.seldom import FewLines
-from taskrpc.transport.timers import clock_of
-from taskrpc.transport.traffic import Traffic
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import DEFAULT_LIMITS, Listing, Resolve, TopicEndpoint
 from taskrpc.wire.messages import Endpoint as Named
 
 if TYPE_CHECKING:
     from taskrpc.observer import Connections
-    from taskrpc.transport.admission import Admission
-    from taskrpc.transport.load import Load
-    from taskrpc.transport.publishing import Publication
-    from taskrpc.transport.serving import ServingConnection
-    from taskrpc.transport.subscribing import Reception
-    from taskrpc.transport.topics import Topics
-    from taskrpc.transport.unread import Unread
+    from taskrpc.transport.connection.server_side import ServingConnection
+    from taskrpc.transport.limits.admission import Admission
+    from taskrpc.transport.limits.backpressure import Unread
+    from taskrpc.transport.limits.calls_in_flight import Load
+    from taskrpc.transport.pubsub.endpoint_topics import Topics
+    from taskrpc.transport.pubsub.publishing import Publication
+    from taskrpc.transport.pubsub.subscribing import Reception
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -175,7 +175,7 @@ class Endpoint(Handing):
     def topics(self) -> Topics:
         """What is published and subscribed here."""
         if self._topics is None:
-            from taskrpc.transport.topics import Topics  # most programs have none
+            from taskrpc.transport.pubsub.endpoint_topics import Topics  # most programs have none
 
             self._topics = Topics(self)
         return self._topics
@@ -288,9 +288,9 @@ class Endpoint(Handing):
     def _take_connections(self) -> None:
         """Listen, from the first service or publisher on."""
         if not self.address:
-            from taskrpc.transport.admission import Admission
-            from taskrpc.transport.load import Load
-            from taskrpc.transport.unread import Unread
+            from taskrpc.transport.limits.admission import Admission
+            from taskrpc.transport.limits.backpressure import Unread
+            from taskrpc.transport.limits.calls_in_flight import Load
 
             self.unread, self.load, self._admission = Unread(), Load(), Admission()
             self.address = self.network.listen(self._accepted)
@@ -396,7 +396,9 @@ class Endpoint(Handing):
             self.loop.call_later(TICK * number / slices, self._look_after, part)
         self._look_after(connections[::slices])
         if (book := self.network.accounts) is not None:
-            from taskrpc.transport.revoking import look_after_accounts  # few have accounts
+            from taskrpc.transport.connection.revocation import (
+                look_after_accounts,  # few have accounts
+            )
 
             book.look()
             look_after_accounts(self._served, book.now, time.time())
@@ -416,17 +418,17 @@ class Endpoint(Handing):
 def _calling_class(*, threads: bool) -> type[CallingConnection]:
     if not threads:
         return CallingConnection
-    from taskrpc.transport.threads import ThreadedConnection
+    from taskrpc.transport.connection.client_threads import ThreadedConnection
 
     return ThreadedConnection
 
 
 def _serving_class(*, threads: bool) -> type[ServingConnection]:
     if not threads:
-        from taskrpc.transport.serving import ServingConnection
+        from taskrpc.transport.connection.server_side import ServingConnection
 
         return ServingConnection
-    from taskrpc.transport.answering import ThreadedServing
+    from taskrpc.transport.connection.server_threads import ThreadedServing
 
     return ThreadedServing
 

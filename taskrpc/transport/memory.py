@@ -16,13 +16,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
-from taskrpc.access import account_of
 from taskrpc.errors import NameInUse
-from taskrpc.transport.entries import Change, Entry, Roster
+from taskrpc.security.roles import account_of
+from taskrpc.transport.discovery.entries import Change, Entry, Roster
 from taskrpc.transport.network import Address, Factory
 
 if TYPE_CHECKING:
-    from taskrpc.transport.accounts import AccountBook
+    from taskrpc.security.accounts import AccountBook
 
 HIGH_WATER, LOW_WATER = 65_536, 16_384
 

@@ -8,11 +8,11 @@ from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
-from taskrpc.transport.entries import Change, Entry, Roster
+from taskrpc.transport.discovery.entries import Change, Entry, Roster
 from taskrpc.wire.handshake import Voucher
 
 if TYPE_CHECKING:
-    from taskrpc.transport.accounts import AccountBook
+    from taskrpc.security.accounts import AccountBook
 
 
 class Address(msgspec.Struct, frozen=True):

@@ -14,12 +14,12 @@ from typing import Any, Self, cast
 from aiohttp import web
 
 from taskrpc.errors import CannotListen
-from taskrpc.transport.connection import shown
-from taskrpc.transport.listening import Listener
+from taskrpc.security.tls import ServerTls, Tls
+from taskrpc.transport.connection.connection import shown
+from taskrpc.transport.limits.log_throttling import SeldomLog
 from taskrpc.transport.network import Factory
-from taskrpc.transport.seldom import SeldomLog
-from taskrpc.transport.tcp import bound, is_loopback, join_place, split_place
-from taskrpc.transport.tls import ServerTls, Tls
+from taskrpc.transport.tcp.listening import Listener
+from taskrpc.transport.tcp.tcp_network import bound, is_loopback, join_place, split_place
 from taskrpc.web.guard import Guard, Head, own_names
 from taskrpc.web.pages import Page, Pages
 

@@ -25,8 +25,8 @@ from typing import NamedTuple
 
 import msgspec
 
-from taskrpc.access import Account, Accounts, account_of
 from taskrpc.errors import AuthenticationFailed, ProtocolError, TaskRpcError
+from taskrpc.security.roles import Account, Accounts, account_of
 from taskrpc.wire import messages, status
 from taskrpc.wire.frames import MAGIC, Frame, FrameType, pack_frame
 from taskrpc.wire.messages import DEFAULT_LIMITS, VERSION, Hello, HelloAck, Limits

@@ -18,7 +18,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import srvgen
-from taskrpc.rclpy._yaml_parameters import ROS_PARAMETERS, read_file
+from taskrpc.rclpy._impl.parameters.yaml_parameters import ROS_PARAMETERS, read_file
 from taskrpc.robot import parse_map
 
 from .markdown import Block, Page

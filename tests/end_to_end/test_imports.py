@@ -15,8 +15,10 @@ import taskrpc
 pytestmark = pytest.mark.real_time
 
 MISTAKES = (
-    "difflib srvgen.slips srvgen.value_slips srvgen.type_slips srvgen.diagnosis srvgen.missing"
-    " srvgen.report srvgen.suspicions srvgen.fix"
+    "difflib srvgen.diagnostics.slips srvgen.diagnostics.value_slips "
+    "srvgen.diagnostics.type_slips srvgen.diagnostics.diagnosis "
+    "srvgen.diagnostics.missing"
+    " srvgen.cli.report srvgen.diagnostics.warnings srvgen.diagnostics.fix"
 )
 """What only explains what is wrong."""
 ELSEWHERE = (
@@ -24,7 +26,10 @@ ELSEWHERE = (
     " taskrpc.testing"
 )
 """What other commands and programs need."""
-DEFINITIONS = "srvgen.errors srvgen.names srvgen._runtime srvgen.loader srvgen.parser"
+DEFINITIONS = (
+    "srvgen.errors srvgen.definitions.names srvgen._runtime "
+    "srvgen.classes.loader srvgen.definitions.parser"
+)
 NETWORK = "asyncio ssl socket logging msgspec pathlib tempfile"
 """What whoever calls nobody needs not."""
 
@@ -125,15 +130,18 @@ def test_srvgen_check_imports_neither_network_nor_what_explains_mistakes(tmp_pat
     file = tmp_path / "demo_msgs" / "srv" / "Ask.srv"
     file.parent.mkdir(parents=True)
     file.write_text("int64 a\n---\nint64 b\n", encoding="utf-8")
-    modules = command("srvgen.cli", "check", str(file))
-    mistakes = MISTAKES.replace(" srvgen.report srvgen.suspicions", "")
+    modules = command("srvgen.cli.main", "check", str(file))
+    mistakes = MISTAKES.replace(" srvgen.cli.report srvgen.diagnostics.warnings", "")
     unwanted = f"{mistakes} {ELSEWHERE} asyncio ssl taskrpc json xml tempfile zipfile"
     assert needless(modules, unwanted) == []
 
 
 def test_help_of_srvgen_imports_no_generator():
-    modules = command("srvgen.cli", "--help")
-    unwanted = "msgspec logging json srvgen.search srvgen.parser srvgen.render srvgen.commands"
+    modules = command("srvgen.cli.main", "--help")
+    unwanted = (
+        "msgspec logging json srvgen.definitions.search "
+        "srvgen.definitions.parser srvgen.classes.render srvgen.cli.commands"
+    )
     assert needless(modules, f"{unwanted} {MISTAKES} {ELSEWHERE}") == []
 
 
@@ -148,7 +156,7 @@ async def main():
 taskrpc.run(main())
 """)
     topics = (
-        "taskrpc.topic taskrpc.introspection taskrpc.timer taskrpc.transport.topics"
-        " taskrpc.transport.publishing taskrpc.transport.subscribing"
+        "taskrpc.topic taskrpc.introspection taskrpc.timer taskrpc.transport.pubsub.endpoint_topics"
+        " taskrpc.transport.pubsub.publishing taskrpc.transport.pubsub.subscribing"
     )
     assert needless(modules, topics) == []

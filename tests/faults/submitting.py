@@ -8,10 +8,10 @@ import sys
 from pathlib import Path
 
 from taskrpc.errors import OutcomeUnknown, StoreError
+from taskrpc.request_ids.ids import Completion
 from taskrpc.storage import database
 from taskrpc.tasks.model import Task
-from taskrpc.tasks.sqlite_store import SqliteStore
-from taskrpc.wire.once import Completion
+from taskrpc.tasks.records.sqlite_store import SqliteStore
 
 CALLERS = 8
 

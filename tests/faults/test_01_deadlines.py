@@ -9,7 +9,7 @@ import pytest
 import taskrpc
 from taskrpc.client import DEFAULT_TIMEOUT, Client
 from taskrpc.deadline import TICK, Lookout
-from taskrpc.transport import timers
+from taskrpc.transport.connection import deadline_timer
 from tests.faults.harness import Bug, Lateness, milliseconds, percentile
 from tests.taskrpc.transport.helpers import Add, Gate, ask
 
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.faults
 
 
 def early(patch):
-    patch(timers, "is_over", lambda deadline, now: deadline <= now + 0.05)
+    patch(deadline_timer, "is_over", lambda deadline, now: deadline <= now + 0.05)
 
 
 def late(patch):

@@ -8,7 +8,7 @@ import pytest
 
 import taskrpc
 from taskrpc import service
-from taskrpc.transport import served, serving
+from taskrpc.transport.connection import incoming_call, server_side
 from taskrpc.wire.events import RequestReceived
 from tests.faults.harness import Bug
 from tests.taskrpc.transport.helpers import Add, ask, outcome
@@ -32,34 +32,34 @@ def runs_whatever_waited(patch):
 
 
 def counts_from_when_a_request_is_handled(patch):
-    requested = serving.ServingConnection._requested
+    requested = server_side.ServingConnection._requested
 
     def late(connection, event):
         connection.read_at = connection.host.now()
         requested(connection, event)
 
-    handlers = {**serving.ServingConnection.handlers, RequestReceived: late}
-    patch(serving.ServingConnection, "handlers", handlers)
+    handlers = {**server_side.ServingConnection.handlers, RequestReceived: late}
+    patch(server_side.ServingConnection, "handlers", handlers)
 
 
 def says_nothing_of_what_it_cancels(patch):
-    fail = served.ServedCall.fail
+    fail = incoming_call.ServedCall.fail
 
     def silent(call, error):
         error.not_executed = None
         fail(call, error)
 
-    patch(served.ServedCall, "fail", silent)
+    patch(incoming_call.ServedCall, "fail", silent)
 
 
 def says_that_nothing_had_begun(patch):
-    cancel = served.ServedCall.cancel
+    cancel = incoming_call.ServedCall.cancel
 
     def careless(call):
         cancel(call)
         call.started = False
 
-    patch(served.ServedCall, "cancel", careless)
+    patch(incoming_call.ServedCall, "cancel", careless)
 
 
 class Clock:

@@ -9,8 +9,8 @@ import pytest
 
 import taskrpc
 from taskrpc.service import Service
-from taskrpc.transport.calling import CallingConnection
-from taskrpc.transport.serving import ServingConnection
+from taskrpc.transport.connection.client_side import CallingConnection
+from taskrpc.transport.connection.server_side import ServingConnection
 from taskrpc.wire.events import CancelReceived
 from taskrpc.wire.session import Session
 from tests.faults.harness import Bug

@@ -9,7 +9,8 @@ import pytest
 
 import taskrpc
 from taskrpc.attempts import Attempts
-from taskrpc.transport import calling, memory
+from taskrpc.transport import memory
+from taskrpc.transport.connection import client_side
 from tests.faults.harness import Bug
 from tests.faults.proxy import CUT, DELAY, HOLE, RESET, TRUNCATE, Faults, Proxy, faulty_pipe
 from tests.taskrpc.transport.helpers import Add, ask
@@ -105,15 +106,15 @@ def guesses_that_nothing_ran(patch):
     def guess():
         return taskrpc.OutcomeUnknown("the connection was lost", not_executed=True)
 
-    patch(calling, "unknown_error", guess)
+    patch(client_side, "unknown_error", guess)
 
 
 def tells_nobody_that_the_connection_is_lost(patch):
     def ended(connection):
         connection.epoch += 1
 
-    patch(calling.CallingConnection, "ended", ended)
-    patch(calling.OpenCall, "expired", lambda call: None)
+    patch(client_side.CallingConnection, "ended", ended)
+    patch(client_side.OpenCall, "expired", lambda call: None)
 
 
 @pytest.mark.planted(

@@ -11,10 +11,10 @@ import pytest
 import srvgen
 import taskrpc
 from taskrpc.attempts import Attempts
-from taskrpc.tasks.book import TaskBook
-from taskrpc.tasks.completions import TaskCompletions
-from taskrpc.wire.ledger import Ledger, Verdict
-from taskrpc.wire.once import Remembered
+from taskrpc.request_ids.ids import Remembered
+from taskrpc.request_ids.ledger import Ledger, Verdict
+from taskrpc.tasks.records.completions import TaskCompletions
+from taskrpc.tasks.records.repository import TaskBook
 from tests.faults.harness import Bug
 from tests.faults.programs import TASK_SERVER, kill
 

@@ -12,11 +12,11 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.access import Role
+from taskrpc.request_ids.ids import Claim, Numbers
+from taskrpc.request_ids.ledger import LEASE, Ledger, Verdict
+from taskrpc.security.roles import Role
 from taskrpc.service import Service
 from taskrpc.transport.base import IncomingCall
-from taskrpc.wire.ledger import LEASE, Ledger, Verdict
-from taskrpc.wire.once import Claim, Numbers
 from tests.faults.harness import Bug
 
 pytestmark = pytest.mark.faults

@@ -9,8 +9,8 @@ import pytest
 
 import taskrpc
 from taskrpc.transport import channel
+from taskrpc.transport.discovery.availability import News
 from taskrpc.transport.memory import MemoryNetwork, Pipe
-from taskrpc.transport.news import News
 from tests.faults.harness import Bug, Lateness, milliseconds
 from tests.taskrpc.transport.helpers import Add, add, ask, outcome
 

@@ -8,8 +8,8 @@ import time
 import pytest
 
 import taskrpc
-from taskrpc.transport import calling
-from taskrpc.transport.calling import CallingConnection
+from taskrpc.transport.connection import client_side
+from taskrpc.transport.connection.client_side import CallingConnection
 from taskrpc.wire.session import refused_error
 from tests.faults.harness import Bug, Lateness, milliseconds, percentile
 from tests.taskrpc.transport.helpers import Add, ask
@@ -37,7 +37,7 @@ def tells_late(patch):
 
 
 def says_that_nothing_ran(patch):
-    patch(calling, "unknown_error", refused_error)
+    patch(client_side, "unknown_error", refused_error)
 
 
 @pytest.mark.planted(

@@ -13,9 +13,9 @@ import time
 import pytest
 
 import taskrpc
-from taskrpc.transport import connection as connections
-from taskrpc.transport import patience
-from taskrpc.transport.connection import Connection
+from taskrpc.transport.connection import connection as connections
+from taskrpc.transport.connection.connection import Connection
+from taskrpc.transport.tcp import timeouts
 from tests.faults.harness import Bug, Lateness, milliseconds
 from tests.taskrpc.transport.helpers import Add, Gate, Text, ask, until
 
@@ -67,11 +67,11 @@ def looks_after_no_peer(patch):
 
 
 def looks_only_while_nothing_is_sent(patch):
-    patch(patience, "_bear", lambda sock, seconds: None)
+    patch(timeouts, "_bear", lambda sock, seconds: None)
 
 
 def is_more_patient_than_it_says(patch):
-    drop = patience.drop_dead_peers
+    drop = timeouts.drop_dead_peers
     patch(
         connections,
         "drop_dead_peers",
@@ -80,11 +80,11 @@ def is_more_patient_than_it_says(patch):
 
 
 def takes_the_full_for_dead(patch):
-    patch(patience.Patience, "is_over", lambda self: False)
+    patch(timeouts.Patience, "is_over", lambda self: False)
 
 
 def waits_for_the_full_for_ever(patch):
-    patch(patience, "_IN_VAIN", 1000)
+    patch(timeouts, "_IN_VAIN", 1000)
 
 
 def cuts_off_who_is_silent(patch):

@@ -11,7 +11,7 @@ import pytest
 import taskrpc
 from taskrpc.attempts import Attempts
 from taskrpc.transport import channel
-from taskrpc.transport.calling import CallingConnection
+from taskrpc.transport.connection.client_side import CallingConnection
 from taskrpc.transport.memory import MemoryNetwork
 from tests.faults.harness import Bug
 from tests.faults.programs import ADDER, kill

@@ -17,8 +17,8 @@ import taskrpc
 from taskrpc.node import Node
 from taskrpc.storage.lock import FileInUse
 from taskrpc.storage.writer import Writer
-from taskrpc.tasks import task_tables
-from taskrpc.tasks.store import Stored
+from taskrpc.tasks.records import task_tables
+from taskrpc.tasks.records.store import Stored
 from tests.faults.harness import Bug
 from tests.faults.programs import ADDER, TASK_SERVER, terminate
 from tests.taskrpc.transport.helpers import Add, ask

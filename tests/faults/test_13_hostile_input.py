@@ -16,7 +16,7 @@ import srvgen
 import taskrpc
 from taskrpc.errors import TaskRpcError
 from taskrpc.transport import endpoint
-from taskrpc.transport.serving import ServingConnection
+from taskrpc.transport.connection.server_side import ServingConnection
 from taskrpc.wire import messages
 from taskrpc.wire.events import Closed, Event
 from taskrpc.wire.frames import HEADER, NO_DEADLINE, Splitter

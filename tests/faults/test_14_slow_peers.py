@@ -10,9 +10,10 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.transport import connection, load
 from taskrpc.transport.codec import codec_of
-from taskrpc.transport.serving import ServingConnection
+from taskrpc.transport.connection import connection
+from taskrpc.transport.connection.server_side import ServingConnection
+from taskrpc.transport.limits import calls_in_flight
 from taskrpc.wire.events import Answered
 from taskrpc.wire.frames import NO_DEADLINE, FrameType, pack_frame, pack_header
 from taskrpc.wire.handshake import Identity
@@ -212,7 +213,7 @@ async def test_a_thousand_that_never_read_and_some_that_dribble_cost_little(
 TAKING = """\
 import asyncio, sys
 import srvgen, taskrpc
-from taskrpc.transport import load
+from taskrpc.transport.limits import calls_in_flight as load
 Text = srvgen.load("my_robot_interfaces/srv/RobotTask")
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
 load.MAX_BYTES = int(sys.argv[1])
@@ -239,7 +240,7 @@ LOOPS, EACH, SIZE = 40, 2, 4 * MEBI
 
 
 def takes_whatever_comes(patch):
-    patch(load.Load, "refusal", lambda self, connection: None)
+    patch(calls_in_flight.Load, "refusal", lambda self, connection: None)
 
 
 class Loop:

@@ -13,8 +13,8 @@ import pytest
 import srvgen
 import taskrpc
 from taskrpc.tasks.answers import Resumed
-from taskrpc.tasks.book import TaskBook
 from taskrpc.tasks.model import State
+from taskrpc.tasks.records.repository import TaskBook
 from tests.faults.harness import Bug
 from tests.faults.programs import TASK_SERVER, kill
 

@@ -16,7 +16,7 @@ import pytest
 
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import Task
-from taskrpc.tasks.queue import TaskQueue
+from taskrpc.tasks.queue.task_queue import TaskQueue
 from taskrpc.tasks.worker import Worker
 from tests.faults.harness import Bug
 from tests.taskrpc.tasks.fakes import FullStore, LineRobot

@@ -11,9 +11,9 @@ import pytest
 
 import taskrpc
 from taskrpc.errors import ConnectionLost
-from taskrpc.transport.dialling import Dialler
-from taskrpc.transport.served import ServedCall
-from taskrpc.transport.timers import Deadlines
+from taskrpc.transport.connection.deadline_timer import Deadlines
+from taskrpc.transport.connection.dialling import Dialler
+from taskrpc.transport.connection.incoming_call import ServedCall
 from tests.faults.harness import Bug
 from tests.taskrpc.transport.helpers import Add, ask
 

@@ -12,8 +12,8 @@ import trustme
 import srvgen
 import taskrpc
 from taskrpc import QoS, Role
-from taskrpc.transport import serving
-from taskrpc.transport.tls import Tls
+from taskrpc.security.tls import Tls
+from taskrpc.transport.connection import server_side
 from taskrpc.wire import handshake
 from taskrpc.wire.frames import Splitter
 from taskrpc.wire.session import Session
@@ -34,7 +34,7 @@ ROWS = {
     "old": {"secret": "olds-secret-olds-old", "expires": 1.0},
 }
 TOKENS = {name: f"{name}.{row['secret']}" for name, row in ROWS.items()}
-HIDDEN = (serving.RequestReceived, serving.ResolveReceived, serving.SubscribeReceived)
+HIDDEN = (server_side.RequestReceived, server_side.ResolveReceived, server_side.SubscribeReceived)
 
 
 class Target:
@@ -240,13 +240,13 @@ def says_what_was_wrong(patch):
 )
 async def test_a_client_that_ignores_its_refusal_reaches_nothing(counts, files, monkeypatch):
     for type_ in HIDDEN:
-        handler = serving.ServingConnection.handlers[type_]
+        handler = server_side.ServingConnection.handlers[type_]
 
         def heard(served, event, known=handler):
             counts["heard of a stranger"] += served.caller == ""
             known(served, event)
 
-        monkeypatch.setitem(serving.ServingConnection.handlers, type_, heard)
+        monkeypatch.setitem(server_side.ServingConnection.handlers, type_, heard)
     for name, (options, context) in servers(files).items():
         accounts = files["accounts"]
         async with taskrpc.Node("server", token=OWN, accounts=accounts, **options) as node:
@@ -266,8 +266,8 @@ async def test_a_client_that_ignores_its_refusal_reaches_nothing(counts, files, 
 
 
 def roles_not_compared(patch):
-    route_to = serving.route_to
-    patch(serving, "route_to", lambda *given: route_to(*given[:-1], Role.ADMIN))
+    route_to = server_side.route_to
+    patch(server_side, "route_to", lambda *given: route_to(*given[:-1], Role.ADMIN))
 
 
 @pytest.mark.planted(Bug(roles_not_compared, "ran"))

@@ -9,8 +9,9 @@ import trustme
 
 import taskrpc
 from taskrpc import Account, Accounts
-from taskrpc.transport import serving, tcp
-from taskrpc.transport.tls import Tls
+from taskrpc.security.tls import Tls
+from taskrpc.transport.connection import server_side
+from taskrpc.transport.tcp import tcp_network
 from tests.faults.harness import Bug
 from tests.taskrpc.transport.helpers import Add, ask
 
@@ -48,7 +49,7 @@ def files(tmp_path_factory):
 
 
 def listens_anywhere(patch):
-    patch(tcp, "refuse_exposure", lambda host, **options: None)
+    patch(tcp_network, "refuse_exposure", lambda host, **options: None)
 
 
 def trusts_all(patch):
@@ -120,10 +121,10 @@ async def test_who_lacks_a_proof_is_refused_before_anything_is_decoded(
     counts, files, monkeypatch, tmp_path
 ):
     decoded = []
-    for type_ in (serving.RequestReceived, serving.ResolveReceived):
-        handler = serving.ServingConnection.handlers[type_]
+    for type_ in (server_side.RequestReceived, server_side.ResolveReceived):
+        handler = server_side.ServingConnection.handlers[type_]
         monkeypatch.setitem(
-            serving.ServingConnection.handlers,
+            server_side.ServingConnection.handlers,
             type_,
             lambda connection, event, known=handler: decoded.append(1) or known(connection, event),
         )

@@ -14,7 +14,7 @@ import pytest
 
 import taskrpc
 from taskrpc import Account, Accounts
-from taskrpc.transport import accounts as accounts_module
+from taskrpc.security import accounts as accounts_module
 from taskrpc.transport import endpoint, memory, network
 from taskrpc.wire import handshake
 from tests.faults.harness import Bug

@@ -116,11 +116,13 @@ def opens_the_registry(patch):
 
 def opens_the_socket(patch):
     """A socket that anybody may reach, and nobody is asked who he is."""
-    from taskrpc.transport import tcp, unix
+    from taskrpc.transport.tcp import tcp_network, unix_sockets
 
     opens_the_registry(patch)
     patch(Path, "chmod", lambda self, mode: os.chmod(self, mode | 0o666))
-    patch(tcp, "unix_voucher", lambda sock, **options: unix.Voucher("", is_owner=True))
+    patch(
+        tcp_network, "unix_voucher", lambda sock, **options: unix_sockets.Voucher("", is_owner=True)
+    )
 
 
 @pytest.fixture
@@ -189,7 +191,7 @@ async def test_a_second_user_can_neither_read_the_token_nor_call(
 
 def _addresses(runtime: Path) -> str:
     """Where the server takes calls, as root can see it."""
-    from taskrpc.transport.registry import Registry
+    from taskrpc.transport.discovery.registry import Registry
 
     entries = Registry(0).entries()
     places = {each.services[0].name: each.address for each in entries if each.services}

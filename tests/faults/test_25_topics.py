@@ -14,7 +14,7 @@ import srvgen
 import taskrpc
 from taskrpc import QoS
 from taskrpc.testing import FaultyNetwork
-from taskrpc.transport import publishing, subscribing
+from taskrpc.transport.pubsub import publishing, subscribing
 from tests.faults.harness import Bug
 
 pytestmark = pytest.mark.faults

@@ -12,18 +12,19 @@ from msgspec.structs import replace
 
 from taskrpc import Node, attempts, service
 from taskrpc.attempts import Attempts
-from taskrpc.deduplication import OnceDesk, Run
-from taskrpc.deduplication.shared import LeaseClock, Shared
 from taskrpc.errors import Code, ConnectionLost, HandlerFailed, StoreError
-from taskrpc.tasks.book import TaskBook
+from taskrpc.exactly_once import OnceDesk, Run
+from taskrpc.exactly_once.store_state import LeaseClock, Shared
+from taskrpc.request_ids.ledger import Ledger, Verdict
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import State, Task
+from taskrpc.tasks.records.repository import TaskBook
 from taskrpc.tasks.server import TaskServer
 from taskrpc.tasks.worker import Worker
-from taskrpc.transport import endpoint, publishing, subscribing
+from taskrpc.transport import endpoint
 from taskrpc.transport.base import IncomingCall
-from taskrpc.transport.calling import CallingConnection, OpenCall
-from taskrpc.wire.ledger import Ledger, Verdict
+from taskrpc.transport.connection.client_side import CallingConnection, OpenCall
+from taskrpc.transport.pubsub import publishing, subscribing
 from tests.faults.harness import Bug, Counts
 from tests.simulation.ledger import PROMISES
 from tests.simulation.processes import PROCESS

@@ -18,7 +18,7 @@ from types import FunctionType
 from typing import Any
 
 from srvgen import CdrError, define, from_cdr, load, to_cdr
-from srvgen.cdr import _decoders
+from srvgen.cdr.messages import _decoders
 from tests.srvgen.cdr_reference import random_message
 
 EVERYTHING = f"""bool flag

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import gc
 
-from taskrpc.rclpy._entity import Entity
+from taskrpc.rclpy._impl.execution.entity import Entity
 from taskrpc.rclpy.callback_groups import (
     MutuallyExclusiveCallbackGroup,
     ReentrantCallbackGroup,

@@ -11,7 +11,7 @@ import pytest
 
 import srvgen
 from taskrpc.errors import HandlerFailed, InvalidRequest, OutcomeUnknown
-from taskrpc.rclpy._bridge import NativeClient
+from taskrpc.rclpy._impl.bridge import NativeClient
 from taskrpc.rclpy.exceptions import InvalidHandle, InvalidServiceNameException
 from tests.rclpy.living import PATIENCE, service_of, until
 

@@ -3,8 +3,8 @@
 import pytest
 
 import srvgen
-from taskrpc.rclpy import _explain
-from taskrpc.rclpy._transitions import STATES, TRANSITIONS, LifecycleStateMachine
+from taskrpc.rclpy._impl.diagnostics import explain
+from taskrpc.rclpy._impl.lifecycle_states import STATES, TRANSITIONS, LifecycleStateMachine
 from taskrpc.rclpy.exceptions import RCLError
 from taskrpc.rclpy.impl.implementation_singleton import rclpy_implementation
 from taskrpc.rclpy.lifecycle import (
@@ -155,7 +155,7 @@ def test_a_callback_that_raises_is_an_error_and_it_is_told(quiet, capsys, monkey
         def on_configure(self):
             return SUCCESS
 
-    monkeypatch.setattr(_explain, "_told", set())
+    monkeypatch.setattr(explain, "_told", set())
     assert quiet(Robot).trigger_configure() is ERROR
     said = capsys.readouterr().err
     assert said.startswith(
@@ -269,7 +269,7 @@ def test_others_ask_for_steps_and_are_told_of_them():
 
 @pytest.mark.real_time
 def test_a_step_that_is_not_possible_is_refused_and_the_node_goes_on(capsys, monkeypatch):
-    monkeypatch.setattr(_explain, "_told", set())
+    monkeypatch.setattr(explain, "_told", set())
     with living() as world:
         node = Node("robot", context=world.context)
         world.executor.add_node(node)
@@ -277,7 +277,7 @@ def test_a_step_that_is_not_possible_is_refused_and_the_node_goes_on(capsys, mon
         request = ChangeState.Request(transition=Transition(id=3))
         assert not world.answer(client.call_async(request)).success
         assert stands(node) == "unconfigured"
-        monkeypatch.setattr(_explain, "like_ros", lambda: True)
+        monkeypatch.setattr(explain, "like_ros", lambda: True)
         with pytest.raises(RCLError, match="Transition is not registered"):
             world.answer(client.call_async(request))
     assert "[taskrpc] ROS 2 would end the spin of /robot here" in capsys.readouterr().err

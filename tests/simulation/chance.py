@@ -11,8 +11,8 @@ import time
 import pytest
 
 from taskrpc import attempts, deduplication
-from taskrpc.deduplication import desk
-from taskrpc.wire.ledger import Ledger
+from taskrpc.exactly_once import deduplicator
+from taskrpc.request_ids.ledger import Ledger
 
 LEASE = 20.0
 """Seconds for which a simulated server remembers a client: longer than any call lasts."""
@@ -30,7 +30,7 @@ def only_chance(seed, wall_clock, counts):
         patch.setattr(os, "urandom", drawn.randbytes)
         patch.setattr(time, "time", wall_clock)
         patch.setitem(Ledger.__init__.__kwdefaults__, "lease", LEASE)
-        patch.setattr(desk, "_EXPIRE_EVERY", 1.0)
+        patch.setattr(deduplicator, "_EXPIRE_EVERY", 1.0)
         _count(patch, counts)
         try:
             yield drawn

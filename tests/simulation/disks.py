@@ -6,9 +6,9 @@ import asyncio
 import collections
 
 from taskrpc import OutcomeUnknown, StoreError
-from taskrpc.storage.stores import MemoryCompletions
+from taskrpc.exactly_once.stores import MemoryCompletions
 from taskrpc.tasks.model import State
-from taskrpc.tasks.store import MemoryStore
+from taskrpc.tasks.records.store import MemoryStore
 
 
 class Disk(MemoryStore):

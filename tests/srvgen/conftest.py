@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from srvgen import search
-from srvgen.cli import main
+from srvgen.cli.main import main
+from srvgen.definitions import search
 
 
 @pytest.fixture

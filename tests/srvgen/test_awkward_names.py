@@ -12,12 +12,12 @@ import pytest
 
 import srvgen
 from srvgen._runtime import encode_hook
-from srvgen.files import read_definition
-from srvgen.generate import generate
-from srvgen.importer import uninstall_import_hook
-from srvgen.search import BUNDLED, Search
-from srvgen.stubs import stubs, whole_packages
-from tests.srvgen.definitions import put_all
+from srvgen.classes.generate import generate
+from srvgen.classes.importer import uninstall_import_hook
+from srvgen.classes.stubs import stubs, whole_packages
+from srvgen.definitions.files import read_definition
+from srvgen.definitions.search import BUNDLED, Search
+from tests.srvgen.sample_definitions import put_all
 
 WORDS = """
 self cls data type id list int str bytes float array msgspec field default property none bool object

@@ -11,7 +11,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from srvgen import CdrError, FieldError, define, from_cdr, limits, to_cdr
+from srvgen import CdrError, FieldError, define, from_cdr, to_cdr
+from srvgen.definitions import limits
 from tests.fuzz.fuzz_cdr import classes, decode_or_refuse
 from tests.srvgen.cdr_reference import bundled_classes, random_message, reference_cdr
 

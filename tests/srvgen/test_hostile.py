@@ -11,14 +11,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import srvgen
-from srvgen import limits
-from srvgen.closure import problems_of
+from srvgen.classes.generate import generate
+from srvgen.classes.render import render, render_stub
+from srvgen.definitions import limits
+from srvgen.definitions.dependencies import problems_of
+from srvgen.definitions.full_text import join_full_text
+from srvgen.definitions.parser import parse_msg, parse_srv
+from srvgen.definitions.search import BUNDLED, Search
 from srvgen.errors import DefinitionError
-from srvgen.fulltext import join_full_text
-from srvgen.generate import generate
-from srvgen.parser import parse_msg, parse_srv
-from srvgen.render import render, render_stub
-from srvgen.search import BUNDLED, Search
 from srvgen.typehash import Hasher
 
 bundled = Search([BUNDLED])

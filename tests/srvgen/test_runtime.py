@@ -21,10 +21,10 @@ from hypothesis import strategies as st
 import srvgen
 from srvgen import _runtime
 from srvgen._runtime import FieldError
-from srvgen.fieldtypes import parse_type
-from srvgen.files import read_definition
-from srvgen.loader import _Builder
-from srvgen.search import Search
+from srvgen.classes.loader import _Builder
+from srvgen.definitions.field_types import parse_type
+from srvgen.definitions.files import read_definition
+from srvgen.definitions.search import Search
 
 FOLDER = Path(__file__).parents[1] / "golden" / "definitions" / "demo_interfaces"
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from srvgen.files import parse_definition
+from srvgen.definitions.files import parse_definition
 from srvgen.show import show
 
 TEXTS = {

@@ -12,9 +12,9 @@ from taskrpc.errors import (
     ServiceUnavailable,
     SessionExpired,
 )
+from taskrpc.request_ids.ids import Numbers, number_of_id
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Mode
-from taskrpc.wire.once import Numbers, number_of_id
 
 AT_ONCE = RetryPolicy(wait_initial=0.01, wait_max=0.01, wait_jitter=0)
 

@@ -11,8 +11,6 @@ from msgspec.structs import replace
 
 import srvgen
 import taskrpc
-from taskrpc.deduplication import Effect
-from taskrpc.deduplication.shared import shared_of
 from taskrpc.errors import (
     Code,
     DeadlineExceeded,
@@ -26,11 +24,13 @@ from taskrpc.errors import (
     StoreError,
     TaskRpcError,
 )
-from taskrpc.transport.calling import OpenCall
+from taskrpc.exactly_once import Effect
+from taskrpc.exactly_once.store_state import shared_of
+from taskrpc.request_ids.ids import Number, Remembered
+from taskrpc.request_ids.ledger import Ledger
+from taskrpc.transport.connection.client_side import OpenCall
 from taskrpc.transport.memory import Pipe
 from taskrpc.wire.frames import FrameType, pack_frame
-from taskrpc.wire.ledger import Ledger
-from taskrpc.wire.once import Number, Remembered
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
 

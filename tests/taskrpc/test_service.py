@@ -12,8 +12,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import taskrpc
-from taskrpc.access import Role
 from taskrpc.callinfo import Denied
+from taskrpc.security.roles import Role
 from taskrpc.service import MEASURED, QUEUE_LIMIT, Service
 from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport.base import IncomingCall

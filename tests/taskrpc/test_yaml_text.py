@@ -9,10 +9,10 @@ from hypothesis import strategies as st
 
 import srvgen
 from taskrpc import yaml_text
-from taskrpc.cli.topic_messages import Template
-from taskrpc.cli.values import build_request
+from taskrpc.cli.shared.values import build_request
+from taskrpc.cli.topic.messages import Template
 from taskrpc.errors import InvalidRequest
-from taskrpc.rclpy._yaml_parameters import read_file, read_value
+from taskrpc.rclpy._impl.parameters.yaml_parameters import read_file, read_value
 from taskrpc.rclpy.parameter import get_parameter_value, parameter_dict_from_yaml_file
 from taskrpc.robot.document import MapError
 from taskrpc.robot.mapfile import parse_map

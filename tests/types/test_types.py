@@ -17,10 +17,10 @@ from pathlib import Path
 
 import pytest
 
-from srvgen.search import BUNDLED, Search
-from srvgen.stubs import stubs, whole_packages
+from srvgen.classes.stubs import stubs, whole_packages
+from srvgen.definitions.search import BUNDLED, Search
 from tests.docs.markdown import Page, read_page
-from tests.srvgen.definitions import put_all
+from tests.srvgen.sample_definitions import put_all
 
 pytestmark = [pytest.mark.types, pytest.mark.real_time]
 

@@ -6,7 +6,7 @@ import sys
 import time
 from typing import Any, NoReturn
 
-from .._elsewhere import names_of
+from .._impl.reexports import names_of
 
 _INSTEAD = (
     "taskrpc has no actions yet; use a service for the goal and a topic for its feedback,"

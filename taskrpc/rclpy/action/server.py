@@ -6,7 +6,7 @@ from collections.abc import Callable
 from enum import Enum
 from typing import Any
 
-from .._elsewhere import names_of
+from .._impl.reexports import names_of
 from .client import lacks, refuse
 
 

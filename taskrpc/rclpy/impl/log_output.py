@@ -10,7 +10,7 @@ import weakref
 from collections.abc import Callable
 from typing import TextIO
 
-from .._arguments import Arguments
+from .._impl.arguments import Arguments
 from . import log_levels
 from .log_format import DEFAULT, Format, Record, coloured
 from .log_levels import SEPARATOR

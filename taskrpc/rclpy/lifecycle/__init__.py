@@ -1,6 +1,6 @@
 """Nodes whose work is set up, begun, ended and cleaned up step by step, on request of others."""
 
-from .._transitions import TransitionCallbackReturnType as TransitionCallbackReturn
+from .._impl.lifecycle_states import TransitionCallbackReturnType as TransitionCallbackReturn
 from .managed_entity import ManagedEntity, SimpleManagedEntity
 from .node import LifecycleNode, LifecycleNodeMixin, LifecycleState
 from .publisher import LifecyclePublisher

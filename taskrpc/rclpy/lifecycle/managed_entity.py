@@ -6,7 +6,7 @@ import functools
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
-from .._transitions import TransitionCallbackReturnType as TransitionCallbackReturn
+from .._impl.lifecycle_states import TransitionCallbackReturnType as TransitionCallbackReturn
 
 if TYPE_CHECKING:
     from .node import LifecycleState

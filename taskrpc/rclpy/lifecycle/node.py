@@ -7,8 +7,8 @@ from typing import Any, NamedTuple, cast
 
 import srvgen
 
-from .. import _explain
-from .._transitions import (
+from .._impl.diagnostics import explain
+from .._impl.lifecycle_states import (
     ACTIVATING,
     CLEANING_UP,
     CONFIGURING,
@@ -18,7 +18,7 @@ from .._transitions import (
     LifecycleStateMachine,
     Transition,
 )
-from .._transitions import TransitionCallbackReturnType as TransitionCallbackReturn
+from .._impl.lifecycle_states import TransitionCallbackReturnType as TransitionCallbackReturn
 from ..callback_groups import CallbackGroup
 from ..exceptions import RCLError
 from ..impl import log_output
@@ -187,7 +187,7 @@ class LifecycleNodeMixin(ManagedEntity):
         try:
             result = callback(before)
         except Exception as error:
-            _explain.swallowed(self, name, error)
+            explain.swallowed(self, name, error)
             result = TransitionCallbackReturn.ERROR
         if not isinstance(result, TransitionCallbackReturn):
             raise AttributeError(
@@ -241,9 +241,9 @@ class LifecycleNodeMixin(ManagedEntity):
         try:
             response.success = self._rclpy_change(number) is TransitionCallbackReturn.SUCCESS
         except RCLError as error:  # what others ask for must not end this node
-            if _explain.like_ros():
+            if explain.like_ros():
                 raise
-            _explain.impossible_step(self, number, error)
+            explain.impossible_step(self, number, error)
         return response
 
     def _rclpy_on_get_state(self, request: Any, response: Any) -> Any:

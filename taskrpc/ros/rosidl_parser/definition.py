@@ -1,3 +1,3 @@
 """The types of fields, as `SLOT_TYPES` of a message class holds them."""
 
-from srvgen.slot_types import *  # noqa: F403
+from srvgen.classes.slot_types import *  # noqa: F403

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import Any
 
-from srvgen.slot_types import slot_type
+from srvgen.classes.slot_types import slot_type
 from taskrpc.ros.message_text import Cut, csv_of, plain, yaml_of
 
 

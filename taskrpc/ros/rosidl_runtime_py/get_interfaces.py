@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TypeAlias
 
 import srvgen
-from srvgen.files import KINDS
-from srvgen.loader import search
+from srvgen.classes.loader import search
+from srvgen.definitions.files import KINDS
 from taskrpc.ros.ament_index_python.packages import get_packages_with_prefixes
 
 Interfaces: TypeAlias = dict[str, list[str]]

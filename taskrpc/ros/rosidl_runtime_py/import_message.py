@@ -6,7 +6,7 @@ import warnings
 from importlib import import_module
 from typing import Any
 
-from srvgen.slot_types import AbstractNestedType, AbstractType, NamespacedType
+from srvgen.classes.slot_types import AbstractNestedType, AbstractType, NamespacedType
 
 
 def import_message_from_namespaced_type(message_type: AbstractType) -> Any:

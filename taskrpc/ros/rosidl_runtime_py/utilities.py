@@ -5,9 +5,9 @@ from __future__ import annotations
 from importlib import import_module
 from typing import Any
 
+from srvgen.classes.slot_types import NamespacedType
 from srvgen.convert import is_message_class
-from srvgen.files import KINDS
-from srvgen.slot_types import NamespacedType
+from srvgen.definitions.files import KINDS
 
 
 def get_interface(identifier: str) -> Any:

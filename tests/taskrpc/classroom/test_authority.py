@@ -9,7 +9,7 @@ import pytest
 
 from taskrpc.classroom import authority
 from taskrpc.errors import TaskRpcError
-from taskrpc.transport.tls import Tls, pinned_context
+from taskrpc.security.tls import Tls, pinned_context
 
 NOW = datetime.datetime.now(datetime.UTC)
 NAMES = ["lab.example", "192.168.1.20", "::1"]

@@ -8,11 +8,11 @@ import threading
 import pytest
 
 import taskrpc
-from taskrpc import lab
 from taskrpc.classroom.authority import fingerprint, make_certificates
 from taskrpc.classroom.invitation import Invitation
 from taskrpc.classroom.joining import find_lab, visit
-from taskrpc.cli.remote import HERE
+from taskrpc.cli.shared.remote import HERE
+from taskrpc.security import lab
 from tests.taskrpc.transport.helpers import Add, add, ask, outcome
 
 pytestmark = pytest.mark.real_time

@@ -9,11 +9,11 @@ import pytest
 from msgspec.structs import replace
 
 from taskrpc import names
-from taskrpc.access import Role
 from taskrpc.classroom.authority import make_certificates
 from taskrpc.classroom.invitation import from_join_string
 from taskrpc.classroom.register import Place, Register, namespace_of
 from taskrpc.errors import TaskRpcError
+from taskrpc.security.roles import Role
 
 
 @pytest.fixture

@@ -2,8 +2,8 @@
 
 import pytest
 
-from taskrpc.access import why_no_name
 from taskrpc.classroom.student_names import account_for, cleaned, why_no_student
+from taskrpc.security.roles import why_no_name
 
 
 @pytest.mark.parametrize(

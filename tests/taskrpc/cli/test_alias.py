@@ -7,8 +7,8 @@ import sys
 
 import pytest
 
-from taskrpc.cli.completing import candidates
 from taskrpc.cli.main import main
+from taskrpc.cli.shared.completing import candidates
 
 pytestmark = pytest.mark.real_time
 

@@ -15,10 +15,10 @@ import threading
 import pytest
 import trustme
 
-from taskrpc import lab
-from taskrpc.cli import probe
+from taskrpc.cli.doctor import probe
 from taskrpc.cli.main import main
 from taskrpc.errors import ProtocolError
+from taskrpc.security import lab
 from taskrpc.wire.handshake import refusal
 
 pytestmark = pytest.mark.real_time
@@ -179,7 +179,7 @@ SCRIPT = """
 ip link set lo up
 ip route add unreachable 10.8.0.0/16 && ip route add prohibit 10.7.0.0/16 || exit 99
 exec "$0" -c '
-from taskrpc.cli import probe
+from taskrpc.cli.doctor import probe
 from taskrpc.cli.main import main
 probe.PATIENCE = 0.3
 for place in ("10.6.0.1:1", "10.7.0.1:1", "10.8.0.1:1"):

@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import taskrpc
-from taskrpc.cli import probe, socket_file
+from taskrpc.cli.doctor import probe, socket_file
 from taskrpc.cli.main import main
 from tests.taskrpc.transport.helpers import Add, add
 

@@ -15,8 +15,8 @@ import pytest
 
 from taskrpc.cli.call import main as call_main
 from taskrpc.cli.main import main
-from taskrpc.cli.processes import Process
-from taskrpc.transport.entries import Entry
+from taskrpc.cli.shared.processes import Process
+from taskrpc.transport.discovery.entries import Entry
 from taskrpc.wire.messages import Endpoint, TopicEndpoint
 
 pytestmark = pytest.mark.real_time
@@ -389,7 +389,7 @@ def test_nodes_of_one_name_are_warned_of(run, monkeypatch):
         Entry(1, "n.py", "/home", 0.0, nodes=("/twin", "/one")),
         Entry(2, "n.py", "/home", 0.0, nodes=("/twin",)),
     ]
-    monkeypatch.setattr("taskrpc.cli.graph.look", lambda remote: there)
+    monkeypatch.setattr("taskrpc.cli.shared.graph.look", lambda remote: there)
     assert run("node", "list", "--count") == (0, "3\n", "")
     assert run("node", "list") == (
         0,
@@ -440,7 +440,7 @@ HIDDEN = Entry(
 def test_names_with_a_hidden_part_are_listed_and_counted_on_request_only(
     run, monkeypatch, listing, option, seen, hidden
 ):
-    monkeypatch.setattr("taskrpc.cli.graph.look", lambda remote: [HIDDEN])
+    monkeypatch.setattr("taskrpc.cli.shared.graph.look", lambda remote: [HIDDEN])
     everything = sorted(seen + hidden)
     assert run(*listing)[1].split() == seen
     assert run(*listing, option)[1].split() == everything
@@ -450,7 +450,7 @@ def test_names_with_a_hidden_part_are_listed_and_counted_on_request_only(
 
 
 def test_lists_of_nothing_print_nothing_and_count_0(run, monkeypatch):
-    monkeypatch.setattr("taskrpc.cli.graph.look", lambda remote: [])
+    monkeypatch.setattr("taskrpc.cli.shared.graph.look", lambda remote: [])
     for kind in ("node", "service", "topic"):
         assert run(kind, "list") == (0, "", "")
         assert run(kind, "list", "-c") == (0, "0\n", "")

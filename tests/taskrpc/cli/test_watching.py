@@ -7,7 +7,7 @@ import pytest
 import trustme
 
 import taskrpc
-from taskrpc.cli.remote import Remote
+from taskrpc.cli.shared.remote import Remote
 from taskrpc.cli.watching import Watch
 from taskrpc.tasks import TaskServer
 from tests.taskrpc.tasks.fakes import FullStore, LineRobot

@@ -7,8 +7,8 @@ import pytest
 from taskrpc.metrics import render
 from taskrpc.metrics.tasks import MeasuredStore, task_families
 from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.sqlite_store import SqliteStore
-from taskrpc.tasks.store import MemoryStore
+from taskrpc.tasks.records.sqlite_store import SqliteStore
+from taskrpc.tasks.records.store import MemoryStore
 from tests.taskrpc.metrics.exposition import values
 from tests.taskrpc.tasks.fakes import FullStore, LineRobot
 

@@ -5,7 +5,7 @@ import sys
 
 import pytest
 
-from srvgen import importer, loader
+from srvgen.classes import importer, loader
 from taskrpc.ros import hook
 
 

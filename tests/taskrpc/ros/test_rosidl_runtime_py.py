@@ -7,7 +7,7 @@ import pytest
 import yaml
 
 import srvgen
-from srvgen.slot_types import BasicType, NamespacedType, UnboundedSequence, UnboundedString
+from srvgen.classes.slot_types import BasicType, NamespacedType, UnboundedSequence, UnboundedString
 from taskrpc.ros.rosidl_runtime_py import (
     get_action_interfaces,
     get_interface_packages,
@@ -23,7 +23,7 @@ from taskrpc.ros.rosidl_runtime_py import (
     utilities,
 )
 from taskrpc.ros.rosidl_runtime_py.import_message import import_message_from_namespaced_type
-from tests.srvgen.definitions import put_all
+from tests.srvgen.sample_definitions import put_all
 
 PoseStamped = srvgen.load("geometry_msgs/msg/PoseStamped")
 Log = srvgen.load("rcl_interfaces/msg/Log")

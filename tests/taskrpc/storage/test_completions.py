@@ -5,6 +5,8 @@ import sqlite3
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from taskrpc.exactly_once.memory import KeptCompletions
+from taskrpc.request_ids.ids import Completion
 from taskrpc.storage.completions import (
     CompletionBatch,
     make_tables,
@@ -12,8 +14,6 @@ from taskrpc.storage.completions import (
     read_store_id,
     renew,
 )
-from taskrpc.storage.memory import KeptCompletions
-from taskrpc.wire.once import Completion
 
 CLIENTS = [("", bytes(16)), ("ann", b"a" * 16), ("it's ü\x00", b"\xff" * 16)]
 clients = st.sampled_from(CLIENTS)

@@ -10,8 +10,8 @@ import pytest
 
 from taskrpc import SqliteCompletions, platform
 from taskrpc.errors import StoreError
+from taskrpc.request_ids.ids import Completion
 from taskrpc.storage.database import Database, pragma
-from taskrpc.wire.once import Completion
 
 on_windows = pytest.mark.skipif(os.name == "nt", reason="an open file cannot be moved there")
 

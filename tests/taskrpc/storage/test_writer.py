@@ -8,10 +8,10 @@ import threading
 import pytest
 
 from taskrpc.errors import OutcomeUnknown, StoreError
+from taskrpc.exactly_once.stores import SqliteCompletions
+from taskrpc.request_ids.ids import Completion
 from taskrpc.storage.lock import FileInUse
-from taskrpc.storage.stores import SqliteCompletions
 from taskrpc.storage.writer import Writer
-from taskrpc.wire.once import Completion
 
 TABLE = "CREATE TABLE IF NOT EXISTS booked (seat INTEGER PRIMARY KEY)"
 

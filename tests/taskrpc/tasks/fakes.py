@@ -4,7 +4,7 @@ import asyncio
 
 from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.robot.protocol import Plan, Pose, RobotStopped, TargetError
-from taskrpc.tasks.store import MemoryStore
+from taskrpc.tasks.records.store import MemoryStore
 
 
 class LineRobot:

@@ -5,14 +5,14 @@ import asyncio
 import pytest
 
 from taskrpc.errors import StoreError
+from taskrpc.request_ids.ids import Completion
 from taskrpc.robot.protocol import TargetError
 from taskrpc.tasks.answers import Resumed
-from taskrpc.tasks.listing import page
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import State
-from taskrpc.tasks.sqlite_store import SqliteStore
-from taskrpc.tasks.store import MemoryStore
-from taskrpc.wire.once import Completion
+from taskrpc.tasks.queue.pages import page
+from taskrpc.tasks.records.sqlite_store import SqliteStore
+from taskrpc.tasks.records.store import MemoryStore
 from tests.taskrpc.tasks.fakes import LineRobot
 
 

@@ -10,7 +10,7 @@ from taskrpc.errors import StoreError
 from taskrpc.robot import KinematicRobot, default_world
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import State
-from taskrpc.tasks.store import MemoryStore
+from taskrpc.tasks.records.store import MemoryStore
 from taskrpc.testing import VirtualTimeLoop
 from tests.taskrpc.tasks.fakes import LineRobot
 

@@ -3,7 +3,7 @@
 import pytest
 
 from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.store import MemoryStore
+from taskrpc.tasks.records.store import MemoryStore
 from tests.taskrpc.tasks.fakes import LineRobot
 
 

@@ -7,10 +7,11 @@ import pytest
 
 import taskrpc
 from taskrpc import Account, Accounts, Role
-from taskrpc.transport import admission, endpoint
-from taskrpc.wire.once import Remembered
+from taskrpc.request_ids.ids import Remembered
+from taskrpc.transport import endpoint
+from taskrpc.transport.limits import admission
+from tests.taskrpc.security.test_accounts import ANA, EYE, OTTO, call, write
 from tests.taskrpc.transport.helpers import Add, Gate, add, ask, outcome, until
-from tests.taskrpc.transport.test_accounts import ANA, EYE, OTTO, call, write
 
 
 def in_memory(name, account=None, **options):

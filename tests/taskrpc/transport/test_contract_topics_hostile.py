@@ -13,8 +13,8 @@ import srvgen
 import taskrpc
 from taskrpc import QoS, topic
 from taskrpc.errors import ProtocolError
+from taskrpc.transport.connection.server_side import ServingConnection
 from taskrpc.transport.network import Address
-from taskrpc.transport.serving import ServingConnection
 from taskrpc.wire import messages
 from taskrpc.wire import topics as wire
 from taskrpc.wire.events import SubscribeReceived

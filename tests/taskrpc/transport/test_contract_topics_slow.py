@@ -5,8 +5,8 @@ import asyncio
 from msgspec.structs import replace
 
 import srvgen
-from taskrpc.access import Account, Accounts, Role
-from taskrpc.transport import publishing
+from taskrpc.security.roles import Account, Accounts, Role
+from taskrpc.transport.pubsub import publishing
 from tests.taskrpc.transport.helpers import Add, Gate, ask, until
 
 String = srvgen.load("std_msgs/msg/String")

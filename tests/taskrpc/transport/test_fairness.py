@@ -6,8 +6,8 @@ import contextlib
 import pytest
 
 import taskrpc
-from taskrpc.transport import unread
-from taskrpc.transport.serving import FRAMES_A_TURN
+from taskrpc.transport.connection.server_side import FRAMES_A_TURN
+from taskrpc.transport.limits import backpressure
 from taskrpc.wire.frames import LARGE, FrameType, pack_frame
 from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask, outcome, until
 
@@ -146,7 +146,7 @@ async def test_calls_that_wait_for_a_caller_to_read_keep_their_order_and_stop_no
 async def test_callers_that_never_read_leave_no_more_than_the_bound_unread(
     monkeypatch, concurrency
 ):
-    monkeypatch.setattr(unread, "MAX_UNREAD", 10 * LARGE)
+    monkeypatch.setattr(backpressure, "MAX_UNREAD", 10 * LARGE)
     async with nodes(*(f"lazy{n}" for n in range(30)), "modest") as (server, *lazy, modest):
         server.create_service(Text, "big", big, concurrency=concurrency)
         server.create_service(Add, "small", add)

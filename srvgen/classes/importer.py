@@ -1,0 +1,265 @@
+"""An import hook: `from my_robot_interfaces.srv import RobotTask` straight from a .srv file."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from importlib import import_module
+from importlib.machinery import ModuleSpec, NamespaceLoader
+from pathlib import Path
+from types import FrameType, ModuleType
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from .. import excepthook
+from ..definitions.files import KINDS
+from ..definitions.names import did_you_mean, is_one_slip, is_package_name, names_in_folder
+from ..errors import DefinitionError
+from .loader import module_of, search, search_first
+from .render_types import module_name
+
+if TYPE_CHECKING:
+    from importlib.abc import Loader, MetaPathFinder
+
+    from ..definitions.model import Kind
+    from .resources import FolderReader
+else:  # they would bring importlib.resources along, a tenth of the start of a program
+    Loader = MetaPathFinder = object
+
+_TOO_SHORT_TO_GUESS = 4
+"""Letters of a name that is one slip away from too many others."""
+
+
+def install_import_hook(*paths: Path | str) -> None:
+    """Make interface packages importable from their definitions.
+
+    Afterwards `from my_robot_interfaces.srv import RobotTask` works wherever
+    `my_robot_interfaces/srv/RobotTask.srv` is within reach. A package that was generated or
+    installed as Python is imported as it is. Calling it again only adds paths.
+
+    An imported class is that of `load` as long as its file stays as it is. When the file is
+    edited, modules keep the class that they imported, as all Python does, while `load` gives a
+    new one from then on: start the program again to have one class everywhere.
+
+    Args:
+        paths: package folders, folders of packages or workspaces to look in first; `load` and
+            `type_hash` use them too.
+    """
+    excepthook.show_in_one_message()
+    search_first([Path(path).resolve() for path in paths])
+    if _finder not in sys.meta_path:
+        # In front: a folder `my_robot_interfaces/srv` beside the script is a namespace package
+        # to Python's own finder, which would hide what we can make of it.
+        sys.meta_path.insert(0, _finder)
+        sys.meta_path.append(_guesser)
+
+
+def uninstall_import_hook() -> None:
+    """Take the hook away again, with the paths and the modules that came with it."""
+    if _finder in sys.meta_path:
+        sys.meta_path.remove(_finder)
+        sys.meta_path.remove(_guesser)
+    search().paths.clear()
+    for name in [one for one in sys.modules if _is_ours(one)]:
+        del sys.modules[name]
+
+
+class _InterfaceFinder(MetaPathFinder):
+    """Claims packages of definitions, unless they are importable as Python."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        package, *rest = fullname.split(".")
+        if package in sys.stdlib_module_names or not is_package_name(package):
+            return None
+        match rest:
+            case []:
+                return self._package(package)
+            case ["msg" | "srv" | "action" as kind]:
+                return self._folder(fullname, path, package, kind)
+            case [kind, module] if kind in KINDS and _is_ours(f"{package}.{kind}"):
+                return self._module(fullname, path, package, kind, module)
+        return None
+
+    def _package(self, package: str) -> ModuleSpec | None:
+        if not search().has_package(package):
+            return None
+        real = self._real(package, None)
+        if _is_python(real):
+            return None
+        return _spec(package, _PackageLoader(), real)
+
+    def _folder(
+        self, fullname: str, path: Sequence[str] | None, package: str, kind: Kind
+    ) -> ModuleSpec | None:
+        real = self._real(fullname, path)
+        if _is_python(real):
+            return None
+        names = _names(package, kind)
+        return _spec(fullname, _FolderLoader(kind, names), real) if names else None
+
+    def _module(
+        self, fullname: str, path: Sequence[str] | None, package: str, kind: str, module: str
+    ) -> ModuleSpec | None:
+        for name in _names(package, kind):
+            if module_name(name) == module:
+                return ModuleSpec(fullname, _ModuleLoader(f"{package}/{kind}/{name}"))
+        is_name = module and not module.startswith("_")  # "" by __import__(folder, fromlist=[""])
+        if not is_name or not is_importing() or self._real(fullname, path) is not None:
+            return None
+        if module in _names(package, kind):
+            where = f"it is a class: from {package}.{kind} import {module}"
+            raise ModuleNotFoundError(f"No module named {fullname!r}; {where}", name=fullname)
+        # `from … import` comes here for a name that the folder lacks, and passes this on as it is.
+        problem = _no_interface(f"{package}.{kind}", module, _names(package, kind))
+        raise ImportError(f"cannot import name {module!r}: {problem}", name=fullname)
+
+    def _real(self, fullname: str, path: Sequence[str] | None) -> ModuleSpec | None:
+        for finder in sys.meta_path:
+            if finder in (self, _guesser):
+                continue
+            if (spec := finder.find_spec(fullname, path)) is not None:
+                return spec
+        return None
+
+
+class _Guesser(MetaPathFinder):
+    """Comes last: what nobody has found may be an interface package whose name is misspelt."""
+
+    def find_spec(
+        self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
+    ) -> ModuleSpec | None:
+        package, _, rest = fullname.partition(".")
+        if not is_importing():
+            return None
+        if rest and _is_ours(package):
+            for kind in KINDS:
+                if rest in _names(package, kind):
+                    where = f"write: from {package}.{kind} import {rest}"
+                    raise ImportError(f"cannot import name {rest!r}; {where}", name=fullname)
+            has = ", ".join(kind for kind in KINDS if _names(package, kind))
+            self._refuse(fullname, f"the interface package {package} has {has}")
+        elif not rest and len(package) > _TOO_SHORT_TO_GUESS:
+            # Nearer than a letter's slip, or an optional package that is not there is meant.
+            near = [one for one in search().packages() if is_one_slip(one, package)]
+            if near:
+                self._refuse(fullname, f"did you mean {' or '.join(near)}?")
+        return None
+
+    def _refuse(self, fullname: str, hint: str) -> NoReturn:
+        raise ModuleNotFoundError(f"No module named {fullname!r}; {hint}", name=fullname)
+
+
+class _InterfaceLoader(Loader):
+    """The base of our loaders, by which our modules are known."""
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType | None:
+        """None: Python makes the module."""
+        return None
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Nothing: what the module holds is there when it is made, or made when asked for."""
+
+
+class _PackageLoader(_InterfaceLoader):
+    """Makes `example_interfaces`."""
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Look like a package without an `__init__`, which it mostly is."""
+        module.__file__ = None
+
+    def get_resource_reader(self, fullname: str) -> FolderReader | None:
+        """What `importlib.resources` reads beside the definitions, where there is a folder."""
+        from .resources import FolderReader  # it is seldom asked for, and slow to import
+
+        folders = sys.modules[fullname].__path__
+        return FolderReader(list(folders)) if folders else None
+
+
+class _FolderLoader(_PackageLoader):
+    """Makes `example_interfaces.srv`, whose classes are loaded when they are asked for."""
+
+    def __init__(self, kind: Kind, names: list[str]) -> None:
+        self.names = names
+        self.homes = {one: name for name in names for one in names_in_folder(kind, name)}
+
+    def exec_module(self, module: ModuleType) -> None:
+        """Let attributes come from the definitions."""
+        super().exec_module(module)
+        folder = module.__name__
+
+        def get(attribute: str) -> Any:
+            if attribute not in self.homes:
+                raise AttributeError(_no_interface(folder, attribute, self.names))
+            home = import_module(f"{folder}.{module_name(self.homes[attribute])}")
+            found = getattr(home, attribute)
+            setattr(module, attribute, found)
+            return found
+
+        names = list(self.homes)
+        module.__dict__.update(__getattr__=get, __all__=names, __dir__=lambda: names)
+
+
+class _ModuleLoader(_InterfaceLoader):
+    """Makes `example_interfaces.srv._add_two_ints`: the module that `load` uses."""
+
+    def __init__(self, full_name: str) -> None:
+        self.full_name = full_name
+
+    def create_module(self, spec: ModuleSpec) -> ModuleType:
+        """The loaded module itself, so that `load` and imports give one class."""
+        return module_of(self.full_name)
+
+
+def _is_python(real: ModuleSpec | None) -> bool:
+    """Whether there is more to import than folders without an `__init__`."""
+    return real is not None and not isinstance(real.loader, NamespaceLoader | None)
+
+
+def _spec(fullname: str, loader: Loader, real: ModuleSpec | None) -> ModuleSpec:
+    spec = ModuleSpec(fullname, loader, is_package=True)
+    # Python modules that lie in the same folders stay importable, other files readable. It is
+    # Python's own list, which grows with sys.path.
+    if real is not None and real.submodule_search_locations is not None:
+        spec.submodule_search_locations = real.submodule_search_locations
+    return spec
+
+
+def is_importing() -> bool:
+    """Whether a finder is asked by an `import`, which may be told what is wrong.
+
+    Others only ask whether there is such a module (`importlib.util.find_spec`), and must be told
+    that there is none.
+    """
+    frame: FrameType | None = sys._getframe(2)
+    while frame is not None and "importlib._bootstrap" not in frame.f_code.co_filename:
+        frame = frame.f_back
+    asked = frame.f_back if frame is not None else None
+    return asked is not None and asked.f_code.co_name == "_find_and_load_unlocked"
+
+
+def _no_interface(folder: str, name: str, known: Sequence[str]) -> str:
+    problem = f"{folder} has no interface {name!r}"
+    hint = did_you_mean(name, known)
+    return f"{problem}; {hint}" if hint else problem
+
+
+def _names(package: str, kind: str) -> list[str]:
+    try:
+        return [
+            name
+            for _, one_kind, name in (full.split("/") for full in search().interfaces(package))
+            if one_kind == kind
+        ]
+    except DefinitionError:
+        return []
+
+
+def _is_ours(name: str) -> bool:
+    module = sys.modules.get(name)
+    spec = module.__spec__ if isinstance(module, ModuleType) else None
+    return isinstance(getattr(spec, "loader", None), _InterfaceLoader)
+
+
+_finder = _InterfaceFinder()
+_guesser = _Guesser()

@@ -1,0 +1,157 @@
+"""How each type of a definition is annotated and default-initialised in a generated class."""
+
+from __future__ import annotations
+
+import keyword
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from ..definitions.literals import unescape
+from ..definitions.model import Field, FieldType, MessageDef, Scalar, Value
+from ..definitions.names import snake_case
+from .render_text import literal
+
+INTEGERS = {
+    "char": "uint8",
+    **{name: name for name in "int8 uint8 int16 uint16 int32 uint32 int64 uint64".split()},
+}
+"""The integer types, with the name of their range and of their array class."""
+
+FLOATS = frozenset({"float32", "float64"})
+STRINGS = frozenset({"string", "wstring"})
+
+_BUILTINS = frozenset("bool int float str bytes list".split())
+_RESERVED = frozenset({"get_fields_and_field_types"})
+
+
+@dataclass(frozen=True, slots=True)
+class Scope:
+    """What names mean inside the body of one generated class."""
+
+    classes: Mapping[str, str]
+    """The source name of each class that the module has, by its full name."""
+    shadowed: frozenset[str] = frozenset()
+    """Built-in names that fields of this class hide from its own body."""
+
+    def inside(self, message: MessageDef) -> Scope:
+        """The same names, as the body of this message's class sees them."""
+        return Scope(self.classes, _BUILTINS & {field.name for field in message.fields})
+
+    def builtin(self, name: str) -> str:
+        """A built-in's name; needs `import builtins as _builtins` where it is hidden."""
+        is_hidden = name in self.shadowed or name in self.classes.values()
+        return f"_builtins.{name}" if is_hidden else name
+
+    def class_of(self, type_: FieldType) -> str:
+        """The source name of a nested message's class."""
+        return self.classes[type_.full_name]
+
+
+def attribute(name: str) -> str:
+    """A field's attribute: its name, with an underscore where Python or we need the name."""
+    return f"{name}_" if keyword.iskeyword(name) or name in _RESERVED else name
+
+
+def module_name(name: str) -> str:
+    """rosidl's private module of an interface: `_add_two_ints` of `AddTwoInts`."""
+    return f"_{snake_case(name)}"
+
+
+def array_class(type_: FieldType) -> str | None:
+    """The runtime's array class of a numeric array; None for what is a list or no array."""
+    if not type_.is_array or not (type_.base in INTEGERS or type_.base in FLOATS):
+        return None
+    return f"_runtime.{INTEGERS.get(type_.base, type_.base).capitalize()}Array"
+
+
+def annotation(type_: FieldType, scope: Scope) -> str:
+    """The annotation of a field."""
+    if array_class(type_):
+        return "_runtime.Ints" if type_.base in INTEGERS else "_runtime.Floats"
+    if type_.is_array:
+        element = _annotation(type_, scope, scope.builtin("bytes"))
+        return f"{scope.builtin('list')}[{element}]"
+    return _annotation(type_, scope, "_runtime.Byte")
+
+
+def _annotation(type_: FieldType, scope: Scope, byte: str) -> str:
+    if not type_.is_primitive:
+        return scope.class_of(type_)
+    if type_.base in INTEGERS:
+        return scope.builtin("int")
+    if type_.base in FLOATS:
+        return scope.builtin("float")
+    if type_.base in STRINGS:
+        return scope.builtin("str")
+    return byte if type_.base == "byte" else scope.builtin("bool")
+
+
+def constant_annotation(base: str, scope: Scope) -> str:
+    """The type of a constant or of a default as a class attribute shows it."""
+    return _annotation(FieldType(base), scope, scope.builtin("bytes"))
+
+
+def default(field: Field, scope: Scope) -> str:
+    """What stands behind the `=` of a field."""
+    type_ = field.type
+    if made := array_class(type_):
+        size = type_.array_size if type_.is_fixed_array else None
+        return f"{made}.field({_elements(field.default, type_) or size or ''})"
+    if type_.is_array:
+        return f"_msgspec.field(default_factory={_list_factory(field, scope)})"
+    if not type_.is_primitive:
+        return f"_msgspec.field(default_factory={scope.class_of(type_)})"
+    value = scalar(_zero(type_) if field.default is None else field.default, type_)
+    return f"_runtime.byte({value})" if type_.base == "byte" else value
+
+
+def default_constant(field: Field) -> str:
+    """The value of `FIELD__DEFAULT`."""
+    elements = _elements(field.default, field.type)
+    if made := array_class(field.type):
+        return f"{made}({elements})"
+    if elements:
+        return f"[{elements[1:-1].rstrip(',')}]"
+    assert field.default is not None
+    return scalar(field.default, field.type)
+
+
+def scalar(value: Value, type_: FieldType) -> str:
+    """One literal of this type."""
+    assert not isinstance(value, tuple)
+    if type_.base == "byte":
+        return literal(bytes((int(value),)))
+    return literal(_as_declared(value, type_.base))
+
+
+def _as_declared(value: Scalar, base: str) -> Scalar:
+    if isinstance(value, str):
+        return unescape(value)
+    # A definition may give a float the default 1; the attribute is a float all the same.
+    return float(value) if base in FLOATS else value
+
+
+def _elements(value: Value | None, type_: FieldType) -> str:
+    if not isinstance(value, tuple):
+        return ""
+    parts = ", ".join(scalar(item, type_) for item in value)
+    return f"({parts},)" if len(value) == 1 else f"({parts})"
+
+
+def _list_factory(field: Field, scope: Scope) -> str:
+    type_ = field.type
+    if elements := _elements(field.default, type_):
+        return f"lambda: [{elements[1:-1].rstrip(',')}]"
+    if not type_.is_fixed_array:
+        return scope.builtin("list")
+    if type_.is_primitive:
+        return f"lambda: [{scalar(_zero(type_), type_)}] * {type_.array_size}"
+    return f"lambda: [{scope.class_of(type_)}() for _ in range({type_.array_size})]"
+
+
+def _zero(type_: FieldType) -> Scalar:
+    if type_.base in STRINGS:
+        return ""
+    if type_.base in FLOATS:
+        return 0.0
+    return False if type_.base == "bool" else 0

@@ -1,0 +1,108 @@
+"""Definitions → stubs (.pyi), so that editors know what the import hook and `load` give.
+
+Stubs in `typings/` are found by Pyright and Pylance without any setting, and by mypy with
+`mypy_path = "typings"`. One of them stands in front of srvgen itself: it gives `load` an overload
+for every type, and hands on everything else.
+"""
+
+from __future__ import annotations
+
+import inspect
+import keyword
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from importlib import import_module
+
+from .. import _HOMES
+from ..definitions.files import KINDS
+from ..definitions.implied import references
+from ..definitions.model import Definition, Kind
+from ..definitions.names import split_type_name
+from ..definitions.search import Search
+from ..errors import DefinitionError
+from .generate import exports
+from .render import GENERATED, render_stub
+from .render_text import docstring
+from .render_types import module_name
+
+
+def whole_packages(
+    names: Sequence[str], search: Search
+) -> tuple[dict[str, Definition], list[DefinitionError]]:
+    """The definitions of packages and of the packages that they need, and what is wrong in them.
+
+    A stub hides its package from a type checker, so each package is there with all its types.
+
+    Args:
+        names: packages, or types whose packages are meant; everything within reach where empty.
+        search: where they are found.
+
+    Raises:
+        DefinitionError: a name is not within reach.
+    """
+    wanted = [_package(name, search) for name in names] or list(search.packages())
+    known: dict[str, Definition] = {}
+    problems: list[DefinitionError] = []
+    seen: set[str] = set()
+    while wanted:
+        package = wanted.pop()
+        if package in seen or keyword.iskeyword(package) or package in sys.stdlib_module_names:
+            continue
+        seen.add(package)
+        for name in search.interfaces(package):
+            try:
+                needed = search.closure(name)
+            except DefinitionError as error:
+                problems.append(error)
+            else:
+                known[name] = needed[-1]
+                wanted += [one.type.package or "" for one in references(needed[-1])]
+    return dict(sorted(known.items())), problems
+
+
+def stubs(definitions: Mapping[str, Definition]) -> dict[str, str]:
+    """The stub files for these definitions, by relative path, with the one for srvgen."""
+    folders: dict[tuple[str, Kind], list[str]] = {}
+    output = {"srvgen/__init__.pyi": "\n".join(_srvgen_stub(definitions)) + "\n"}
+    for name, definition in definitions.items():
+        package, kind, bare = split_type_name(name)
+        folders.setdefault((package, kind), []).append(bare)
+        output[f"{package}/{kind}/{module_name(bare)}.pyi"] = render_stub(definition)
+        output[f"{package}/__init__.pyi"] = f'"""The interfaces of {package}, {GENERATED}"""\n'
+    for (package, kind), names in folders.items():
+        output[f"{package}/{kind}/__init__.pyi"] = exports(package, kind, names)
+    return dict(sorted(output.items()))
+
+
+def _package(name: str, search: Search) -> str:
+    if "/" in name:
+        return search.existing(name).split("/")[0]
+    search.interfaces(name)  # says that there is no such package
+    return name
+
+
+def _srvgen_stub(definitions: Mapping[str, Definition]) -> Iterator[str]:
+    yield f'"""srvgen, with a `load` that knows the types of this project; {GENERATED}"""'
+    yield from ("# ruff: noqa", "", "from typing import Any, Literal, overload", "")
+    folders = sorted({tuple(name.split("/")[:2]) for name in definitions})
+    yield from (f"from {package} import {kind} as _{package}_{kind}" for package, kind in folders)
+    yield from (
+        f"from srvgen.{home} import {name} as {name}"
+        for name, home in sorted(_HOMES.items(), key=lambda one: (one[1], one[0]))
+        if name != "load"
+    )
+    yield ""
+    for name in definitions:
+        package, kind, bare = name.split("/")
+        literals = ", ".join(f'"{one}"' for one in _spellings(name, definitions))
+        yield "@overload"
+        yield f"def load(type_name: Literal[{literals}]) -> type[_{package}_{kind}.{bare}]: ..."
+    load = import_module("srvgen.classes.loader").load
+    text = docstring((inspect.getdoc(load) or "").splitlines(), "    ")
+    yield from ("@overload", "def load(type_name: str) -> Any:", *text)
+
+
+def _spellings(name: str, known: Mapping[str, Definition]) -> list[str]:
+    package, kind, bare = name.split("/")
+    others = [one for one in KINDS if one != kind and f"{package}/{one}/{bare}" in known]
+    return [name] if others else [name, f"{package}/{bare}"]

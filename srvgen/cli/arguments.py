@@ -1,0 +1,105 @@
+"""The command line of `srvgen` as argparse has it: what several commands share."""
+
+from __future__ import annotations
+
+import argparse
+import re
+from pathlib import Path
+from typing import Any, NoReturn, TypeAlias
+
+from . import process
+
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
+
+SOURCE = """\
+a definition file, a package folder, a folder of packages, or the name of a type or package within
+reach"""
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that knows what a misspelt command was meant to be."""
+
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        """End the command; the caller reports a help text that cannot be written."""
+        process.check_output()
+        super().exit(status, message)
+
+    def error(self, message: str) -> NoReturn:
+        """Print usage and message, with a hint, and exit with 2."""
+        found = re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message)
+        if found:
+            from ..definitions.names import did_you_mean  # only a mistake needs it
+
+            known = re.findall(r"[\w-]+", found[2])
+            hint = did_you_mean(found[1], known) or f"choose from {', '.join(known)}"
+            message = f"unknown command {found[1]!r}; {hint}"
+        super().error(message)
+
+
+def root() -> tuple[Parser, Commands]:
+    """The parser of `srvgen` itself, and what its commands are added to."""
+    parser = Parser(
+        prog="srvgen", description="ROS 2 interface definitions in Python, without ROS."
+    )
+    what = "show program's version number and exit"
+    parser.add_argument("--version", action=_Version, nargs=0, help=what)
+    return parser, parser.add_subparsers(title="commands", metavar="COMMAND")
+
+
+def add_command(commands: Commands, name: str, purpose: str) -> Parser:
+    """A parser for one command."""
+    command: Parser = commands.add_parser(name, help=purpose, description=purpose)
+    command.add_argument(
+        "-I",
+        dest="include",
+        metavar="PATH",
+        type=_folder,
+        action="append",
+        default=[],
+        help="look for packages here first (may be repeated)",
+    )
+    return command
+
+
+def with_sources(commands: Commands, name: str, purpose: str, *, default: str = "") -> Parser:
+    """A command that works on any number of sources; on `default` where none is given."""
+    command = add_command(commands, name, purpose)
+    command.add_argument(
+        "sources",
+        metavar="SRC",
+        nargs="*" if default else "+",
+        default=[default],
+        help=SOURCE + (" (default: the current folder)" if default else ""),
+    )
+    return command
+
+
+def with_type(commands: Commands, name: str, purpose: str) -> Parser:
+    """A command that works on one type."""
+    command = add_command(commands, name, purpose)
+    command.add_argument(
+        "type", metavar="TYPE", help="such as example_interfaces/srv/AddTwoInts, or its file"
+    )
+    return command
+
+
+def _folder(text: str) -> Path:
+    path = Path(text)
+    if not path.is_dir():
+        came = "a file" if path.exists() else "nothing there"
+        raise argparse.ArgumentTypeError(f"expected a folder, got {came}: {text}")
+    return path
+
+
+class _Version(argparse.Action):
+    """Prints the version, which no other command pays for finding."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
+        from importlib.metadata import PackageNotFoundError, version
+
+        try:
+            found = version("taskrpc")
+        except PackageNotFoundError:
+            found = "(not installed)"
+        print(f"srvgen {found}")
+        parser.exit()

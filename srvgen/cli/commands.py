@@ -1,0 +1,255 @@
+"""What each command of `srvgen` does, once its command line is read."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from ..definitions.dependencies import closure, whole_error
+from ..definitions.files import KINDS, kind_folder, read_definition, read_text
+from ..definitions.model import Definition
+from ..definitions.search import Search
+from ..errors import DefinitionError
+from .report import Report
+from .sources import files_of, is_type_name, search_paths
+
+if TYPE_CHECKING:
+    from ..classes.output import Changes
+    from ..diagnostics.fix import Fix
+
+
+def write_packages(options: argparse.Namespace, report: Report) -> None:
+    """`srvgen generate`: write importable Python packages."""
+    search = _search_of_sources(options)
+    with search.one_look():
+        _generate(options, report, search)
+
+
+def _generate(options: argparse.Namespace, report: Report, search: Search) -> None:
+    from ..classes.generate import generate
+    from ..classes.output import kept_types, write_tree
+
+    packages: dict[str, list[Definition]] = {}
+    whole: set[str] = set()
+    has_workspace = False
+    for source in options.sources:
+        for path in _files([source], search, report):
+            has_workspace |= Path(source) in path.parents[2:]  # above package and kind
+            try:
+                definition = read_definition(path)
+                closure(definition, search, path=path)
+                search.find(definition.full_name)
+            except DefinitionError as error:
+                # It is not valid, lacks something, or lies outside its package's folder.
+                report.error(whole_error(error, search))
+            else:
+                packages.setdefault(definition.package, []).append(definition)
+                if path != Path(source) and not is_type_name(source):
+                    whole.add(definition.package)
+
+    def is_gone(name: str) -> bool:
+        # Who names single files, as with protoc, says nothing about those of earlier runs.
+        # A workspace has all its packages, so that one which is nowhere has gone.
+        is_meant = has_workspace or name.partition("/")[0] in whole
+        return is_meant and search.is_missing(name)
+
+    files = generate(packages, search, kept_types(options.out, is_gone))
+    changes = write_tree(files, options.out, is_gone, check=options.check)
+    if options.check:
+        _tell_differences(changes, report)
+    else:
+        for package in changes.gone:
+            stays = "; other files in it stay" if package.exists() else ""
+            print(f"removed {package}, which belongs to no definition any more{stays}")
+
+
+def _tell_differences(changes: Changes, report: Report) -> None:
+    for path in changes.outdated:
+        report.failure(f"{path} is not up to date: run srvgen generate")
+    for path in (*changes.stale, *changes.gone):
+        report.failure(f"{path} belongs to no definition any more: run srvgen generate")
+
+
+def write_stubs(options: argparse.Namespace, report: Report) -> None:
+    """`srvgen stubs`: write stubs for editors and type checkers."""
+    from ..classes.output import write_tree
+    from ..classes.stubs import stubs, whole_packages
+
+    search = Search(options.include)
+    definitions, problems = whole_packages(options.names, search)
+    for problem in problems:
+        report.error(problem)
+    packages = {name.split("/")[0] for name in definitions}
+
+    def is_gone(name: str) -> bool:
+        return name.split("/", maxsplit=1)[0] in packages and search.is_missing(name)
+
+    with search.one_look():
+        write_tree(stubs(definitions), options.out, is_gone, check=False)
+    types = f"{_counted(len(definitions), 'type')} of {_counted(len(packages), 'package')}"
+    print(f"wrote stubs for {types} to {options.out}")
+
+
+def check(options: argparse.Namespace, report: Report) -> None:
+    """`srvgen check`: report every problem of definitions."""
+    from ..diagnostics.warnings import package_cycle, suspicions
+
+    search = _search_of_sources(options)
+    known: dict[str, Definition] = {}
+    files = _files(options.sources, search, report)
+    with search.one_look():
+        for path in files:
+            try:
+                definition = read_definition(path)
+                report.warn(suspicions(definition, path))
+                known |= {one.full_name: one for one in closure(definition, search, path=path)}
+            except DefinitionError as error:
+                report.error(whole_error(error, search))
+    if ring := package_cycle(known.values()):
+        chain = " → ".join(ring)
+        report.error(DefinitionError(f"expected packages that can be ordered, got {chain}"))
+    if not report.exit_code and not options.json:
+        warnings = f", {_counted(report.warnings, 'warning')}" if report.warnings else ""
+        print(f"{_counted(len(files), 'definition')}, no problems{warnings}")
+
+
+def _counted(count: int, noun: str) -> str:
+    return f"{count} {noun}{'' if count == 1 else 's'}"
+
+
+def fix(options: argparse.Namespace, report: Report) -> None:
+    """`srvgen fix`: put right what has one right answer, and report the rest."""
+    from ..diagnostics.fix import fix_file
+
+    search = _search_of_sources(options)
+    fixes: list[Fix] = []
+    with search.one_look():
+        for path in _files(options.sources, search, report):
+            try:
+                fix = fix_file(path, search.is_missing)
+                fixes.append(fix)
+                if fix.is_needed:
+                    _apply(fix, path, dry_run=options.dry_run)
+            except DefinitionError as error:
+                report.error(error)
+    with search.one_look():  # files may have other names now
+        for fix in fixes:
+            report.remember(fix.new_path)
+            try:
+                fix.check(search)
+            except DefinitionError as error:
+                # What would be written is not what is there, to which other problems would point.
+                report.error(error if options.dry_run else whole_error(error, search))
+
+
+def _apply(fix: Fix, path: Path, *, dry_run: bool) -> None:
+    if dry_run:
+        print(*fix.diff(), sep="\n")
+        return
+    fix.write()
+    renamed = f", now {fix.new_path}" if fix.new_path != path else ""
+    print(f"fixed {path}{renamed}")
+
+
+def print_descriptions(options: argparse.Namespace, report: Report) -> None:
+    """`srvgen describe`: print definitions as JSON."""
+    import json
+
+    from ..describe import describe
+
+    search = _search_of_sources(options)
+    for source in options.sources:
+        if is_type_name(source):  # perhaps of one that its file implies
+            readers = [partial(search.load, source)]
+        else:
+            readers = [partial(read_definition, path) for path in _files([source], search, report)]
+        for read in readers:
+            try:
+                described = describe(read())
+            except DefinitionError as error:
+                report.error(error)
+            else:
+                indent = None if options.json else 2
+                print(json.dumps(described, indent=indent, allow_nan=False))
+
+
+def print_definition(options: argparse.Namespace, report: Report) -> None:
+    """`srvgen show`: print a definition and what it contains."""
+    from ..show import Comments, show
+
+    search, definition, path = _one(options)
+
+    def lookup(name: str) -> tuple[str, Definition]:
+        if path and name == definition.full_name:
+            return read_text(path), definition
+        return search.text(name), search.load(name)
+
+    comments: Comments = "all" if options.all_comments else "none" if options.no_comments else "own"
+    for line in show(definition.full_name, lookup, comments=comments):
+        print(line)
+
+
+def print_hash(options: argparse.Namespace, report: Report) -> None:
+    """`srvgen hash`: print the RIHS01 hash of a type."""
+    import json
+
+    from ..typehash import hash_of
+
+    search, definition, path = _one(options)
+    name = definition.full_name
+    if not path:
+        name = str(search.resolve_name(options.type))
+        definition = search.load(name)
+    digest = hash_of(definition, search.load)
+    print(json.dumps({"type": name, "hash": digest}) if options.json else digest)
+
+
+def _one(options: argparse.Namespace) -> tuple[Search, Definition, Path | None]:
+    """The one definition that is asked for, with all that it needs; its file if that was named."""
+    path = Path(options.type)
+    search = Search([*search_paths([options.type]), *options.include])
+    if path.is_file():
+        definition = read_definition(path)
+        closure(definition, search, path=path)
+        return search, definition, path
+    if path.is_dir():
+        raise DefinitionError("expected a file or the name of a type, got a folder", path=str(path))
+    if path.suffix.removeprefix(".") in KINDS:
+        files_of(options.type, search)  # says that there is none, and what is
+    name = search.resolve_name(options.type)
+    owner = str(name._replace(name=search.find(str(name)).stem))
+    return search, search.closure(owner)[-1], None
+
+
+def _search_of_sources(options: argparse.Namespace) -> Search:
+    # What is to be worked on goes before a package of the same name on a search path.
+    return Search([*search_paths(options.sources), *options.include])
+
+
+def _second(path: Path, first: Path) -> DefinitionError:
+    return DefinitionError(
+        f"expected one file that defines {path.stem}, got a second one",
+        path=str(path),
+        hint=f"the other is {first}: rename or remove one; subfolders do not make names differ",
+    )
+
+
+def _files(sources: Sequence[str], search: Search, report: Report) -> list[Path]:
+    """The files of the sources, each once; two that define one type of a package are an error."""
+    paths: dict[Path, Path] = {}
+    first: dict[tuple[Path, str], Path] = {}
+    for source in sources:
+        try:
+            for path in files_of(source, search):
+                place = path.resolve()
+                paths.setdefault(place, path)
+                report.remember(path)
+                twin = first.setdefault((kind_folder(place) or place.parent, path.name), path)
+                if twin.resolve() != place:
+                    report.error(_second(path, twin))
+        except DefinitionError as error:
+            report.error(error)
+    return list(paths.values())

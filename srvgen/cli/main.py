@@ -1,0 +1,160 @@
+"""The `srvgen` command: generate, check, fix, describe, show, hash and stubs."""
+
+from __future__ import annotations
+
+import atexit
+import gc
+import io
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from . import process
+from .arguments import Commands, Parser, add_command, root, with_sources, with_type
+
+_GARBAGE = 100_000
+"""Objects to make before Python looks for garbage."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command and return its exit code: 0 done, 1 an error, 2 wrong usage, 130 Ctrl-C."""
+    if argv is not None:
+        return _guarded(argv)
+    process.begin()
+    # A command is short: garbage collection would take a tenth of its time.
+    gc.set_threshold(_GARBAGE)
+    atexit.register(gc.freeze)
+    try:
+        code = _guarded(sys.argv[1:])
+    except KeyboardInterrupt:  # once more, while a message was printed
+        code = process.INTERRUPTED
+    return process.end(code)
+
+
+def _guarded(argv: Sequence[str]) -> int:
+    """Run the command; output that cannot be written is one message, or none for a closed pipe."""
+    try:
+        code = _run(argv)
+        process.check_output()
+    except KeyboardInterrupt:
+        return process.INTERRUPTED
+    except OSError as error:
+        failure = process.output_failure()
+        if failure is None:
+            raise
+        if isinstance(error, BrokenPipeError):
+            return 0  # the reader of the output stopped early
+        print(f"cannot write to standard output: {failure.strerror}", file=sys.stderr)
+        return 1
+    return code
+
+
+def _run(argv: Sequence[str]) -> int:
+    parser = _parser()
+    options = parser.parse_args(argv)
+    if "run" not in options:
+        parser.print_help(sys.stderr)
+        return 2
+    # Not at the top: `--help` does not need it.
+    from ..errors import DefinitionError
+    from . import commands
+    from .report import Report
+
+    _print_notes()
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # Comments have characters that the code page of a Windows pipe may lack.
+        sys.stdout.reconfigure(errors="backslashreplace")
+    report = Report(as_json=getattr(options, "json", False))
+    process.start_work()
+    try:
+        getattr(commands, options.run)(options, report)
+    except DefinitionError as error:
+        report.error(error)
+    sys.stdout.flush()
+    report.finish()
+    return report.exit_code
+
+
+def _parser() -> Parser:
+    parser, commands = root()
+    _add_generate(commands)
+    check = with_sources(commands, "check", "report every problem of definitions", default=".")
+    check.add_argument("--json", action="store_true", help="one JSON line a problem")
+    check.set_defaults(run="check")
+    fix = with_sources(commands, "fix", "put right what has one right answer, and report the rest")
+    fix.add_argument(
+        "--dry-run", action="store_true", help="write nothing; print what would change as a diff"
+    )
+    fix.set_defaults(run="fix")
+    describe = with_sources(commands, "describe", "print definitions as JSON")
+    describe.add_argument("--json", action="store_true", help="one line an interface")
+    describe.set_defaults(run="print_descriptions")
+    _add_show(commands)
+    digest = with_type(commands, "hash", "print the RIHS01 hash of a type")
+    digest.add_argument("--json", action="store_true", help="as a JSON object")
+    digest.set_defaults(run="print_hash")
+    _add_stubs(commands)
+    return parser
+
+
+def _add_generate(commands: Commands) -> None:
+    command = with_sources(commands, "generate", "write importable Python packages")
+    command.add_argument(
+        "-o", dest="out", metavar="OUT", type=Path, required=True, help="the folder to write to"
+    )
+    command.add_argument(
+        "--check", action="store_true", help="write nothing; exit 1 if the output would differ"
+    )
+    command.set_defaults(run="write_packages")
+
+
+def _add_show(commands: Commands) -> None:
+    command = with_type(commands, "show", "print a definition and what it contains")
+    which = command.add_mutually_exclusive_group()
+    which.add_argument(
+        "--all-comments", action="store_true", help="with the comments of nested definitions"
+    )
+    which.add_argument("--no-comments", action="store_true", help="without any comments")
+    command.set_defaults(run="print_definition")
+
+
+_STUBS = """\
+write stubs (.pyi), so that editors and type checkers know the classes that the import hook and
+srvgen.load give, down to the name of each field"""
+_STUBS_NOTES = """\
+Pyright and Pylance read ./typings as it is; for mypy, set mypy_path = "typings". Afterwards
+srvgen.load("my_msgs/srv/Fetch") is typed too, where the name is written out. Run it again when a
+definition has changed. Pyright's warning reportMissingModuleSource, that there is a stub and no
+source, is right: these packages have no Python files. It may be switched off."""
+
+
+def _add_stubs(commands: Commands) -> None:
+    command = add_command(commands, "stubs", "write stubs for editors and type checkers")
+    command.description, command.epilog = _STUBS, _STUBS_NOTES
+    command.add_argument(
+        "names",
+        metavar="TYPE|PACKAGE",
+        nargs="*",
+        help="what to write stubs for, with all that it needs (default: every package in reach)",
+    )
+    command.add_argument(
+        "-o",
+        dest="out",
+        metavar="DIR",
+        type=Path,
+        default=Path("typings"),
+        help="the folder to write to (default: typings)",
+    )
+    command.set_defaults(run="write_stubs")
+
+
+def _print_notes() -> None:
+    """Show what the library has to say, one line each, on stderr."""
+    import logging
+
+    handler = logging.StreamHandler()
+    handler.setFormatter(logging.Formatter("note: %(message)s"))
+    logger = logging.getLogger("srvgen")
+    logger.handlers = [handler]
+    logger.setLevel(logging.INFO)
+    logger.propagate = False

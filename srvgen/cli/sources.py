@@ -1,0 +1,165 @@
+"""What `srvgen check SRC...` and its sisters were asked to work on."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from pathlib import Path
+
+from ..definitions.files import KINDS, has_subfolders, kind_folder, kind_of, subfolders
+from ..definitions.names import did_you_mean
+from ..definitions.search import Search
+from ..errors import DefinitionError
+
+_LEFT_OUT = ("build", "install", "log", "node_modules", "__pycache__")
+"""Folders below `src` that hold no sources of packages."""
+
+
+def is_type_name(source: str) -> bool:
+    """Whether a source that is no file or folder can only be the name of a type."""
+    return re.fullmatch(r"\w+/(?:\w+/)?\w+", source) is not None and not Path(source).exists()
+
+
+def files_of(source: str, search: Search) -> list[Path]:
+    """The definition files that a source means, in a steady order.
+
+    A source is a file, a package folder, a folder of packages or a workspace with `src`; else the
+    name of a type or a package within reach. Files whose ending is a slip of the pen (`X.srv.txt`)
+    are among them, so that they are reported.
+
+    Raises:
+        DefinitionError: the source is not there or holds no definition.
+    """
+    if is_type_name(source):
+        return [search.find(source)]
+    path = Path(source)
+    if _exists(path):
+        return definition_files(path)
+    if search.has_package(source):
+        return [search.find(name) for name in search.interfaces(source)]
+    raise DefinitionError(
+        "expected a file, a folder or the name of a type, got nothing there",
+        path=source,
+        hint=did_you_mean(path.name, _choices(path.parent))
+        or did_you_mean(source, search.packages()),
+    )
+
+
+def _choices(folder: Path) -> list[str]:
+    """What may be meant in a folder: its files, and its folders unless they are called like one."""
+    try:
+        return [
+            one.name
+            for one in folder.iterdir()
+            if one.is_file() or (one.is_dir() and one.suffix.removeprefix(".") not in KINDS)
+        ]
+    except OSError:
+        return []
+
+
+def _exists(path: Path) -> bool:
+    try:
+        path.stat()
+    except FileNotFoundError:
+        return False
+    except OSError as error:
+        raise DefinitionError(
+            f"expected a file or folder, got: {error.strerror or error}", path=str(path)
+        ) from None
+    return True
+
+
+def definition_files(source: Path) -> list[Path]:
+    """The definition files that an existing file or folder means, as `files_of` has them.
+
+    Raises:
+        DefinitionError: the folder holds none or cannot be read.
+    """
+    if not source.is_dir():
+        return [source]
+    try:
+        found = _in_packages(source) or _in_folder(source)
+    except OSError as error:
+        raise DefinitionError(
+            f"expected a readable folder, got: {error.strerror or error}", path=str(source)
+        ) from None
+    if found:
+        return found
+    raise DefinitionError(
+        "expected definitions (.msg, .srv, .action), got a folder without any",
+        path=str(source),
+        hint="they stand in the folders msg, srv and action of a package",
+    )
+
+
+def search_paths(sources: Sequence[str]) -> list[Path]:
+    """Where the sources' own packages and their neighbours are found."""
+    found: dict[Path, None] = {}
+    for source in sources:
+        try:
+            folder = Path(source).resolve(strict=True)
+        except (OSError, RuntimeError):  # a type's name, or what is reported when it is read
+            continue
+        if folder.is_file():
+            folder = folder.parent
+        if (kind := kind_folder(folder / "any file")) is not None:
+            folder = kind.parent
+        found[folder] = None
+        if any((folder / kind).is_dir() for kind in KINDS):
+            found[folder.parent] = None
+        below = _below(folder if folder.name == "src" else folder / "src")
+        with suppress(OSError):  # unreadable files are reported when they are read
+            found |= dict.fromkeys(each.parent for each in below if _in_package(each))
+    return list(found)
+
+
+def _in_packages(source: Path) -> list[Path]:
+    """The files of the source as a package, else of the packages in it, else of those below `src`.
+
+    Packages lie at any depth below `src`, and otherwise directly in the source.
+    """
+    for folders in (
+        [source],
+        _below(source) if source.name == "src" else sorted(source.iterdir()),
+        _below(source / "src"),
+    ):
+        found = [path for folder in folders if folder.is_dir() for path in _in_package(folder)]
+        if found:
+            return found
+    return []
+
+
+def _below(source: Path) -> Iterator[Path]:
+    """The folders below `src` in which packages may lie, without folders inside packages."""
+    if (source / "COLCON_IGNORE").exists() or not source.is_dir():
+        return
+    for folder in sorted(each for each in source.iterdir() if each.is_dir()):
+        if folder.name.startswith(".") or folder.name in _LEFT_OUT or folder.is_symlink():
+            continue
+        yield folder
+        if not (folder / "package.xml").is_file() and not _in_package(folder):
+            yield from _below(folder)
+
+
+def _in_package(folder: Path) -> list[Path]:
+    found = []
+    for inner in (folder / kind for kind in KINDS if (folder / kind).is_dir()):
+        found += _in_folder(inner)
+        for below in subfolders(inner) if has_subfolders(folder) else ():
+            found += _in_folder(below)
+    return found
+
+
+def _in_folder(folder: Path) -> list[Path]:
+    return [path for path in sorted(folder.iterdir()) if _is_meant(path)]
+
+
+def _is_meant(path: Path) -> bool:
+    """Whether something in a folder is a definition or was meant to be one."""
+    try:
+        kind_of(path)
+    except DefinitionError as error:
+        return bool(error.hint) and path.is_file()
+    # A folder or a link to nothing of such a name is there for the reader to refuse.
+    return not path.name.startswith(".")

@@ -1,0 +1,88 @@
+"""The type of a field, from `string<=5[<=3]` to a `FieldType`."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+from ..diagnostics.mistake import Mistake
+from .model import PRIMITIVES, FieldType
+from .names import is_message_name, is_package_name
+
+ROS1_TIME_TYPES = {
+    "time": "builtin_interfaces/Time",
+    "duration": "builtin_interfaces/Duration",
+}
+"""ROS 1's own types and what stands for them in ROS 2.
+
+The official parser still reads them, so that a ROS 1 file can be described; every later step
+refuses them, here as there.
+"""
+
+_BUILT_IN = PRIMITIVES | ROS1_TIME_TYPES.keys()
+
+
+@lru_cache(maxsize=4096)
+def parse_type(text: str, package: str) -> FieldType:
+    """Read a type as it stands in a definition of `package`.
+
+    Raises:
+        Mistake: with the offset of the offending character in `text`.
+    """
+    if text in _BUILT_IN:
+        return FieldType(text)
+    if not text.endswith("]"):
+        return _base_type(text, package)
+    opening = text.rfind("[")
+    if opening < 0:
+        raise Mistake(f"expected '[' before the ']' of {text!r}", len(text) - 1)
+    if "[" in text[:opening]:
+        raise Mistake(
+            f"expected one pair of brackets, got {text!r}",
+            text.index("["),
+            "an array has one dimension; a message with an array inside makes the second",
+        )
+    base = _base_type(text[:opening], package)
+    size_text = text[opening + 1 : -1]
+    bounded = size_text.startswith("<=")
+    size = _bound(text, opening + 1 + 2 * bounded, len(text) - 1) if size_text else None
+    return FieldType(
+        base.base,
+        base.package,
+        base.string_bound,
+        is_array=True,
+        array_size=size,
+        is_upper_bound=bounded,
+    )
+
+
+def _base_type(text: str, package: str) -> FieldType:
+    if text in _BUILT_IN:
+        return FieldType(text)
+    for name in ("string", "wstring"):
+        if text.startswith(name + "<="):
+            return FieldType(name, None, _bound(text, len(name) + 2, len(text)))
+    owner, slash, name = text.rpartition("/")
+    if not slash:
+        owner = package
+    _check_message_type(text, owner, name)
+    return FieldType(name, owner)
+
+
+def _check_message_type(text: str, owner: str, name: str) -> None:
+    is_path = "/" in text
+    has_owner = is_package_name(owner) if is_path else owner and "/" not in owner
+    if not has_owner or not is_message_name(name):
+        from ..diagnostics.type_slips import no_message_type  # only a mistake needs it
+
+        raise no_message_type(text, owner, name)
+
+
+def _bound(text: str, start: int, end: int) -> int:
+    number = text[start:end]
+    try:
+        value = int(number)
+    except ValueError:
+        value = 0
+    if value <= 0:
+        raise Mistake(f"expected a whole number above 0 as the limit, got {number!r}", start)
+    return value

@@ -1,0 +1,61 @@
+"""How much a definition may ask for: definitions come from peers too."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..diagnostics.mistake import Mistake
+from .model import Field, FieldType, MessageDef
+
+TEXT = 2**20
+"""Characters of a definition's text, nested ones included where a peer sends them along."""
+ENTRIES = 10_000
+"""Fields, constants and elements of array defaults of one file."""
+PROBLEMS = 1_000
+"""Problems that are reported of one file."""
+DEPTH = 64
+"""Types one inside the other."""
+NESTED = 500
+"""Definitions that come with one text."""
+MEMORY = 2**26
+"""Bytes, roughly, of a message whose fields are all at their defaults."""
+
+_OBJECT = 64
+_REFERENCE = 8
+_SIZES = {
+    "char": 1,
+    "float32": 4,
+    **{f"{sign}int{bits}": bits // 8 for sign in ("", "u") for bits in (8, 16, 32, 64)},
+}
+
+
+def check_length(text: str) -> None:
+    """Refuse a text that is too long to be a definition.
+
+    Raises:
+        Mistake: it is.
+    """
+    if len(text) > TEXT:
+        raise Mistake(f"expected at most {TEXT:,} characters of definitions, got {len(text):,}")
+
+
+def default_memory(message: MessageDef, nested: Mapping[str, int]) -> int:
+    """The bytes, roughly, of a message as it is made; `nested` has those of other messages."""
+    return _OBJECT + sum(field_memory(nested, field) for field in message.fields)
+
+
+def field_memory(nested: Mapping[str, int], field: Field) -> int:
+    """The bytes, roughly, of one field of it."""
+    type_ = field.type
+    if not type_.is_array:
+        return _element_memory(type_, nested)
+    if type_.is_fixed_array and type_.array_size:
+        return _OBJECT + type_.array_size * _element_memory(type_, nested)
+    count = len(field.default) if isinstance(field.default, tuple) else 0
+    return _OBJECT + count * _REFERENCE
+
+
+def _element_memory(type_: FieldType, nested: Mapping[str, int]) -> int:
+    if type_.is_primitive:
+        return _SIZES.get(type_.base, _REFERENCE)
+    return nested.get(type_.full_name, _OBJECT)

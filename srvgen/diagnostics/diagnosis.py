@@ -1,0 +1,206 @@
+"""Everything that is wrong with one line of a definition that the parser has refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from ..definitions.field_types import ROS1_TIME_TYPES, parse_type
+from ..definitions.literals import parse_default, parse_scalar
+from ..definitions.model import PRIMITIVES, FieldType
+from ..definitions.names import CONSTANT_RULE, LOWER_RULE, bad_at, is_constant_name, is_field_name
+from .mistake import Mistake, Repair
+from .slips import (
+    bound_repair,
+    bracket_repair,
+    comment_repair,
+    constant_name_hint,
+    constant_name_repair,
+    extra_word,
+    field_name_hint,
+    field_name_repair,
+    line_hint,
+    lone_type_hint,
+    looks_like_separator,
+    several_fields,
+    strange_character,
+)
+from .type_slips import size_hint, type_hint, wordy_type
+from .value_slips import meant_value, put_right
+
+
+def mistakes_in_line(code: str, package: str) -> list[Mistake]:
+    """Every mistake of a line (its comment removed), with its offset in the line."""
+    strange = strange_character(code)
+    return [strange] if strange else list(_mistakes(code, package))
+
+
+def _mistakes(code: str, package: str) -> Iterator[Mistake]:
+    type_text, _, rest = code.partition(" ")
+    name = rest.lstrip()
+    if not type_text:
+        indent = len(code) - len(name)
+        yield Mistake(
+            "expected the type at the start of the line, got white space",
+            hint="only comments may be indented",
+            repair=Repair(0, indent, ""),
+        )
+        yield from (one.moved(indent) for one in _mistakes(name, package))
+    elif not name or looks_like_separator(code) or line_hint(code):
+        yield _lone_word(code, package)
+    elif whole := wordy_type(code) or extra_word(code) or several_fields(code):
+        yield whole
+    elif bound := bound_repair(code):
+        message = f"expected no spaces in the type, got {code[: bound.end].rstrip()!r}"
+        yield Mistake(message, hint=f"did you mean {bound.text.rstrip()}?", repair=bound)
+    elif (brackets := bracket_repair(code)) and not code.startswith(brackets.text):
+        message = f"expected no spaces in the type, got {code[: brackets.end].rstrip()!r}"
+        yield Mistake(message, hint=f"did you mean {brackets.text.rstrip()}?", repair=brackets)
+    elif "=" in name:
+        yield from _constant_mistakes(code, type_text, len(code) - len(name), package)
+    else:
+        yield from _field_mistakes(code, type_text, len(code) - len(name), package)
+
+
+def _lone_word(code: str, package: str) -> Mistake:
+    alone = "" if " " in code else " alone"
+    message = f"expected a type and a name, got {code!r}{alone}"
+    if looks_like_separator(code) or code == "---":
+        if code.startswith("=" * 8):
+            return Mistake(message, hint=line_hint(code))
+        return Mistake(
+            message,
+            hint="a message has one section; a service (.srv) two, an action (.action) three, "
+            "with a line of exactly --- between them",
+        )
+    hint = line_hint(code)
+    if not hint:
+        try:
+            parse_type(code, package)
+            hint = lone_type_hint(code)
+        except Mistake as mistake:
+            hint = mistake.hint
+    return Mistake(message, hint=hint, repair=comment_repair(code))
+
+
+def _constant_mistakes(code: str, type_text: str, name_at: int, package: str) -> Iterator[Mistake]:
+    name, _, raw_value = code[name_at:].partition("=")
+    name = name.rstrip()
+    value = raw_value.lstrip()
+    if type_text not in PRIMITIVES:
+        if default := _default_with_equals(code, type_text, name_at, package):
+            yield default
+            return
+        yield Mistake(
+            f"expected a plain built-in type for a constant, got {type_text!r}",
+            hint="" if "=" in type_text or type_text in ROS1_TIME_TYPES else type_hint(type_text),
+        )
+    meant = meant_value(value, lambda text: parse_scalar(text, type_text)) or value
+    if not is_constant_name(name):
+        yield Mistake(
+            f"expected the name of a constant ({CONSTANT_RULE}), got {name!r}",
+            name_at + bad_at(name, "constant"),
+            constant_name_hint(name, type_text, meant),
+            constant_name_repair(name, name_at),
+        )
+        if name != name.upper() or not value:
+            return  # as a field's default the value would be wrong for the same reason
+    if type_text in PRIMITIVES:
+        try:
+            parse_scalar(value, type_text)
+        except Mistake as mistake:
+            mended = put_right(mistake, value, lambda text: parse_scalar(text, type_text))
+            yield mended.moved(len(code) - len(value))
+
+
+def _default_with_equals(code: str, type_text: str, name_at: int, package: str) -> Mistake | None:
+    """The mistake of an array's default that has a `=`, since an array is no constant."""
+    name, _, value = code[name_at:].partition("=")
+    name, value = name.rstrip(), value.strip()
+    try:
+        field_type = parse_type(type_text, package)
+    except Mistake:
+        return None
+    if not is_field_name(name) or field_type.base in ROS1_TIME_TYPES:
+        return None
+    equals = code.index("=", name_at)
+    if not field_type.is_primitive:
+        return Mistake(
+            f"expected a field of the message type {field_type} without a default, "
+            f"got {code[equals:]!r}",
+            equals,
+            f"messages have the defaults of their own fields: {type_text} {name}",
+        )
+    meant = meant_value(value, lambda text: parse_default(text, field_type))
+    right = f"{type_text} {name} {meant or value}".rstrip()
+    return Mistake(
+        f"expected a default without '=', got {code[equals:]!r}",
+        equals,
+        f"did you mean {right}?" if meant or not value else "",
+        Repair(0, len(code), right) if meant or not value else None,
+    )
+
+
+def _field_mistakes(code: str, type_text: str, name_at: int, package: str) -> Iterator[Mistake]:
+    name, _, rest = code[name_at:].partition(" ")
+    default = rest.lstrip()
+    field_type: FieldType | None = None
+    try:
+        field_type = parse_type(type_text, package)
+    except Mistake as mistake:
+        yield _with_type_hint(mistake, code, type_text, name_at)
+        if ("[" in type_text and "]" not in type_text) or name.rstrip(";,:") in PRIMITIVES:
+            return  # type and name do not stand where they should: say it once
+    if not is_field_name(name):
+        hint = field_name_hint(name, type_text)
+        if is_constant_name(name) and default:
+            hint = f"a constant is written with '=': {type_text} {name}={default}"
+        yield _no_field_name(name, name_at, hint, _name_repair(code, type_text, name, name_at))
+    elif field_type and default:
+        try:
+            parse_default(default, field_type)
+        except Mistake as mistake:
+            yield _with_default_hint(mistake, default, field_type).moved(len(code) - len(default))
+
+
+def _with_type_hint(mistake: Mistake, code: str, type_text: str, name_at: int) -> Mistake:
+    name, _, default = code[name_at:].partition(" ")
+    bare_type, bare = type_text.rstrip(":"), name.rstrip(";,:")
+    if bare in PRIMITIVES and is_field_name(bare_type) and bare_type not in PRIMITIVES:
+        mistake.hint = f"the type comes first: {bare} {bare_type}"
+        swapped = Repair(0, name_at + len(name), f"{bare} {bare_type}")
+        mistake.repair = None if default else swapped
+    elif "[" in type_text and "]" not in type_text:
+        mistake.repair = bracket_repair(code)
+        if mistake.repair:
+            mistake.hint = f"write it without spaces: {mistake.repair.text.rstrip()}"
+    mistake.hint = mistake.hint or size_hint(type_text)
+    return mistake
+
+
+def _name_repair(code: str, type_text: str, name: str, name_at: int) -> Repair | None:
+    if is_constant_name(name) and len(code) > name_at + len(name):
+        return None  # a constant that lacks its '=', or a field in capitals with a default
+    if name.startswith("["):
+        return bracket_repair(code)
+    return field_name_repair(name, type_text, name_at)
+
+
+def _no_field_name(name: str, name_at: int, hint: str, repair: Repair | None) -> Mistake:
+    return Mistake(
+        f"expected the name of a field ({LOWER_RULE}), got {name!r}",
+        name_at + bad_at(name, "field"),
+        hint,
+        repair,
+    )
+
+
+def _with_default_hint(mistake: Mistake, default: str, field_type: FieldType) -> Mistake:
+    if looks_like_separator(default) or default == "---":
+        mistake.hint = "the separator --- stands on a line of its own"
+        return mistake
+    words = default.split()
+    if not field_type.is_primitive:
+        mistake.hint = "leave it out: messages have the defaults of their own fields"
+    elif field_type.base in PRIMITIVES and is_field_name(words[-1]) and len(words) < 10:
+        mistake.hint = "after the name stands a default only; a second field needs its own line"
+    return put_right(mistake, default, lambda text: parse_default(text, field_type))

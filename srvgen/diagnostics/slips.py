@@ -1,0 +1,224 @@
+"""What a writer most likely meant: hints for the usual slips, used only once a text is refused."""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+
+from ..definitions.literals import CURLY
+from ..definitions.names import is_constant_name, is_field_name, is_message_name, snake_case
+from .mistake import Mistake, Repair
+
+_DASHES = "-\N{EM DASH}\N{EN DASH}\N{HYPHEN}\N{MINUS SIGN}\N{HORIZONTAL BAR}\N{FIGURE DASH}"
+_SEPARATOR_LOOKALIKE = re.compile(rf"\s*(?:[{_DASHES}]\s*)+(?:#.*)?|\s*(?:=+|_+|\*+)\s*")
+_BULLET = re.compile("\\s*[-*+\N{BULLET}\N{WHITE BULLET}\N{MIDDLE DOT}]\\s+|\\s*\N{BULLET}")
+_SPACED_BRACKETS = re.compile(
+    r"([A-Za-z]\w*(?:/\w+|<=\d+)?) *\[ *(?:(<=) *)?(?:(\d+) *)?\] +(?=\S)"
+)
+_SPACED_BOUND = re.compile(r"(w?string) *(<) *(=) *(\d+) +(?=\S)")
+_TYPE_SHAPE = re.compile(r"[A-Za-z][\w/]*(?:<=\d+)?(?:\[(?:<=)?\d*\])?")
+_FOREIGN_COMMENT = re.compile(r"(?<=\s)//")
+_MODIFIERS = ("const", "constexpr", "static", "final", "required", "optional", "public", "private")
+_FRAMES = re.compile(
+    r"(?:message|struct|class|service|interface|enum|namespace|module|union|typedef|import|from|"
+    r"package|using|syntax|def|rpc|type|action|msg|srv)\b.*"
+)
+_TITLE = re.compile(r"(?:request|response|goal|result|feedback)s?\s*:", re.I)
+_BEGINNINGS = {
+    ("//", "/*", "*/", "--", "%", "<!--", '"""'): "a comment begins with '#'",
+    ("MSG:", "=" * 8): "these are several definitions in one; give each type a file of its own",
+    ("@",): "annotations belong to .idl files; leave this line out",
+}
+_SAMPLES = {"bool": "true", "string": '"text"', "wstring": '"text"'}
+
+
+def bracket_repair(code: str) -> Repair | None:
+    """The type that a line begins with, its brackets closed up to it, or None."""
+    found = _SPACED_BRACKETS.match(code)
+    if not found:
+        return None
+    base, bound, size = found.groups("")
+    return Repair(0, found.end(), f"{base}[{bound}{size}] ")
+
+
+def bound_repair(code: str) -> Repair | None:
+    """The bounded string that a line begins with, its bound closed up to it, or None."""
+    found = _SPACED_BOUND.match(code)
+    if not found or " " not in found[0].rstrip():
+        return None
+    return Repair(0, found.end(), f"{''.join(found.groups())} ")
+
+
+def extra_word(code: str) -> Mistake | None:
+    """The mistake of a line that begins with a word that other languages put before the type."""
+    word, _, rest = code.partition(" ")
+    rest = rest.lstrip()
+    if word == "repeated" and " " in rest:
+        type_text, _, name = rest.partition(" ")
+        meant = f"{type_text}[] {name.lstrip()}"
+        return Mistake(
+            "expected a type at the start of the line, got 'repeated'",
+            hint=f"an array is written with brackets: {meant}",
+            repair=Repair(0, len(code), meant),
+        )
+    if word not in _MODIFIERS or " " not in rest:
+        return None
+    why = {"const": "a constant is one by its '='", "optional": "every field is always there"}
+    return Mistake(
+        f"expected a type at the start of the line, got {word!r}",
+        hint=f"leave it out{': ' + why[word] if word in why else ''}",
+        repair=Repair(0, len(code) - len(rest), ""),
+    )
+
+
+def several_fields(code: str) -> Mistake | None:
+    """The mistake of a line that has more than one field, with `,` or `;` between them."""
+    code = _FOREIGN_COMMENT.split(code, maxsplit=1)[0].rstrip()
+    first, *others = re.split("[,;]", code.rstrip(";, "))
+    type_text, _, name = first.partition(" ")
+    parts = [(type_text, name.strip())]
+    for other in others:
+        *kind, name = other.split() or [""]
+        parts.append((kind[0] if kind else type_text, name))
+        if len(kind) > 1 or not _TYPE_SHAPE.fullmatch(parts[-1][0]):
+            return None
+    if not others or not all(is_field_name(name) for _, name in parts):
+        return None
+    lines = [" ".join(part) for part in parts]
+    return Mistake(
+        f"expected one field a line, got {len(lines)}",
+        len(first),
+        f"write them on lines of their own: {lines[0]}, then {', then '.join(lines[1:])}",
+        Repair(0, len(code), "\n".join(lines)),
+    )
+
+
+def field_name_hint(name: str, type_text: str) -> str:
+    """What the refused field name was meant to be, or ""."""
+    if name.startswith("["):
+        return f"the brackets belong to the type, without a space: {type_text}{name}"
+    if "[" in name:
+        bare, _, rest = name.partition("[")
+        return f"the brackets belong to the type: {type_text}[{rest} {bare}"
+    trimmed = name.rstrip(";,:")
+    if trimmed != name and is_field_name(trimmed):
+        return f"nothing follows the name: {type_text} {trimmed}"
+    if not name.isascii():
+        return "a name has the letters a to z only, without accents"
+    meant = snake_case(name)
+    return f"did you mean {meant}?" if meant != name and is_field_name(meant) else ""
+
+
+def field_name_repair(name: str, type_text: str, name_at: int) -> Repair | None:
+    """The only way to write the refused name of a field that stands at `name_at`, or None."""
+    bare, bracket, rest = name.partition("[")
+    if bracket:
+        if not is_field_name(bare) or not re.fullmatch(r"(?:<=)?\d*\]", rest):
+            return None
+        return Repair(0, name_at + len(name), f"{type_text}[{rest} {bare}")
+    meant = name.rstrip(";,:")
+    meant = snake_case(meant) if meant.isascii() else meant
+    if meant == name or not is_field_name(meant):
+        return None
+    return Repair(name_at, name_at + len(name), meant)
+
+
+def constant_name_repair(name: str, name_at: int) -> Repair | None:
+    """The only way to write the refused name of a constant, or None.
+
+    A name that is not in capitals has two: it may be a field whose default got a `=`.
+    """
+    meant = snake_case(name).upper()
+    if name != name.upper() or meant == name or not is_constant_name(meant) or " " in name:
+        return None
+    return Repair(name_at, name_at + len(name), meant)
+
+
+def comment_repair(code: str) -> Repair | None:
+    """Another language's comment as one of ours, or None."""
+    if code.startswith("//"):
+        return Repair(0, 2, "#")
+    if code.startswith("/*") and code.endswith("*/") and len(code) >= len("/**/"):
+        return Repair(0, len(code), f"# {code[2:-2].strip()}")
+    return None
+
+
+def constant_name_hint(name: str, type_text: str, value: str) -> str:
+    """What the refused name of a constant was meant to be, or ""; `value` is as it should be."""
+    if " " in name:
+        return "a line with '=' anywhere, even in quotes, is read as a constant"
+    value = value or _SAMPLES.get(type_text, "0")
+    if not name:
+        return f"a name is missing: {type_text} NAME={value}"
+    meant = snake_case(name) if is_field_name(snake_case(name)) else name
+    if not is_constant_name(meant.upper()):
+        return ""
+    if name == name.upper():
+        return f"did you mean {meant.upper()}?" if meant.upper() != name else ""
+    default = f"a field's default has no '=': {type_text} {meant} {value}"
+    return f"a constant is in capitals: {type_text} {meant.upper()}={value}; {default}"
+
+
+def looks_like_separator(line: str) -> bool:
+    """Whether a line that is not `---` was meant to be."""
+    return _SEPARATOR_LOOKALIKE.fullmatch(line) is not None and line != "---"
+
+
+def separator_repair(line: str) -> Repair:
+    """A line that was meant as the separator as one, its comment on a line of its own."""
+    _, mark, comment = line.partition("#")
+    return Repair(0, len(line), f"---\n#{comment}" if mark else "---")
+
+
+def line_hint(code: str) -> str:
+    """What a line that is no definition at all was meant to be, or ""."""
+    for beginnings, hint in _BEGINNINGS.items():
+        if code.startswith(beginnings):
+            return hint
+    if code.strip("{}();, ") == "":
+        return "a definition has no brackets around it; leave this line out"
+    if _TITLE.fullmatch(code):
+        return "sections have no titles, only a line --- between them; leave this line out"
+    if _FRAMES.fullmatch(code) and not is_field_name(code.rpartition(" ")[2]):
+        return "only fields and constants stand in a definition; leave this line out"
+    if "=" in code and is_constant_name(code.partition("=")[0].rstrip()):
+        return f"a constant begins with its type: int32 {code}"
+    return ""
+
+
+def lone_type_hint(text: str) -> str:
+    """What is missing in a line that is a type alone."""
+    bare = re.split(r"[<\[]", text)[0].rpartition("/")[2]
+    name = snake_case(bare) if is_message_name(bare) else "value"
+    return f"a name is missing: {text} {name if is_field_name(name) else 'value'}"
+
+
+def strange_character(code: str) -> Mistake | None:
+    """The first character that a word processor left in a line that is no definition."""
+    bullet = _BULLET.match(code)
+    if bullet:
+        at = len(bullet[0]) - len(bullet[0].lstrip())
+        return Mistake(
+            f"expected a type at the start of the line, got a list's {code[at]!r}",
+            at,
+            "leave it out: one definition a line needs no list",
+            Repair(0, bullet.end(), ""),
+        )
+    for offset, char in enumerate(code):
+        if char in CURLY:
+            return Mistake(
+                f"expected plain text, got the curly quotation mark {char}",
+                offset,
+                "replace it by a straight one",
+                Repair(offset, offset + 1, "'" if char in CURLY[-2:] else '"'),
+            )
+        if char != " " and unicodedata.category(char) in ("Cf", "Cc", "Zs"):
+            name = unicodedata.name(char, "control character").lower()
+            plain = " " if unicodedata.category(char) == "Zs" else ""
+            return Mistake(
+                f"expected plain text, got a {name} (U+{ord(char):04X})",
+                offset,
+                "replace it by a plain space or by nothing",
+                Repair(offset, offset + 1, plain),
+            )
+    return None

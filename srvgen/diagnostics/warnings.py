@@ -1,0 +1,150 @@
+"""Lines that are valid and hardly meant, and dependencies that nobody declared: warnings."""
+
+from __future__ import annotations
+
+import math
+import unicodedata
+from collections.abc import Collection, Iterable, Iterator
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+from ..definitions.files import kind_folder, read_text
+from ..definitions.literals import CURLY
+from ..definitions.model import Constant, Definition, Field, sections
+from ..errors import DefinitionWarning
+
+_STRINGS = ("string", "wstring")
+_FLOAT32_MAX = 3.4028234663852886e38
+_STRANGE = CURLY + "\N{NO-BREAK SPACE}\N{ZERO WIDTH SPACE}"
+
+
+def suspicions(definition: Definition, path: Path) -> Iterator[DefinitionWarning]:
+    """Everything suspicious about a definition in a file; its package's manifest is read too."""
+    text = read_text(path)
+    yield from suspicious_values(definition, text, path)
+    folder = kind_folder(path)
+    if folder is not None:
+        try:
+            declared = declared_packages(folder.parent)
+        except DefinitionWarning as warning:
+            yield warning
+        else:
+            if declared is not None:
+                yield from undeclared_packages(definition, text, path, declared)
+
+
+def suspicious_values(definition: Definition, text: str, path: Path) -> Iterator[DefinitionWarning]:
+    """Texts of constants and defaults that hold what their writer took for something else."""
+    lines = text.removeprefix("\ufeff").splitlines()
+    for section in sections(definition):
+        elements: tuple[Field | Constant, ...] = (*section.fields, *section.constants)
+        for one in elements:
+            line = lines[one.line - 1]
+            for offset, message, hint in _doubts(one, line):
+                yield _warning(message, path, line, (one.line, offset + 1), hint)
+
+
+def undeclared_packages(
+    definition: Definition, text: str, path: Path, declared: Collection[str]
+) -> Iterator[DefinitionWarning]:
+    """Fields of packages that the package's manifest does not name as dependencies."""
+    lines = text.removeprefix("\ufeff").splitlines()
+    told = {definition.package, *declared}
+    for section in sections(definition):
+        for field in section.fields:
+            package = field.type.package
+            if package and package not in told:
+                told.add(package)
+                yield _warning(
+                    f"expected package.xml to name {package}, which this field needs",
+                    path,
+                    lines[field.line - 1],
+                    (field.line, 1),
+                    f"add <depend>{package}</depend>",
+                )
+
+
+def declared_packages(folder: Path) -> frozenset[str] | None:
+    """The dependencies in a package's `package.xml`, its own name included; None without one.
+
+    Raises:
+        DefinitionWarning: there is one that cannot be read.
+    """
+    path = folder / "package.xml"
+    if not path.is_file():
+        return None
+    from xml.etree import ElementTree  # slow to load, and most files lie in no package with one
+
+    try:
+        root = ElementTree.parse(path).getroot()
+    except (OSError, ElementTree.ParseError) as error:
+        raise DefinitionWarning(
+            f"expected a package manifest in XML, got: {error}", path=str(path), line=1, column=1
+        ) from None
+    return frozenset(
+        (one.text or "").strip() for one in root if one.tag == "name" or one.tag.endswith("depend")
+    )
+
+
+def package_cycle(definitions: Iterable[Definition]) -> list[str]:
+    """Packages that need each other in a ring, the first one named again at the end; or none.
+
+    Types may be in order where packages are not, but ROS 2 builds package after package.
+    """
+    needs: dict[str, set[str]] = {}
+    for definition in definitions:
+        for section in sections(definition):
+            for field in section.fields:
+                if field.type.package and field.type.package != definition.package:
+                    needs.setdefault(definition.package, set()).add(field.type.package)
+    try:
+        TopologicalSorter({one: sorted(needs[one]) for one in sorted(needs)}).prepare()
+    except CycleError as error:
+        ring: list[str] = error.args[1]
+        return ring[::-1]  # graphlib names what is needed before what needs it
+    return []
+
+
+def _doubts(one: Field | Constant, line: str) -> Iterator[tuple[int, str, str]]:
+    """Offset, sentence and hint for each doubt about one line."""
+    base = one.type if isinstance(one, Constant) else one.type.base
+    if base == "float32":
+        yield from _overflows(one)
+    if base not in _STRINGS:
+        return
+    code, mark, comment = line.partition("#")
+    start = one.column - 1 + len(one.name)
+    value = code[start:].lstrip(" \t=").rstrip()
+    quote = value[:1]
+    if mark and quote in ("'", '"') and value.count(quote) % 2 and quote in comment:
+        yield (
+            len(code),
+            f"expected the text to end before '#', got {value!r} as its whole: "
+            "'#' begins a comment even inside quotes",
+            "write \\x23 for a # in a text",
+        )
+    for char in _STRANGE:
+        at = code.find(char, start)
+        if at >= 0:
+            name = unicodedata.name(char).lower()
+            yield at, f"expected plain text, got a {name} as a part of the value", ""
+    at = code.find("//", start)
+    if at > 0 and code[at - 1].isspace() and not value.startswith(("'", '"', "[")):
+        yield at, "expected a comment to begin with '#', got '//' as a part of the value", ""
+
+
+def _overflows(one: Field | Constant) -> Iterator[tuple[int, str, str]]:
+    """ROS takes such a value; but no message that holds it can be sent."""
+    value = one.value if isinstance(one, Constant) else one.default
+    for number in value if isinstance(value, (list, tuple)) else (value,):
+        if isinstance(number, float) and _FLOAT32_MAX < abs(number) < math.inf:
+            problem = f"expected a float32 up to {_FLOAT32_MAX:.7g}, got {number:g}"
+            yield one.column - 1, problem, "float64 has room for it"
+
+
+def _warning(
+    message: str, path: Path, line: str, place: tuple[int, int], hint: str
+) -> DefinitionWarning:
+    return DefinitionWarning(
+        message, path=str(path), line=place[0], column=place[1], source_line=line, hint=hint
+    )

@@ -1,0 +1,232 @@
+"""`taskrpc classroom`: let the laptops of a class call this machine's robot."""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import sys
+import time
+
+from taskrpc.cli.shared.command import Exit
+from taskrpc.cli.shared.parsing import add_command, add_group, whole
+from taskrpc.errors import TaskRpcError
+
+TYPE_CHECKING = False  # typing itself is heavy
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from taskrpc.classroom.register import Place, Register
+    from taskrpc.security.roles import Account
+
+_PORT = 7450
+_DAYS = 180
+_MOST_DAYS = 36_500
+_SHARE = 20
+_DAY = 86_400
+_CLASS = "class"
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the arguments of `classroom` and its commands."""
+    add = parser.add_argument
+    what = "a name or address of this machine to put into the strings (found by itself)"
+    add("--address", action="append", metavar="HOST", type=_host, help=what)
+    add("--port", metavar="N", type=_port, help=f"where the server listens ({_PORT})")
+    what = "a string for each: a file with a name a line, or how many (one string for all)"
+    add("--students", metavar="FILE|N", help=what)
+    what = f"how long the strings are good for ({_DAYS})"
+    add("--days", metavar="N", type=whole(1, _MOST_DAYS), default=_DAYS, help=what)
+    add("--renew", action="store_true", help="make a new certificate; everybody must join again")
+    what = f"with --serve: how many tasks of one laptop may wait ({_SHARE})"
+    add("--share", metavar="N", type=whole(1), default=_SHARE, help=what)
+    what = "then run taskrpc-server for them; what follows are options of its"
+    add("--serve", nargs=argparse.REMAINDER, metavar="OPTION", help=what)
+    commands = add_group(parser)
+    parser.set_defaults(run=_make)
+    roster = add_command(commands, "roster", "Show students, their last calls and queued tasks")
+    roster.add_argument("--json", action="store_true", help="Print JSON")
+    roster.set_defaults(run=_roster)
+    adding = add_command(commands, "add", "Let more students in; prints their strings")
+    adding.add_argument("names", nargs="+", metavar="NAME", help="of the account")
+    days = whole(1, _MOST_DAYS)
+    adding.add_argument("--days", metavar="N", type=days, default=_DAYS, help=f"({_DAYS})")
+    adding.set_defaults(run=_add)
+    bundling = add_command(commands, "bundle", "Make a folder that installs taskrpc offline")
+    what = "the folder to fill, for example on a memory stick; created if it is missing"
+    bundling.add_argument("folder", metavar="DIR", help=what)
+    what = "a Python version of the laptops (default: 3.11, 3.12, 3.13 and 3.14)"
+    bundling.add_argument("--python", action="append", metavar="VERSION", type=_python, help=what)
+    bundling.set_defaults(run=_bundle)
+    revoking = add_command(commands, "revoke", "Let students in no more; a running server obeys")
+    revoking.add_argument("names", nargs="+", metavar="NAME", help="of the account")
+    revoking.set_defaults(run=_revoke)
+
+
+def _host(text: str) -> str:
+    from taskrpc.classroom.addresses import is_host
+
+    if not is_host(text):
+        raise argparse.ArgumentTypeError(f"expected a host name or an address, got {text!r}")
+    return text
+
+
+def _port(text: str) -> int:
+    port = whole(1)(text)
+    if port > 65535:
+        raise argparse.ArgumentTypeError(f"expected a port from 1 to 65535, got {text!r}")
+    return port
+
+
+def _python(text: str) -> str:
+    import re
+
+    if not re.fullmatch(r"3\.\d{1,2}", text) or int(text[2:]) < 11:
+        raise argparse.ArgumentTypeError(f"expected a version such as 3.12, got {text!r}")
+    return text
+
+
+def _make(options: argparse.Namespace) -> Exit:
+    register = _register()
+    place = _place(options, register)
+    made = register.certificates
+    if options.renew or not made.cert.exists():
+        _make_certificates(register, place)
+    register.place = place
+    accounts = register.accounts()
+    if options.students or not accounts:
+        names = _students(options.students) if options.students else [_CLASS]
+        accounts = register.add(names, time.time() + options.days * _DAY)
+    if options.serve is None:
+        _print_strings(register, accounts)
+        print("start the server: taskrpc classroom --serve", file=sys.stderr)
+        print("laptops without taskrpc: taskrpc classroom bundle DIR", file=sys.stderr)
+        return Exit.DONE
+    # In class this is seen by everybody, and each student's line is a secret.
+    if options.students or len(accounts) == 1:
+        _print_strings(register, accounts)
+    return _serve(register, place, options)
+
+
+def _register() -> Register:
+    from taskrpc import platform
+    from taskrpc.classroom.register import Register
+
+    return Register(platform.state_dir() / "classroom")
+
+
+def _place(options: argparse.Namespace, register: Register) -> Place:
+    from taskrpc.classroom.addresses import own_addresses
+    from taskrpc.classroom.register import Place
+    from taskrpc.transport.tcp.tcp_network import domain_id
+
+    hosts = options.address or own_addresses()
+    if not hosts:
+        raise TaskRpcError(
+            "this machine has no address in a network: join the one in which the laptops are, or"
+            " say with --address HOST what they can reach"
+        )
+    return Place(tuple(hosts), options.port or _PORT, domain_id())
+
+
+def _make_certificates(register: Register, place: Place) -> None:
+    from taskrpc.classroom.addresses import own_names
+    from taskrpc.classroom.authority import make_certificates
+
+    names = list(dict.fromkeys([*place.hosts, *own_names()]))
+    make_certificates(register.folder, names, datetime.datetime.now(datetime.UTC))
+    print(f"certificates are in {register.folder}", file=sys.stderr)
+
+
+def _students(given: str) -> list[str]:
+    """Names from a file, or made up for so many."""
+    if given.isdecimal():
+        count = whole(1)(given) if int(given) else 0
+        if not count:
+            raise TaskRpcError("--students: expected at least one")
+        return [f"student{number:0{len(given)}}" for number in range(1, count + 1)]
+    from taskrpc import platform
+    from taskrpc.classroom.student_names import cleaned, why_no_student
+
+    try:
+        lines = platform.read_text(given, "utf-8-sig").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "expected UTF-8 text"
+        raise TaskRpcError(f"--students {given}: {reason}") from None
+    names: dict[str, None] = {}
+    for number, line in enumerate(lines, 1):
+        if not (name := cleaned(line)):
+            continue
+        where = f"--students {given}, line {number}"
+        if problem := why_no_student(name):
+            raise TaskRpcError(f"{where}: {problem}")
+        if name in names:
+            raise TaskRpcError(f"{where}: {name!r} is there twice; two students need two names")
+        names[name] = None
+    if not names:
+        raise TaskRpcError(f"--students {given}: expected a name a line, the file is empty")
+    return list(names)
+
+
+def _print_strings(register: Register, accounts: Sequence[Account]) -> None:
+    """One line each: the string alone, or behind the name where there are several."""
+    usable = [account for account in accounts if not account.refusal(time.time())]
+    print("on each laptop: taskrpc join STRING", file=sys.stderr)
+    written = register.names()
+    for account in usable:
+        student = written.get(account.name, account.name)
+        name = f"{student} " if len(usable) > 1 else ""
+        print(f"{name}{register.join_string(account)}", flush=True)
+
+
+def _serve(register: Register, place: Place, options: argparse.Namespace) -> Exit:
+    from taskrpc.cli import server
+
+    made = register.certificates
+    arguments = [
+        *("--listen", f"0.0.0.0:{place.port}"),
+        *("--tls-cert", str(made.cert), "--tls-key", str(made.key)),
+        *("--accounts", str(register.accounts_file)),
+        *("--attendance", str(register.attendance_file)),
+        *("--share", str(options.share)),
+        *options.serve,
+    ]
+    return Exit(server.main(arguments))
+
+
+def _add(options: argparse.Namespace) -> Exit:
+    register = _register()
+    assert register.place  # raises where there is no class
+    accounts = register.add(options.names, time.time() + options.days * _DAY)
+    _print_strings(register, accounts)
+    return Exit.DONE
+
+
+def _bundle(options: argparse.Namespace) -> Exit:
+    from pathlib import Path
+
+    from taskrpc.classroom.bundle import INSTALL, PYTHONS, make_bundle
+
+    folder = Path(options.folder)
+    make_bundle(
+        folder,
+        options.python or PYTHONS,
+        lambda step: print(f"getting {step} ...", file=sys.stderr, flush=True),
+    )
+    megabytes = sum(file.stat().st_size for file in folder.iterdir()) / 1e6
+    how = f"{folder / INSTALL} tells the students how to install taskrpc"
+    print(f"{folder} is ready ({megabytes:.0f} MB); {how}")
+    return Exit.DONE
+
+
+def _revoke(options: argparse.Namespace) -> Exit:
+    register = _register()
+    for name in options.names:
+        register.revoke(name)
+        print(f"{name} is let in no more")
+    return Exit.DONE
+
+
+def _roster(options: argparse.Namespace) -> Exit:
+    from taskrpc.cli.classroom import roster
+
+    return roster.show(_register(), as_json=options.json)

@@ -1,0 +1,78 @@
+"""`taskrpc demo`: the lecture's picture alive, in one process, in memory, in twelve seconds."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+from taskrpc.cli.shared.command import Exit
+from taskrpc.cli.shared.parsing import number
+
+if TYPE_CHECKING:
+    from argparse import ArgumentParser, Namespace
+
+    from rich.console import Console
+
+    from taskrpc.cli.demo.story import Line
+
+_SPEEDS = (0.5, 20.0)  # slower is dull; faster, a millisecond of the computer's is too many metres
+
+_NEXT = """
+Next, in two terminals:
+  taskrpc-server
+  taskrpc-call /robot_task task_type=move target=warehouse priority=8"""
+
+
+def configure(parser: ArgumentParser) -> None:
+    """Give the parser of `taskrpc demo` its options."""
+    least, most = _SPEEDS
+    speed = number(f"from {least:g} to {most:g}", lambda value: least <= value <= most)
+    what = f"simulated seconds a second, {least:g} to {most:g} (4.5)"
+    parser.add_argument("--speed", metavar="X", type=speed, default=4.5, help=what)
+    what = "print lines, as where stdout is no terminal, and draw no picture"
+    parser.add_argument("--plain", action="store_true", help=what)
+    parser.set_defaults(run=run)
+
+
+def run(options: Namespace) -> Exit:
+    """Perform the demo; ERROR if an estimate turns out to be wrong."""
+    import asyncio
+
+    from taskrpc.cli.demo.accounts import accounts, are_right, summary
+
+    console = None if options.plain else _terminal()
+    tasks = asyncio.run(_perform(options.speed, console))
+    rows = accounts(tasks, options.speed)
+    print("\n".join(["", *summary(rows), _NEXT]))
+    return Exit.DONE if are_right(rows) else Exit.ERROR
+
+
+async def _perform(speed: float, console: Console | None) -> list[Any]:
+    from taskrpc.cli.demo.story import open_stage, perform
+
+    if console is None:
+        async with open_stage(speed=speed, on_line=_print) as stage:
+            return await perform(stage)
+    from taskrpc.cli.demo.screen import Picture
+
+    async with open_stage(speed=speed) as stage:
+        with Picture(console, stage).shown():
+            return await perform(stage)
+
+
+def _terminal() -> Console | None:
+    """The terminal on stdout, if there is one that can hold a picture."""
+    if not sys.stdout.isatty():
+        return None
+    from rich.console import Console
+
+    from taskrpc.cli.demo.screen import SMALLEST
+
+    console = Console()
+    is_able = console.is_terminal and not console.is_dumb_terminal
+    is_large = console.width >= SMALLEST[0] and console.height >= SMALLEST[1]
+    return console if is_able and is_large else None
+
+
+def _print(line: Line) -> None:
+    print(f"{line.at:5.1f} s  {line.who:<9}  {line.text}", flush=True)

@@ -1,0 +1,180 @@
+"""What `taskrpc doctor` looks at on this machine."""
+
+from __future__ import annotations
+
+import os
+import platform as machine
+import sys
+import tempfile
+from collections.abc import AsyncIterator, Iterator, Sequence
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+
+import srvgen
+from taskrpc import platform
+from taskrpc.cli.doctor.findings import Finding, note, ok, problem
+from taskrpc.cli.shared import graph
+from taskrpc.cli.shared.remote import HERE
+from taskrpc.errors import TaskRpcError
+from taskrpc.security.lab import remembered_lab
+from taskrpc.transport.discovery.entries import Entry
+from taskrpc.transport.limits.keepalive import keepalive_of
+from taskrpc.transport.tcp.tcp_network import domain_id, environment_peers
+from taskrpc.wire.messages import Endpoint
+
+
+def software() -> Iterator[Finding]:
+    """Python and the packages."""
+    yield ok(f"Python {machine.python_version()} on {machine.system()}: {sys.executable}")
+    for package in ("taskrpc", "msgspec", "PyYAML", "rich"):
+        try:
+            yield ok(f"{package} {version(package)}")
+        except PackageNotFoundError:
+            if package == "taskrpc":
+                yield note("taskrpc runs from its source folder, without being installed")
+            else:
+                yield problem(f"{package} is not installed", f"{sys.executable} -m pip install .")
+
+
+def places() -> Iterator[Finding]:
+    """The folders that processes meet in, and whether files in them can be locked."""
+    try:
+        folder = platform.runtime_dir()
+        locks = _locks_work(folder)
+    except (TaskRpcError, OSError) as error:
+        advice = "set XDG_RUNTIME_DIR to a folder of yours that nobody else can enter"
+        yield problem(f"the folder where programs find each other: {error}", advice)
+        return
+    if locks:
+        yield ok(f"programs of this user find each other in {folder}")
+    else:
+        advice = "set XDG_RUNTIME_DIR to a folder on a disk of this machine"
+        yield problem(f"files in {folder} cannot be locked", advice)
+
+
+def environment() -> Iterator[Finding]:
+    """The variables that change what a program sees."""
+    try:
+        where = "ROS_DOMAIN_ID" if os.environ.get("ROS_DOMAIN_ID") else "ROS_DOMAIN_ID is not set"
+        yield ok(f"domain {domain_id()} ({where})")
+    except TaskRpcError as error:
+        yield problem(str(error), "set it to such a number, or not at all")
+    if peers := environment_peers():
+        listed = ", ".join(peers)
+        yield note(f"TASKRPC_PEERS is set: programs call {listed}, nobody else on this machine")
+    if os.environ.get("TASKRPC_TOKEN"):
+        yield note("TASKRPC_TOKEN is set: servers that are started now want it from other machines")
+    try:
+        if os.environ.get("TASKRPC_KEEPALIVE"):
+            seconds = keepalive_of(None).dead_after
+            yield note(f"TASKRPC_KEEPALIVE is set: dead machines are given up after {seconds:g} s")
+    except TaskRpcError as error:
+        yield problem(str(error), "set it to one of these, or not at all")
+    try:
+        if (lab := remembered_lab()) and not peers:
+            yield ok(f"programs call the lab at {lab.place} too (taskrpc join --status)")
+    except TaskRpcError as error:
+        yield problem(str(error), "join again with the lecturer's string")
+    for part in os.environ.get("TASKRPC_INTERFACE_PATH", "").split(os.pathsep):
+        if part and not Path(part).is_dir():
+            yield problem(
+                f"TASKRPC_INTERFACE_PATH: expected folders of packages, got {part}",
+                f"separate folders by {os.pathsep!r}; each holds folders such as my_pkg/srv",
+            )
+
+
+async def programs() -> AsyncIterator[Finding]:
+    """The programs of this machine: whether they answer, and whether they agree on types."""
+    here = graph.domains().get(domain_id(), [])
+    serving = [entry for entry in here if entry.services]
+    if not serving:
+        advice = "start one, for example taskrpc-server"
+        yield note(f"no program offers a service in domain {domain_id()}", advice)
+    for entry in here:
+        if entry.address and not entry.services:
+            yield note(f"{_who(entry)} offers nothing any more: it answers its last calls, or ends")
+    for entry in serving:
+        yield await _reach(entry)
+    for finding in _disagreements(serving):
+        yield finding
+    for domain, entries in graph.domains().items():
+        if domain != domain_id() and (elsewhere := graph.services(entries)):
+            advice = f"set ROS_DOMAIN_ID={domain} to call them"
+            yield note(f"in domain {domain} there are {', '.join(elsewhere)}", advice)
+
+
+async def _reach(entry: Entry) -> Finding:
+    try:
+        await HERE.listing(entry.address)
+    except TaskRpcError as error:
+        return _silent(entry, error)
+    listed = ", ".join(graph.services([entry])) or "hidden services"
+    return ok(f"{_who(entry)} at {entry.address} offers {listed}")
+
+
+def _silent(entry: Entry, error: TaskRpcError) -> Finding:
+    """Why a program does not answer that the registry knows, and so still lives."""
+    if platform.is_stopped(entry.pid):
+        return problem(
+            f"{_who(entry)} does not answer: it is stopped, as by Ctrl-Z",
+            f"`fg` in its terminal or `kill -CONT {entry.pid}` continues it; `taskrpc stop"
+            f" {entry.pid}` ends it",
+        )
+    advice = (
+        "a callback may hold its event loop (its log names it), or it is stuck: end it with"
+        f" `taskrpc stop {entry.pid}`, with --force where that does not help"
+    )
+    if entry.certificate:
+        advice = f"`taskrpc doctor {entry.address} --tls-ca FILE` looks at its certificate; or " + (
+            advice
+        )
+    return problem(f"{_who(entry)} does not answer: {error}", advice)
+
+
+def _who(entry: Entry) -> str:
+    return f"{entry.script} (pid {entry.pid}, in {entry.folder})"
+
+
+def _disagreements(serving: Sequence[Entry]) -> Iterator[Finding]:
+    """Services whose definition is not the same everywhere."""
+    first: dict[str, tuple[Endpoint, Entry]] = {}
+    for entry in serving:
+        for service in entry.services:
+            known, owner = first.setdefault(service.name, (service, entry))
+            if known.type_hash != service.type_hash:
+                yield problem(
+                    f"{service.name} is offered by {owner.script} as {known.type_name} and by"
+                    f" {entry.script} as {service.type_name}, whose definitions differ",
+                    f"end one of them: taskrpc stop {entry.pid}",
+                )
+        for type_name, type_hash in {
+            each.type_name: each.type_hash for each in entry.services
+        }.items():
+            yield from _differs_here(type_name, type_hash, entry)
+
+
+def _differs_here(type_name: str, type_hash: str, entry: Entry) -> Iterator[Finding]:
+    try:
+        local = srvgen.type_hash(type_name)
+    except srvgen.DefinitionError:
+        yield note(f"{type_name}, which {entry.script} offers, is not defined on this machine")
+        return
+    if local != type_hash:
+        yield problem(
+            f"{entry.script} has another definition of {type_name} than the one found from"
+            " this folder",
+            f"compare the .srv files, then start {entry.script} again",
+        )
+
+
+def _locks_work(folder: Path) -> bool:
+    with tempfile.TemporaryDirectory(dir=folder) as inner:
+        path = Path(inner, "lock")
+        holder, other = platform.open_private(path), platform.open_private(path)
+        try:
+            return platform.try_lock(holder) and platform.is_locked(other)
+        except OSError:
+            return False
+        finally:
+            os.close(other)
+            os.close(holder)

@@ -1,0 +1,93 @@
+"""`taskrpc doctor`: find out why something does not work, here or on the way to a place."""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import json
+from collections.abc import AsyncIterator
+from dataclasses import asdict
+
+from taskrpc.cli.doctor import checks, health, probe
+from taskrpc.cli.doctor.findings import Finding, problem
+from taskrpc.cli.shared.command import Exit
+from taskrpc.cli.shared.remote import Remote, add_secrets, any_place, remote_of
+from taskrpc.errors import TaskRpcError
+from taskrpc.security.lab import remembered_lab
+from taskrpc.transport.tcp.tcp_network import environment_peers
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give a parser the arguments of `doctor`."""
+    what = "a server on another machine, or at unix:/path, that cannot be reached"
+    parser.add_argument("connect", nargs="?", metavar="HOST:PORT", type=_place, help=what)
+    add_secrets(parser)
+    parser.add_argument("--json", action="store_true", help="Print a JSON array of findings")
+    what = "as in ros2; changes nothing, since all is reported"
+    for short, option in (
+        ("-r", "--report"),
+        ("-rf", "--report-failed"),
+        ("-iw", "--include-warnings"),
+    ):
+        parser.add_argument(short, option, action="store_true", help=what)
+    parser.set_defaults(run=_run)
+
+
+def _place(text: str) -> str:
+    if text != "unix:":
+        return any_place(text)
+    raise argparse.ArgumentTypeError("expected unix:/path of the server's socket, got unix: alone")
+
+
+def _run(options: argparse.Namespace) -> int:
+    found = asyncio.run(_report(remote_of(options), as_text=not options.json))
+    problems = sum(finding.state == "problem" for finding in found)
+    if options.json:
+        print(json.dumps([asdict(finding) for finding in found]))
+    else:
+        print("no problems" if not problems else f"{problems} problem{'s'[: problems > 1]}")
+    return Exit.ERROR if problems else Exit.DONE
+
+
+async def _report(remote: Remote, *, as_text: bool) -> list[Finding]:
+    """All findings, printed as they come since some take seconds."""
+    found = []
+    async for finding in _findings(remote):
+        found.append(finding)
+        if as_text:
+            _print(finding)
+    return found
+
+
+async def _findings(remote: Remote) -> AsyncIterator[Finding]:
+    for check in (checks.software, checks.places, checks.environment):
+        for finding in check():
+            yield finding
+    try:
+        async for finding in checks.programs():
+            yield finding
+        remote = remote if remote.place else _lab_of(remote)
+        if remote.place:
+            async for finding in probe.examine(remote):
+                yield finding
+                if finding.state == "problem":
+                    return  # nobody there can be asked how they are
+        async for finding in health.ask(remote):
+            yield finding
+    except TaskRpcError as error:
+        # The folder or the domain is wrong, which an earlier line has said what to do about.
+        yield problem(f"the programs of this machine cannot be seen: {error}", "see above")
+
+
+def _lab_of(remote: Remote) -> Remote:
+    """The lab that was joined, where programs call it."""
+    lab = remembered_lab()
+    if lab is None or environment_peers():
+        return remote
+    return Remote(lab.place, remote.tls, remote.token)
+
+
+def _print(finding: Finding) -> None:
+    print(f"{finding.state:8} {finding.text}", flush=True)
+    if finding.advice:
+        print(f"{'':8} -> {finding.advice}", flush=True)

@@ -1,0 +1,100 @@
+"""Whether a certificate, or that one side encrypts and the other does not, is what is wrong."""
+
+from __future__ import annotations
+
+import asyncio
+import ssl
+
+from taskrpc.cli.doctor.findings import Finding, problem
+from taskrpc.cli.shared.remote import Remote
+from taskrpc.security.lab import Lab, remembered_lab
+from taskrpc.security.tls import pinned_context
+from taskrpc.transport.tcp.tcp_network import split_place
+from taskrpc.transport.tcp.unix_sockets import is_unix
+
+# OpenSSL's numbers (x509_vfy.h).
+_NOT_YET_VALID, _EXPIRED = 9, 10
+_UNKNOWN_AUTHORITY = frozenset({2, 18, 19, 20, 21})
+_OTHER_NAME = frozenset({62, 64})
+
+
+async def fault(remote: Remote, patience: float) -> Finding | None:
+    """What stands in the way of an encrypted connection; None where that is not the matter."""
+    place, lab = remote.place, remembered_lab()
+    if is_unix(place):
+        return None
+    if lab is not None and lab.place != place:
+        lab = None
+    shown = await _shown_certificate(place, patience)
+    wants_tls = remote.tls is not None or lab is not None
+    if not shown:
+        return _plain(place) if wants_tls else None
+    if not wants_tls:
+        return problem(
+            f"{place} takes encrypted connections only",
+            "join with the lecturer's string (taskrpc join), or give the certificate that signed"
+            " that server's with --tls-ca",
+        )
+    if lab is not None and shown != lab.certificate:
+        return problem(
+            f"{place} shows another certificate than when this laptop joined",
+            "it is another server, or has a new certificate: ask the lecturer for a new string",
+        )
+    return await _refused(remote, lab, patience)
+
+
+def _plain(place: str) -> Finding:
+    return problem(
+        f"{place} takes no encrypted connections: it is no taskrpc server, or one without"
+        " --tls-cert",
+        "start the server with --tls-cert and --tls-key, or `taskrpc classroom --serve`",
+    )
+
+
+async def _refused(remote: Remote, lab: Lab | None, patience: float) -> Finding | None:
+    """What this machine has against the server's certificate."""
+    host, port = split_place(remote.place)
+    if lab is not None:
+        context = pinned_context(lab.certificate, remote.tls)
+    else:
+        assert remote.tls is not None
+        context = remote.tls.client_context()
+    try:
+        async with asyncio.timeout(patience):
+            _, writer = await asyncio.open_connection(host, port, ssl=context)
+    except ssl.SSLCertVerificationError as error:
+        return _explained(remote.place, host, error)
+    except OSError:
+        return None
+    writer.close()
+    return None
+
+
+def _explained(place: str, host: str, error: ssl.SSLCertVerificationError) -> Finding:
+    code, what = error.verify_code, f"the certificate of {place}"
+    if code == _EXPIRED:
+        text, advice = f"{what} has expired", "make a new one; or is this machine's clock wrong?"
+    elif code == _NOT_YET_VALID:
+        text, advice = f"{what} is not valid yet", "set this machine's clock"
+    elif code in _OTHER_NAME:
+        text = f"{what} is not for {host}"
+        advice = "call the server by a name or address that its certificate has"
+    elif code in _UNKNOWN_AUTHORITY:
+        text = f"{what} was signed by nobody who is trusted here"
+        advice = "give the certificate that signed it with --tls-ca"
+    else:
+        text = f"{what} is refused: {error.verify_message}"
+        advice = "see that the file given with --tls-ca is the one that signed it"
+    return problem(text, advice)
+
+
+async def _shown_certificate(place: str, patience: float) -> str:
+    """The certificate that a server shows (PEM), "" where it speaks no TLS. Nothing is sent."""
+
+    def look() -> str:
+        return ssl.get_server_certificate(split_place(place), timeout=patience)
+
+    try:
+        return await asyncio.to_thread(look)
+    except (OSError, ValueError):
+        return ""

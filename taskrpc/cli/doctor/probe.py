@@ -1,0 +1,178 @@
+"""Is anyone there, and is it taskrpc: what `taskrpc doctor` finds out about one place."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import socket
+import threading
+from collections.abc import AsyncIterator, Callable, Sequence
+from functools import partial
+
+from taskrpc.cli.doctor import encryption, socket_file
+from taskrpc.cli.doctor.findings import Finding, ok, problem
+from taskrpc.cli.shared.remote import Remote
+from taskrpc.errors import AuthenticationFailed, ConnectionLost, ProtocolError, TaskRpcError
+from taskrpc.transport.connection.dialling import STOPPED, placed
+from taskrpc.transport.tcp.tcp_network import split_place
+from taskrpc.transport.tcp.unix_sockets import is_unix
+
+PATIENCE = 4.0
+"""Seconds for each step."""
+
+_OF_THE_SILENT = (
+    "the server there is stuck or was stopped (`taskrpc ps` on that machine says which), or"
+    " something else than taskrpc listens"
+)
+# POSIX's numbers, then those of Windows, which asyncio gives as they are.
+_NO_SUCH_NETWORK = frozenset({errno.ENETUNREACH, errno.ENETDOWN, 1231, 10051, 10050})
+_NO_SUCH_HOST = frozenset({errno.EHOSTUNREACH, errno.EHOSTDOWN, 1232, 10065, 10064})
+
+
+async def examine(remote: Remote) -> AsyncIterator[Finding]:
+    """What happens at each step on the way to the services of a place; ends where it fails."""
+    if is_unix(remote.place):
+        found = await socket_file.reach(remote.place, PATIENCE)
+        yield found
+        if found.state != "problem":
+            yield await _ask(remote)
+        return
+    host, port = split_place(remote.place)
+    try:
+        addresses = await resolve(host, port, PATIENCE)
+    except OSError as error:
+        yield problem(
+            f"the name {host} is not known: {_reason(error)}",
+            "check its spelling, or give the number that the other machine shows as its address",
+        )
+        return
+    if addresses != [host]:
+        yield ok(f"{host} is {', '.join(addresses)}")
+    reached, finding = await _connect(addresses, port)
+    yield finding
+    if reached:
+        yield await _ask(remote)
+
+
+async def resolve(host: str, port: int, timeout: float) -> list[str]:
+    """The addresses of a host. Raises OSError, also when there is no answer in time."""
+    loop = asyncio.get_running_loop()
+    answer: asyncio.Future[list[str]] = loop.create_future()
+
+    def look_up() -> None:
+        settle: Callable[[], object]
+        try:
+            found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)
+            addresses = list(dict.fromkeys(str(each[4][0]) for each in found))
+            settle = partial(answer.set_result, addresses)
+        except OSError as error:
+            settle = partial(answer.set_exception, error)
+        with contextlib.suppress(RuntimeError):  # nobody waits any more: the loop is closed
+            loop.call_soon_threadsafe(lambda: None if answer.done() else settle())
+
+    # The system's resolver knows no deadline, and a loop's own threads are waited for at its end.
+    threading.Thread(target=look_up, daemon=True).start()
+    try:
+        async with asyncio.timeout(timeout):
+            return await answer
+    except TimeoutError:
+        raise TimeoutError(f"no answer within {timeout:g} s") from None
+
+
+async def _connect(addresses: Sequence[str], port: int) -> tuple[str, Finding]:
+    """The first address that takes a connection ("" if none does), and what was found."""
+    finding = problem("the name has no address", "check its spelling")
+    for address in addresses:
+        try:
+            async with asyncio.timeout(PATIENCE):
+                _, writer = await asyncio.open_connection(address, port)
+        except OSError as error:
+            finding = no_connection(error, address, port)
+        else:
+            writer.close()
+            return address, ok(f"a program listens at {address} port {port}")
+    return "", finding
+
+
+def no_connection(error: OSError, address: str, port: int) -> Finding:
+    """Why a connection to an address did not come about, and what to do."""
+    if isinstance(error, ConnectionRefusedError):
+        return problem(
+            f"nobody listens at {address} port {port}",
+            f"start the server there with --listen HOST:{port}, HOST being its address",
+        )
+    if _is_one_of(error, _NO_SUCH_NETWORK):
+        return problem(
+            f"this machine has no way to the network of {address}: {_reason(error)}",
+            "join the network (Wi-Fi, cable) in which the other machine is",
+        )
+    if _is_one_of(error, _NO_SUCH_HOST):
+        return problem(
+            f"no machine at {address} shows itself: {_reason(error)}",
+            "is it on, and is that still its address? A Wi-Fi that keeps its guests apart (client"
+            " isolation) looks like this, too: use the lecturer's hotspot, or a cable",
+        )
+    if isinstance(error, PermissionError):
+        return problem(
+            f"a firewall of this machine or a router forbids {address}: {_reason(error)}",
+            f"allow TCP port {port} there",
+        )
+    # Without an answer in our time or in the system's: both are TimeoutErrors.
+    if isinstance(error, TimeoutError):
+        return problem(
+            f"{address} did not answer at port {port} within {PATIENCE:g} s",
+            f"a firewall there may swallow what comes: allow Python, or TCP port {port}; if others"
+            " do not get through either, the Wi-Fi may keep its guests apart (client isolation):"
+            " use the lecturer's hotspot, or a cable",
+        )
+    return problem(
+        f"{address} cannot be reached: {_reason(error)}", "check the network of both machines"
+    )
+
+
+async def _ask(remote: Remote) -> Finding:
+    place = remote.place
+    try:
+        listing = await remote.listing(place)
+    except AuthenticationFailed as error:
+        return await encryption.fault(remote, PATIENCE) or problem(
+            f"{place} is taskrpc, but: {_without(place, error)}",
+            "join again if the lecturer's string was for it (the account may be revoked or"
+            " expired), or give the server's secret with --token-file or TASKRPC_TOKEN",
+        )
+    except (ConnectionLost, ProtocolError) as error:
+        if advice := _advice(str(error)):
+            return problem(placed(place, error), advice)
+        if STOPPED in str(error):
+            return problem(*str(error).split("; ", 1))
+        waits = "within" in str(error) or "did not answer" in str(error)
+        advice = _OF_THE_SILENT if waits else "something else than taskrpc listens there"
+        return await encryption.fault(remote, PATIENCE) or problem(placed(place, error), advice)
+    except TaskRpcError as error:
+        return problem(
+            placed(place, error),
+            "check the files given here; if they are right, see the server's log",
+        )
+    names = ", ".join(service.name for service in listing.services) or "no service"
+    return ok(f"{place} offers {names}")
+
+
+def _without(place: str, error: TaskRpcError) -> str:
+    return str(error).removeprefix("the lab's server at ").removeprefix(place).lstrip(": ")
+
+
+def _advice(error: str) -> str:
+    if "domain" in error:
+        return "set ROS_DOMAIN_ID to the server's"
+    if "version" in error:
+        return "install the same version of taskrpc on both machines"
+    return ""
+
+
+def _is_one_of(error: OSError, numbers: frozenset[int]) -> bool:
+    return bool({error.errno, getattr(error, "winerror", None)} & numbers)
+
+
+def _reason(error: OSError) -> str:
+    return error.strerror or str(error)

@@ -1,0 +1,218 @@
+"""What a call does once its command line is read: find the service, ask it, print the answer."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import sys
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import msgspec
+
+import srvgen
+from taskrpc.cli.service.types import differs_here, local_service_type, service_type_name
+from taskrpc.cli.shared import quoting
+from taskrpc.cli.shared.command import hinted
+from taskrpc.cli.shared.remote import HERE, Remote
+from taskrpc.cli.shared.values import build_request
+from taskrpc.client import Client
+from taskrpc.errors import (
+    AuthenticationFailed,
+    ConnectionLost,
+    DeadlineExceeded,
+    InvalidRequest,
+    ProtocolError,
+    ServiceUnavailable,
+    TaskRpcError,
+    TypeMismatch,
+)
+from taskrpc.node import Node
+from taskrpc.retry import RetryPolicy
+from taskrpc.transport.connection.dialling import placed
+
+POLL = 0.05
+"""Seconds between two looks for a service that is not there yet."""
+
+
+class Plan(msgspec.Struct, frozen=True):
+    """What a command line asks for."""
+
+    service: str
+    type_name: str = ""
+    """Empty where the server is to tell it."""
+    values: tuple[str, ...] = ()
+    timeout: float | None = 10.0
+    """Seconds of one call, waiting for the service included; None for no limit."""
+    retries: int = 0
+    request_id: str = ""
+    """The user's name for the request, "" for none."""
+    rate: float | None = None
+    """Calls a second; None: one after the other."""
+    count: int = 1
+    """Calls; 0 for no end."""
+    as_json: bool = False
+    remote: Remote = HERE
+    transport: str = "tcp"
+
+
+async def perform(plan: Plan) -> None:
+    """Make the calls and print requests and responses.
+
+    Raises the errors of `Client.call`, InvalidName, InvalidRequest and DefinitionError.
+    """
+    service = quoting.expanded(plan.service)
+    async with plan.remote.node(transport=plan.transport) as node:
+        await _Caller(plan, node, service).run()
+
+
+class _Caller:
+    """The calls of one command."""
+
+    def __init__(self, plan: Plan, node: Node, service: str) -> None:
+        self._plan = plan
+        self._node = node
+        self._service = service
+        self._loop = asyncio.get_running_loop()
+        self._retry = RetryPolicy(attempts=plan.retries + 1) if plan.retries else None
+        self._client: Client[Any, Any] | None = None
+        self._request: Callable[[], Any] = lambda: None
+        """Makes the request of each call; `now` and `auto` become the time of the call."""
+        self._said_waiting = False
+        self._lost: TaskRpcError | None = None
+        """Why the last connection was not made."""
+
+    async def run(self) -> None:
+        began = self._loop.time()
+        number = 0
+        while True:
+            await self._call()
+            number += 1
+            if number == self._plan.count:
+                return
+            if self._plan.rate is not None:
+                due = began + number / self._plan.rate
+                await asyncio.sleep(max(0.0, due - self._loop.time()))
+
+    async def _call(self) -> None:
+        timeout = self._plan.timeout
+        deadline = None if timeout is None else self._loop.time() + timeout
+        client = self._client
+        if client is None or not client.service_is_ready():
+            client = self._client = await self._reach(deadline)
+        request = self._request()
+        self._print(f"requester: making request: {request!r}\n")
+        try:
+            response = await client.call(
+                request,
+                timeout=None if deadline is None else deadline - self._loop.time(),
+                retry=self._retry,
+                request_id=self._plan.request_id,
+            )
+        except DeadlineExceeded as error:
+            raise self._too_late(error) from None
+        if self._plan.as_json:
+            import json
+
+            print(json.dumps(_without_nan(srvgen.to_builtins(response))), flush=True)
+        self._print(f"response:\n{response!r}\n")
+
+    async def _reach(self, deadline: float | None) -> Client[Any, Any]:
+        """A client, and the request that fits it; both as the server defines them."""
+        type_name, text = await self._definition(deadline)
+        given = self._plan.type_name
+        if given and service_type_name(given) != type_name:
+            local_service_type(given)
+            raise TypeMismatch(f"{self._service} is offered as {type_name}, not as {given}")
+        cls = srvgen.define(type_name, text)
+        try:
+            self._request = _requests(cls.Request, self._plan.values)
+        except InvalidRequest as error:
+            here = "the server's definition differs from the one on this machine"
+            raise hinted(error, here if differs_here(cls) else "") from None
+        if self._client is not None:
+            self._client.destroy()
+        return self._node.create_client(cls, self._service)
+
+    async def _definition(self, deadline: float | None) -> tuple[str, str]:
+        """What the server says of the service's type, as soon as there is one."""
+        while True:
+            try:
+                async with asyncio.timeout_at(deadline):
+                    return await self._node.definition(self._service)
+            except (ConnectionLost, TimeoutError) as error:
+                self._lost = error if isinstance(error, ConnectionLost) else self._lost
+            except ServiceUnavailable:
+                self._lost = None
+            except (AuthenticationFailed, ProtocolError):
+                if not self._plan.remote.places:
+                    raise
+            await self._say_waiting(deadline)
+            left = math.inf if deadline is None else deadline - self._loop.time()
+            if left <= 0:
+                raise await self._unknown()
+            await asyncio.sleep(min(POLL, left))
+
+    async def _say_waiting(self, deadline: float | None) -> None:
+        """Say once that we wait, unless what was typed cannot succeed in any case."""
+        if self._said_waiting:
+            return
+        self._said_waiting = True
+        if self._plan.type_name:
+            _requests(local_service_type(self._plan.type_name).Request, self._plan.values)
+        await self._ask_places(deadline)
+        if not self._plan.as_json:
+            print("waiting for service to become available...", file=sys.stderr, flush=True)
+            if self._lost:
+                print(f"({self._lost})", file=sys.stderr, flush=True)
+
+    async def _ask_places(self, deadline: float | None) -> None:
+        """Find out why a program elsewhere does not tell of the service.
+
+        Raises AuthenticationFailed: waiting would not help.
+        """
+        for place in self._plan.remote.places:
+            try:
+                async with asyncio.timeout_at(deadline):
+                    await self._plan.remote.listing(place)
+                return
+            except (ConnectionLost, ProtocolError) as error:
+                self._lost = type(error)(placed(place, error))
+            except TimeoutError:
+                self._lost = self._lost or ConnectionLost(f"{place} did not answer in time")
+
+    async def _unknown(self) -> ServiceUnavailable:
+        from taskrpc.cli.shared.graph import why_unavailable  # only where a call fails
+
+        waited, place = f"(waited {self._plan.timeout:g} s)", self._plan.remote.place
+        return await why_unavailable(self._service, place, self._node, waited, self._lost)
+
+    def _too_late(self, error: DeadlineExceeded) -> DeadlineExceeded:
+        fate = "the call was not sent" if error.not_executed else "the call may have run"
+        problem = f"no answer from {self._service} within {self._plan.timeout:g} s; {fate}"
+        return DeadlineExceeded(problem, not_executed=error.not_executed)
+
+    def _print(self, text: str) -> None:
+        if not self._plan.as_json:
+            print(text, flush=True)
+
+
+def _requests(cls: Any, values: Sequence[str]) -> Callable[[], Any]:
+    """Return the function that makes the request of each call. Raises InvalidRequest."""
+    if not any(word in value for value in values for word in ("auto", "now")):
+        request = build_request(cls, values)
+        return lambda: request
+    from taskrpc.cli.topic.messages import Template  # few requests need the time
+
+    return Template(cls, values).message
+
+
+def _without_nan(value: Any) -> Any:
+    """The value with null where JSON has no number for it."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, list):
+        return [_without_nan(each) for each in value]
+    if isinstance(value, dict):
+        return {name: _without_nan(each) for name, each in value.items()}
+    return value

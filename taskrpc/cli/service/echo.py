@@ -1,0 +1,113 @@
+"""`taskrpc service echo`: each step of a service's calls, told on the topic of its events."""
+
+from __future__ import annotations
+
+import asyncio
+import sys
+from typing import TYPE_CHECKING, Any
+
+import yaml
+
+import srvgen
+from taskrpc.cli.service.types import service_type_name
+from taskrpc.cli.shared import definitions, graph, quoting
+from taskrpc.cli.shared.command import Exit, NotFound, goes_on, hinted
+from taskrpc.cli.shared.remote import remote_of
+from taskrpc.cli.topic.reading import Feed
+from taskrpc.cli.topic.topic_graph import topics
+from taskrpc.qos import QoS
+from taskrpc.ros.message_text import Cut, csv_of, plain
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Iterable
+
+    from taskrpc.transport.discovery.entries import Entry
+
+_DEPTH = 100
+
+
+def echo(options: argparse.Namespace) -> Exit:
+    """Print the events of a service, until Ctrl-C."""
+    asyncio.run(_echo(options))
+    return Exit.DONE
+
+
+def event_text(event: Any, cut: Cut, *, flow: bool = False) -> str:
+    """An event as ros2 prints it: YAML that ends in a line break; `flow` for arrays in one line."""
+    shown = plain(event, cut)
+    kind = shown["info"]["event_type"]
+    steps = ("REQUEST_SENT", "REQUEST_RECEIVED", "RESPONSE_SENT", "RESPONSE_RECEIVED")
+    if kind in range(len(steps)):
+        shown["info"]["event_type"] = steps[kind]
+    return yaml.dump(
+        shown,
+        Dumper=_FlowDumper if flow else yaml.SafeDumper,
+        allow_unicode=True,
+        default_flow_style=False,
+        sort_keys=False,
+        width=sys.maxsize,
+    )
+
+
+class _FlowDumper(yaml.SafeDumper):
+    """Writes lists, and what is in them, in one line."""
+
+
+_FlowDumper.add_representer(
+    list, lambda dumper, value: dumper.represent_sequence(_LIST, value, flow_style=True)
+)
+_LIST = "tag:yaml.org,2002:seq"
+
+
+async def _echo(options: argparse.Namespace) -> None:
+    name = quoting.expanded(options.service_name)
+    topic = f"{name}/_service_event"
+    remote = remote_of(options)
+    length = None if options.full_length else options.truncate_length
+    cut = Cut(length, arrays=not options.no_arr, texts=not options.no_str)
+
+    def show(event: Any) -> None:
+        if options.csv:
+            print(csv_of(event, cut), flush=True)
+        else:
+            print(event_text(event, cut, flow=options.flow_style) + "---", flush=True)
+
+    async with remote.node() as node:
+        entries = await graph.entries_of(remote, node)
+        cls = _service_type(options.service_type, name, entries)
+        told = topics(entries, hidden=True).get(topic)
+        publishers = [each for each, _ in told.publishers] if told else []
+        if not publishers:
+            print(_silent(name), file=sys.stderr, flush=True)
+        reliable = bool(publishers) and all(each.reliable for each in publishers)
+        qos = QoS(_DEPTH, "reliable" if reliable else "best_effort", "volatile")
+        feed = Feed(show)
+        node.create_subscription(cls.Event, topic, feed.take, qos)
+        goes_on()
+        await feed.wait()
+
+
+def _service_type(given: str, name: str, entries: Iterable[Entry]) -> Any:
+    types = [given] if given else graph.services(entries, hidden=True).get(name, [])
+    if not types:
+        hint = graph.unknown_service_hint(name, entries, "")
+        raise hinted(NotFound(f"Cannot find type for '{name}'"), hint)
+    try:
+        found = definitions.load(service_type_name(types[0]))
+    except srvgen.DefinitionError as error:
+        problem = f"The service type '{types[0]}' is invalid"
+        raise srvgen.DefinitionError(problem, hint=str(error)) from None
+    if not hasattr(found, "Event"):
+        problem = f"The service type '{types[0]}' is invalid"
+        raise srvgen.DefinitionError(problem, hint="it is no service")
+    return found
+
+
+def _silent(name: str) -> str:
+    return (
+        f"note: no program tells of calls of {name} yet: its server has to say"
+        ' node.configure_introspection(service, "contents"), taskrpc-server --introspection'
+        " contents, a program of rclpy"
+        " configure_introspection(clock, qos, ServiceIntrospectionState.CONTENTS)"
+    )

@@ -1,0 +1,164 @@
+"""Who is there, as the commands see it: themselves left out, hidden names left out unless asked."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+from collections.abc import Iterable
+
+from taskrpc import names, platform
+from taskrpc.cli.shared.command import hinted
+from taskrpc.cli.shared.remote import Remote
+from taskrpc.errors import ServiceUnavailable, TaskRpcError
+from taskrpc.node import Node
+from taskrpc.security.lab import remembered_lab
+from taskrpc.transport.connection.dialling import STOPPED
+from taskrpc.transport.discovery.entries import Entry, entry_of
+from taskrpc.transport.discovery.registry import Registry
+from taskrpc.transport.tcp.tcp_network import domain_id, environment_peers
+from taskrpc.wire.messages import Endpoint, TopicEndpoint
+
+_SHOWN = 5
+_OF_EVERY_NODE = {
+    "describe_parameters",
+    "get_parameter_types",
+    "get_parameters",
+    "get_type_description",
+    "list_parameters",
+    "set_parameters",
+    "set_parameters_atomically",
+}
+
+
+def look(remote: Remote) -> list[Entry]:
+    """Every process in this domain, or the one elsewhere; never the one that asks."""
+    return asyncio.run(_look(remote))
+
+
+async def _look(remote: Remote) -> list[Entry]:
+    async with remote.node() as node:
+        return await entries_of(remote, node)
+
+
+async def entries_of(remote: Remote, node: Node) -> list[Entry]:
+    """The same for a command that has a node already."""
+    if remote.place:
+        return [entry_of(remote.place, await remote.listing(remote.place))]
+    return others(await node.graph())
+
+
+def others(entries: Iterable[Entry]) -> list[Entry]:
+    """The entries of all processes but this one."""
+    return [entry for entry in entries if entry.pid != os.getpid()]
+
+
+def services(entries: Iterable[Entry], *, hidden: bool = False) -> dict[str, list[str]]:
+    """Each service that is offered, by name, with its type; several where servers disagree."""
+    found: dict[str, set[str]] = {}
+    for entry in entries:
+        for service in entry.services:
+            if hidden or not names.is_hidden(service.name):
+                found.setdefault(service.name, set()).add(service.type_name)
+    return {name: sorted(found[name]) for name in sorted(found)}
+
+
+def gid(entry: Entry, endpoint: Endpoint | TopicEndpoint, kind: int) -> str:
+    """The GID of an endpoint as ros2 prints it; rclpy programs see the same GID.
+
+    `kind` is the value of rclpy's `EndpointTypeEnum`.
+    """
+    from taskrpc.introspection import gid_of
+
+    numbers = gid_of(entry.pid, endpoint.node, endpoint.name, kind)
+    return ".".join(f"{each:02x}" for each in numbers)
+
+
+def qos_lines(*, reliable: bool = True, depth: int = 10, latched: bool = False) -> list[str]:
+    """A QoS profile as ros2 prints it; by default that of services."""
+    return [
+        "QoS profile:",
+        f"  Reliability: {'RELIABLE' if reliable else 'BEST_EFFORT'}",
+        f"  History (Depth): KEEP_LAST ({depth})",
+        f"  Durability: {'TRANSIENT_LOCAL' if latched else 'VOLATILE'}",
+        "  Lifespan: Infinite",
+        "  Deadline: Infinite",
+        "  Liveliness: AUTOMATIC",
+        "  Liveliness lease duration: Infinite",
+    ]
+
+
+def domains() -> dict[int, list[Entry]]:
+    """Every taskrpc process of this user on this machine, by domain."""
+    found = {}
+    for folder in sorted(platform.runtime_dir().glob("domain_*")):
+        number = folder.name.removeprefix("domain_")
+        if number.isdecimal() and (entries := others(Registry(int(number)).entries())):
+            found[int(number)] = entries
+    return found
+
+
+async def why_unavailable(
+    service: str, place: str, node: Node, waited: str, lost: TaskRpcError | None
+) -> ServiceUnavailable:
+    """The error for a service that did not become available, with a hint.
+
+    `place` is the address that the command names, "" for none; `lost` says why a connection
+    failed, None if every program answered.
+    """
+    # A place that did not answer is not asked again.
+    entries = domains().get(domain_id(), []) if lost else others(await node.graph())
+    for entry in entries:
+        if entry.offers(service):
+            return _silent(entry, service, waited)
+    if lost:
+        return _out_of_reach(place, lost, waited)
+    hint = unknown_service_hint(service, entries, place)
+    return hinted(ServiceUnavailable(f"nobody offers {service} {waited}"), hint)
+
+
+def _out_of_reach(place: str, lost: TaskRpcError, waited: str) -> ServiceUnavailable:
+    if not place and remembered_lab() is not None and not environment_peers():
+        return hinted(ServiceUnavailable(f"{lost} {waited}"), "ask the lecturer whether it runs")
+    doctor = f"taskrpc doctor {place}".rstrip()
+    problem = f"no taskrpc program answers: {lost} {waited}"
+    return hinted(ServiceUnavailable(problem), f"find out why: {doctor}")
+
+
+def _silent(entry: Entry, service: str, waited: str) -> ServiceUnavailable:
+    """The error for a running process that offers a service and does not answer."""
+    who = f"{entry.script} (pid {entry.pid})"
+    if platform.is_stopped(entry.pid):
+        return hinted(
+            ServiceUnavailable(f"{who} offers {service}, but {STOPPED} {waited}"),
+            f"`fg` in its terminal or `kill -CONT {entry.pid}` continues it, `taskrpc stop"
+            f" {entry.pid}` ends it",
+        )
+    return hinted(
+        ServiceUnavailable(f"{who} offers {service} but does not answer {waited}"),
+        f"find out why: taskrpc doctor {entry.address}",
+    )
+
+
+def unknown_service_hint(service: str, entries: Iterable[Entry], place: str = "") -> str:
+    """A hint for the user of a service that no program offers."""
+    from srvgen.definitions.names import near
+
+    known = services(entries, hidden=True)
+    same_end = [name for name in known if name.endswith(service.rpartition("/")[2])]
+    if similar := near(service, known) or same_end:
+        return f"did you mean {' or '.join(similar)}?"
+    for domain, elsewhere in domains().items():
+        if domain != domain_id() and service in services(elsewhere, hidden=True):
+            return f"it is offered in domain {domain}; set ROS_DOMAIN_ID={domain}"
+    plain = [name for name in known if not names.is_hidden(name)]
+    # Every node of a ROS program has the same seven beside its own.
+    shown = [name for name in plain if name.rpartition("/")[2] not in _OF_EVERY_NODE] or plain
+    if shown:
+        more = ", …" if len(shown) > _SHOWN else ""
+        return f"there are {', '.join(shown[:_SHOWN])}{more}"
+    if place:
+        return f"the program at {place} offers no service"
+    if (lab := remembered_lab()) and not environment_peers():
+        return f"neither this machine nor the lab at {lab.place} offers a service: taskrpc doctor"
+    where = f"on this machine in domain {domain_id()}"
+    return f"no taskrpc program offers a service {where}; start one, for example taskrpc-server"

@@ -1,0 +1,116 @@
+"""Command lines as argparse has them, with ros2cli's manners: groups, help, usage."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import re
+from collections.abc import Callable, Sequence
+
+from srvgen.cli import process
+from taskrpc.cli.shared.command import Exit, UsageError, hinted
+
+TYPE_CHECKING = False  # typing itself is heavy
+if TYPE_CHECKING:
+    from typing import Any, NoReturn, TypeAlias
+
+Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
+
+
+class Parser(argparse.ArgumentParser):
+    """An argument parser that raises UsageError where argparse would exit.
+
+    Set `mixed` where options may stand between any two positional arguments.
+    """
+
+    mixed = False
+
+    def parse_known_args(  # type: ignore[override]
+        self, args: Sequence[str] | None = None, namespace: Any = None
+    ) -> tuple[Any, list[str]]:
+        """Parse what this parser knows; the rest comes second."""
+        if not self.mixed:
+            return super().parse_known_args(args, namespace)
+        # argparse mixes only in a method of its own, which calls this one in turn.
+        self.mixed = False
+        try:
+            return self.parse_known_intermixed_args(args, namespace)
+        finally:
+            self.mixed = True
+
+    def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
+        """End the command; the caller reports a help text that cannot be written."""
+        process.check_output()
+        super().exit(status, message)
+
+    def error(self, message: str) -> NoReturn:
+        """Refuse a command line, showing how it should look."""
+        hint = ""
+        if message.startswith("argument Call `"):
+            from srvgen.definitions.names import did_you_mean  # only a mistake needs it
+
+            message = "unknown command " + message.partition("invalid choice: ")[2]
+            word, *known = re.findall(r"[\w-]+", message.removeprefix("unknown command "))
+            hint = did_you_mean(word, known[2:])  # after "choose from"
+        raise hinted(UsageError(f"{self.prog}: error: {message}", self.format_usage()), hint)
+
+
+def add_group(parser: argparse.ArgumentParser) -> Commands:
+    """Let a command have commands of its own; without one it prints its help, as ros2 does."""
+    parser.set_defaults(run=lambda _: print_help(parser))
+    more = f"Call `{parser.prog} <command> -h` for more detailed usage."
+    return parser.add_subparsers(title="Commands", metavar=more, parser_class=Parser)
+
+
+def add_command(commands: Commands, name: str, purpose: str) -> Parser:
+    """A parser for one command of a group; give it a `run` default."""
+    return commands.add_parser(name, help=purpose, description=purpose)
+
+
+def number(rule: str, allowed: Callable[[float], bool]) -> Callable[[str], float]:
+    """The `type` of an option that takes a number; `rule` goes on after "expected a number"."""
+
+    def parse(text: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            value = math.nan
+        if not math.isfinite(value) or not allowed(value):
+            raise argparse.ArgumentTypeError(f"expected a number {rule}, got {text!r}")
+        return value
+
+    return parse
+
+
+def whole(least: int, most: int | None = None) -> Callable[[str], int]:
+    """The `type` of an option that takes a whole number."""
+    rule = f"from {least} on" if most is None else f"from {least} to {most}"
+
+    def parse(text: str) -> int:
+        # Longer ones Python itself refuses to read.
+        value = int(text) if text.isdecimal() and len(text) < 20 else -1
+        if value < least or (most is not None and value > most):
+            raise argparse.ArgumentTypeError(f"expected a whole number {rule}, got {text!r}")
+        return value
+
+    return parse
+
+
+def print_help(parser: argparse.ArgumentParser) -> Exit:
+    """Print a parser's help."""
+    parser.print_help()
+    return Exit.DONE
+
+
+def print_names(names: Sequence[str], *, count: bool = False, as_json: bool = False) -> Exit:
+    """Print names one a line, or their number, or a JSON array."""
+    if count:
+        print(len(names))
+    elif as_json:
+        import json
+
+        print(json.dumps(names))
+    else:
+        for name in names:
+            print(name)
+    return Exit.DONE

@@ -1,0 +1,100 @@
+"""The taskrpc processes of this user on this machine, as `ps`, `stop` and `doctor` see them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from taskrpc import names
+from taskrpc.cli.shared import graph
+from taskrpc.transport.discovery.entries import Entry
+
+
+@dataclass(frozen=True, slots=True)
+class Process:
+    """A process and what it has; one of several domains or event loops has several entries."""
+
+    domain: int
+    entries: tuple[Entry, ...]
+
+    @property
+    def pid(self) -> int:
+        """Its process id."""
+        return self.entries[0].pid
+
+    @property
+    def script(self) -> str:
+        """The script's path as the user typed it."""
+        return self.entries[0].script
+
+    @property
+    def folder(self) -> str:
+        """The working directory."""
+        return self.entries[0].folder
+
+    @property
+    def since(self) -> float:
+        """When it joined, in seconds since the epoch."""
+        return min(entry.since for entry in self.entries)
+
+    @property
+    def services(self) -> list[str]:
+        """The services that it offers, hidden ones left out."""
+        return list(graph.services(self.entries))
+
+    @property
+    def is_ending(self) -> bool:
+        """Whether it has withdrawn all services, and only answers what had come before."""
+        listens = any(entry.address for entry in self.entries)
+        return listens and not any(entry.services for entry in self.entries)
+
+    def is_meant_by(self, name: str) -> bool:
+        """Whether a pid, a script's name, a node or a service means this process."""
+        nodes = {node for entry in self.entries for node in entry.nodes}
+        offered = {service.name for entry in self.entries for service in entry.services}
+        if name == str(self.pid) or _is_tail(name, Path(self.folder, self.script)):
+            return True
+        return f"/{name.removeprefix('/')}" in nodes | offered
+
+    def __str__(self) -> str:
+        return f"{self.script} (pid {self.pid})"
+
+
+def _is_tail(name: str, script: Path) -> bool:
+    """Whether a name is the last part of a script's path, or all of it; `.py` may be left out."""
+    wanted = Path(name).parts
+    ends = (script.parts, script.with_suffix("").parts if script.suffix == ".py" else ())
+    return bool(wanted) and any(parts[-len(wanted) :] == wanted for parts in ends)
+
+
+def processes() -> list[Process]:
+    """All processes but this one, oldest first."""
+    found: dict[int, list[tuple[int, Entry]]] = {}
+    for domain, entries in graph.domains().items():
+        for entry in entries:
+            found.setdefault(entry.pid, []).append((domain, entry))
+    made = [
+        Process(group[0][0], tuple(entry for _, entry in group))
+        for group in found.values()
+        if not all(_is_command(entry) for _, entry in group)
+    ]
+    return sorted(made, key=lambda process: process.since)
+
+
+def clock_time(since: float) -> str:
+    """A moment as a person reads it: the time of today, or the date."""
+    moment = time.localtime(since)
+    today = moment[:3] == time.localtime()[:3]
+    return time.strftime("%H:%M:%S" if today else "%Y-%m-%d", moment)
+
+
+def listing(found: Iterable[Process]) -> str:
+    """Processes in one line."""
+    return ", ".join(str(process) for process in found)
+
+
+def _is_command(entry: Entry) -> bool:
+    # A command that only looks, such as `service list`, is not what a user started to run.
+    return bool(entry.nodes) and not entry.services and all(map(names.is_hidden, entry.nodes))

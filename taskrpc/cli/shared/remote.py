@@ -1,0 +1,179 @@
+"""Whom a command speaks to: the programs of this machine, or one elsewhere (`--connect`)."""
+
+from __future__ import annotations
+
+import os
+
+from taskrpc.cli.shared.command import hinted
+from taskrpc.errors import AuthenticationFailed, TaskRpcError
+
+# Parsing a command line needs only the options below. Modules for calls, above all asyncio, are
+# imported where a call is made.
+TYPE_CHECKING = False
+if TYPE_CHECKING:
+    import argparse
+
+    from taskrpc.node import Node
+    from taskrpc.security.tls import Tls
+    from taskrpc.wire.messages import Listing
+
+PATIENCE = 4.0
+"""Seconds that a program gets to say what it has."""
+
+
+class Remote:
+    """Where to call, and with what; by default the programs of this machine.
+
+    Attributes:
+        place: `host:port`, or empty.
+        tls, token: as `Node` takes them.
+    """
+
+    def __init__(self, place: str = "", tls: Tls | None = None, token: str | None = None) -> None:
+        self.place = place
+        self.tls = tls
+        self.token = token
+
+    @property
+    def places(self) -> list[str]:
+        """Every `host:port` to call beside those that the registry of this machine names."""
+        from taskrpc.security.lab import remembered_lab
+        from taskrpc.transport.tcp.tcp_network import environment_peers
+
+        if self.place:
+            return [self.place]
+        lab = remembered_lab()
+        return environment_peers() or ([] if lab is None else [lab.place])
+
+    def node(self, *, transport: str = "tcp", name: str = "") -> Node:
+        """A node for a command, whose name listings hide unless it has one."""
+        from taskrpc.node import Node
+
+        peers = [self.place] if self.place else None
+        return Node(
+            name or f"_taskrpc_cli_{os.getpid()}",
+            namespace="/",  # names on a command line are those of listings
+            transport=transport,
+            peers=peers,
+            tls=self.tls,
+            token=self.token,
+        )
+
+    async def listing(self, place: str) -> Listing:
+        """What the program at HOST:PORT has.
+
+        Raises AuthenticationFailed, ProtocolError, ConnectionLost or what else the program said.
+        """
+        from taskrpc.security.lab import remembered_lab
+        from taskrpc.transport.endpoint import Endpoint
+        from taskrpc.transport.tcp.tcp_network import TcpNetwork, domain_id
+        from taskrpc.wire.messages import Resolve
+
+        token = self.token or os.environ.get("TASKRPC_TOKEN") or ""
+        secret, lab = token.encode() or None, remembered_lab()
+        network = TcpNetwork(domain=domain_id(), peers=[place], token=secret, tls=self.tls, lab=lab)
+        endpoint = Endpoint(network)
+        try:
+            deadline = endpoint.loop.time() + PATIENCE
+            connection = await endpoint.dialler.connection(network.peers()[0], deadline)
+            found: Listing = await connection.resolve(Resolve(""), deadline).future
+            return found
+        except AuthenticationFailed as error:
+            hint = f"give the secret of {place} with --token-file or TASKRPC_TOKEN"
+            has_hint = bool(getattr(error, "__notes__", ()))
+            raise error if has_hint else hinted(error, hint) from None
+        finally:
+            await endpoint.release()
+
+
+HERE = Remote()
+"""The programs of this machine."""
+
+
+def add_connect(parser: argparse.ArgumentParser) -> None:
+    """Give a command `--connect` and what goes with it."""
+    group = parser.add_argument_group("a program on another machine")
+    what = "ask the program there (or at unix:/path) instead of those of this machine"
+    group.add_argument("--connect", metavar="HOST:PORT", type=any_place, help=what)
+    add_secrets(group)
+
+
+def add_discovery(parser: argparse.ArgumentParser, sim_time: str = "") -> None:
+    """Give a command ros2's options about its daemon, so that a habit does no harm.
+
+    `sim_time` says what `--use-sim-time` does; by default it changes nothing.
+    """
+    what = "as in ros2; changes nothing, since there is no daemon here"
+    parser.add_argument("--no-daemon", action="store_true", help=what)
+    parser.add_argument("--spin-time", metavar="SPIN_TIME", type=float, help=what)
+    what = sim_time or "as in ros2; has no effect, because this command does not use the time"
+    parser.add_argument("-s", "--use-sim-time", action="store_true", help=what)
+
+
+def place(text: str) -> str:
+    """A `HOST:PORT` argument. Raises argparse's ArgumentTypeError."""
+    from argparse import ArgumentTypeError
+
+    from taskrpc.transport.tcp.tcp_network import split_place
+
+    try:
+        split_place(text)
+    except TaskRpcError as error:
+        raise ArgumentTypeError(str(error)) from None
+    return text
+
+
+def any_place(text: str) -> str:
+    """A `HOST:PORT` or `unix:/path` argument. Raises argparse's ArgumentTypeError."""
+    if not text.startswith("unix:"):
+        return place(text)
+    from argparse import ArgumentTypeError
+
+    from taskrpc.transport.tcp.unix_sockets import checked_unix
+
+    try:
+        return text if text == "unix:" else checked_unix(text)
+    except TaskRpcError as error:
+        raise ArgumentTypeError(str(error)) from None
+
+
+def add_secrets(group: argparse._ActionsContainer) -> None:
+    """Give a command the options with which it gets in elsewhere."""
+    what = "the secret of that program (TASKRPC_TOKEN where not given)"
+    group.add_argument("--token-file", metavar="FILE", help=what)
+    what = "the certificate that signed that program's own (PEM)"
+    group.add_argument("--tls-ca", metavar="FILE", help=what)
+    group.add_argument("--tls-cert", metavar="FILE", help="a certificate to show there")
+    group.add_argument("--tls-key", metavar="FILE", help="its key")
+
+
+def remote_of(options: argparse.Namespace) -> Remote:
+    """Where the options say to call. Raises TaskRpcError for a secret that cannot be read."""
+    place = getattr(options, "connect", None) or ""  # a server's options have none
+    return Remote(place, _tls(options), _token(options.token_file))
+
+
+def _tls(options: argparse.Namespace) -> Tls | None:
+    files = options.tls_cert, options.tls_key, options.tls_ca
+    if not any(files):
+        return None
+    from taskrpc.security.tls import Tls
+
+    return Tls(*files)
+
+
+def _token(file: str | None) -> str | None:
+    if not file:
+        return None
+    from taskrpc import platform
+
+    try:
+        with open(file, encoding="utf-8") as opened:
+            platform.check_private(opened.fileno(), file)
+            token = opened.read().strip()
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "expected UTF-8 text"
+        raise TaskRpcError(f"--token-file {file}: {reason}") from None
+    if not token:
+        raise TaskRpcError(f"--token-file {file}: the file is empty")
+    return token

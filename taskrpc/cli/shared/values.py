@@ -1,0 +1,192 @@
+"""The request of a call, from YAML or FIELD=VALUE: read with the types of its fields at hand.
+
+Since the types are known, a string field takes the text as it stands: `target=3,4`, `{mode: on}`
+and `{id: 007}` need no quotes. What an integer cannot hold is refused, never cut off.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import Any
+
+from srvgen import FieldError, from_builtins
+from taskrpc.cli.shared import quoting
+from taskrpc.cli.shared.command import hinted
+from taskrpc.errors import InvalidRequest
+
+_TYPE = re.compile(r"[A-Za-z]\w*/(?:\w+/)?\w+")
+_ASSIGNMENT = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)=(.*)", re.DOTALL)
+_SIMPLE = re.compile(
+    r"(?P<number>-?(?:0|[1-9]\d{0,14})(\.\d{1,15})?)|[A-Za-z0-9][\w./-]*", re.ASCII
+)
+
+
+class NotAMapping(InvalidRequest):
+    """A request that is a list, a number or a word."""
+
+
+def split_type(arguments: Sequence[str]) -> tuple[str, list[str]]:
+    """The type that a command line names ("" where it does not), and the request after it."""
+    if arguments and _TYPE.fullmatch(arguments[0]):
+        return arguments[0], list(arguments[1:])
+    return "", list(arguments)
+
+
+def build_request(cls: Any, values: Sequence[str]) -> Any:
+    """A request of this class from one YAML text or from any number of FIELD=VALUE.
+
+    Raises InvalidRequest.
+    """
+    return from_fields(cls, read_fields(cls, values))
+
+
+def from_fields(cls: Any, fields: dict[str, Any]) -> Any:
+    """A message of this class with these fields. Raises InvalidRequest."""
+    try:
+        return from_builtins(cls, fields)
+    except FieldError as error:
+        raise _stray(cls, fields) or not_populated(error) from None
+
+
+def _stray(cls: Any, fields: dict[str, Any]) -> InvalidRequest | None:
+    """The error of the first field that is not there, in ros2's words; None where all are."""
+    from srvgen.definitions.names import did_you_mean
+
+    known = [name for name, _ in cls._FIELDS]
+    for name, value in fields.items():
+        if name not in known:
+            problem = f"'{cls.__name__}' object has no attribute '{name}'"
+            has = f"{cls.__name__} has {', '.join(known) or 'no fields'}"
+            similar = did_you_mean(name, known)
+            return hinted(not_populated(problem), f"{has}; {similar}" if similar else has)
+        nested = cls._NESTED.get(name)
+        if nested is not None and isinstance(value, dict) and (error := _stray(nested, value)):
+            return error
+    return None
+
+
+def read_fields(cls: Any, values: Sequence[str]) -> dict[str, Any]:
+    """What a command line says of the fields of a message. Raises InvalidRequest."""
+    try:
+        return _read(cls, values)
+    except FieldError as error:
+        raise not_populated(error) from None
+
+
+def _read(cls: Any, values: Sequence[str]) -> dict[str, Any]:
+    if not values:
+        return {}
+    _refuse_commas(cls, values)
+    if all(_ASSIGNMENT.fullmatch(value) for value in values):
+        return _Assignments(cls).read(values)
+    hint = quoting.request_hint(values)
+    stray = next(each for each in values if not _ASSIGNMENT.fullmatch(each))
+    if len(values) > 1 or quoting.begins_curly(stray):
+        what = f"expected one YAML text, or FIELD=VALUE throughout; got {stray!r}"
+        raise hinted(InvalidRequest("", what), hint)
+    fields = simple_mapping(cls, stray)
+    if fields is None:
+        # To load YAML takes longer than all the rest of a call.
+        from taskrpc.cli.shared.yaml_values import read_mapping
+
+        fields = read_mapping(cls, stray, hint)
+    return fields
+
+
+def _refuse_commas(cls: Any, values: Sequence[str]) -> None:
+    """Refuse `a=1, b=2`: a string field would take the comma, or all the rest."""
+    names = "|".join(re.escape(name) for name, _ in cls._FIELDS)
+    text = " ".join(values)
+    if not names:
+        return
+    if _ASSIGNMENT.fullmatch(values[0]) and (found := re.search(rf",\s*({names})=", text)):
+        spaced = re.sub(rf",\s*({names})=", r" \1=", text)
+        problem = f"expected FIELD=VALUE separated by spaces, got a comma before {found[1]}="
+        raise hinted(InvalidRequest("", problem), f"write {spaced}")
+
+
+def simple_mapping(cls: Any, text: str) -> dict[str, Any] | None:
+    """The fields of a plain `{name: value, …}`, or None where that is for YAML to say."""
+    if not (text.startswith("{") and text.endswith("}")):
+        return None
+    types = dict(cls._FIELDS)
+    values: dict[str, Any] = {}
+    for pair in text[1:-1].split(", "):
+        name, _, word = pair.partition(": ")
+        value = simple_value(word, types.get(name, ""))
+        if value is None or name in values:
+            return None
+        values[name] = value
+    return values
+
+
+def simple_value(text: str, type_: str) -> Any:
+    """What a number or a word means for a field as well in YAML, or None where YAML is to say."""
+    found = _SIMPLE.fullmatch(text)
+    if found is None or not type_ or "[" in type_:
+        return None
+    if type_.startswith(("string", "wstring")):
+        return text
+    if found["number"]:
+        return float(text) if "." in text else int(text)
+    return text == "true" if type_ == "bool" and text in ("true", "false") else None
+
+
+def not_populated(problem: object) -> InvalidRequest:
+    """The error of a request that does not fit, in ros2's words."""
+    return InvalidRequest("", f"Failed to populate field: {problem}")
+
+
+class _Assignments:
+    """FIELD=VALUE arguments, put together to the fields of one message."""
+
+    def __init__(self, cls: Any) -> None:
+        self._cls = cls
+        self._values: dict[str, Any] = {}
+
+    def read(self, values: Sequence[str]) -> dict[str, Any]:
+        """What the arguments say, as one nested dict."""
+        for argument in values:
+            path, _, text = argument.partition("=")
+            self._set(path, self._value(path, text))
+        return self._values
+
+    def _set(self, path: str, value: Any) -> None:
+        *outer, name = path.split(".")
+        place = self._values
+        for each in outer:
+            inner = place.setdefault(each, {})
+            if not isinstance(inner, dict):
+                raise FieldError(path, "given twice")
+            place = inner
+        if name in place:
+            raise FieldError(path, "given twice")
+        place[name] = value
+
+    def _value(self, path: str, text: str) -> Any:
+        type_, nested = self._type_of(path)
+        if quoting.begins_curly(text):
+            hint = quoting.request_hint([text])
+            raise hinted(not_populated(f"{path}: {text} is not quoted as a shell knows it"), hint)
+        if type_.startswith(("string", "wstring")) and "[" not in type_:
+            return text
+        simple = simple_value(text, type_)
+        if simple is not None:
+            return simple
+        from taskrpc.cli.shared.yaml_values import Reader
+
+        reader = Reader(text)
+        if reader.node is None:
+            raise FieldError(path, f"expected {type_ or 'a value'}, got nothing")
+        return reader.value(reader.node, type_, nested)
+
+    def _type_of(self, path: str) -> tuple[str, Any]:
+        """A field's type and message class; "" and None where there is no such field."""
+        cls, type_ = self._cls, ""
+        for name in path.split("."):
+            if cls is None or "[" in type_:
+                return "", None
+            type_ = dict(cls._FIELDS).get(name, "")
+            cls = cls._NESTED.get(name)
+        return type_, cls

@@ -1,0 +1,268 @@
+"""`taskrpc task`: the services of the task server, from a command line."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING, Any
+
+from taskrpc.cli.shared.command import Exit, OutputLost
+from taskrpc.cli.shared.parsing import Parser, add_command, add_group, number
+
+if TYPE_CHECKING:
+    from argparse import ArgumentParser, Namespace
+    from collections.abc import Awaitable, Callable
+    from typing import TypeAlias
+
+    from taskrpc.cli.shared.parsing import Commands
+    from taskrpc.cli.task.task_services import TaskServices
+
+    Action: TypeAlias = Callable[[Namespace, TaskServices], Awaitable[Exit]]
+
+_SECONDS = number("greater than zero", lambda value: value > 0)
+_ORDERS = (
+    ("cancel", "Call tasks off; one that runs is halted"),
+    ("requeue", "Queue tasks once more that were interrupted, failed or cancelled"),
+    ("drop", "Give up tasks that wait or were interrupted"),
+)
+_HALTS = (
+    ("pause", "Halt the robot in mid-task and begin no other"),
+    ("stop", "Halt the robot at once and pause the queue (no emergency stop: this is software)"),
+)
+_SPELLINGS = (
+    ("reprioritise", "Move a queued task to another priority"),
+    ("reprioritize", "The same, as Americans spell it"),
+)
+
+
+def configure(parser: ArgumentParser) -> None:
+    """Give the parser of `taskrpc task` its commands."""
+    commands = add_group(parser)
+    _add_submit(commands)
+    _add_views(commands)
+    for verb, purpose in _ORDERS:
+        command = _add(commands, verb, purpose, _order)
+        command.add_argument("task_ids", metavar="ID", type=int, nargs="+", help="a task's number")
+        command.set_defaults(verb=verb)
+    for verb, purpose in _HALTS:
+        _add(commands, verb, purpose, _halt).set_defaults(verb=verb)
+    what = "Go on after a pause or a stop; with numbers, with tasks that were interrupted"
+    command = _add(commands, "resume", what, _resume)
+    what = "a task that ran when the server ended: it gets its old place in the queue"
+    command.add_argument("task_ids", metavar="ID", type=int, nargs="*", help=what)
+    for verb, purpose in _SPELLINGS:
+        command = _add(commands, verb, purpose, _reprioritise)
+        command.add_argument("task_id", metavar="ID", type=int, help="the task's number")
+        command.add_argument("priority", metavar="PRIORITY", type=int, help="1 to 10, 10 first")
+
+
+def _add_submit(commands: Commands) -> None:
+    command = _add(commands, "submit", "Queue a task", _submit)
+    add = command.add_argument
+    add("task_type", metavar="TYPE", help="move, scan or report (more with a robot of your own)")
+    add("target", metavar="TARGET", help="a place of the map, or x,y in metres")
+    what = "1 to 10, 10 runs first (5)"
+    add("priority", metavar="PRIORITY", type=int, nargs="?", default=5, help=what)
+    what = "follow the task to its end; exit code 0 if it SUCCEEDED, 1 at any other end"
+    add("--wait", action="store_true", help=what)
+
+
+def _add_views(commands: Commands) -> None:
+    command = _add(commands, "list", "List the tasks in the order in which they run", _list)
+    command.add_argument("--all", action="store_true", help="then also what has ended")
+    command = _add(commands, "show", "Show all about a task: its result, its estimate", _show)
+    command.add_argument("task_id", metavar="ID", type=int, help="the task's number")
+    command = _add(commands, "watch", "Print a line for each change, until Ctrl-C", _watch)
+    what = "only this task"
+    command.add_argument("task_id", metavar="ID", type=int, nargs="?", default=0, help=what)
+
+
+def _add(commands: Commands, verb: str, purpose: str, action: Action) -> Parser:
+    from taskrpc.cli.shared.remote import add_connect
+
+    command = add_command(commands, verb, purpose)
+    command.mixed = True
+    add = command.add_argument
+    what = "the service that takes the tasks (/robot_task)"
+    add("--service", metavar="NAME", default="/robot_task", help=what)
+    what = "seconds for one call, waiting for the server included (10)"
+    add("--timeout", metavar="S", type=_SECONDS, default=10.0, help=what)
+    add("--json", action="store_true", help="print JSON")
+    add_connect(command)
+    command.set_defaults(run=_run, action=action)
+    return command
+
+
+def _run(options: Namespace) -> Exit:
+    import asyncio
+
+    return asyncio.run(perform(options))
+
+
+async def perform(options: Namespace) -> Exit:
+    """Connect to the task server and do what the options say.
+
+    Raises TaskRefused, NotFound, TypeMismatch, ServiceUnavailable and what else calls raise.
+    """
+    from taskrpc.cli.shared.remote import remote_of
+    from taskrpc.cli.task.task_services import TaskServices
+
+    remote = remote_of(options)
+    async with remote.node() as node:
+        services = TaskServices(
+            node,
+            options.service,
+            timeout=options.timeout,
+            place=remote.place,
+            note=(lambda _: None) if options.json else _note,
+        )
+        await services.reach()
+        action: Action = options.action
+        return await action(options, services)
+
+
+# The actions
+
+
+async def _submit(options: Namespace, services: TaskServices) -> Exit:
+    answer = await services.submit(options.task_type, options.target, options.priority)
+    if not options.wait:
+        message = f"{answer.message} (task {answer.task_id}, done in {answer.estimated_time:.1f} s)"
+        done = f"task {answer.task_id} was submitted"
+        _report(_answer(answer) if options.json else message, done)
+        return Exit.DONE
+    return await _wait(answer.task_id, options, services)
+
+
+async def _wait(task_id: int, options: Namespace, services: TaskServices) -> Exit:
+    """Follow a task to its end."""
+    import asyncio
+
+    from taskrpc.cli.task.view import news, whole_object
+
+    try:
+        await _follow_to_end(task_id, services)
+    except asyncio.CancelledError:
+        _note(f"task {task_id} goes on; to cancel it: taskrpc task cancel {task_id}")
+        raise
+    task = await services.show(task_id)
+    _report(whole_object(task) if options.json else news(task), news(task))
+    return Exit.DONE if task.state == task.SUCCEEDED else Exit.ERROR
+
+
+async def _follow_to_end(task_id: int, services: TaskServices) -> None:
+    from taskrpc.cli.task.progress import progress
+
+    with progress() as display:
+        async for update in services.follow(task_id, seconds=1.0, persist=False):
+            for task in update.tasks:
+                display.show(task, paused=update.paused)
+                if task.ended.sec:
+                    return
+
+
+async def _list(options: Namespace, services: TaskServices) -> Exit:
+    from taskrpc.cli.task.view import as_object, table
+
+    tasks = await services.tasks(ended=options.all)
+    if options.json:
+        _print([as_object(task) for task in tasks])
+        return Exit.DONE
+    for line in table(tasks):
+        print(line)
+    if not tasks:
+        _note("no task runs or waits" + ("" if options.all else "; --all lists those that ended"))
+    return Exit.DONE
+
+
+async def _show(options: Namespace, services: TaskServices) -> Exit:
+    from taskrpc.cli.task.view import details, whole_object
+
+    task = await services.show(options.task_id)
+    _print(whole_object(task) if options.json else "\n".join(details(task)))
+    return Exit.DONE
+
+
+async def _watch(options: Namespace, services: TaskServices) -> Exit:
+    from taskrpc.cli.task.watch import Printer
+
+    printer = Printer(as_json=options.json)
+    async for update in services.follow(options.task_id):
+        printer.show(update)
+    return Exit.DONE
+
+
+async def _order(options: Namespace, services: TaskServices) -> Exit:
+    """Cancel, requeue or drop each of the tasks."""
+    return await _ask_for_each(f"/{options.verb}", options, services)
+
+
+async def _resume(options: Namespace, services: TaskServices) -> Exit:
+    if options.task_ids:
+        return await _ask_for_each("/requeue", options, services, resume=True)
+    _say(await services.ask("/resume"), options)
+    return Exit.DONE
+
+
+async def _ask_for_each(
+    verb: str, options: Namespace, services: TaskServices, **fields: object
+) -> Exit:
+    """Ask a service about each of the tasks, whatever becomes of the others."""
+    from taskrpc.cli.task.task_services import TaskRefused
+
+    failures: list[TaskRefused | OutputLost] = []
+    for task_id in options.task_ids:
+        try:
+            _say(await services.ask(verb, task_id=task_id, **fields), options)
+        except (TaskRefused, OutputLost) as failure:
+            failures.append(failure)
+    if failures:
+        raise type(failures[0])("\n".join(map(str, failures)))
+    return Exit.DONE
+
+
+async def _halt(options: Namespace, services: TaskServices) -> Exit:
+    _say(await services.ask(f"/{options.verb}"), options)
+    return Exit.DONE
+
+
+async def _reprioritise(options: Namespace, services: TaskServices) -> Exit:
+    fields = {"task_id": options.task_id, "priority": options.priority}
+    _say(await services.ask("/reprioritise", **fields), options)
+    return Exit.DONE
+
+
+# What they print
+
+
+def _say(answer: Any, options: Namespace) -> None:
+    seconds = getattr(answer, "estimated_time", 0.0)
+    outlook = f" (done in {seconds:.1f} s)" if seconds else ""
+    _report(_answer(answer) if options.json else answer.message + outlook, answer.message)
+
+
+def _answer(answer: Any) -> Any:
+    from srvgen import to_builtins
+
+    return to_builtins(answer)
+
+
+def _print(value: Any) -> None:
+    """Print a text, or any other value as one line of JSON."""
+    import json
+
+    print(value if isinstance(value, str) else json.dumps(value), flush=True)
+
+
+def _report(value: Any, done: str) -> None:
+    """Print what the server has done. Raises OutputLost, which says it too, if that fails."""
+    try:
+        _print(value)
+    except BrokenPipeError:
+        return  # the reader of the output stopped early; `guarded` ends the command for it
+    except OSError as error:
+        problem = f"cannot write to standard output: {error.strerror}"
+        raise OutputLost(f"{done}, but {problem}") from None
+
+
+def _note(text: str) -> None:
+    print(text, file=sys.stderr, flush=True)

@@ -1,0 +1,104 @@
+"""How far a task is, on stderr: a bar on a terminal, a line for each new state elsewhere."""
+
+from __future__ import annotations
+
+import sys
+from contextlib import AbstractContextManager
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Protocol, Self
+
+from taskrpc.cli.task.view import in_seconds, news, what
+
+if TYPE_CHECKING:
+    from rich.console import Console
+
+
+_WIDE = 72
+"""Columns that the bar and the task's work need beside its state."""
+
+
+class Progress(AbstractContextManager[Any], Protocol):
+    """Shows one task from here to its end."""
+
+    def show(self, task: Any, *, paused: bool) -> None:
+        """Show the task as it is now; `paused`: the queue stands still."""
+
+
+def progress() -> Progress:
+    """What this program's stderr can show."""
+    if sys.stderr.isatty():
+        from rich.console import Console
+
+        console = Console(stderr=True)
+        if console.is_terminal and not console.is_dumb_terminal:
+            return ProgressBar(console)
+    return ProgressLines()
+
+
+class ProgressLines:
+    """One line for each new state."""
+
+    def __init__(self) -> None:
+        self._shown: tuple[str, bool] | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        return None
+
+    def show(self, task: Any, *, paused: bool) -> None:
+        """Print the task if its state is new."""
+        if self._shown == (task.state, paused) or task.ended.sec:
+            return
+        self._shown = task.state, paused
+        note = "  (the queue is paused: taskrpc task resume)" if paused else ""
+        print(f"{news(task)}{note}", file=sys.stderr, flush=True)
+
+
+class ProgressBar:
+    """A bar that fills while the task runs and says what is left while it waits."""
+
+    def __init__(self, console: Console) -> None:
+        from rich.progress import BarColumn, TextColumn
+        from rich.progress import Progress as Bars
+
+        self._is_narrow = console.width < _WIDE
+        bar = () if self._is_narrow else (BarColumn(bar_width=24),)
+        self._bars = Bars(
+            TextColumn("{task.description}"),
+            *bar,
+            TextColumn("{task.percentage:>3.0f} %  {task.fields[note]}"),
+            console=console,
+            transient=True,
+        )
+        self._bar = self._bars.add_task("", total=1.0, note="")
+
+    def __enter__(self) -> Self:
+        self._bars.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self._bars.stop()
+
+    def show(self, task: Any, *, paused: bool) -> None:
+        """Draw the task as it is now."""
+        from rich.markup import escape
+
+        work = "" if self._is_narrow else f"{escape(what(task))}  "
+        self._bars.update(
+            self._bar,
+            description=f"task {task.task_id}  {work}{task.state}",
+            completed=task.progress,
+            note="the queue is paused" if paused else f"done in {in_seconds(task.estimated_time)}",
+        )

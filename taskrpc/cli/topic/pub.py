@@ -1,0 +1,111 @@
+"""`taskrpc topic pub`: publishes one message, again and again or so many times."""
+
+from __future__ import annotations
+
+import asyncio
+import itertools
+from typing import TYPE_CHECKING, Any
+
+import srvgen
+from taskrpc.cli.shared import definitions, quoting
+from taskrpc.cli.shared.command import Exit, NotFound, UsageError, goes_on, standard_input
+from taskrpc.cli.shared.remote import remote_of
+from taskrpc.cli.topic.messages import Template, documents
+from taskrpc.cli.topic.qos_options import qos_to_publish
+from taskrpc.cli.topic.topic_graph import message_type_name
+
+if TYPE_CHECKING:
+    import argparse
+    from collections.abc import Sequence
+
+    from taskrpc.topic import Publisher
+
+_LOOK = 0.1
+_TELL = 10
+"""So many looks for subscriptions are told of once."""
+
+
+def run(options: argparse.Namespace) -> int:
+    """Publish what the options say."""
+    cls = message_class(options.message_type)
+    templates = [Template(cls, values) for values in _given(options)]
+    asyncio.run(_publish(options, templates))
+    return Exit.DONE
+
+
+def _given(options: argparse.Namespace) -> list[list[str]]:
+    """The values of each message, from wherever the command line says."""
+    if not options.stdin and not options.yaml_file:
+        return [options.values]
+    if options.values or (options.stdin and options.yaml_file):
+        raise UsageError("expected one of values, --stdin and --yaml-file, got several")
+    if options.stdin:
+        return [[standard_input()]]
+    found = documents(options.yaml_file)
+    if not found:
+        raise UsageError(f"expected messages in {options.yaml_file}, got none")
+    return [[text] for text in found]
+
+
+def message_class(type_name: str) -> Any:
+    """The class of a message type that this machine has a definition of. Raises DefinitionError."""
+    try:
+        found = definitions.load(message_type_name(type_name))
+    except srvgen.DefinitionError as error:
+        problem = "The passed message type is invalid"
+        raise srvgen.DefinitionError(problem, hint=str(error)) from None
+    if hasattr(found, "Request"):
+        problem = "The passed type is not a message"
+        raise srvgen.DefinitionError(problem, hint=f"{type_name} is a service")
+    return found
+
+
+async def _publish(options: argparse.Namespace, templates: Sequence[Template]) -> None:
+    topic = quoting.expanded(options.topic_name, kind="topic name")
+    remote = remote_of(options)
+    async with remote.node(name=options.node_name or "") as node:
+        publisher = node.create_publisher(templates[0].cls, topic, qos_to_publish(options))
+        times = 1 if options.once else options.times
+        await _wait_for_readers(options, publisher, 1 if times else 0)
+        print("publisher: beginning loop", flush=True)
+        goes_on()
+        await _loop(options, publisher, templates, times)
+        await asyncio.sleep(options.keep_alive)
+
+
+async def _wait_for_readers(
+    options: argparse.Namespace, publisher: Publisher[Any], least: int
+) -> None:
+    if options.wait_matching_subscriptions is not None:
+        least = options.wait_matching_subscriptions
+    loop = asyncio.get_running_loop()
+    longest = options.max_wait_time_secs
+    ends = None if longest is None else loop.time() + longest
+    for look in itertools.count():
+        if publisher.get_subscription_count() >= least:
+            return
+        if ends is not None and loop.time() >= ends:
+            count = publisher.get_subscription_count()
+            problem = f"Expected {least} subscribers but only got {count} subscribers"
+            raise NotFound(f"Timed out waiting for subscribers: {problem}")
+        if look % _TELL == 0:
+            print(f"Waiting for at least {least} matching subscription(s)...", flush=True)
+        await asyncio.sleep(_LOOK)
+
+
+async def _loop(
+    options: argparse.Namespace,
+    publisher: Publisher[Any],
+    templates: Sequence[Template],
+    times: int,
+) -> None:
+    loop = asyncio.get_running_loop()
+    began, every = loop.time(), options.print
+    for number, template in enumerate(itertools.cycle(templates), 1):
+        message = template.message()
+        if every and number % every == 0:
+            print(f"publishing #{number}: {message!r}\n", flush=True)
+        publisher.publish(message)
+        if number == times:
+            return
+        await asyncio.sleep(max(0.0, began + number / options.rate - loop.time()))

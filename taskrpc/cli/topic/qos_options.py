@@ -1,0 +1,86 @@
+"""The QoS that a command line asks for, in ros2's options; else one that matches who is there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+TYPE_CHECKING = False  # typing itself is heavy
+if TYPE_CHECKING:
+    import argparse
+    from typing import TypeAlias
+
+    from taskrpc.qos import Durability, QoS, Reliability
+    from taskrpc.wire.messages import TopicEndpoint
+
+Profile: TypeAlias = "tuple[int, Reliability, Durability]"
+_PROFILES: dict[str, Profile] = {
+    "default": (10, "reliable", "volatile"),
+    "system_default": (10, "reliable", "volatile"),
+    "services_default": (10, "reliable", "volatile"),
+    "sensor_data": (5, "best_effort", "volatile"),
+    "parameters": (1000, "reliable", "volatile"),
+    "parameter_events": (1000, "reliable", "volatile"),
+    "action_status_default": (1, "reliable", "transient_local"),
+}
+_KEEP_ALL = 2**31 - 1
+_DEFAULT = "system_default"
+_OPEN = (_DEFAULT, "best_available")
+"""What leaves a policy to the profile, or to who is there."""
+
+
+def add_qos(parser: argparse.ArgumentParser) -> None:
+    """Give a command the options `--qos-…`."""
+    what = "A preset QoS profile"
+    parser.add_argument("--qos-profile", choices=sorted(_PROFILES), help=what)
+    what = "How many messages are kept"
+    from taskrpc.cli.shared.parsing import whole
+
+    parser.add_argument("--qos-depth", metavar="N", type=whole(1, _KEEP_ALL), help=what)
+    what = "Whether all messages are kept, or the last ones"
+    _add_policy(parser, "history", what, "keep_last", "keep_all")
+    what = "Whether what is lost is sent again"
+    _add_policy(parser, "reliability", what, "best_effort", "reliable", "best_available")
+    what = "Whether latecomers get the last messages"
+    _add_policy(parser, "durability", what, "transient_local", "volatile", "best_available")
+    what = "as in ros2; changes nothing, since a program that ends is known to have ended"
+    _add_policy(parser, "liveliness", what, "automatic", "manual_by_topic")
+    parser.add_argument(
+        "--qos-liveliness-lease-duration-seconds", metavar="S", type=float, help=what
+    )
+
+
+def _add_policy(parser: argparse.ArgumentParser, policy: str, what: str, *choices: str) -> None:
+    known = [_DEFAULT, *choices]
+    parser.add_argument(f"--qos-{policy}", choices=known, default=_DEFAULT, help=what)
+
+
+def qos_to_publish(options: argparse.Namespace) -> QoS:
+    """The options over ros2's own default for publishing."""
+    return _over(options, _PROFILES["default"])
+
+
+def qos_to_subscribe(options: argparse.Namespace, publishers: Sequence[TopicEndpoint]) -> QoS:
+    """The options over what all publishers can give."""
+    reliable = all(each.reliable for each in publishers)
+    latched = bool(publishers) and all(each.latched for each in publishers)
+    return _over(
+        options,
+        (
+            100,
+            "reliable" if reliable else "best_effort",
+            "transient_local" if latched else "volatile",
+        ),
+    )
+
+
+def _over(options: argparse.Namespace, default: Profile) -> QoS:
+    from taskrpc.qos import QoS
+
+    depth, reliability, durability = _PROFILES.get(options.qos_profile or "", default)
+    if options.qos_history == "keep_all":
+        depth = _KEEP_ALL
+    return QoS(
+        options.qos_depth or depth,
+        reliability if options.qos_reliability in _OPEN else options.qos_reliability,
+        durability if options.qos_durability in _OPEN else options.qos_durability,
+    )

@@ -1,0 +1,279 @@
+"""The one place that knows the background event loop, and the native nodes that live on it."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+from collections.abc import Callable, Coroutine
+from functools import partial
+from typing import TYPE_CHECKING, Any, ClassVar, TypeVar
+
+from taskrpc import sync
+from taskrpc.errors import NameInUse, ServiceUnavailable, WouldDeadlock
+
+from .diagnostics.explain import like_ros, two_servers
+
+if TYPE_CHECKING:
+    from taskrpc.deferred import DeferredCall, DeferredService
+    from taskrpc.qos import QoS
+    from taskrpc.sync.loop_thread import LoopThread
+    from taskrpc.sync.topics import Publisher, Subscription
+    from taskrpc.transport.base import OnMismatch
+    from taskrpc.transport.discovery.entries import Entry
+
+T = TypeVar("T")
+
+_TURNS = 4
+"""Turns of the loop within which a callback's answer, the longest way, is back in this process:
+it is taken over, written, read and told."""
+_PATIENCE = 0.05
+"""Seconds after which a busy loop is not waited for."""
+
+Take = Callable[["DeferredCall[Any, Any]"], object]
+"""Takes a call, on the loop's thread."""
+
+
+class Bridge:
+    """A native node and the loop that it lives on; every rclpy node has one."""
+
+    running: ClassVar[LoopThread | None] = None
+    """The loop, once there was a node."""
+
+    def __init__(self, name: str, namespace: str, domain_id: int) -> None:
+        self.native = sync.Node(name, namespace=namespace)
+        self.domain_id = domain_id
+        self._inner = self.native._node
+        self._inner._domain = domain_id
+        self._loop = Bridge.running = self.native._loop
+        self.run(self._inner.start())
+
+    @property
+    def namespace(self) -> str:
+        """The native node's, which a joined lab may have given."""
+        return self.native.get_namespace()
+
+    def soon(self, action: Callable[[], object]) -> None:
+        """Run a function on the loop, without waiting for it."""
+        self._loop.soon(action)
+
+    def do(self, action: Callable[[], T]) -> T:
+        """Run a function on the loop, and wait for what it returns."""
+        return self._loop.do(action, "a node's method")
+
+    def run(self, coroutine: Coroutine[Any, Any, T]) -> T:
+        """Run a coroutine on the loop, and wait for what it returns."""
+        return self._loop.run(coroutine, "a node's method")
+
+    def graph(self) -> list[Entry]:
+        """Every process that can be seen."""
+        return self.native.graph()
+
+    def client(self, srv_type: Any, name: str) -> NativeClient:
+        """A client without a deadline."""
+        return NativeClient(self, self.native.create_client(srv_type, name, timeout=None))
+
+    def offer(self, srv_type: Any, name: str, take: Take, *, join: bool) -> Offered:
+        """Offer a service; `take` is called on the loop's thread for every call."""
+        return _Shared.of(self, srv_type, name).add(self, take, join=join)
+
+    def publisher(
+        self, msg_type: Any, topic: str, qos: QoS, on_mismatch: OnMismatch | None = None
+    ) -> NativePublisher:
+        """A way to publish; `on_mismatch` is told, on the loop's thread, of who cannot read it."""
+        create = self.native.create_publisher
+        return NativePublisher(create(msg_type, topic, qos, on_mismatch=on_mismatch))
+
+    def subscription(
+        self,
+        msg_type: Any,
+        topic: str,
+        take: Callable[[Any], object],
+        qos: QoS,
+        on_mismatch: OnMismatch | None = None,
+    ) -> NativeSubscription:
+        """A way to subscribe; `take` is called with each message on the loop's thread.
+
+        So is `on_mismatch` with what stands between it and a publisher that does not match.
+        """
+        create = self.native.create_subscription
+        return NativeSubscription(
+            create(msg_type, topic, take, qos, threaded=False, on_mismatch=on_mismatch)
+        )
+
+    def close(self) -> None:
+        """Leave the network; nothing to do where the program's end was first."""
+        with contextlib.suppress(WouldDeadlock):
+            self.native.destroy()
+
+
+def settle() -> None:
+    """Wait a moment, until what this program has sent to itself has arrived."""
+    if Bridge.running is not None:
+        Bridge.running.settle(_TURNS, _PATIENCE)
+
+
+class NativeClient:
+    """A client on the loop, as far as the layer needs it from other threads."""
+
+    def __init__(self, bridge: Bridge, client: sync.Client[Any, Any]) -> None:
+        self.bridge = bridge
+        self.inner = client._inner
+        self.call_then = client.call_then
+        self.is_known = client.service_is_ready
+        self.wait = client.wait_for_service
+        self._client = client
+
+    @property
+    def connected(self) -> bool:
+        """Whether a request goes out at once."""
+        return self.inner._channel.ready
+
+    def close(self) -> None:
+        """Forget the service."""
+        with contextlib.suppress(WouldDeadlock):
+            self._client.destroy()
+
+
+class NativePublisher:
+    """A publisher on the loop, as far as the layer needs it from other threads."""
+
+    def __init__(self, publisher: Publisher[Any]) -> None:
+        self.publish = publisher.publish
+        self.get_subscription_count = publisher.get_subscription_count
+        self._publisher = publisher
+
+    def watch_matches(self, tell: Callable[[int], object]) -> None:
+        """Have this told, on the loop's thread, how many subscriptions match, now and always."""
+        _watch(self._publisher, self.get_subscription_count, tell)
+
+    def close(self) -> None:
+        """Publish no more."""
+        with contextlib.suppress(WouldDeadlock):
+            self._publisher.destroy()
+
+
+class NativeSubscription:
+    """A subscription on the loop, as far as the layer needs it from other threads."""
+
+    def __init__(self, subscription: Subscription[Any]) -> None:
+        self.get_publisher_count = subscription.get_publisher_count
+        self._subscription = subscription
+
+    def watch_matches(self, tell: Callable[[int], object]) -> None:
+        """Have this told, on the loop's thread, how many publishers match, now and always."""
+        _watch(self._subscription, self.get_publisher_count, tell)
+
+    def close(self) -> None:
+        """Want no more messages."""
+        with contextlib.suppress(WouldDeadlock):
+            self._subscription.destroy()
+
+
+def _watch(
+    endpoint: Publisher[Any] | Subscription[Any],
+    count: Callable[[], int],
+    tell: Callable[[int], object],
+) -> None:
+    def changed() -> None:
+        tell(count())
+
+    def begin() -> None:
+        endpoint._inner.on_matched = changed
+        changed()
+
+    endpoint._loop.soon(begin)
+
+
+class Offered:
+    """One of this program's servers of a name."""
+
+    def __init__(self, shared: _Shared, bridge: Bridge, take: Take) -> None:
+        self.bridge = bridge
+        self.node = bridge.native.get_fully_qualified_name()
+        self.take = take
+        self._shared = shared
+
+    def close(self) -> None:
+        """Offer it no more; calls that came are still answered."""
+        self._shared.remove(self)
+
+
+class _Shared:
+    """The servers that this program has of one name, of which the oldest is the native one."""
+
+    _all: ClassVar[dict[tuple[int, str], _Shared]] = {}
+    _guard = threading.RLock()
+
+    def __init__(self, srv_type: Any, name: str) -> None:
+        self._srv_type = srv_type
+        self._name = name
+        self._servers: list[Offered] = []
+        self._native: DeferredService | None = None
+
+    @classmethod
+    def of(cls, bridge: Bridge, srv_type: Any, name: str) -> _Shared:
+        """The one for this name."""
+        with cls._guard:
+            known = cls._all.get((bridge.domain_id, name))
+            if known is None or known._srv_type is not srv_type:
+                known = cls._all[bridge.domain_id, name] = cls(srv_type, name)
+            return known
+
+    def add(self, bridge: Bridge, take: Take, *, join: bool) -> Offered:
+        """One more server; raises NameInUse where another program has the name."""
+        offered = Offered(self, bridge, take)
+        with self._guard:
+            if self._servers and not join:
+                two_servers(self._name, refused=False)
+            self._servers.append(offered)  # before it is offered: a request may wait already
+            try:
+                if self._servers[0] is offered:
+                    self._first(offered, join=join)
+                else:
+                    self._announce(offered)
+            except BaseException:
+                self._servers.remove(offered)
+                raise
+        return offered
+
+    def _first(self, offered: Offered, *, join: bool) -> None:
+        try:
+            self._offer(offered, join=join or like_ros())
+        except NameInUse:
+            two_servers(self._name, refused=True)
+            raise
+
+    def remove(self, offered: Offered) -> None:
+        """One less; the next takes its place."""
+        with self._guard:
+            if offered not in self._servers:
+                return
+            is_native = self._servers[0] is offered
+            self._servers.remove(offered)
+            native = self._native
+            if native is None:
+                return
+            if not is_native:
+                offered.bridge.do(partial(native.remove_server, offered.node))
+                return
+            offered.bridge.do(native.destroy)
+            self._native = None
+            if self._servers:
+                self._offer(self._servers[0], join=True)
+                for other in self._servers[1:]:
+                    self._announce(other)
+
+    def _offer(self, offered: Offered, *, join: bool) -> None:
+        create = offered.bridge.native.create_deferred_service
+        self._native = create(self._srv_type, self._name, self._take, join=join)
+
+    def _announce(self, offered: Offered) -> None:
+        if self._native is not None:
+            offered.bridge.do(partial(self._native.add_server, offered.node))
+
+    def _take(self, call: DeferredCall[Any, Any]) -> None:
+        servers = list(self._servers if like_ros() else self._servers[:1])
+        if not servers:  # another thread is just about to withdraw it
+            call.fail(ServiceUnavailable(f"{self._name} is withdrawn"))
+        for server in servers:
+            server.take(call)

@@ -1,0 +1,1 @@
+"""Explains what would wait for ever or fail in silence. Start with `explain`."""

@@ -1,0 +1,268 @@
+"""Looks now and then whether something waits in silence, which no single place could notice."""
+
+from __future__ import annotations
+
+import asyncio
+import atexit
+import linecache
+import sys
+import sysconfig
+import threading
+import time
+import weakref
+from collections.abc import Iterator
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any
+
+from ...callback_groups import MutuallyExclusiveCallbackGroup
+from ..execution.running_callbacks import Callback, is_busy, running
+from . import explain
+from .deadlocks import callers, obstacle
+from .explain import shown
+
+if TYPE_CHECKING:
+    from ...node import Node
+
+_PERIOD = 1.0
+"""Seconds from look to look."""
+_SOON = 2.0
+"""Seconds after which it is told of what cannot end, or hardly."""
+_LATE = 5.0
+"""Seconds after which it is told of what may only be late."""
+_STUCK = 15.0
+"""Seconds after which a callback has not only much to do."""
+_LIBRARIES = (str(Path(__file__).parents[3]), sysconfig.get_path("stdlib"))
+
+_nodes: weakref.WeakSet[Node] = weakref.WeakSet()
+_lock = threading.Lock()
+_looking = False
+
+
+def watch(node: Node) -> None:
+    """Look after a node until it is destroyed."""
+    global _looking
+    if explain.like_ros():
+        return
+    with _lock:
+        _nodes.add(node)
+        begin, _looking = not _looking, True
+    if begin:
+        node._rclpy_bridge.soon(_Look().again)
+
+
+def ends(node: Node) -> None:
+    """Tell of calls of a node that nobody ever spun, at its end."""
+    pending = sorted({client.service_name for client in node.clients if _is_heeded(client)})
+    if pending and node.executor is None and not node.context._interrupted:
+        _tell_unspun(node, f"complete the future of a call of {', '.join(pending)}")
+
+
+class _Look:
+    """One look after the other, on the background loop's thread."""
+
+    def __init__(self) -> None:
+        self._seen: dict[tuple[object, ...], float] = {}
+
+    def again(self) -> None:
+        """Look, and look again after a while, as long as there are nodes."""
+        global _looking
+        with _lock:
+            nodes = [node for node in list(_nodes) if node._rclpy_handle.valid]
+            _looking = bool(nodes)
+        if nodes:
+            self._look(nodes)
+            asyncio.get_running_loop().call_later(_PERIOD, self.again)
+
+    def _look(self, nodes: list[Node]) -> None:
+        """Tell of what was there for long enough, and forget what is gone."""
+        now = time.monotonic()
+        for thread, callback in list(running.items()):
+            if now - callback.since >= _STUCK and _keeps_others(callback):
+                _tell_stuck(thread, callback)
+        waits = chain(_full_pools(), chain.from_iterable(map(_waits, nodes)))
+        found = {what: (patience, say) for what, patience, say in waits}
+        self._seen = {what: self._seen.get(what, now) for what in found}
+        for what, (patience, say) in found.items():
+            if now - self._seen[what] >= patience:
+                say()
+
+
+def _waits(node: Node) -> Iterator[tuple[tuple[object, ...], float, Any]]:
+    """What waits at a node: what it is, for how long it may, and what to say then."""
+    busy = is_busy(node.executor)
+    for client in list(node.clients):
+        if busy:
+            yield from _polled_in_vain(client)
+        elif client._answers:
+            yield from _untaken_answer(client)
+        if client._outbox.waits and not client._native.is_known():
+            what: tuple[object, ...] = ("unoffered", client)
+            yield what, _SOON, lambda client=client: _tell_unoffered(client)
+    for service in list(node.services):
+        if service._calls and not busy:
+            yield from _untaken_request(service)
+
+
+def _full_pools() -> Iterator[tuple[tuple[object, ...], float, Any]]:
+    """Executors all of whose threads wait for answers, which another thread would have to take."""
+    for executor, calls in callers().items():
+        if 1 < executor._threads <= len(calls):
+            say = partial(explain.no_thread_left, calls)
+            yield ("pool", executor, *(id(callback) for _, callback in calls)), _SOON, say
+
+
+def _keeps_others(callback: Callback) -> bool:
+    """Whether something waits that would run if this callback returned."""
+    executor, own = callback.executor, callback.entity
+    group = None if own is None else own.callback_group
+    if not executor._one_thread and not isinstance(group, MutuallyExclusiveCallbackGroup):
+        return False
+    return any(
+        entity._ready() and not (entity is own and entity._is_timer)
+        for node in executor.get_nodes()
+        for entity, _ in executor._entities_of(node)
+        if executor._one_thread or entity.callback_group is group
+    )
+
+
+def _polled_in_vain(client: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
+    """Futures that a callback asks for again and again, and keeps from being done."""
+    for future in list(client._pending.values()):
+        callback, last = future._asked
+        if callback is None or time.monotonic() - last > _PERIOD:
+            continue
+        if not any(each is callback for each in list(running.values())):
+            continue
+        if why := obstacle(client, callback):
+            say = partial(explain.polled_in_vain, client, callback, why)
+            yield ("polled", client, id(callback)), _SOON, say
+
+
+def _untaken_answer(client: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
+    try:
+        number = client._answers[0][0]
+        future = client._pending[number]
+    except LookupError:  # taken meanwhile
+        return
+    what = ("untaken", client, number)
+    thing = f"the future of a call of {client.service_name}"
+    holder = _holder(client)
+    if holder is None:
+        if future._heeded:
+            asked = time.monotonic() - future._asked[1] <= _PERIOD
+            patience = _LATE if asked else _patience(client._node)
+            yield what, patience, lambda: _tell_unspun(client._node, f"complete {thing}")
+    elif future._awaited_by is not None and future._awaited_by._entity is holder:
+        yield what, _SOON, lambda: _tell_held(client, holder, thing)
+
+
+def _untaken_request(service: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
+    try:
+        what = ("untaken", service, id(service._calls[0]))
+    except IndexError:
+        return
+    thing = f"a request for {service.service_name}"
+    holder = _holder(service)
+    if holder is None:
+        patience = _patience(service._node)
+        yield what, patience, lambda: _tell_unspun(service._node, f"answer {thing}")
+    elif _awaits(service._node, holder, service.service_name):
+        yield what, _SOON, lambda: _tell_held(service, holder, thing)
+
+
+def _patience(node: Node) -> float:
+    """How long a node may be left alone: one that was spun once may be spun again."""
+    return _STUCK if node._rclpy_was_spun and not node._rclpy_taken_by else _LATE
+
+
+def _holder(entity: Any) -> Any:
+    """Whose callback keeps the entity's group while it awaits something; None if none does."""
+    return getattr(entity.callback_group, "_active_entity", None)
+
+
+def _awaits(node: Any, holder: Any, service: str) -> bool:
+    """Whether the callback of `holder` awaits an answer of the service, by its node's client."""
+    futures = [
+        future
+        for client in list(node.clients)
+        if client.service_name == service
+        for future in list(client._pending.values())
+    ]
+    tasks = [future._awaited_by for future in futures]
+    return any(task is not None and task._entity is holder for task in tasks)
+
+
+def _is_heeded(client: Any) -> bool:
+    """Whether the program ever looked at what the client's calls came to: it may not want to."""
+    return any(future._heeded for future in list(client._pending.values()))
+
+
+def _tell_held(entity: Any, holder: Any, thing: str) -> None:
+    name = getattr(getattr(holder, "callback", None), "__qualname__", type(holder).__name__)
+    explain.tell(
+        ("held", entity.service_name, name),
+        f"wait here for ever: {thing} of {shown(entity._node)} needs the callback group that"
+        f" {name}() holds while it awaits something; give the client, or that callback, a"
+        " ReentrantCallbackGroup",
+    )
+
+
+def _tell_unspun(node: Node, what: str) -> None:
+    if node._rclpy_taken_by:
+        why = (
+            f"{node._rclpy_taken_by} spun {shown(node)} by a function of rclpy, which took the node"
+            " away from its executor; make the callback `async def` and `await` the future, or say"
+            " node.executor.spin_until_future_complete(future) there"
+        )
+    else:
+        why = (
+            f"nobody spins {shown(node)}; spin it, as"
+            " rclpy.spin_until_future_complete(node, future) or rclpy.spin(node)"
+        )
+    explain.tell(("unspun", shown(node)), f"never {what}: {why}")
+
+
+def _tell_unoffered(client: Any) -> None:
+    explain.tell(
+        ("unoffered", client.service_name),
+        f"lose this request, and nothing would ever answer it: nobody offers {client.service_name};"
+        " call client.wait_for_service() first, and look at `taskrpc service list` (here the"
+        " request is sent once somebody does)",
+    )
+
+
+def _tell_stuck(thread: int, callback: Callback) -> None:
+    where = _where(sys._current_frames().get(thread))
+    whom = f"of {shown(callback.entity._node)} " if callback.entity is not None else ""
+    fix = "a timer, or a MultiThreadedExecutor"
+    if not callback.executor._one_thread:
+        whom += "in its callback group "
+        fix = "a timer, or a callback group of its own"
+    explain.tell(
+        ("stuck", explain.name_of(callback)),
+        f"run no other callback {whom}meanwhile: {explain.name_of(callback)} has not returned for"
+        f" {_STUCK:g} s{where}; let callbacks return soon: {fix}",
+    )
+
+
+def _where(frame: FrameType | None) -> str:
+    """The line of the program that a thread is in."""
+    while frame is not None and frame.f_code.co_filename.startswith((*_LIBRARIES, "<")):
+        frame = frame.f_back
+    if frame is None:
+        return ""
+    path = frame.f_code.co_filename
+    line = linecache.getline(path, frame.f_lineno).strip()
+    return f" ({Path(path).name}:{frame.f_lineno}: {line})"
+
+
+def _at_exit() -> None:
+    for node in list(_nodes):
+        if node._rclpy_handle.valid:
+            ends(node)
+
+
+atexit.register(_at_exit)

@@ -1,0 +1,1 @@
+"""Which callback runs when, and on which thread. Start with `rounds`."""

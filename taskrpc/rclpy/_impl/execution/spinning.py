@@ -1,0 +1,146 @@
+"""The functions that most programs are made of: init, create a node, spin, shutdown."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Self
+
+from ... import signals, utilities
+from ...context import Context
+from ...future import Future
+from ...signals import SignalHandlerOptions
+from ...utilities import get_default_context
+from ..diagnostics.deadlocks import check_deaf, check_spin
+
+if TYPE_CHECKING:
+    from ...executors import Executor
+    from ...node import Node
+
+_executor: Executor | None = None
+
+
+class InitContextManager:
+    """What `init` returns: `with rclpy.init():` shuts down at its end."""
+
+    def __init__(self, context: Context, installed_signal_handlers: bool) -> None:
+        self.context = context
+        self.installed_signal_handlers = installed_signal_handlers
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        if self.context is get_default_context():
+            get_default_context(shutting_down=True)
+        self.context.try_shutdown()
+        if self.installed_signal_handlers:
+            signals.uninstall_signal_handlers()
+
+
+def init(
+    *,
+    args: Sequence[str] | None = None,
+    context: Context | None = None,
+    domain_id: int | None = None,
+    signal_handler_options: SignalHandlerOptions | None = None,
+) -> InitContextManager:
+    """Begin: nodes can be made from now on. Use it alone or as `with rclpy.init():`.
+
+    `args` are the command line's by default; what stands behind `--ros-args` is heeded.
+    Raises RuntimeError the second time without a shutdown between.
+    """
+    default = context is None or context is get_default_context()
+    context = get_default_context() if context is None else context
+    if signal_handler_options is None:
+        signal_handler_options = SignalHandlerOptions.ALL if default else SignalHandlerOptions.NO
+    context.init(args, domain_id=domain_id)
+    signals.install_signal_handlers(signal_handler_options)
+    return InitContextManager(context, signal_handler_options != SignalHandlerOptions.NO)
+
+
+def get_global_executor() -> Executor:
+    """The executor of `spin`, `spin_once` and `spin_until_future_complete`."""
+    global _executor
+    if (known := _executor) is not None:
+        return known
+    from ...executors import SingleThreadedExecutor
+
+    executor = _executor = SingleThreadedExecutor()
+
+    def reset() -> None:
+        global _executor
+        executor.shutdown()
+        if _executor is executor:
+            _executor = None
+
+    executor.context.on_shutdown(reset)  # at once, where a signal came meanwhile
+    return executor
+
+
+def shutdown(*, context: Context | None = None, uninstall_handlers: bool | None = None) -> None:
+    """End: nodes are destroyed, whoever spins stops.
+
+    Raises RuntimeError when it is over already (silent after Ctrl-C and SIGTERM, which end it).
+    """
+    utilities.shutdown(context=context)
+    if uninstall_handlers or (uninstall_handlers is None and context is None):
+        signals.uninstall_signal_handlers()
+
+
+def create_node(node_name: str, **settings: Any) -> Node:
+    """A node; the settings are those of `rclpy.node.Node`."""
+    from ...node import Node
+
+    return Node(node_name, **settings)
+
+
+def spin_once(
+    node: Node, *, executor: Executor | None = None, timeout_sec: float | None = None
+) -> None:
+    """Wait at most `timeout_sec` seconds for something to arrive, and run one callback."""
+    executor = get_global_executor() if executor is None else executor
+    check_deaf(executor, node)
+    try:
+        executor.add_node(node)
+        executor.spin_once(timeout_sec=timeout_sec)
+    finally:
+        executor.remove_node(node)
+
+
+def spin(node: Node, executor: Executor | None = None) -> None:
+    """Run the node's callbacks until the context is shut down.
+
+    An exception in a callback leaves it; ExternalShutdownException says that a signal or another
+    thread shut down while it waited.
+    """
+    executor = get_global_executor() if executor is None else executor
+    check_deaf(executor, node)
+    try:
+        executor.add_node(node)
+        while executor.context.ok() and not executor._is_shutdown:
+            executor.spin_once()
+    finally:
+        executor.remove_node(node)
+
+
+def spin_until_future_complete(
+    node: Node,
+    future: Future[Any],
+    executor: Executor | None = None,
+    timeout_sec: float | None = None,
+) -> None:
+    """Run the node's callbacks until the future is done, `timeout_sec` seconds at most."""
+    executor = get_global_executor() if executor is None else executor
+    check_spin(executor, future, timeout_sec)
+    added = executor.add_node(node)
+    try:
+        executor.spin_until_future_complete(future, timeout_sec)
+    finally:
+        if added:  # in a callback the spin around it goes on with the node
+            executor.remove_node(node)

@@ -1,0 +1,1 @@
+"""Parameters of nodes: declared, checked, set and listed. Start with `node_parameters`."""

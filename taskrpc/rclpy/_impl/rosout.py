@@ -1,0 +1,58 @@
+"""Publishes what a node's loggers log on `/rosout`."""
+
+from __future__ import annotations
+
+import contextlib
+from typing import TYPE_CHECKING
+
+import srvgen
+from taskrpc.errors import TaskRpcError
+
+from ..endpoint_info import EndpointTypeEnum
+from ..impl import log_output
+from ..impl.log_format import Record
+from ..qos import QoSProfile
+from .graph.endpoints import forget, remember
+
+if TYPE_CHECKING:
+    from ..node import Node
+
+TOPIC = "/rosout"
+"""Where the log of all nodes is."""
+
+_Log = srvgen.load("rcl_interfaces/msg/Log")
+_Time = srvgen.load("builtin_interfaces/msg/Time")
+
+
+class Rosout:
+    """Takes what is logged under a node's name or its children's; the last of it is kept."""
+
+    def __init__(self, node: Node, name: str, qos_profile: QoSProfile | int) -> None:
+        qos = qos_profile if isinstance(qos_profile, QoSProfile) else QoSProfile(depth=qos_profile)
+        self._name = name
+        # Not one of the node's own publishers, as in ROS; nor does it keep the node alive.
+        self._native = node._rclpy_bridge.publisher(_Log, TOPIC, qos._native())
+        node_name = node.get_fully_qualified_name()
+        remember(self, EndpointTypeEnum.PUBLISHER, node_name, TOPIC, qos)
+        log_output.add_rosout(name, self.publish)
+
+    def publish(self, record: Record) -> None:
+        """Publish a line of the log, unless no message can hold it or the program has ended."""
+        seconds, nanoseconds = divmod(record.nanoseconds, 10**9)
+        line = _Log(
+            stamp=_Time(sec=seconds, nanosec=nanoseconds),
+            level=int(record.severity),
+            name=record.name,
+            msg=record.message,
+            file=record.file,
+            function=record.function,
+            line=record.line,
+        )
+        with contextlib.suppress(TaskRpcError):
+            self._native.publish(line)
+
+    def destroy(self) -> None:
+        """Publish no more."""
+        log_output.remove_rosout(self._name)
+        self._native.close()
+        forget(self)

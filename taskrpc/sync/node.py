@@ -1,0 +1,335 @@
+"""The same nodes and clients for programs that block: no async, no await.
+
+The event loop runs in a thread of its own, one a process. Calls may come from any thread; service
+callbacks run in threads, so that they may block and call other services.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import inspect
+import os
+import threading
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future
+from functools import partial
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any, Generic, Self
+
+from srvgen import excepthook
+from taskrpc import client as _client
+from taskrpc import node as _node
+from taskrpc import platform
+from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
+from taskrpc.deferred import DeferredService, Take
+from taskrpc.given_types import RequestT, ResponseT, Srv
+from taskrpc.request_ids.ids import CompletionStore
+from taskrpc.retry import RetryPolicy
+from taskrpc.security.roles import Accounts, Role
+from taskrpc.security.tls import Tls
+from taskrpc.service import Callback, Service
+from taskrpc.sync.loop_thread import SLICE, LoopThread, wait
+from taskrpc.sync.topics import SyncTopics
+from taskrpc.transport.base import Tell
+from taskrpc.transport.discovery.entries import Entry
+
+if TYPE_CHECKING:
+    from taskrpc.observer import NodeStatus, Observer
+
+
+class Node(SyncTopics):
+    """A node for blocking programs; arguments and methods are those of `taskrpc.Node`.
+
+    Use it as `with taskrpc.sync.Node("name") as node:`. In a notebook or at the prompt, call
+    `start()` at the beginning and `close()` at the end instead.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        *,
+        namespace: str = "",
+        transport: str = "tcp",
+        listen: str | None = None,
+        peers: Sequence[str] | None = None,
+        tls: Tls | None = None,
+        token: str | None = None,
+        accounts: Accounts | str | Path | None = None,
+        keepalive: str | None = None,
+        observer: Observer | None = None,
+    ) -> None:
+        self._loop: LoopThread = LoopThread.shared()
+        self._node = _Node(
+            name,
+            namespace=namespace,
+            transport=transport,
+            listen=listen,
+            peers=peers,
+            tls=tls,
+            token=token,
+            accounts=accounts,
+            keepalive=keepalive,
+            observer=observer,
+        )
+
+    def __enter__(self) -> Self:
+        return self.start()
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        excepthook.explain(error)
+        self.destroy()
+
+    def start(self) -> Self:
+        """Join the network and return the node itself; `with` calls this."""
+        self._loop.run(self._node.start(), "start()")
+        return self
+
+    def close(self) -> None:
+        """Withdraw its services and topics and leave the network, as `destroy` does."""
+        self.destroy()
+
+    def get_name(self) -> str:
+        """The node's name, without its namespace."""
+        return self._node.get_name()
+
+    def get_namespace(self) -> str:
+        """The node's namespace, which begins with `/`."""
+        return self._node.get_namespace()
+
+    def get_fully_qualified_name(self) -> str:
+        """`/namespace/name`."""
+        return self._node.get_fully_qualified_name()
+
+    @property
+    def address(self) -> str:
+        """Where it takes calls: `HOST:PORT` or `unix:/path`, "" before it offers anything."""
+        return self._node.address
+
+    def create_service(
+        self,
+        srv_type: type[Srv[RequestT, ResponseT]],
+        srv_name: str,
+        callback: Callback[RequestT, ResponseT],
+        *,
+        concurrency: int | None = None,
+        threaded: bool = True,
+        idempotent: bool = False,
+        exactly_once: CompletionStore | None = None,
+        join: bool = False,
+        role: Role = Role.SUBMIT,
+    ) -> Service:
+        """Offer a service; as `taskrpc.Node.create_service`, but plain callbacks run in threads."""
+        return self._loop.do(
+            lambda: self._node.create_service(
+                srv_type,
+                srv_name,
+                callback,
+                concurrency=concurrency,
+                threaded=threaded and not inspect.iscoroutinefunction(callback),
+                idempotent=idempotent,
+                exactly_once=exactly_once,
+                join=join,
+                role=role,
+            ),
+            "create_service()",
+        )
+
+    def create_deferred_service(
+        self,
+        srv_type: type[Srv[RequestT, ResponseT]],
+        srv_name: str,
+        take: Take[RequestT, ResponseT],
+        *,
+        join: bool = False,
+        role: Role = Role.SUBMIT,
+    ) -> DeferredService:
+        """Offer a service; as `taskrpc.Node.create_deferred_service`.
+
+        `take(call)` is called on the event loop's thread and must not block.
+        """
+        return self._loop.do(
+            lambda: self._node.create_deferred_service(
+                srv_type, srv_name, take, join=join, role=role
+            ),
+            "create_deferred_service()",
+        )
+
+    def create_client(
+        self,
+        srv_type: type[Srv[RequestT, ResponseT]],
+        srv_name: str,
+        *,
+        timeout: float | None = DEFAULT_TIMEOUT,
+        retry: RetryPolicy | None = None,
+    ) -> Client[RequestT, ResponseT]:
+        """A client of a service; as `taskrpc.Node.create_client`."""
+        inner = self._loop.do(
+            lambda: self._node.create_client(srv_type, srv_name, timeout=timeout, retry=retry),
+            "create_client()",
+        )
+        return Client(self._loop, inner)
+
+    def status(self) -> NodeStatus:
+        """What this node has to do now, and what it has done since it started."""
+        return self._loop.do(self._node.status, "status()")
+
+    def graph(self) -> list[Entry]:
+        """Every process that this node can see: its nodes, and what they have."""
+        return self._loop.run(self._node.graph(), "graph()")
+
+    def spin(self) -> None:
+        """Serve until Ctrl-C or SIGTERM, then finish the calls in flight; a second signal ends
+        the program at once.
+        """
+        stopped = threading.Event()
+
+        def stop(number: int) -> None:
+            if stopped.is_set():
+                os._exit(128 + number)
+            stopped.set()
+
+        with platform.stop_signals(stop):
+            while not stopped.wait(SLICE):
+                pass
+            self._loop.run(self._node.drain(), "spin()")
+
+    def destroy(self) -> None:
+        """Withdraw all that it has and leave the network; `with` does it."""
+        self._loop.run(self._node.destroy(), "destroy()")
+
+
+class Client(Generic[RequestT, ResponseT]):
+    """Calls one service and waits; may be used from several threads at once."""
+
+    def __init__(self, loop: LoopThread, inner: _client.Client[RequestT, ResponseT]) -> None:
+        self._loop = loop
+        self._inner = inner
+        self._untold: set[Future[Any]] = set()
+        """Calls that the loop was given to send, and whose end nobody was told yet."""
+        self.srv_type = inner.srv_type
+        self.service_name = inner.service_name
+
+    def service_is_ready(self) -> bool:
+        """Whether the service can be called without looking for it first."""
+        return self._inner.service_is_ready()
+
+    def wait_for_service(self, timeout: float | None = None) -> bool:
+        """Wait until the service is there; False when it is not within `timeout` seconds."""
+        return self._loop.run(self._inner.wait_for_service(timeout), "wait_for_service()")
+
+    def call(
+        self,
+        request: RequestT,
+        timeout: float | Unset | None = UNSET,
+        retry: RetryPolicy | Unset | None = UNSET,
+        request_id: str = "",
+    ) -> ResponseT:
+        """Call the service and return the response; errors as in `taskrpc.Client.call`.
+
+        Raises WouldDeadlock when called on the event loop's own thread.
+        """
+        self._loop.refuse_own_thread("call()")
+        if not request_id:
+            sent = self._inner._send_in_thread(request, timeout, retry)
+            if sent is not None:
+                response: ResponseT = sent.wait()
+                return response
+        return wait(self.call_async(request, timeout, retry, request_id))
+
+    def call_async(
+        self,
+        request: RequestT,
+        timeout: float | Unset | None = UNSET,
+        retry: RetryPolicy | Unset | None = UNSET,
+        request_id: str = "",
+    ) -> Future[ResponseT]:
+        """Send the request now; returns a `concurrent.futures.Future` of the response.
+
+        Cancelling the future cancels the call.
+        """
+        self._loop.refuse_without_loop("call_async()")
+        outer: Future[ResponseT] = Future()
+        call = partial(self._inner.call_async, request, timeout, retry, request_id)
+        self._loop.soon(lambda: self._begin(outer, call))
+        return outer
+
+    def call_then(
+        self, request: RequestT, tell: Tell, timeout: float | Unset | None = UNSET
+    ) -> Callable[[], object]:
+        """Send the request now and have `tell(response, error)` called at its end.
+
+        One of the two is None. It is called on the event loop's thread and must not block.
+        Returns a function that gives the call up; `tell` is not called then.
+
+        Raises InvalidRequest for a request that cannot be sent.
+        """
+        self._loop.refuse_without_loop("call_then()")
+        if not self._untold:
+            sent = self._inner._tell_in_thread(request, timeout, tell)
+            if sent is not None:
+                return sent.give_up
+        # What was handed over before must be sent before, and told before.
+        future: Future[ResponseT] = Future()
+        future.add_done_callback(lambda done: self._told(done, tell))
+        self._untold.add(future)
+        call = partial(self._call_in_task, request, timeout)
+        self._loop.soon(lambda: self._begin(future, call))
+        return future.cancel
+
+    def _told(self, done: Future[ResponseT], tell: Tell) -> None:
+        self._untold.discard(done)  # now the caller's thread may send by itself again
+        if not done.cancelled():
+            error = done.exception()
+            tell(None if error else done.result(), error)
+
+    def destroy(self) -> None:
+        """Forget the service."""
+        self._loop.do(self._inner.destroy, "destroy()")
+
+    def _call_in_task(
+        self, request: RequestT, timeout: float | Unset | None
+    ) -> asyncio.Task[ResponseT]:
+        """Call in a task, even where `call_async` would need none.
+
+        Every answer then takes the same number of the loop's turns to its caller. An answer that
+        took fewer turns would be told before those that arrived with it.
+        """
+        return asyncio.get_running_loop().create_task(self._inner.call(request, timeout))
+
+    def _begin(
+        self, outer: Future[ResponseT], call: Callable[[], asyncio.Future[ResponseT]]
+    ) -> None:
+        """Begin a call on the loop and tie its future to the caller's."""
+        if outer.cancelled():
+            outer.set_running_or_notify_cancel()  # wakes programs that wait for several futures
+            return
+        try:
+            inner = call()
+        except Exception as error:
+            outer.set_exception(error)
+            return
+        inner.add_done_callback(lambda done: _copy(done, outer))
+        outer.add_done_callback(lambda _: self._loop.soon(inner.cancel))
+
+
+class _Node(_node.Node):
+    """The node that lives on the loop, and is used by other threads."""
+
+    _threads = True
+
+
+def _copy(inner: asyncio.Future[Any], outer: Future[Any]) -> None:
+    if inner.cancelled():
+        outer.cancel()
+    if not outer.set_running_or_notify_cancel():
+        return
+    if (error := inner.exception()) is not None:
+        outer.set_exception(error)
+    else:
+        outer.set_result(inner.result())

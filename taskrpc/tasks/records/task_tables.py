@@ -1,0 +1,180 @@
+"""The tables of a task server's file: made, brought up to date, read and written."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Mapping, Sequence
+from typing import TypeAlias
+
+import msgspec
+
+from taskrpc.errors import StoreError
+from taskrpc.request_ids.ids import Client, Completion
+from taskrpc.storage.completions import (
+    FORGET,
+    SAVE,
+    SETTLE,
+    CompletionBatch,
+    as_json,
+    make_tables,
+    read_completions,
+    read_store_id,
+    renew,
+)
+from taskrpc.storage.database import Database, pragma
+from taskrpc.storage.records import Damaged, read_records, with_checksum
+from taskrpc.tasks.model import Task
+from taskrpc.tasks.records.store import Stored
+
+FORMAT = 2
+"""The version of the file's layout, kept in `PRAGMA user_version`."""
+_APPLICATION_ID = 0x54525043  # "TRPC"; tells our files from other programs' databases
+
+_TABLES = (
+    """
+    CREATE TABLE task (
+        task_id INTEGER PRIMARY KEY, record TEXT NOT NULL, checksum INTEGER NOT NULL
+    )
+    """,
+    "CREATE TABLE server (next_id INTEGER NOT NULL, paused INTEGER NOT NULL)",
+    "INSERT INTO server VALUES (1, 0)",
+    f"PRAGMA application_id = {_APPLICATION_ID}",
+    f"PRAGMA user_version = {FORMAT}",
+)
+_SAVE = """
+    INSERT OR REPLACE INTO task (task_id, checksum, record)
+    SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'), json_extract(value, '$[2]')
+    FROM json_each(NEW.saved)
+"""
+# One statement for all: each step of a statement takes the interpreter's lock from the event loop.
+_EQUIPMENT = (
+    """
+    CREATE TEMP VIEW IF NOT EXISTS batch AS
+    SELECT '' AS saved, '' AS gone, 0 AS next_id, 0 AS paused,
+           '' AS lapsed, '' AS completed, '' AS settled, 0 AS commits
+    """,
+    f"""
+    CREATE TEMP TRIGGER IF NOT EXISTS write_batch INSTEAD OF INSERT ON batch BEGIN
+        {_SAVE};
+        UPDATE server SET next_id = NEW.next_id WHERE next_id < NEW.next_id;
+        UPDATE server SET paused = NEW.paused WHERE NEW.paused IS NOT NULL;
+        DELETE FROM task WHERE task_id IN (SELECT value FROM json_each(NEW.gone));
+        {FORGET.format("NEW.lapsed")};
+        {SAVE.format("NEW.completed")};
+        {SETTLE.format("NEW.settled")};
+        UPDATE taskrpc_store SET commits = NEW.commits;
+    END
+    """,
+)
+_WRITE = "INSERT INTO batch VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
+
+Row: TypeAlias = tuple[int, int, str]
+"""A task as it stands in its table: number, checksum, record."""
+
+
+def prepare(connection: sqlite3.Connection) -> None:
+    """Make the tables of a new file, bring those of an older one up to date, refuse any other.
+
+    Raises:
+        StoreError: it is not a file of this program, or a newer one's.
+    """
+    is_new = connection.execute("SELECT 1 FROM sqlite_master").fetchone() is None
+    if is_new and pragma(connection, "application_id") == 0:
+        make_tables(connection)
+        for statement in _TABLES:
+            connection.execute(statement)
+    if pragma(connection, "application_id") != _APPLICATION_ID:
+        raise StoreError("expected a task database, found another program's database")
+    version = pragma(connection, "user_version")
+    if version == 1:
+        _upgrade(connection)
+    elif version != FORMAT:
+        raise StoreError(
+            f"expected a task database of format {FORMAT}, found format {version}; "
+            "use the taskrpc that wrote it, or another file"
+        )
+
+
+def equip(connection: sqlite3.Connection) -> None:
+    """Give a connection what `write` needs."""
+    for statement in _EQUIPMENT:
+        connection.execute(statement)
+
+
+def load(connection: sqlite3.Connection) -> Stored:
+    """Read everything. Raises Damaged."""
+    # A tree that is damaged may lose rows without a word; the checksums are only of those there.
+    found = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
+    if found != b"ok":
+        raise Damaged("task", " ".join(found.decode(errors="replace").split()))
+    rows = connection.execute("SELECT task_id, record, checksum FROM task ORDER BY task_id")
+    tasks = tuple(read_records(rows.fetchall(), Task, "task", "task_id"))
+    server = connection.execute("SELECT next_id, paused FROM server").fetchone()
+    if server is None or not all(isinstance(each, int) for each in server):
+        raise Damaged("server", "expected one row with the next number and whether it is paused")
+    next_id = max([server[0], *(task.task_id + 1 for task in tasks[-1:])])
+    store_id, completions = read_store_id(connection), read_completions(connection)
+    return Stored(tasks, next_id, store_id, bool(server[1]), completions)
+
+
+def row_of(task: Task) -> Row:
+    """A task's row."""
+    return task.task_id, *with_checksum(msgspec.json.encode(task), task.task_id)
+
+
+class Change(msgspec.Struct):
+    """What one call changes; rows are encoded on the caller's side, where nobody waits for it."""
+
+    saved: Sequence[Row] = ()
+    forgotten: Sequence[int] = ()
+    completion: Completion | None = None
+    clients: Sequence[Client] = ()
+    paused: bool | None = None
+
+
+def write(database: Database, changes: Sequence[Change]) -> None:
+    """Write changes, in their order, in one transaction."""
+    tasks: dict[int, Row | None] = {}
+    completions = CompletionBatch()
+    paused = None
+    for change in changes:
+        tasks.update({row[0]: row for row in change.saved})
+        tasks.update(dict.fromkeys(change.forgotten))
+        completions.add(change.completion, change.clients)
+        paused = paused if change.paused is None else change.paused
+    database.change_at_once(_WRITE, _values(tasks, completions, paused))
+
+
+def _values(
+    tasks: Mapping[int, Row | None], completions: CompletionBatch, paused: bool | None
+) -> Sequence[object]:
+    """What `_WRITE` is given: numbers without a row are forgotten."""
+    saved = [row for row in tasks.values() if row is not None]
+    gone = [number for number, row in tasks.items() if row is None]
+    next_id = 1 + max((number for number, *_ in saved), default=0)
+    return as_json(saved), as_json(gone), next_id, paused, *completions.rows()
+
+
+def clear(connection: sqlite3.Connection) -> None:
+    """Forget everything, in the transaction that is open."""
+    connection.execute("DELETE FROM task")
+    connection.execute("DELETE FROM server")
+    connection.execute("INSERT INTO server VALUES (1, 0)")
+    renew(connection)
+
+
+def _upgrade(connection: sqlite3.Connection) -> None:
+    """From format 1, which had no checksums, no completions and no id."""
+    tasks = {}
+    for number, record in connection.execute("SELECT task_id, record FROM task"):
+        try:
+            tasks[number] = msgspec.json.decode(record, type=Task)
+        except (msgspec.MsgspecError, UnicodeDecodeError, TypeError) as error:
+            raise Damaged("task", str(error), f"task_id = {number}") from None
+    connection.execute("DROP TABLE task")
+    connection.execute(_TABLES[0])
+    make_tables(connection)
+    equip(connection)
+    rows = {number: row_of(task) for number, task in tasks.items()}
+    connection.execute(_WRITE, (*_values(rows, CompletionBatch(), None), 0))
+    connection.execute(f"PRAGMA user_version = {FORMAT}")

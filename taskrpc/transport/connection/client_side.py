@@ -1,0 +1,359 @@
+"""The calling end of a connection: calls as futures, queued while the peer's limits are reached."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, Any, ClassVar
+
+import msgspec
+
+from taskrpc.deadline import LOOK_LATE, TICK
+from taskrpc.errors import (
+    ConnectionLost,
+    DeadlineExceeded,
+    InvalidRequest,
+    ProtocolError,
+    ServiceUnavailable,
+    TaskRpcError,
+)
+from taskrpc.request_ids.ids import Numbers
+from taskrpc.transport.connection.connection import Connection, Owner
+from taskrpc.wire import messages
+from taskrpc.wire.events import (
+    Advertised,
+    Answered,
+    Closed,
+    Draining,
+    Failed,
+    Published,
+    PublishersTold,
+    Ready,
+)
+from taskrpc.wire.frames import LARGE, NO_DEADLINE, Body
+from taskrpc.wire.handshake import Identity
+from taskrpc.wire.session import LAST_CALL_ID, Session, refused_error, unknown_error
+
+if TYPE_CHECKING:
+    from taskrpc.transport.pubsub.subscribing import Link
+
+HANDSHAKE_LOST = "the connection was lost in the handshake"
+
+MAX_MOVES = 8
+"""How often one call may be refused and sent elsewhere before its caller learns of it."""
+
+
+class OpenCall(msgspec.Struct, eq=False):
+    """A call of ours: from sending, or waiting to be sent, to its answer."""
+
+    future: Any
+    """Gets the decoded answer, or the error: an asyncio.Future, or a `Waiter` for a thread."""
+    connection: CallingConnection
+    decode: Callable[[Body], Any]
+    deadline: float | None
+    method: int = 0
+    body: Body = b""
+    move: Callable[[OpenCall], object] | None = None
+    """Takes a call that the server certainly did not begin, to send it elsewhere."""
+    flags: int = 0
+    call_id: int = 0
+    """0 until the request is sent."""
+    moves: int = 0
+    numbers: Numbers | None = None
+    """What has counted it, where it came to an exactly-once service by `send_next`."""
+    sequence: int = 0
+    is_late: bool = False
+    """Whether its deadline has passed and the server was asked whether it had begun."""
+
+    def failed(self, error: BaseException) -> None:
+        """The call ended with an error."""
+        if not self.future.done():
+            # An error of the handler is a response, even just after the deadline.
+            if isinstance(error, TaskRpcError) and self.is_late and error.not_executed is not False:
+                error = _deadline_exceeded(error.not_executed)
+            self.future.set_exception(error)
+
+    def refused(self, error: TaskRpcError) -> None:
+        """The server certainly did not begin the call, and will take no such call any more."""
+        if self.move is None or self.is_late or self.moves >= MAX_MOVES:
+            self.failed(error)
+        elif not self.future.done():
+            self.moves += 1
+            self.call_id = 0
+            self.move(self)
+
+    def expired(self) -> None:
+        """The deadline passed: cancel the call, and give the caller its outcome.
+
+        The server knows whether a call that was sent has begun. Its answer is awaited for the rest
+        of the tick by which the caller may learn late.
+        """
+        if self.is_late or self.future.done():
+            return
+        if self.call_id and self.method:
+            self.connection.forget(self, but_hear=True)
+            self.is_late = True
+            # Counted from now, not from the deadline: a late loop has not read the answer yet.
+            self.connection.owner.loop.call_later(TICK - LOOK_LATE, self._unheard)
+        else:  # not sent, or a question about a service: nothing can have run
+            self.future.set_exception(_deadline_exceeded(not_executed=True))
+            self.connection.forget(self)
+
+    def _unheard(self) -> None:
+        """The server has not answered whether an expired call had begun."""
+        if not self.future.done():
+            self.future.set_exception(_deadline_exceeded(not_executed=None))
+            self.connection.forget(self)
+
+    def give_up(self, future: asyncio.Future[Any] | None = None) -> None:
+        """The caller's future is done: where it was cancelled, the call is."""
+        if self.future.cancelled():
+            self.connection.forget(self)
+
+
+class CallingConnection(Connection):
+    """A connection on which we call; shared by all channels to the same process."""
+
+    __slots__ = (
+        "_on_advertised",
+        "_retired",
+        "_waiting",
+        "_writing_paused",
+        "epoch",
+        "link",
+        "peer_id",
+        "ready",
+    )
+
+    def __init__(
+        self, owner: Owner, me: Identity, on_advertised: Callable[[], object] = lambda: None
+    ) -> None:
+        super().__init__(owner, me, is_client=True)
+        self.ready: asyncio.Future[None] = owner.loop.create_future()
+        """Done when calls may begin, or with the error that ended the connection before."""
+        self.epoch = 0
+        """Counts what makes method ids stale: changes of the server's services, and the end of
+        this connection for new calls. So a channel compares one number before each call."""
+        self.link: Link | None = None
+        """Who has subscribed over this connection."""
+        self.peer_id = b""
+        """The server's program: another one after each of its starts."""
+        self._on_advertised = on_advertised
+        self._waiting: deque[OpenCall] = deque()
+        self._writing_paused = False
+        self._retired = False
+
+    @property
+    def is_usable(self) -> bool:
+        """Whether new calls may begin here."""
+        return self.is_open and self.session.last_call_id < LAST_CALL_ID
+
+    def begin(self, call: OpenCall) -> None:
+        """Send a call, or queue it under its deadline while the peer's limits are reached.
+
+        Raises InvalidRequest for a body above the server's limit.
+        """
+        limit, deadline = self.session.body_limit, call.deadline
+        if len(call.body) > limit:
+            size = len(call.body)
+            raise InvalidRequest("", f"a message of {size} bytes; the server accepts {limit}")
+        if deadline is not None and deadline < self.look_before:
+            self.watch(deadline)
+        if self._waiting or self._writing_paused or not self._send(call):
+            self._waiting.append(call)
+
+    @property
+    def holds_back(self) -> bool:
+        """Whether a new call must wait behind others, or for a server that does not read."""
+        return self._writing_paused or bool(self._waiting)
+
+    def resolve(
+        self, question: messages.Resolve, deadline: float | None, *, definition: bool = False
+    ) -> OpenCall:
+        """Ask for a service (yields `Resolved`), or with an empty name for a `Listing`."""
+        decode = messages.decode_resolved if question.name else messages.decode_listing
+        call = OpenCall(self.owner.loop.create_future(), self, decode, deadline)
+        if self.is_open:
+            if deadline is not None and deadline < self.look_before:
+                self.watch(deadline)
+            call.call_id = self.session.resolve(call, question, definition=definition)
+            self.flush_soon()
+        else:
+            call.failed(_lost_unsent())
+        return call
+
+    def say(self, action: Callable[[Session], object]) -> None:
+        """Let something else than a call go out."""
+        if self.transport is not None:
+            action(self.session)
+            self.flush_soon()
+
+    def forget(self, call: OpenCall, *, but_hear: bool = False) -> None:
+        """A caller gave up; with `but_hear` the server's answer still reaches the call."""
+        if call.call_id:
+            if but_hear:
+                self.session.ask_to_stop(call.call_id)
+            elif call.is_late:  # it was cancelled before
+                self.session.drop(call.call_id)
+            else:
+                self.session.cancel(call.call_id)
+            self.flush_soon()
+        elif call in self._waiting:
+            self._waiting.remove(call)
+
+    def pause_writing(self) -> None:
+        """The server reads slower than we call: new calls wait here, under their deadlines."""
+        self._writing_paused = True
+        self.session.answers_pings = False
+
+    def resume_writing(self) -> None:
+        """The server has caught up."""
+        self._writing_paused = False
+        self.session.answers_pings = True
+        self._send_waiting()
+
+    def expiring(self) -> Iterable[OpenCall]:
+        """The calls that wait for an answer, and those that wait to be sent."""
+        return [*self.session.open_tickets(), *self._waiting]
+
+    def handled(self) -> None:
+        """All events of a read have been handled: send what waited, say what there is to say."""
+        if self._waiting:
+            self._send_waiting()
+        if self._retired and not self.session.in_flight:
+            self.close()
+        if self.session.out:
+            self.flush()
+
+    def _answered(self, event: Answered) -> None:
+        call: OpenCall = event.ticket
+        future = call.future
+        try:
+            future.set_result(call.decode(event.body))
+        except (InvalidRequest, ProtocolError) as error:
+            call.failed(_bad_answer(error))
+        except asyncio.InvalidStateError:
+            pass  # cancelled in this very turn
+
+    def _failed(self, event: Failed) -> None:
+        # Only the server itself says so: what a callback raises comes as HandlerFailed.
+        gone = type(event.error) is ServiceUnavailable and event.error.not_executed
+        (event.ticket.refused if gone else event.ticket.failed)(event.error)
+
+    def _opened(self, event: Ready) -> None:
+        self.handshake_over()
+        self.peer_id = event.peer.id
+        if not self.ready.done():
+            self.ready.set_result(None)
+
+    def _drained(self, event: Draining) -> None:
+        for call in event.refused:
+            call.refused(refused_error())
+        self.retire()
+
+    def _advertised(self, event: Advertised) -> None:
+        self.epoch += 1
+        self._on_advertised()
+
+    def _publishers_told(self, event: PublishersTold) -> None:
+        if self.link is not None:
+            self.link.publishers_told(event)
+
+    def _published(self, event: Published) -> None:
+        if self.link is not None:
+            self.link.published(event, self.received)
+
+    serves = False
+    handlers: ClassVar = {
+        Answered: _answered,
+        Failed: _failed,
+        Published: _published,
+        PublishersTold: _publishers_told,
+        Ready: _opened,
+        Draining: _drained,
+        Advertised: _advertised,
+        Closed: Connection._closed,
+    }
+
+    def close(self, error: TaskRpcError | None = None) -> None:
+        """End the connection after what is written."""
+        self.epoch += 1
+        super().close(error)
+
+    def abort(self, error: TaskRpcError) -> None:
+        """End the connection at once."""
+        self.epoch += 1
+        super().abort(error)
+
+    def retire(self) -> None:
+        """Begin no more calls here; close once those in flight are answered."""
+        self.epoch += 1
+        self._retired = True
+        self._refuse_waiting(refused_error())
+        if not self.session.in_flight:
+            self.close()
+
+    def ended(self) -> None:
+        """Fail what is in flight: each caller learns at once whether its call may have run."""
+        self.epoch += 1
+        reason = self.why_closed
+        if not self.ready.done():
+            lost = ConnectionLost(HANDSHAKE_LOST, not_executed=True)
+            self.ready.set_exception(reason or lost)
+            self.ready.exception()  # nobody may be left to ask
+        for call in self.session.lost():
+            call.failed(unknown_error())
+        self._refuse_waiting(_lost_unsent())
+
+    def _send(self, call: OpenCall) -> bool:
+        """Send a call, or end it after its deadline; False while there is no room for it."""
+        session, body, left = self.session, call.body, NO_DEADLINE
+        if call.deadline is not None:
+            left = time_left(call.deadline, self.owner.now())
+            if left <= 0:
+                call.expired()
+                return True
+        call_id = session.request(call, call.method, body, left, call.flags)
+        if not call_id:
+            return False
+        call.call_id = call_id
+        if call_id >= LAST_CALL_ID:
+            self.epoch += 1
+        # A large request goes out at once, so that a server that does not read is noticed.
+        if (len(session.open_calls) == 1 and not self.in_turn) or len(body) >= LARGE:
+            self.flush()
+        elif not self._flush_planned:
+            self.flush_soon()
+        return True
+
+    def _send_waiting(self) -> None:
+        while self._waiting and not self._writing_paused:
+            call = self._waiting.popleft()
+            if not call.future.done() and not self._send(call):
+                self._waiting.appendleft(call)
+                break
+
+    def _refuse_waiting(self, error: TaskRpcError) -> None:
+        waiting, self._waiting = self._waiting, deque()
+        for call in waiting:
+            call.refused(error)
+
+
+def time_left(deadline: float, now: float) -> int:
+    """Milliseconds as a request tells them: rounded up, 0 or less once the deadline has passed."""
+    left = math.ceil((deadline - now) * 1000)
+    return left if left < NO_DEADLINE else NO_DEADLINE - 1
+
+
+def _deadline_exceeded(not_executed: bool | None) -> DeadlineExceeded:
+    return DeadlineExceeded("no answer by the deadline", not_executed=not_executed)
+
+
+def _bad_answer(error: Exception) -> TaskRpcError:
+    return TaskRpcError(f"the server's answer is not valid: {error}", not_executed=False)
+
+
+def _lost_unsent() -> ConnectionLost:
+    return ConnectionLost("the connection was lost before the call was sent", not_executed=True)

@@ -1,0 +1,191 @@
+"""A call that came over a connection, and what its method id stands for."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Callable, Hashable
+from typing import TYPE_CHECKING, Any
+
+import msgspec
+
+from srvgen import excepthook
+from taskrpc.callinfo import log_fields
+from taskrpc.errors import (
+    Code,
+    DeadlineExceeded,
+    HandlerFailed,
+    InvalidRequest,
+    PermissionDenied,
+    ProtocolError,
+    TaskRpcError,
+    TypeMismatch,
+)
+from taskrpc.request_ids.ids import Claim, claims_for
+from taskrpc.security.roles import Role
+from taskrpc.transport.base import IncomingCall, Mode, Offer
+from taskrpc.transport.codec import codec_of
+from taskrpc.wire import messages
+from taskrpc.wire.frames import LARGE, Body
+from taskrpc.wire.messages import Resolved
+
+if TYPE_CHECKING:
+    from taskrpc.transport.connection.server_side import ServingConnection
+
+log = logging.getLogger("taskrpc.server")
+
+
+class ServedCall(IncomingCall, eq=False):
+    """A call that came over a connection."""
+
+    connection: ServingConnection
+    route: Route
+    call_id: int
+
+    def reply(self, response: Any, body: bytes | None = None) -> None:
+        """Answer with a response message."""
+        connection = self.connection
+        if body is None:
+            body = self.route.encode(response)
+        size, session = len(body), connection.session
+        if size > session.body_limit:
+            raise self._too_large(size)
+        spent = int((connection.host.now() - self.arrived) * 1e6 + 0.5)
+        if session.respond(self.call_id, body, spent):
+            if size >= LARGE:
+                connection.answered_at_length(self.service, size)
+            elif not connection.in_turn:
+                connection.flush_soon()
+
+    def reply_in_thread(self, body: bytes) -> bool:
+        """Answer from another thread than the loop's; False where only the loop can."""
+        return self.connection.answer_in_thread(self, body)
+
+    def fail(self, error: TaskRpcError) -> None:
+        """Answer with an error."""
+        if self.connection.session.fail(self.call_id, error):
+            self.connection.flush_soon()
+
+    def expired(self) -> None:
+        """The caller's deadline passed."""
+        self.cancel()
+        unstarted = None if self.started else True
+        self.fail(DeadlineExceeded("no answer by the deadline", not_executed=unstarted))
+
+    def lost(self) -> None:
+        """The way back to the caller is gone; one that counts has until its deadline to return."""
+        super().lost()
+        if self.claim is not None and self.deadline is not None:
+            self.connection.owner.loop.call_at(self.deadline, self.cancel)
+
+    @property
+    def lane(self) -> Hashable:
+        """Whose call it is, where callers take turns: all connections of a caller are one."""
+        return self.connection.lane
+
+    @property
+    def machine(self) -> str:
+        """The address of the machine that called, "" for this one."""
+        return self.connection.shares[1]
+
+    def must_wait(self) -> bool:
+        """Whether too many answers wait for its caller to read them, or for all callers."""
+        return self.connection.must_wait(self)
+
+    def postpone(self) -> None:
+        """Begin the call once there is room for its answer."""
+        self.on_cancel = None
+        self.connection.hold(self)
+
+    def _too_large(self, size: int) -> InvalidRequest:
+        limit = self.connection.session.body_limit
+        return InvalidRequest("", f"a response of {size} bytes; the caller accepts {limit}")
+
+
+class Route(msgspec.Struct, frozen=True, eq=False):
+    """What a method id of a connection stands for: a service, called for one node of the peer."""
+
+    method: int
+    offer: Offer
+    caller: str
+    decode: Callable[[Body], Any]
+    encode: Callable[[Any], bytes]
+    call: type[ServedCall]
+    """What a request becomes: an `ObservedCall` where somebody wants to know of it."""
+    claim: Callable[[Body], tuple[Claim, Body]]
+    """Cuts the number off a request that has one."""
+
+
+def route_to(offer: Offer, method: int, caller: str, account: str, role: Role) -> Route:
+    """The route of a peer's node to a service, by the account and role of the peer."""
+    request, response = codec_of(offer.srv_type.Request), codec_of(offer.srv_type.Response)
+    # Decided here, so that a call that is allowed costs nothing more.
+    decode = request.decode if role >= offer.role else denied(offer, account, role)
+    counts = offer.mode is Mode.EXACTLY_ONCE
+    claim = claims_for(offer.name) if counts else claimless(offer)
+    return Route(method, offer, caller, decode, response.encode, call_class(offer), claim)
+
+
+def denied(offer: Offer, account: str, held: Role) -> Callable[[Body], Any]:
+    """The `decode` of a route whose caller may see the service but not call it."""
+    needed = offer.role.name.lower()
+    sentence = (
+        f"{offer.name} needs the role {needed}; the account {account} has {held.name.lower()}"
+    )
+
+    def refuse(_: Body) -> Any:
+        raise PermissionDenied(sentence)
+
+    return refuse
+
+
+def claimless(offer: Offer) -> Callable[[Body], Any]:
+    """The `claim` of a route to a service that is not exactly-once."""
+
+    def refuse(_: Body) -> Any:  # a caller who counts and is lost would never be given up
+        raise ProtocolError(f"a number for {offer.name}, which is not exactly-once")
+
+    return refuse
+
+
+def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
+    """Log a callback's exception with its traceback; tell the caller only where to look."""
+    excepthook.explain(error)
+    log.error(
+        "call %d of %s from %s failed:",
+        call.number,
+        call.service,
+        call.caller,
+        exc_info=error,
+        extra=log_fields(call),
+    )
+    message = f"the handler failed; see the server's log, call {call.number}"
+    call.fail(HandlerFailed(Code.INTERNAL, message))
+
+
+def mismatch(question: messages.Resolve, offer: Offer) -> TypeMismatch:
+    """What a caller learns whose definition is not the server's."""
+    ours, theirs = offer.srv_type._HASH, question.type_hash
+    return TypeMismatch(
+        f"{offer.name} is offered as {offer.srv_type._TYPE} with the hash {ours[:15]}…, the caller"
+        f" has another definition with the hash {theirs[:15]}…; compare the two .srv files"
+    )
+
+
+def call_class(offer: Offer) -> type[ServedCall]:
+    """Asked when a caller first wants a service, so that a call itself need not ask."""
+    if offer.observer is None and not log.isEnabledFor(logging.DEBUG):
+        return ServedCall
+    from taskrpc.transport.connection.observed_calls import ObservedCall
+
+    return ObservedCall
+
+
+def resolved(
+    handle: int, offer: Offer, store_id: asyncio.Future[bytes] | None, *, with_definition: bool
+) -> Resolved:
+    """The answer to a caller that wants to call a service: by which number, and what it is."""
+    srv_type = offer.srv_type
+    text = srv_type._DEFINITION if with_definition else ""
+    name = b"" if store_id is None else store_id.result()
+    return Resolved(handle, int(offer.mode), srv_type._TYPE, srv_type._HASH, text, name)

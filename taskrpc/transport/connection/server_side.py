@@ -1,0 +1,406 @@
+"""The answering end of a connection: requests become calls of offered services."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections.abc import Hashable, Iterable
+from typing import TYPE_CHECKING, ClassVar, TypeAlias, cast
+
+from taskrpc.errors import (
+    InvalidRequest,
+    PermissionDenied,
+    ProtocolError,
+    ServerBusy,
+    ServiceUnavailable,
+    TaskRpcError,
+)
+from taskrpc.security.roles import Account, Role
+from taskrpc.transport.base import Offer
+from taskrpc.transport.connection.connection import UNREAD_LIMIT, Connection
+from taskrpc.transport.connection.incoming_call import (
+    Route,
+    ServedCall,
+    mismatch,
+    resolved,
+    route_to,
+)
+from taskrpc.transport.connection.server_context import Host
+from taskrpc.transport.limits.quotas import Caller, caller_of
+from taskrpc.wire import messages
+from taskrpc.wire.events import (
+    Announced,
+    CancelReceived,
+    Closed,
+    Crowded,
+    Overrun,
+    Ready,
+    RequestReceived,
+    ResolveReceived,
+    SubscribeReceived,
+    UnsubscribeReceived,
+)
+from taskrpc.wire.frames import NO_DEADLINE, Flag
+from taskrpc.wire.handshake import Identity
+from taskrpc.wire.link import State
+from taskrpc.wire.spans import cut_span
+
+if TYPE_CHECKING:
+    from taskrpc.transport.pubsub.publishing import Subscriber
+
+log = logging.getLogger("taskrpc.server")
+
+_TRACED = int(Flag.TRACED)
+_EXACTLY_ONCE = int(Flag.EXACTLY_ONCE)  # a Flag's own & costs as much as a decoded message
+
+MAX_HANDLES = 0xFFFF
+"""Services, counted for each calling node, that one connection can use."""
+FRAMES_A_TURN = 64
+"""Frames of one connection that are handled before the others have their turn."""
+LINGER = 0.5
+"""Seconds in which a caller may close a drained connection itself. Closing first, with a request
+of its still unread, would reset the connection and could destroy our last words."""
+
+
+_Held: TypeAlias = "ServedCall | ResolveReceived"
+
+
+class ServingConnection(Connection):
+    """A connection on which we are called."""
+
+    __slots__ = (
+        "_handles",
+        "_held",
+        "_linger",
+        "_routes",
+        "account",
+        "caller",
+        "host",
+        "host_name",
+        "lane",
+        "principal",
+        "role",
+        "shares",
+        "subscriber",
+        "unread",
+        "writing_paused",
+    )
+
+    def __init__(self, host: Host, me: Identity) -> None:
+        super().__init__(host, me, is_client=False)
+        self.host = host
+        self.unread = host.unread
+        self.host_name = ""
+        """The caller's machine, "" for this one; known once it is connected."""
+        self.caller = ""
+        self.shares: Caller = ("", "")
+        """Who he is where seats and memory are divided."""
+        self.lane: Hashable = b""
+        """Who he is where callers take turns: a program of this machine is somebody there."""
+        self.account: Account | None = None
+        self.principal = ""
+        """The account that the caller has proved, "" for the server's own token."""
+        self.role = Role.ADMIN
+        self._linger: asyncio.TimerHandle | None = None
+        self.writing_paused = False
+        """Whether the caller does not read as fast as we write."""
+        self.subscriber: Subscriber | None = None
+        """What the caller has subscribed to, once it has."""
+        self._splitter.most = FRAMES_A_TURN
+        host.load.came(self)
+        # Not a list at once: most of thousands of idle connections need none.
+        self._held: list[_Held] | None = None
+        # Several nodes of a program share a connection: a method id means a service and a caller.
+        self._handles: dict[tuple[int, str], int] | None = None
+        self._routes: dict[int, Route] = {}
+
+    def pause_writing(self) -> None:
+        """The caller reads slower than we answer: begin no more calls of it for now."""
+        self.writing_paused = True
+        if self.transport is not None and not self.transport.is_closing():
+            self.transport.pause_reading()
+
+    def resume_writing(self) -> None:
+        """The caller has caught up."""
+        self.writing_paused = False
+        self._resume_reading()
+        self.unread.measure(self)
+        self.release()
+        if self.subscriber is not None:
+            self.subscriber.caught_up()
+
+    def answered_at_length(self, service: str, size: int) -> None:
+        """Send a large answer at once: a caller that does not read it must be noticed."""
+        transport = self.transport
+        if transport is not None and transport.is_closing():
+            # We are about to hear of the end; until then asyncio would log each attempt.
+            self.writing_paused = True
+            self.session.take()
+        else:
+            self.flush()
+            self.unread.answered(service, self, size)
+
+    def answer_in_thread(self, call: ServedCall, body: bytes) -> bool:
+        """Answer a call from another thread than the loop's; False where only the loop can."""
+        return False
+
+    def must_wait(self, call: ServedCall) -> bool:
+        """Whether a call may not begin yet, since too many answers are unread."""
+        return self.writing_paused or self.unread.forbids(call.service)
+
+    def hold(self, event: _Held) -> None:
+        """Begin this once the caller reads, or other callers do."""
+        if self._held is None:
+            self._held = []
+        self._held.append(event)
+        if not self.writing_paused:  # else it goes on when its own caller reads
+            self.unread.hold(self)
+
+    def release(self) -> None:
+        """Begin what had to wait, as far as there is room now."""
+        held, self._held = self._held, None
+        for event in held or ():
+            if isinstance(event, ResolveReceived):
+                self._resolved(event)
+            elif not event.cancelled:
+                self._serve(event)
+        self.flush_soon()
+
+    @property
+    def unread_limit(self) -> int:
+        """Bytes that the caller may leave unread for long."""
+        return 0 if self.unread.pressed else UNREAD_LIMIT
+
+    def read_on(self) -> None:
+        """More frames came than one turn may take: the other connections have theirs first."""
+        if self.transport is not None and self.session.state is not State.CLOSED:
+            self.transport.pause_reading()
+            self.owner.loop.call_soon(self._catch_up)
+
+    def _catch_up(self) -> None:
+        if self.transport is not None:
+            self.buffer_updated(0)
+            self._resume_reading()
+
+    def _resume_reading(self) -> None:
+        waits = self.writing_paused or self._splitter.behind
+        if self.transport is not None and not waits and not self.transport.is_closing():
+            self.transport.resume_reading()
+
+    def expiring(self) -> Iterable[ServedCall]:
+        """The calls that we have not answered."""
+        return cast("list[ServedCall]", self.session.open_tickets())
+
+    def ended(self) -> None:
+        """The caller is gone: what still runs for it is cancelled."""
+        if self._linger is not None:
+            self._linger.cancel()
+        self._held = None
+        self.unread.left(self)
+        self.host.load.left(self)
+        if self.subscriber is not None:
+            self.subscriber.left()
+        for call in self.session.lost():
+            call.lost()
+
+    def drain(self) -> None:
+        """Take no new calls; close once those in flight are answered."""
+        self._draining = True
+        self.session.drain()
+        self.flush()
+
+    def drained(self) -> None:
+        """Close after the last answer."""
+        if self._linger is None and not self.session.in_flight:
+            if self.why_closed is not None:
+                self.refuse(self.why_closed)
+            else:
+                self._close_after(LINGER if self.session.state is State.DRAINING else 0.0)
+
+    def refuse(self, error: TaskRpcError) -> None:
+        """End the connection; the caller has a moment to read why, and to close it himself."""
+        self.why_closed = error
+        self._close_after(LINGER)
+        self.session.reject(error)
+        self.flush()
+
+    def _close_after(self, seconds: float) -> None:
+        self._linger = self.owner.loop.call_later(seconds, self.close)
+
+    def _requested(self, event: RequestReceived) -> None:
+        host, session = self.host, self.session
+        route = self._routes.get(event.method)
+        if route is None or route.method not in host.offers:
+            gone = ServiceUnavailable("the service is no longer offered here")
+            session.fail(event.call_id, gone)
+            return
+        claim = None
+        try:
+            if event.flags:
+                if event.flags & _TRACED:
+                    event.span, event.body = cut_span(event.body)
+                if event.flags & _EXACTLY_ONCE:
+                    claim, event.body = route.claim(event.body)
+            request = route.decode(event.body)
+        except (InvalidRequest, PermissionDenied, ProtocolError) as error:
+            session.fail(event.call_id, error)
+            self._tell_of_refusal(event.method, error)
+            return
+        event.body = b""  # the message stands for it, as long as the call is open
+        # Not the time now: what came in the same read may have run for long before.
+        now = self.read_at
+        deadline = None
+        if event.time_left != NO_DEADLINE:
+            deadline = now + event.time_left / 1000
+            if deadline < self.look_before:
+                self.watch(deadline)
+        call = event.ticket = route.call(
+            route.offer.name,
+            route.caller,
+            self.principal,
+            self.role,
+            next(host.call_numbers),
+            deadline,
+            host.now,
+            False,  # cancelled
+            request,
+            None,  # on_cancel
+            False,  # started
+            claim,
+            now,
+            self,
+            route,
+            event.call_id,
+        )
+        if self.writing_paused or self.unread.pressed:
+            self._serve(call)
+        else:
+            route.offer.serve(call)
+
+    def _announced(self, event: Announced) -> None:
+        if (refusal := self.host.load.refusal(self)) is not None:
+            self.session.skip_large(refusal)
+            self._tell_of_refusal(event.method, refusal)
+
+    def _crowded(self, event: Crowded) -> None:
+        request, refusal = event.request, self.host.load.refusal(self)
+        if refusal is None:
+            self._requested(request)
+        else:
+            self.session.fail(request.call_id, refusal)
+            self._tell_of_refusal(request.method, refusal)
+
+    def _serve(self, call: ServedCall) -> None:
+        if self.must_wait(call):
+            self.hold(call)
+        else:
+            call.route.offer.serve(call)
+
+    def _cancelled(self, event: CancelReceived) -> None:
+        # Asked only now: both may have come in one read, and the request's call was made since.
+        call = event.request.ticket
+        if call is not None:
+            call.cancel()
+            unstarted = None if call.started else True
+            call.fail(TaskRpcError("cancelled by the caller", not_executed=unstarted))
+
+    def _overran(self, event: Overrun) -> None:
+        error = self.why_closed = event.error
+        log.warning("%s is cut off once it has its answers: %s", self.peer_name, error)
+        self._draining = True
+
+    def _opened(self, event: Ready) -> None:
+        self.handshake_over()
+        peer = event.peer
+        self.caller = peer.name
+        if (account := peer.account) is not None:
+            self.account, self.principal, self.role = account, account.name, account.role
+        where = None if self.transport is None else self.transport.get_extra_info("peername")
+        self.shares = caller_of(self.principal, where)
+        self.lane = self.shares if any(self.shares) else peer.id
+        self.host.caller_proved(self)
+
+    def _resolved(self, event: ResolveReceived) -> None:
+        question = event.question
+        if self.writing_paused:
+            self.hold(event)
+            return
+        if not question.name:
+            self.session.respond(event.call_id, messages.encode(self.host.listing()))
+            return
+        method = self.host.method_of(question.name)
+        offer = self.host.offers.get(method)
+        store_id = offer.store_id() if offer is not None and offer.store_id is not None else None
+        if store_id is not None and not store_id.done():
+            store_id.add_done_callback(lambda known: self._resolve_late(event, method, known))
+        elif offer is None:
+            error: TaskRpcError = ServiceUnavailable(f"no service {question.name} here")
+            self.session.fail(event.call_id, error)
+        elif question.type_hash not in ("", offer.srv_type._HASH):
+            self.session.fail(event.call_id, mismatch(question, offer))
+        elif len(self._routes) >= MAX_HANDLES:
+            # Numbers are never given twice on one connection; the next one begins anew.
+            error = ServerBusy(f"{MAX_HANDLES} services were asked for on this connection")
+            self.session.fail(event.call_id, error)
+            self.drain()
+        else:
+            handle = self._handle(method, offer, question.caller or self.caller)
+            try:
+                body = resolved(handle, offer, store_id, with_definition=event.with_definition)
+            except TaskRpcError as error:
+                self.session.fail(event.call_id, error)
+            else:
+                self.session.respond(event.call_id, messages.encode(body))
+
+    def _subscribed(self, event: SubscribeReceived) -> None:
+        if self.session.state is State.OPEN:
+            self.host.topics.subscriber_of(self).subscribe(event)
+
+    def _unsubscribed(self, event: UnsubscribeReceived) -> None:
+        if self.subscriber is not None:
+            self.subscriber.unsubscribe(event.subscription_id)
+
+    def _resolve_late(
+        self, event: ResolveReceived, method: int, store_id: asyncio.Future[bytes]
+    ) -> None:
+        """The store that a question had to wait for is open, or cannot be opened."""
+        if self.transport is not None:
+            error = store_id.exception()
+            # Asked for once more, a store that cannot be opened would be read for ever.
+            if method in self.host.offers and isinstance(error, TaskRpcError):
+                self.session.fail(event.call_id, error)
+            else:
+                self._resolved(event)
+            self.flush_soon()
+
+    def _handle(self, method: int, offer: Offer, caller: str) -> int:
+        """The number by which this peer calls a service for one of its nodes."""
+        if self._handles is None:
+            self._handles = {}
+        handle = self._handles.setdefault((method, caller), len(self._handles) + 1)
+        if handle not in self._routes:
+            self._routes[handle] = route_to(offer, method, caller, self.principal, self.role)
+        return handle
+
+    def _tell_of_refusal(self, method: int, error: TaskRpcError) -> None:
+        """A request ended before it became a call."""
+        route = self._routes.get(method)
+        if route is None or route.call is ServedCall:
+            return
+        from taskrpc.transport.connection.observed_calls import refused
+
+        refused(self, route, error)
+
+    serves = True
+    handlers: ClassVar = {
+        RequestReceived: _requested,
+        Announced: _announced,
+        Crowded: _crowded,
+        ResolveReceived: _resolved,
+        CancelReceived: _cancelled,
+        SubscribeReceived: _subscribed,
+        UnsubscribeReceived: _unsubscribed,
+        Overrun: _overran,
+        Ready: _opened,
+        Closed: Connection._closed,
+    }

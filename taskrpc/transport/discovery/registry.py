@@ -1,0 +1,181 @@
+"""Who is where on this machine: one small file a process, in the user's runtime folder.
+
+Every process writes what it offers, and holds an operating-system lock on its file while it lives.
+A file without a lock is left over from a process that died: it is never believed, and whoever sees
+it removes it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import time
+import weakref
+from collections.abc import Iterator
+from pathlib import Path
+
+from taskrpc import platform
+from taskrpc.errors import NameInUse
+from taskrpc.transport.discovery.entries import Change, Entry, Roster
+from taskrpc.transport.discovery.journal import TIME_STEP, Journal, JournalReader
+
+
+class Registry:
+    """The registry of one domain, seen from one process."""
+
+    def __init__(self, domain: int) -> None:
+        self._folder = platform.private_dir(platform.runtime_dir() / f"domain_{domain}")
+        self._lock = self._folder / "lock"
+        self._path = self._folder / f"{os.getpid()}-{id(self):x}-{time.time_ns():x}.json"
+        self._journal: Journal | None = None
+        self._mine: Roster | None = None
+        self._readers: dict[Path, tuple[tuple[int, int], JournalReader]] = {}
+        _open_registries.add(self)
+
+    def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
+        """Tell everybody of a change to what this process has; the roster takes note of it.
+
+        `claim` names a service that nobody else may offer; raises NameInUse when somebody does.
+        """
+        with platform.locked(self._lock):
+            if claim:
+                self._refuse_second(claim)
+            if self._journal is None:
+                self._journal = Journal(self._path)
+            self._journal.write(roster, change)
+            self._mine = roster
+            self._ring()
+
+    def rosters(self) -> list[Roster]:
+        """What all living processes have, this one included, oldest first."""
+        mine = [] if self._mine is None else [self._mine]
+        return sorted(mine + self.others(), key=lambda roster: roster.about.since)
+
+    def others(self) -> list[Roster]:
+        """What all other living processes have."""
+        found: list[Roster] = []
+        unclear = []
+        for path in self._others():
+            with contextlib.suppress(OSError), self._opened(path) as descriptor:
+                roster = self._read(path, descriptor) if platform.is_locked(descriptor) else None
+                if roster is None:
+                    unclear.append(path)
+                else:
+                    found.append(roster)
+        if unclear:
+            found += self._second_look(unclear)
+        return found
+
+    def entries(self) -> list[Entry]:
+        """The entries of all living processes, this one included, oldest first."""
+        return [roster.entry() for roster in self.rosters()]
+
+    def signature(self) -> int:
+        """A value that changes when any entry has changed; cheap enough to poll."""
+        # One look, however many processes there are: who changes anything sets the lock's time.
+        try:
+            return os.stat(self._lock).st_mtime_ns
+        except OSError:
+            return 0
+
+    def _ring(self) -> None:
+        """Let everybody see that something has changed; called under the lock."""
+        now = max(time.time_ns(), self.signature() + TIME_STEP)
+        with contextlib.suppress(OSError):
+            os.utime(self._lock, ns=(now, now))
+
+    def close(self) -> None:
+        """Remove this process's entry."""
+        if self._journal is not None:
+            with contextlib.suppress(OSError):
+                if sys.platform == "win32":
+                    self.abandon()
+                with platform.locked(self._lock):
+                    self._path.unlink(missing_ok=True)
+                    self._ring()
+            self.abandon()
+
+    def abandon(self) -> None:
+        """Close the file without removing it (a forked child's duty: the entry is its parent's)."""
+        journal, self._journal, self._mine = self._journal, None, None
+        if journal is not None:
+            journal.close()
+
+    def _refuse_second(self, claim: str) -> None:
+        for path in self._others():
+            with contextlib.suppress(OSError), self._opened(path) as descriptor:
+                if not platform.is_locked(descriptor):
+                    continue
+                roster = self._read(path, descriptor)
+                if roster is not None and roster.offers(claim):
+                    raise NameInUse(_second_server(claim, roster.about))
+
+    def _others(self) -> list[Path]:
+        mine = self._path if self._journal is not None else None
+        paths = [path for path in self._files() if path != mine]
+        if len(self._readers) > len(paths):
+            self._readers = {path: self._readers[path] for path in paths if path in self._readers}
+        return paths
+
+    def _files(self) -> Iterator[Path]:
+        with contextlib.suppress(OSError), os.scandir(self._folder) as found:
+            for item in found:
+                if item.name.endswith(".json"):
+                    yield Path(item.path)
+
+    @contextlib.contextmanager
+    def _opened(self, path: Path) -> Iterator[int]:
+        flags = os.O_RDWR | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
+        descriptor = os.open(path, flags)
+        try:
+            yield descriptor
+        finally:
+            os.close(descriptor)
+
+    def _read(self, path: Path, descriptor: int) -> Roster | None:
+        status = os.fstat(descriptor)
+        sign = (status.st_mtime_ns, status.st_size)
+        known, reader = self._readers.get(path) or (None, JournalReader())
+        if known != sign or reader.roster is None:
+            reader.read(descriptor)
+            self._readers[path] = sign, reader
+        return reader.roster
+
+    def _second_look(self, paths: list[Path]) -> list[Roster]:
+        """Those that were only just being made or written; the dead ones' files are removed."""
+        found = []
+        with platform.locked(self._lock):
+            for path in paths:
+                with contextlib.suppress(OSError):
+                    with self._opened(path) as descriptor:
+                        alive = platform.is_locked(descriptor)
+                        roster = self._read(path, descriptor)
+                    if not alive:
+                        path.unlink()
+                        self._ring()
+                    elif roster is not None:
+                        found.append(roster)
+        return found
+
+
+def _second_server(name: str, entry: Entry) -> str:
+    since = time.strftime("%H:%M:%S", time.localtime(entry.since))
+    return (
+        f"{name} is already offered by {entry.script} (pid {entry.pid}, in {entry.folder},"
+        f" since {since}); end it with `taskrpc stop {entry.pid}`, or join it with --join"
+        " (join=True)"
+    )
+
+
+_open_registries: weakref.WeakSet[Registry] = weakref.WeakSet()
+
+
+def _abandon_all() -> None:
+    for registry in list(_open_registries):
+        registry.abandon()
+
+
+if hasattr(os, "register_at_fork"):
+    # A child that kept the descriptor would hold its dead parent's lock.
+    os.register_at_fork(after_in_child=_abandon_all)

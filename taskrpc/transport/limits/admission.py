@@ -1,0 +1,123 @@
+"""Who may stay connected: a bound on all connections, a smaller one on those without proof."""
+
+from __future__ import annotations
+
+import logging
+from collections import Counter
+
+from taskrpc import platform
+from taskrpc.errors import ServerBusy
+from taskrpc.transport.connection.server_side import ServingConnection
+from taskrpc.transport.limits.log_throttling import SeldomLog
+from taskrpc.transport.limits.quotas import ByHost, Caller, host_of, name_of
+
+log = logging.getLogger("taskrpc.transport")
+
+MAX_CONNECTIONS = 10_000
+"""Connections of callers with a proof, as far as descriptors allow."""
+MAX_STRANGERS = 128
+"""Connections without a proof; one more closes the oldest one of the machine that has the most."""
+
+RETRY_AFTER = 1.0
+GRACE = 5.0
+"""Seconds that a connection has to finish its calls when another caller needs its place."""
+
+
+class Admission:
+    """Counts the connections of one listener.
+
+    A flood of connections without a proof closes only such connections, and only those of the
+    machine that it comes from. Connections with a proof stay, and a proof takes far less time than
+    128 new connections. A flood from one account, or from one machine of an account, does not keep
+    others out: the caller with the most connections loses one to a caller with fewer.
+    """
+
+    def __init__(self) -> None:
+        descriptors = platform.descriptor_limit()
+        self._most = min(MAX_CONNECTIONS, descriptors * 3 // 4)
+        self._most_strangers = min(MAX_STRANGERS, descriptors // 8)
+        self._strangers = ByHost[ServingConnection]()
+        self._known: dict[Caller, dict[ServingConnection, None]] = {}
+        """By caller, in the order in which they came."""
+        self._count = 0
+        self._crowded = SeldomLog(log)
+        self._full = SeldomLog(log)
+        self._greedy = SeldomLog(log)
+        self._problem = f"the server has {self._most} connections, as many as it can"
+
+    def came(self, connection: ServingConnection, peername: object) -> None:
+        """A caller connected from this address; there is room for it, or there will be."""
+        connection.host_name = host_of(peername)
+        if len(self._strangers) >= self._most_strangers:
+            self._cut_oldest(connection)
+        self._strangers.add(connection.host_name, connection)
+
+    def proved(self, connection: ServingConnection) -> None:
+        """Somebody showed that he may be here; he stays unless the server is full."""
+        if not self._strangers.remove(connection.host_name, connection):
+            return
+        if self._count >= self._most and not self._make_room(connection.shares):
+            self._strangers.add(connection.host_name, connection)
+            self._refuse(connection)
+            return
+        self._known.setdefault(connection.shares, {})[connection] = None
+        self._count += 1
+
+    def left(self, connection: ServingConnection) -> None:
+        """A connection is gone."""
+        self._strangers.remove(connection.host_name, connection)
+        self._forget(connection)
+
+    def _forget(self, connection: ServingConnection) -> None:
+        known = self._known.get(connection.shares, {})
+        if connection in known:
+            del known[connection]
+            self._count -= 1
+            if not known:
+                del self._known[connection.shares]
+
+    def _greediest(self, newcomer: Caller) -> Caller | None:
+        """Who has most, of the account that has most; None where that is the newcomer himself."""
+        own, accounts = newcomer[0], Counter[str]()
+        for (account, _), theirs in self._known.items():
+            accounts[account] += len(theirs)
+        most = max(accounts, key=accounts.__getitem__, default=own)
+        if accounts[most] <= accounts[own] + 1:
+            most = own
+        having = {who: len(theirs) for who, theirs in self._known.items() if who[0] == most}
+        greedy = max(having, key=having.__getitem__, default=newcomer)
+        is_he = most == own and having.get(greedy, 0) <= having.get(newcomer, 0) + 1
+        return None if is_he else greedy
+
+    def _make_room(self, newcomer: Caller) -> bool:
+        """Send a connection away of who has most; False where that is the newcomer himself."""
+        greedy = self._greediest(newcomer)
+        if greedy is None:
+            return False
+        theirs = self._known[greedy]
+        idle = (each for each in theirs if not each.session.in_flight)
+        sent_away = next(idle, None) or next(iter(theirs))
+        loop, count = sent_away.owner.loop, len(theirs)
+        text = "%s; %s has %d of them, and one gives way"
+        self._greedy.warning(loop.time(), text, self._problem, name_of(greedy), count)
+        self._forget(sent_away)
+        sent_away.drain()
+        error = ServerBusy(self._problem, retry_after=RETRY_AFTER)
+        loop.call_later(GRACE, sent_away.abort, error)
+        return True
+
+    def _cut_oldest(self, newest: ServingConnection) -> None:
+        oldest = self._strangers.pop_oldest(self._strangers.largest())
+        self._crowded.warning(
+            newest.owner.loop.time(),
+            "more than %d connections without a proof; the oldest, from %s, was cut off",
+            self._most_strangers,
+            oldest.peer_name,
+        )
+        oldest.abort(ServerBusy("too many connections without a proof"))
+
+    def _refuse(self, connection: ServingConnection) -> None:
+        """Not counted among those who stay, but bounded with the strangers until it is gone."""
+        now, problem = connection.owner.loop.time(), self._problem
+        self._full.warning(now, "refused %s: %s", connection.peer_name, problem)
+        connection.refuse(ServerBusy(problem, retry_after=RETRY_AFTER))

@@ -1,0 +1,95 @@
+"""What all calls in flight may be together: their number, and the bytes of their requests.
+
+A connection has limits of its own, which its caller knows and keeps. Whoever makes connection after
+connection would have them as often as he likes; so what goes beyond a few calls is a caller's share
+of what there is. It is lent to connections in advance and in lumps, so that a call need not ask.
+"""
+
+from __future__ import annotations
+
+import logging
+from typing import TYPE_CHECKING
+
+from taskrpc.errors import ServerBusy
+from taskrpc.transport.limits.log_throttling import SeldomLog
+from taskrpc.transport.limits.quotas import Caller, Shares, name_of
+from taskrpc.wire.frames import LARGE
+from taskrpc.wire.messages import Limits
+
+if TYPE_CHECKING:
+    from taskrpc.transport.connection.server_side import ServingConnection
+
+log = logging.getLogger("taskrpc.transport")
+
+MAX_CALLS = 32_768
+"""Calls in flight of all callers; one caller alone may have half of them."""
+MAX_BYTES = 512 * 1024 * 1024
+"""Bytes of their requests; one caller alone may have half of them."""
+FREE = Limits(calls=16, bytes=4 * LARGE)
+"""What a connection may have without asking."""
+RETRY_AFTER = 0.2
+
+
+class Load:
+    """Lends shares to the connections of one endpoint, and takes back what they do not need."""
+
+    def __init__(self) -> None:
+        self._calls = Shares(MAX_CALLS)
+        self._bytes = Shares(MAX_BYTES)
+        self._lent: set[ServingConnection] = set()
+        self._refused = SeldomLog(log)
+
+    def came(self, connection: ServingConnection) -> None:
+        """A connection has what it may have without asking."""
+        session = connection.session
+        session.free_calls = min(FREE.calls, session.limits.calls)
+        session.free_bytes = min(FREE.bytes, session.limits.bytes)
+
+    def refusal(self, connection: ServingConnection) -> ServerBusy | None:
+        """Lend what the calls that have come to a connection need; what to say where it cannot."""
+        session, caller = connection.session, connection.shares
+        limits = session.limits
+        self._lent.add(connection)
+        calls, size = len(session.open_calls), session.bytes_coming
+        session.free_calls = _raised(self._calls, caller, session.free_calls, calls, limits.calls)
+        session.free_bytes = _raised(self._bytes, caller, session.free_bytes, size, limits.bytes)
+        if calls <= session.free_calls and size <= session.free_bytes:
+            return None
+        what = "calls" if calls > session.free_calls else "bytes of requests"
+        text, now = "refused calls: %s has its share of %s", connection.owner.loop.time()
+        self._refused.warning(now, text, name_of(caller), what)
+        problem = f"you have as many {what} in flight as are left for all others"
+        return ServerBusy(problem, retry_after=RETRY_AFTER)
+
+    def settle(self) -> None:
+        """Take back what is not needed any more; about once a second is enough."""
+        for connection in list(self._lent):
+            session = connection.session
+            self._lower(connection, 2 * len(session.open_calls), 2 * session.bytes_coming)
+            if (session.free_calls, session.free_bytes) == (FREE.calls, FREE.bytes):
+                self._lent.discard(connection)
+
+    def left(self, connection: ServingConnection) -> None:
+        """A connection is gone."""
+        if connection in self._lent:
+            self._lent.discard(connection)
+            self._lower(connection, 0, 0)
+
+    def _lower(self, connection: ServingConnection, calls: int, size: int) -> None:
+        session, caller = connection.session, connection.shares
+        calls, size = max(FREE.calls, calls), max(FREE.bytes, size)
+        if calls < session.free_calls:
+            self._calls.give(caller, session.free_calls - calls)
+            session.free_calls = calls
+        if size < session.free_bytes:
+            self._bytes.give(caller, session.free_bytes - size)
+            session.free_bytes = size
+
+
+def _raised(shares: Shares, caller: Caller, lent: int, needed: int, most: int) -> int:
+    """What a connection has after it has asked for more: twice its need, if that is not to be its
+    need, else what it had."""
+    for wanted in (min(2 * needed, most), needed):
+        if lent < wanted and needed <= wanted and shares.take(caller, wanted - lent):
+            return wanted
+    return lent

@@ -1,0 +1,4 @@
+"""Topics over connections: publishers that feed subscriptions of other processes.
+
+Start with `endpoint_topics`, which knows both; `publishing` sends, `subscribing` receives.
+The API that programs use is `taskrpc.topic`."""

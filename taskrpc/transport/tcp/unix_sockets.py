@@ -1,0 +1,131 @@
+"""Unix sockets: calls that never leave this machine, from programs that the system knows."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import socket
+import stat
+import sys
+from pathlib import Path
+
+from taskrpc import platform
+from taskrpc.errors import CannotListen, PermissionDenied, TaskRpcError
+from taskrpc.wire.handshake import Voucher
+
+PREFIX = "unix:"
+
+_PATIENCE = 1.0
+"""Seconds in which a server must take a connection to count as one that answers."""
+
+
+def is_unix(place: str) -> bool:
+    """Whether a place is `unix:/path`."""
+    return place.startswith(PREFIX)
+
+
+def checked_unix(place: str) -> str:
+    """The place, with an absolute path.
+
+    Raises TaskRpcError without a path, or where there are no unix sockets.
+    """
+    if not hasattr(socket, "AF_UNIX"):
+        raise TaskRpcError(f"{place}: Python has no unix sockets on Windows; use 127.0.0.1:PORT")
+    if place == PREFIX:
+        raise TaskRpcError("expected unix:/path of the server's socket, got unix: alone")
+    return PREFIX + os.path.abspath(place.removeprefix(PREFIX))
+
+
+def path_of(place: str) -> str:
+    """The path in `unix:/path`. Raises TaskRpcError where there are no unix sockets."""
+    return checked_unix(place).removeprefix(PREFIX)
+
+
+def bound_unix(place: str, name: str) -> tuple[socket.socket, str, os.stat_result]:
+    """A listening socket that only this user can reach, its path, and what is there now.
+
+    `unix:` alone means a socket of this name in the runtime folder. A socket file that a dead
+    server left is replaced. Raises CannotListen, also where a server answers at it.
+    """
+    own = place == PREFIX
+    path = Path(path_of(place)) if not own else platform.runtime_dir() / name
+    try:
+        platform.check_private_dir(path.parent)
+        with platform.locked(_lock_of(path)):
+            _clear(path)
+            return _bound(path), str(path), os.lstat(path)
+    except OSError as error:
+        raise CannotListen(f"cannot listen at {PREFIX}{path}: {error.strerror or error}") from None
+    except TaskRpcError as error:
+        raise CannotListen(f"cannot listen at {PREFIX}{path}: {error}") from None
+
+
+def remove_unix(path: str, made: os.stat_result) -> None:
+    """Remove a listening socket's files, unless it is another server's by now."""
+    file = Path(path)
+    with contextlib.suppress(OSError), platform.locked(_lock_of(file)):
+        _lock_of(file).unlink(missing_ok=True)
+        found = file.lstat()
+        # Its number alone may have been given to another file since.
+        if os.path.samestat(found, made) and found.st_mtime_ns == made.st_mtime_ns:
+            file.unlink()
+
+
+def unix_voucher(sock: socket.socket, *, serving: bool, has_accounts: bool) -> Voucher | None:
+    """What the system says of the other end.
+
+    Raises PermissionDenied for a program of another user that calls a server without accounts.
+    """
+    uid = platform.peer_user(sock)
+    if uid is not None and (uid == 0 or platform.is_this_user(uid)):
+        return Voucher("", is_owner=True)
+    if serving and not has_accounts:
+        raise PermissionDenied("this socket is for programs of its own user only")
+    return None
+
+
+def _lock_of(path: Path) -> Path:
+    return path.with_name(f".{path.name}.lock")
+
+
+def _clear(path: Path) -> None:
+    """Remove the socket of a dead server."""
+    try:
+        found = path.lstat()
+    except FileNotFoundError:
+        return
+    if not stat.S_ISSOCK(found.st_mode):
+        raise TaskRpcError("there is a file that is no socket")
+    with _unix_socket() as probe:
+        probe.settimeout(_PATIENCE)
+        try:
+            probe.connect(str(path))
+        except ConnectionRefusedError:
+            path.unlink()
+            return
+        except OSError as error:  # a full backlog, too, is somebody's
+            raise TaskRpcError(f"a server is there: {error.strerror or error}") from None
+    raise TaskRpcError("another server answers there")
+
+
+def _unix_socket() -> socket.socket:
+    if sys.platform == "win32":
+        raise TaskRpcError("Python has no unix sockets on Windows")
+    else:
+        return socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+
+
+def _bound(path: Path) -> socket.socket:
+    from taskrpc.transport.tcp.listening import BACKLOG
+
+    sock = _unix_socket()
+    try:
+        sock.bind(str(path))
+        # Whatever the umask is; and the folder lets nobody in meanwhile.
+        path.chmod(0o600)
+        sock.listen(BACKLOG)
+        sock.setblocking(False)
+    except BaseException:
+        sock.close()
+        raise
+    return sock

@@ -1,0 +1,450 @@
+"""The `srvgen` command: what it prints, where, and how it ends."""
+
+import json
+import re
+import subprocess
+import sys
+from collections import Counter
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from srvgen.definitions.search import Search
+from tests.srvgen.sample_definitions import put, put_all
+
+pytestmark = pytest.mark.usefixtures("workspace")
+
+
+def test_check_is_content_with_good_definitions(run):
+    put("my_msgs/srv/Fetch", "geometry_msgs/Point where\n---\n")
+    assert run("check", "my_msgs") == (0, "1 definition, no problems\n", "")
+
+
+def test_check_reports_every_problem_of_every_file_with_a_caret(run):
+    bad = put("my_msgs/msg/Bad", "int a\nint32 B\n")
+    lost = put("my_msgs/srv/Lost", "Header header\nBad bad\n---\n")
+    code, out, err = run("check", "my_msgs")
+    assert (code, out) == (1, "")
+    assert err == (
+        f"{bad}:1:1: error: expected a built-in type or the name of a message "
+        "(letters and digits, with a capital first), got 'int'\n"
+        "    int a\n"
+        "    ^\n"
+        "  hint: did you mean int32?\n"
+        f"{bad}:2:7: error: expected the name of a field "
+        "(lower-case letters, digits and single underscores, with a letter first), got 'B'\n"
+        "    int32 B\n"
+        "          ^\n"
+        "  hint: did you mean b?\n"
+        f"{lost}:1:1: error: package 'my_msgs' has no message 'Header'\n"
+        "    Header header\n"
+        "    ^\n"
+        "  hint: ROS 2 writes std_msgs/Header\n"
+    )
+
+
+def test_a_problem_of_a_whole_file_has_no_line(run):
+    path = put("my_msgs/srv/add", "---")
+    slip = path.with_name("Sub.srv.txt")
+    slip.write_text("---", encoding="utf-8")
+    code, _, err = run("check", path, slip)
+    assert code == 1
+    assert f"{path}: error: expected a type name" in err
+    assert f"{slip}: error: expected a file that ends in" in err
+
+
+def test_two_files_of_a_package_that_define_one_type_are_an_error(run):
+    first = put("my_msgs/msg/Dot", "int32 x\n")
+    (first.parents[1] / "package.xml").write_text("<package/>", encoding="utf-8")
+    second = first.parent / "plane" / "Dot.msg"
+    second.parent.mkdir()
+    second.write_text("int8 x\n", encoding="utf-8")
+    code, out, err = run("check", "my_msgs")
+    assert (code, out) == (1, "")
+    assert f"{second}: error: expected one file that defines Dot, got a second one\n" in err
+    assert f"hint: the other is {first}: rename" in err
+
+
+def test_check_prints_json_lines_for_programs(run):
+    path = put("my_msgs/msg/Bad", "int a\nint b\n")
+    code, out, err = run("check", "--json", path)
+    assert (code, out) == (1, "")
+    first, second = map(json.loads, err.splitlines())
+    assert (first["error"], first["line"], second["line"]) == ("DefinitionError", 1, 2)
+    assert first["message"].endswith("got 'int'")
+    assert first["path"] == str(path)
+
+
+def test_describe_prints_one_line_an_interface_and_goes_on_after_a_bad_one(run):
+    good = put("my_msgs/srv/Fetch", "nowhere_msgs/Thing thing\nfloat32 NAN=nan\n---\n")
+    bad = put("my_msgs/msg/Bad", "int a")
+    code, out, err = run("describe", bad, good, "gone", "--json")
+    assert code == 1
+    (line,) = out.splitlines()
+    described = json.loads(line)
+    assert described["type"] == "my_msgs/srv/Fetch"
+    assert described["spec"] == {
+        "request": {
+            "fields": [
+                {
+                    "name": "thing",
+                    "type": "Thing",
+                    "pkg": "nowhere_msgs",
+                    "string_upper_bound": None,
+                    "is_array": False,
+                    "array_size": None,
+                    "is_upper_bound": False,
+                    "type_string": "nowhere_msgs/Thing",
+                    "default": None,
+                }
+            ],
+            "constants": [{"name": "NAN", "type": "float32", "value": {"$float": "nan"}}],
+        },
+        "response": {"fields": [], "constants": []},
+    }
+    assert {json.loads(line)["path"] for line in err.splitlines()} == {str(bad), "gone"}
+
+
+def test_show_and_hash_find_types_on_a_search_path(run, tmp_path):
+    put("far_msgs/srv/Fetch", "# Fetches.\nint32 a # one\n---\n", tmp_path / "far")
+    assert run("show", "far_msgs/srv/Fetch")[0] == 1
+    code, out, _ = run("show", "-I", tmp_path / "far", "far_msgs/Fetch", "--no-comments")
+    assert (code, out) == (0, "int32 a\n---\n")
+    code, out, _ = run("hash", "-I", tmp_path / "far", "far_msgs/srv/Fetch_Request", "--json")
+    assert code == 0
+    assert json.loads(out)["type"] == "far_msgs/srv/Fetch_Request"
+    assert json.loads(out)["hash"].startswith("RIHS01_")
+
+
+def test_hash_prints_the_hash_of_ros(run):
+    known = "RIHS01_e118de6bf5eeb66a2491b5bda11202e7b68f198d6f67922cf30364858239c81a"
+    assert run("hash", "example_interfaces/srv/AddTwoInts") == (0, f"{known}\n", "")
+
+
+def test_an_unknown_type_is_one_message_and_exit_1(run):
+    code, out, err = run("hash", "example_interface/srv/AddTwoInts")
+    assert (code, out) == (1, "")
+    first, hint, looked = err.splitlines()
+    assert first == "no package 'example_interface' within reach"
+    assert hint == "  hint: did you mean example_interfaces?"
+    assert looked.startswith(f"  looked in: {Path.cwd()}, ")
+    assert looked.endswith(", the packages of srvgen")
+
+
+@pytest.mark.parametrize(
+    "arguments", [[], ["nonsense"], ["fix"], ["generate", "x"], ["check", "-I", "gone", "."]]
+)
+def test_wrong_usage_is_exit_2(run, arguments):
+    code, out, err = run(*arguments)
+    assert (code, out) == (2, "")
+    assert err.startswith("usage: srvgen")
+
+
+def test_generated_packages_can_be_imported_and_are_then_up_to_date(run, tmp_path):
+    put("my_msgs/srv/Fetch", "string what\n---\nbool found\n")
+    put("my_msgs/msg/Bad", "int a")
+    out = tmp_path / "out"
+    assert run("generate", "my_msgs", "-o", out, "--check")[0] == 1
+    assert not out.exists()
+    assert run("generate", "my_msgs/srv", "-o", out) == (0, "", "")
+    assert run("generate", "my_msgs/srv", "-o", out, "--check") == (0, "", "")
+    program = "from my_msgs.srv import Fetch; print(Fetch.Request(what='ball'))"
+    done = subprocess.run(
+        [sys.executable, "-c", program], cwd=out, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == "my_msgs.srv.Fetch_Request(what='ball')\n"
+    (out / "my_msgs" / "srv" / "_fetch.py").write_text("", encoding="utf-8")
+    code, _, err = run("generate", "my_msgs/srv", "-o", out, "--check")
+    assert (code, "is not up to date" in err) == (1, True)
+    code, _, err = run("generate", "my_msgs", "-o", tmp_path / "others")
+    assert (code, "got 'int'" in err) == (1, True)
+    assert (tmp_path / "others" / "my_msgs" / "srv" / "_fetch.py").is_file()
+
+
+def test_a_module_whose_definition_has_gone_is_removed_and_asked_for_by_check(run, tmp_path):
+    put("my_msgs/srv/Fetch", "---\n")
+    gone = put("my_msgs/srv/Bring", "---\n")
+    out = tmp_path / "out"
+    assert run("generate", "my_msgs", "-o", out) == (0, "", "")
+    gone.unlink()
+    module = out / "my_msgs" / "srv" / "_bring.py"
+    code, _, err = run("generate", "my_msgs", "-o", out, "--check")
+    assert code == 1
+    assert f"{module} belongs to no definition any more: run srvgen generate\n" in err
+    assert module.exists()
+    assert run("generate", "my_msgs", "-o", out) == (0, "", "")
+    assert not module.exists()
+    assert run("generate", "my_msgs", "-o", out, "--check") == (0, "", "")
+
+
+@pytest.fixture
+def gone(run, tmp_path):
+    """The output for `old_msgs`, which is no longer in the workspace."""
+    put("my_msgs/msg/Here", "int32 x\n", Path("ws"))
+    old = put("old_msgs/msg/Old", "int32 x\n", Path("ws"))
+    assert run("generate", "ws", "-o", "out") == (0, "", "")
+    Path("out/old_msgs/msg/__pycache__").mkdir()
+    Path("out/old_msgs/msg/__pycache__/_old.cpython-311.pyc").write_bytes(b"\0")
+    old.unlink()
+    return Path("out/old_msgs")
+
+
+def test_the_output_of_a_package_that_has_gone_is_removed_and_asked_for_by_check(run, gone):
+    problem = f"{gone} belongs to no definition any more"
+    assert run("generate", "ws", "-o", "out", "--check") == (
+        1,
+        "",
+        f"{problem}: run srvgen generate\n",
+    )
+    assert gone.exists()
+    said = f"removed {gone}, which belongs to no definition any more\n"
+    assert run("generate", "ws", "-o", "out") == (0, said, "")
+    assert [one.name for one in Path("out").iterdir()] == ["my_msgs"]
+    assert run("generate", "ws", "-o", "out", "--check") == (0, "", "")
+
+
+@pytest.mark.parametrize("name", ["notes.txt", "msg/own.py", "py.typed", "msg/__pycache__/x.txt"])
+def test_of_a_package_that_has_gone_what_srvgen_did_not_write_stays(run, gone, name):
+    put_all({name: "mine\n"}, gone)
+    assert run("generate", "ws", "-o", "out", "--check")[0] == 1
+    code, out, err = run("generate", "ws", "-o", "out")
+    assert (code, err) == (0, "")
+    assert out.endswith(" belongs to no definition any more; other files in it stay\n")
+    assert (gone / name).read_text() == "mine\n"
+    assert not (gone / "msg/_old.py").exists()
+    assert run("generate", "ws", "-o", "out", "--check") == (0, "", "")
+
+
+def test_who_names_one_package_says_nothing_of_others(run, gone):
+    assert run("generate", "ws/my_msgs", "-o", "out", "--check") == (0, "", "")
+    assert run("generate", "ws/my_msgs", "-o", "out") == (0, "", "")
+    assert (gone / "msg/_old.py").exists()
+
+
+def test_a_package_elsewhere_within_reach_keeps_its_output(run, gone):
+    put("old_msgs/msg/Old", "int32 x\n", Path("far"))
+    assert run("generate", "ws", "-I", "far", "-o", "out") == (0, "", "")
+    assert (gone / "msg/_old.py").exists()
+
+
+def test_a_definition_that_is_broken_just_now_keeps_its_module(run, tmp_path):
+    put("my_msgs/srv/Fetch", "---\n")
+    broken = put("my_msgs/srv/Bring", "---\n")
+    out = tmp_path / "out"
+    run("generate", "my_msgs", "-o", out)
+    broken.write_text("int a\n---\n", encoding="utf-8")
+    assert run("generate", "my_msgs", "-o", out)[0] == 1
+    assert (out / "my_msgs" / "srv" / "_bring.py").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_one_message(run, tmp_path):
+    put("my_msgs/srv/Fetch", "---\n")
+    (tmp_path / "out").write_text("a file", encoding="utf-8")
+    code, out, err = run("generate", "my_msgs", "-o", tmp_path / "out")
+    assert (code, out) == (1, "")
+    assert "error: expected a folder to write to, got: " in err
+
+
+def test_a_note_of_the_library_is_one_line_on_stderr(run):
+    put("std_srvs/srv/Extra", "---")
+    code, _, err = run("hash", "std_srvs/srv/Trigger")
+    assert code == 0
+    assert err.startswith("note: std_srvs/srv/Trigger is not in ")
+    assert err.count("\n") == 1
+
+
+def test_the_command_runs_as_a_module_too(workspace):
+    done = subprocess.run(
+        [sys.executable, "-m", "srvgen", "hash", "nonsense"], capture_output=True, text=True
+    )
+    assert done.returncode == 1
+    assert done.stderr.startswith("expected a type name such as")
+
+
+def test_grammar_and_missing_types_of_all_files_are_reported_in_one_run_in_order(run):
+    put("my_msgs/msg/Zoo", "Broken b\nint i\n")
+    put("my_msgs/msg/Ape", "Headerr h\nint i\nstd_msg/Header g\nOther b\nHeader h2\nPoint p\n")
+    put("my_msgs/msg/Broken", "int32\nOther c\n")
+    code, _, err = run("check", "--json", "my_msgs")
+    assert code == 1
+    problems = [json.loads(line) for line in err.splitlines()]
+    assert [(Path(one["path"]).stem, one["line"], one.get("hint", "")) for one in problems] == [
+        ("Ape", 1, "did you mean std_msgs/Header?"),
+        ("Ape", 2, "did you mean int32?"),
+        ("Ape", 3, "did you mean std_msgs?"),
+        ("Ape", 4, ""),
+        ("Ape", 5, "ROS 2 writes std_msgs/Header"),
+        ("Ape", 6, "did you mean geometry_msgs/Point?"),
+        ("Broken", 1, "a name is missing: int32 value"),
+        ("Broken", 2, ""),
+        ("Zoo", 2, "did you mean int32?"),
+    ]
+    assert str(Path.cwd()) in problems[2]["looked_in"]
+
+
+def test_types_of_an_invalid_package_are_not_missing_too(run):
+    put("My_msgs/msg/Ape", "Other a\n")
+    _, _, err = run("check", "My_msgs/msg/Ape.msg")
+    assert err.count("error:") == 1
+    assert "hint: rename the package to my_msgs" in err
+
+
+def test_a_file_with_the_wrong_name_is_what_its_type_lacks(run):
+    put("my_msgs/msg/ape", "int32 a\n")
+    put("my_msgs/msg/Zoo", "Ape a\n")
+    assert "hint: rename msg/ape.msg to Ape.msg\n" in run("check", "my_msgs")[2]
+
+
+def test_a_type_in_other_capitals_is_meant_and_its_file_well_named(run):
+    put("my_msgs/msg/UInt9", "int32 a\n")
+    put("my_msgs/msg/Zoo", "Uint9 a\n")
+    assert "hint: did you mean UInt9?\n" in run("check", "my_msgs")[2]
+
+
+def test_a_definition_beside_the_folder_of_its_kind_is_to_be_moved(run):
+    Path("my_msgs").mkdir()
+    Path("my_msgs/Ape.msg").touch()
+    code, _, err = run("show", "my_msgs/msg/Ape")
+    assert code == 1
+    assert "hint: move my_msgs/Ape.msg to my_msgs/msg/Ape.msg\n" in err
+
+
+def test_of_very_many_problems_the_first_are_shown(run):
+    path = put("my_msgs/msg/Bad", "int a\n" * 150)
+    _, _, err = run("check", path)
+    assert err.count("did you mean int32?") == 100
+    assert err.endswith(f"{path}: error: and 50 more problems\n")
+    put("my_msgs/msg/Bad", "int a\n" * 5000)
+    assert run("check", path)[2].endswith("and at least 900 more problems\n")
+
+
+def test_a_line_without_end_is_cut_around_its_caret(run):
+    path = put("my_msgs/msg/Bad", "int32 " + "a" * 5000 + "B" + "c" * 5000)
+    _, _, err = run("check", path)
+    _, line, caret, hint = err.splitlines()
+    assert len(line) < 500 > len(hint)
+    assert line[caret.index("^")] == "B"
+
+
+def test_control_characters_of_a_file_do_not_reach_the_terminal(run):
+    path = put("my_msgs/msg/Bad", "int a\x1b[2J\n")
+    assert "\x1b" not in run("check", path)[2]
+
+
+def test_check_without_sources_checks_the_current_folder(run):
+    code, _, err = run("check")
+    assert (code, err.splitlines()[0]) == (
+        1,
+        ".: error: expected definitions (.msg, .srv, .action), got a folder without any",
+    )
+    put("my_msgs/srv/Fetch", "---\n")
+    assert run("check") == (0, "1 definition, no problems\n", "")
+
+
+def test_what_is_not_there_is_named_with_what_resembles_it_and_without_a_line(run):
+    put("my_msgs/srv/Fetch", "---\n")
+    nothing = "expected a file, a folder or the name of a type, got nothing there"
+    assert run("check", "my_msg") == (
+        1,
+        "",
+        f"my_msg: error: {nothing}\n  hint: did you mean my_msgs?\n",
+    )
+    gone = Path("my_msgs/srv/Fetsh.srv")
+    for command in ("check", "describe", "show", "hash"):
+        assert run(command, gone) == (
+            1,
+            "",
+            f"{gone}: error: {nothing}\n  hint: did you mean Fetch.srv?\n",
+        )
+
+
+def test_every_command_takes_files_and_names_of_types(run, tmp_path):
+    path = put("my_msgs/srv/Fetch", "geometry_msgs/Point where\n---\n")
+    stray = tmp_path / "Fetch.srv"
+    stray.write_text("int32 a\n---\n")
+    for command in ("show", "hash", "describe", "check"):
+        by_name = run(command, "my_msgs/srv/Fetch")
+        assert by_name[0] == 0
+        assert run(command, path) == run(command, "my_msgs/Fetch") == by_name
+        assert run(command, stray)[0] == 0
+    assert json.loads(run("describe", "std_srvs/srv/Trigger_Request")[1])["type"] == (
+        "std_srvs/srv/Trigger_Request"
+    )
+    assert run("check", "std_srvs")[1] == "3 definitions, no problems\n"
+    assert run("generate", "std_srvs/Trigger", "-o", "out")[0] == 0
+    assert Path("out/std_srvs/srv/_trigger.py").is_file()
+
+
+def test_a_folder_and_a_dangling_link_with_the_name_of_a_definition_are_reported(run, symlink):
+    put("my_msgs/srv/Fetch", "---\n")
+    Path("my_msgs/srv/Folder.srv").mkdir()
+    code, _, err = run("check", "my_msgs")
+    assert code == 1
+    assert err.endswith("Folder.srv: error: expected a readable file, got: a folder\n")
+    Path("my_msgs/srv/Folder.srv").rmdir()
+    symlink("my_msgs/srv/Gone.srv", "nowhere")
+    assert "Gone.srv: error: expected a readable file, got: " in run("check", "my_msgs")[2]
+
+
+def test_no_hint_names_what_cannot_be_loaded(run, symlink):
+    """A folder and a link to nothing are no definitions, whatever they are called."""
+    put("my_msgs/msg/Good", "int32 a\n")
+    Path("my_msgs/msg/D.msg").mkdir()
+    symlink("my_msgs/msg/F.msg", "nowhere")
+    for name in ("my_msgs/msg/DD", "my_msgs/E", "D", "my_msgs/F", "my_msgs/msg/d"):
+        code, _, err = run("show", name)
+        assert (code, "hint:" in err) == (1, False), err
+    for path in ("my_msgs/msg/DD.msg", "my_msgs/msg/FF.msg"):
+        assert not re.search(r"mean .*\b[DF]\.msg", run("check", path)[2])
+    assert "did you mean Good?" in run("show", "my_msgs/msg/Goood")[2]
+    assert "did you mean Good.msg?" in run("check", "my_msgs/msg/Goood.msg")[2]
+
+
+@pytest.mark.parametrize(("command", "looks"), [(["generate", "-o", "out"], 1), (["fix"], 2)])
+def test_a_run_looks_for_each_type_once_and_after_fixing_once_more(
+    run, monkeypatch, command, looks
+):
+    for name in ("A", "B", "C"):
+        put(f"my_msgs/msg/{name}", "std_msgs/Header header\ngeometry_msgs/Pose[] poses\n")
+    put("my_msgs/srv/Ask", "A a\nB b\n---\nC c\ngeometry_msgs/Point p\n")
+    counted: Counter[str] = Counter()
+    look = Search._look
+
+    def counting(self, name, folders):
+        counted[str(name)] += 1
+        return look(self, name, folders)
+
+    monkeypatch.setattr(Search, "_look", counting)
+    assert run(command[0], "my_msgs", *command[1:]) == (0, "", "")
+    assert counted["geometry_msgs/msg/Pose"] > 0
+    assert max(counted.values()) <= looks, counted.most_common(3)
+
+
+def test_files_that_are_generated_one_by_one_stay_together(run, tmp_path):
+    first = put("my_msgs/srv/Fetch", "---\n")
+    second = put("my_msgs/srv/Bring", "---\n")
+    out = tmp_path / "out"
+    for path in (first, second):
+        assert run("generate", path, "-o", out) == (0, "", "")
+    init = (out / "my_msgs" / "srv" / "__init__.py").read_text()
+    assert "import Fetch, Fetch_Event," in init
+    assert "import Bring, Bring_Event," in init
+    for source in (first, second, "my_msgs"):
+        assert run("generate", source, "-o", out, "--check") == (0, "", "")
+    second.unlink()
+    assert run("generate", first, "-o", out) == (0, "", "")
+    assert (out / "my_msgs" / "srv" / "_bring.py").is_file(), "nobody has asked for its end"
+
+
+def test_help_and_version_and_a_misspelt_command(run):
+    code, out, err = run()
+    assert (code, out) == (2, "")
+    assert "report every problem of definitions" in err
+    assert run("--version")[:2] == (0, f"srvgen {version('taskrpc')}\n")
+    assert run("chek", "x")[2].endswith("error: unknown command 'chek'; did you mean check?\n")
+    code, _, err = run("check", "-I", "gone", ".")
+    assert (code, err.splitlines()[-1]) == (
+        2,
+        "srvgen check: error: argument -I: expected a folder, got nothing there: gone",
+    )

@@ -1,0 +1,24 @@
+"""A server can hand a whole definition to a client that lacks it."""
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from srvgen.definitions.full_text import join_full_text, split_full_text
+from srvgen.definitions.search import BUNDLED, Search
+
+TEXTS = st.text(st.sampled_from("ab #=-\n\r\t"))
+NAMES = st.sampled_from(["a_msgs/msg/A", "b_msgs/msg/B", "c_msgs/msg/C"])
+
+
+@given(TEXTS, st.dictionaries(NAMES, TEXTS))
+def test_what_was_joined_is_taken_apart_again(text, needed):
+    assert split_full_text(join_full_text(text, needed)) == (text, needed)
+
+
+def test_a_definition_is_followed_by_all_that_it_needs(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    full = Search().full_text("std_msgs/msg/Header")
+    header = (BUNDLED / "std_msgs/msg/Header.msg").read_text(encoding="utf-8")
+    time = (BUNDLED / "builtin_interfaces/msg/Time.msg").read_text(encoding="utf-8")
+    assert full == f"{header}\n{'=' * 80}\nMSG: builtin_interfaces/msg/Time\n{time}"
+    assert split_full_text(full) == (header, {"builtin_interfaces/msg/Time": time})

@@ -1,0 +1,224 @@
+"""From text to model: what is kept, what is refused, and that nothing else can happen."""
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from srvgen.definitions import limits
+from srvgen.definitions.model import Constant, Field, FieldType
+from srvgen.definitions.parser import parse_action, parse_msg, parse_srv
+from srvgen.diagnostics import diagnosis
+from srvgen.diagnostics.diagnosis import mistakes_in_line
+from srvgen.diagnostics.mistake import Mistake
+from srvgen.errors import DefinitionError, DefinitionErrors
+
+SERVICE = """\
+# Adds.
+# Both are [m].
+
+int64 a            # the first
+int64 b 5  # the second
+           # of two
+uint8 MOST=0x10
+---
+# A sum.
+float64[<=3] sum [1, 2.5]
+"""
+
+
+def test_a_service_keeps_fields_constants_comments_units_and_positions():
+    service = parse_srv(SERVICE, "my_msgs", "Add")
+    assert service.full_name == "my_msgs/srv/Add"
+    assert service.request.full_name == "my_msgs/srv/Add_Request"
+    assert service.request.comment == ("Adds.", "Both are.")
+    assert service.request.unit == "m"
+    assert service.request.fields == (
+        Field("a", FieldType("int64"), None, ("the first",), None, 4, 7),
+        Field("b", FieldType("int64"), 5, ("the second", "of two"), None, 5, 7),
+    )
+    assert service.request.constants == (Constant("MOST", "uint8", 16, (), None, 7, 7),)
+    kind = FieldType("float64", is_array=True, array_size=3, is_upper_bound=True)
+    assert service.response.fields == (Field("sum", kind, (1.0, 2.5), (), None, 10, 14),)
+    assert service.response.comment == ("A sum.",)
+
+
+def test_a_relative_type_belongs_to_the_same_package_and_names_of_sections_follow_the_kind():
+    action = parse_action("Point goal\n---\n---\nother_msgs/Point[] at\n", "my_msgs", "Go")
+    assert action.goal.fields[0].type == FieldType("Point", "my_msgs")
+    assert action.result.fields == ()
+    assert str(action.feedback.fields[0].type) == "other_msgs/Point[]"
+    assert action.feedback.full_name == "my_msgs/action/Go_Feedback"
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n", "\r", "\v", "\f", "\u2028"])
+def test_every_line_end_of_the_official_parser_ends_a_line(end):
+    message = parse_msg(f"int32 a{end}int32\tb  {end}", "my_msgs", "Two")
+    assert [field.name for field in message.fields] == ["a", "b"]
+
+
+def test_a_hash_begins_a_comment_even_inside_quotes():
+    message = parse_msg('string x "a#b"', "my_msgs", "Text")
+    assert message.fields[0].default == '"a'
+    assert message.fields[0].comment == ('b"',)
+
+
+def test_a_python_keyword_is_a_good_field_name():
+    assert parse_msg("int32 class", "my_msgs", "Text").fields[0].name == "class"
+
+
+def test_every_problem_of_a_file_is_found_in_one_run():
+    with pytest.raises(DefinitionErrors) as caught:
+        parse_srv("int a\nint8 B\nint8 c 200\n", "my_msgs", "Wrong", path="Wrong.srv")
+    places = [(one.line, one.column) for one in caught.value.problems]
+    assert places == [(1, 1), (2, 6), (3, 8), (3, 11)]
+    assert str(caught.value).count("Wrong.srv:") == 4
+
+
+def test_a_single_problem_is_a_plain_error_with_a_caret_under_it():
+    with pytest.raises(DefinitionError) as caught:
+        parse_msg("int32 ok\nint8\tx  300", "my_msgs", "Wrong", path="Wrong.msg")
+    assert not isinstance(caught.value, DefinitionErrors)
+    assert str(caught.value) == (
+        "Wrong.msg:2:9: error: expected a whole number from -128 to 127 for int8, got '300'\n"
+        "    int8\tx  300\n"
+        "        \t   ^"
+    )
+
+
+@pytest.mark.parametrize(
+    ("package", "name", "hint"),
+    [
+        ("My-Package", "Name", "rename the package to my_package"),
+        ("my__msgs", "Name", "rename the package to my_msgs"),
+        ("my_msgs", "add_two", "rename the file to AddTwo.srv"),
+        ("my_msgs", "AddTwo_Response_Request", "rename the file to AddTwoResponseRequest.srv"),
+    ],
+)
+def test_bad_names_of_package_and_type_come_with_a_good_one(package, name, hint):
+    with pytest.raises(DefinitionError) as caught:
+        parse_srv("---", package, name)
+    assert caught.value.hint == hint
+
+
+ALPHABET = st.sampled_from(list("ab_AZ09 #=-[]<>/\"'\\,.\t\n\r\v\u2028\xa0\ufeff—•“é\0+"))
+WORDS = st.sampled_from(
+    "int32 string bool float64 time wstring<=3 [<=2] [3] --- # = x FOO [1,2] 'a' \" a/X \n".split(
+        " "
+    )
+)
+GARBAGE = st.one_of(
+    st.text(), st.text(ALPHABET), st.lists(WORDS).map(" ".join), st.lists(WORDS).map("".join)
+)
+
+
+def refusal(parse, text, package="my_msgs", name="Any"):
+    try:
+        parse(text, package, name)
+    except DefinitionError as error:
+        return str(error)
+    return None
+
+
+@given(GARBAGE)
+def test_any_text_is_read_or_refused_with_a_definition_error(text):
+    for parse in (parse_msg, parse_srv, parse_action):
+        first = refusal(parse, text)
+        assert first != ""
+        assert refusal(parse, text) == first
+
+
+@given(st.text(), st.text())
+def test_any_names_are_read_or_refused_with_a_definition_error(package, name):
+    for parse, text in ((parse_msg, ""), (parse_srv, "---"), (parse_action, "---\n---")):
+        assert refusal(parse, text, package, name) != ""
+
+
+INTEGERS = st.sampled_from(["int8", "uint8", "int16", "uint32", "int64", "byte", "char"])
+QUOTABLE = st.text(
+    st.characters(blacklist_characters="#\\=\"'", blacklist_categories=("Cc", "Zl", "Zp"))
+)
+FIELD_NAMES = st.from_regex(r"[a-z][a-z0-9]{0,5}(_[a-z0-9]{1,4}){0,2}", fullmatch=True)
+
+
+def defaults(kind):
+    match kind.base:
+        case "float64":
+            one = st.floats(allow_nan=False)
+        case "bool":
+            one = st.booleans()
+        case "string":
+            one = QUOTABLE.map(lambda text: text.strip()[: kind.string_bound or None].strip())
+        case _:
+            one = st.integers(0, 127)
+    if not kind.is_array:
+        return one
+    least = kind.array_size if kind.is_fixed_array else 0
+    return st.lists(one, min_size=least, max_size=kind.array_size or 4).map(tuple)
+
+
+@st.composite
+def field_types(draw):
+    base = draw(st.one_of(INTEGERS, st.sampled_from(["float64", "bool", "string"])))
+    bound = draw(st.none() | st.integers(1, 9)) if base == "string" else None
+    size = draw(st.none() | st.integers(1, 4))
+    is_array = size is not None or draw(st.booleans())
+    upper = size is not None and draw(st.booleans())
+    return FieldType(base, None, bound, is_array, size, upper)
+
+
+@st.composite
+def message_fields(draw):
+    names = draw(st.lists(FIELD_NAMES, unique=True, max_size=5))
+    kinds = [draw(field_types()) for _ in names]
+    return [
+        Field(name, kind, draw(st.none() | defaults(kind)))
+        for name, kind in zip(names, kinds, strict=True)
+    ]
+
+
+def as_text(value):
+    if isinstance(value, tuple):
+        return f"[{', '.join(as_text(one) for one in value)}]"
+    return f'"{value}"' if isinstance(value, str) else repr(value)
+
+
+@given(message_fields())
+def test_what_was_written_as_text_is_read_as_it_was(fields):
+    text = "\n".join(
+        f"{field.type} {field.name}"
+        + ("" if field.default is None else f" {as_text(field.default)}")
+        for field in fields
+    )
+    read = parse_msg(text, "my_msgs", "Any").fields
+    assert [(one.name, one.type, one.default) for one in read] == [
+        (one.name, one.type, one.default) for one in fields
+    ]
+
+
+def test_lines_beyond_the_last_problem_that_is_reported_are_not_explained(monkeypatch):
+    explained: list[str] = []
+
+    def mistakes(code: str, package: str) -> list[Mistake]:
+        explained.append(code)
+        return mistakes_in_line(code, package)
+
+    monkeypatch.setattr(diagnosis, "mistakes_in_line", mistakes)
+    with pytest.raises(DefinitionErrors) as caught:
+        parse_srv("bad\n" * limits.PROBLEMS + "---\n" + "bad\n" * 5_000, "demo_msgs", "Ask")
+    assert len(explained) == len(caught.value.problems) == limits.PROBLEMS
+
+
+@pytest.mark.parametrize(
+    ("parse", "name"),
+    [
+        (parse_srv, "Foo_Request"),
+        (parse_srv, "Foo_Response"),
+        (parse_action, "Foo_Goal"),
+        (parse_action, "Foo_Result"),
+        (parse_action, "Foo_Feedback"),
+    ],
+)
+def test_a_name_that_an_implied_type_would_double_is_refused(parse, name):
+    text = "---\n" if parse is parse_srv else "---\n---\n"
+    with pytest.raises(DefinitionError, match="expected a type name"):
+        parse(text, "pkg", name)

@@ -1,0 +1,61 @@
+"""`taskrpc doctor` asks servers how they are; the docs show that it does so on this machine too."""
+
+import time
+
+import pytest
+
+import srvgen
+import taskrpc.sync
+from taskrpc.cli.doctor import health
+from taskrpc.cli.main import main
+from taskrpc.wire.messages import Endpoint
+
+pytestmark = pytest.mark.real_time
+
+Trigger = srvgen.load("std_srvs/srv/Trigger")
+
+
+def offered(node, *, success=True, message="ready", name="lab/health", srv_type=Trigger):
+    def tell(request, response):
+        response.success, response.message = success, message
+        return response
+
+    return node.create_service(srv_type, name, tell)
+
+
+@pytest.fixture
+def node():
+    with taskrpc.sync.Node("lab") as made:
+        yield made
+
+
+@pytest.mark.parametrize(("success", "line"), [(True, "ok      "), (False, "problem ")])
+def test_what_a_server_says_of_itself_is_told(node, capsys, success, line):
+    offered(node, success=success, message="this and that")
+    assert main(["doctor", node.address]) == (0 if success else 1)
+    assert f"{line} /lab/health: this and that\n" in capsys.readouterr().out
+
+
+def test_only_triggers_named_health_are_asked(node, capsys):
+    offered(node, name="lab/reset", message="it was reset!")
+    offered(node, name="lab/health", srv_type=srvgen.load("std_srvs/srv/Empty"))
+    assert main(["doctor", node.address]) == 0
+    assert "reset!" not in capsys.readouterr().out
+
+
+def test_a_server_that_does_not_say_is_a_problem(node, capsys, monkeypatch):
+    monkeypatch.setattr(health, "PATIENCE", 0.1)
+    node.create_service(Trigger, "lab/health", lambda request, response: time.sleep(0.5))
+    assert main(["doctor", node.address]) == 1
+    assert "/lab/health does not answer: no answer by the deadline" in capsys.readouterr().out
+
+
+def test_a_server_that_answers_nothing_is_left_to_who_looked_for_it(capsys, monkeypatch):
+    gone = Endpoint("/gone/health", "std_srvs/srv/Trigger", Trigger._HASH, "/gone")
+
+    async def services(remote):
+        return [gone]
+
+    monkeypatch.setattr(health, "_services", services)
+    assert main(["doctor"]) == 0
+    assert "/gone" not in capsys.readouterr().out

@@ -1,0 +1,210 @@
+"""Every command ends with the exit code that was promised, and with one message at most."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+import srvgen
+from taskrpc import errors
+from taskrpc.cli.main import main
+from taskrpc.cli.shared import command
+from taskrpc.cli.shared.command import Exit, NotFound, UsageError, exit_code, guarded, hinted
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [
+        (UsageError("x"), 2),
+        (NotFound("x"), 1),
+        (errors.DeadlineExceeded("x"), 3),
+        (errors.DeadlineExceeded("x", not_executed=True), 4),
+        (errors.ServiceUnavailable("x"), 4),
+        (errors.ServerBusy("x"), 4),
+        (errors.ConnectionLost("x", not_executed=True), 4),
+        (errors.ConnectionLost("x"), 5),
+        (errors.OutcomeUnknown("x"), 5),
+        (errors.HandlerFailed(errors.Code.INTERNAL, "x"), 1),
+        (errors.TypeMismatch("x"), 1),
+        (errors.InvalidRequest("a", "x"), 1),
+        (errors.InvalidName("x", 0), 1),
+        (errors.AuthenticationFailed("x"), 1),
+        (errors.ProtocolError("x"), 1),
+        (srvgen.DefinitionError("x"), 1),
+        (OSError("x"), 1),
+    ],
+)
+def test_each_error_has_its_exit_code(error, code, capsys):
+    def fail(argv):
+        raise error
+
+    assert exit_code(error) == code
+    assert guarded(fail, []) == code
+    assert "Traceback" not in capsys.readouterr().err
+
+
+def test_a_defect_of_ours_is_not_hidden():
+    def fail(argv):
+        raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        guarded(fail, [])
+
+
+def test_ctrl_c_is_silent(capsys):
+    def interrupt(argv):
+        raise KeyboardInterrupt
+
+    assert guarded(interrupt, []) == Exit.INTERRUPTED == 130
+    assert capsys.readouterr() == ("", "")
+
+
+def test_hints_follow_the_message_on_lines_of_their_own(capsys):
+    def fail(argv):
+        raise hinted(hinted(NotFound("nothing there"), "look again"), "")
+
+    guarded(fail, [])
+    assert capsys.readouterr().err == "nothing there\n  hint: look again\n"
+    guarded(fail, ["--json"])
+    assert json.loads(capsys.readouterr().err) == {
+        "error": "NotFound",
+        "message": "nothing there",
+        "hint": "look again",
+    }
+
+
+@pytest.mark.parametrize(
+    "argv", [[], ["service"], ["interface"], ["node"], ["service", "call", "-h"], ["ps", "-h"]]
+)
+def test_help_is_exit_0(argv, capsys):
+    try:
+        code = main(argv)
+    except SystemExit as end:
+        code = end.code
+    assert code == 0
+    assert capsys.readouterr().out.startswith("usage: taskrpc")
+
+
+@pytest.mark.parametrize("argv", [["nope"], ["service", "nope"], ["--nope"], ["node", "info"]])
+def test_wrong_usage_is_exit_2_and_shows_the_usage(argv, capsys):
+    assert main(argv) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("usage: taskrpc")
+    assert ": error: " in err
+
+
+def test_an_unknown_command_is_named(capsys):
+    main(["servic", "list"])
+    assert "error: unknown command 'servic'" in capsys.readouterr().err
+
+
+def test_version(capsys):
+    assert main(["--version"]) == 0
+    assert capsys.readouterr().out.startswith("taskrpc ")
+
+
+def test_no_command_imports_what_only_another_needs():
+    program = (
+        "import sys; from taskrpc.cli.main import main; main([]);"
+        "unwanted = {'asyncio', 'msgspec', 'yaml', 'srvgen.definitions.names', 'rich'};"
+        "print(sorted(unwanted & set(sys.modules)))"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert done.stdout.splitlines()[-1] == "[]"
+
+
+def test_a_call_imports_neither_robot_nor_tasks_nor_rich():
+    program = (
+        "import sys; from taskrpc.cli import call; from taskrpc.cli.service import calling;"
+        "print([m for m in sys.modules if m.split('.')[:2] in"
+        " (['taskrpc', 'robot'], ['taskrpc', 'tasks'], ['taskrpc', 'sync'])"
+        " or m in ('rich', 'sqlite3', 'uvloop', 'importlib.metadata')])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_a_program_that_only_calls_does_not_import_the_serving_side():
+    program = (
+        "import sys, asyncio, srvgen, taskrpc\n"
+        "from taskrpc.cli import call\n"
+        "from taskrpc.cli.service import calling\n"
+        "async def main():\n"
+        "    async with taskrpc.Node('caller') as node:\n"
+        "        node.create_client(srvgen.load('std_srvs/srv/Empty'), 'empty')\n"
+        "asyncio.run(main())\n"
+        "serving = {'server_side', 'incoming_call', 'admission', 'calls_in_flight', 'backpressure',"
+        " 'listening', 'accounts', 'server_threads', 'revocation', 'listen_policy', 'memory',"
+        " 'publishing', 'ledger', 'graph'}\n"
+        "ours = [each for each in sys.modules if each.startswith('taskrpc.')]\n"
+        "print([x for x in ours if x.rpartition('.')[2] in serving or x[8:] == 'service'])"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=20, check=True
+    )
+    assert done.stdout.strip() == "[]"
+
+
+def test_with_arguments_given_the_process_is_left_as_it_was(monkeypatch):
+    frozen = []
+    monkeypatch.setattr(command.gc, "freeze", lambda: frozen.append(True))
+    main(["--version"])
+    assert not frozen
+
+
+def test_a_command_that_goes_on_looks_through_few_objects_at_once_and_not_through_its_imports():
+    program = (
+        "import gc; from taskrpc.cli.shared import command\n"
+        "def action(_):\n"
+        "    command.goes_on()\n"
+        "    print(gc.get_threshold()[0], gc.get_freeze_count())\n"
+        "    return 0\n"
+        "command.run_main(action, None)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=120, check=True
+    )
+    few, frozen = map(int, done.stdout.split())
+    assert few <= 10_000
+    assert frozen > 1000
+
+
+def test_in_a_process_that_is_not_the_commands_garbage_is_none_of_its_business(monkeypatch):
+    monkeypatch.setattr(command.gc, "freeze", pytest.fail)
+    before = command.gc.get_threshold()
+    command.goes_on()
+    assert command.gc.get_threshold() == before
+
+
+def test_a_command_that_only_ros2_has_is_answered_in_a_line(capsys):
+    assert main(["launch", "turtlesim", "multisim.launch.py"]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err) == (
+        "",
+        "taskrpc has no command 'launch': start each program by a taskrpc run of its own\n",
+    )
+
+
+@pytest.mark.parametrize(
+    ("argv", "hint"),
+    [(["servce"], "service"), (["service", "lst"], "list"), (["task", "submt"], "submit")],
+)
+def test_a_mistyped_command_has_a_hint_at_the_right_one(argv, hint, capsys):
+    assert main(argv) == 2
+    assert capsys.readouterr().err.endswith(f"hint: did you mean {hint}?\n")
+
+
+@pytest.mark.parametrize("name", ["talkr.py", "talkr", "./talkre.py"])
+def test_a_mistyped_script_has_a_hint_at_the_right_one(name, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "talker.py").touch()
+    assert main(["run", name]) == 1
+    assert capsys.readouterr().err.endswith("hint: did you mean talker.py?\n")

@@ -1,0 +1,118 @@
+"""Whoever asks for a service that nobody offers is told what is there, and why theirs is not."""
+
+from __future__ import annotations
+
+import pytest
+
+import srvgen
+from taskrpc import sync
+from taskrpc.cli.call import main as call_main
+from taskrpc.cli.main import main
+from taskrpc.cli.shared import graph
+from taskrpc.transport.discovery.entries import Entry
+from taskrpc.wire.messages import Endpoint, TopicEndpoint
+
+ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
+
+
+def entry(*names: str, type_name: str = "a/srv/A", pid: int = 1) -> Entry:
+    services = tuple(Endpoint(name, type_name, "", "/n") for name in names)
+    return Entry(pid, "s.py", "/", 0.0, "127.0.0.1:1", services=services)
+
+
+@pytest.mark.parametrize(
+    ("asked", "offered", "hint"),
+    [
+        ("/robot_tsk", ["/robot_task", "/x"], "did you mean /robot_task?"),
+        ("/Robot_Task", ["/robot_task"], "did you mean /robot_task?"),
+        ("/robot_task", ["/robot1/robot_task"], "did you mean /robot1/robot_task?"),
+        ("/go", ["/add", "/mul", "/_hidden"], "there are /add, /mul"),
+        ("/go", list("/a /b /c /d /e /f".split()), "there are /a, /b, /c, /d, /e, …"),
+        ("/go", ["/add", "/n/get_parameters", "/n/list_parameters"], "there are /add"),
+        ("/go", ["/n/get_parameters"], "there are /n/get_parameters"),
+        ("/go", ["/_hidden"], "no taskrpc program offers a service on this machine in domain 0"),
+    ],
+)
+def test_the_hint_names_what_comes_nearest(asked, offered, hint):
+    told = graph.unknown_service_hint(asked, [entry(*offered)])
+    assert told.startswith(hint)
+    assert "/n/" not in told or "/n/" in hint
+
+
+def test_of_a_program_elsewhere_nothing_is_said_about_this_machine():
+    hint = graph.unknown_service_hint("/x", [], "robot:7450")
+    assert hint == "the program at robot:7450 offers no service"
+
+
+def test_services_are_sorted_and_their_types_gathered():
+    entries = [entry("/b", "/_h"), entry("/a"), entry("/b", type_name="z/srv/Z")]
+    assert graph.services(entries) == {"/a": ["a/srv/A"], "/b": ["a/srv/A", "z/srv/Z"]}
+    assert "/_h" in graph.services(entries, hidden=True)
+
+
+def add(request, response):
+    response.sum = request.a + request.b
+    return response
+
+
+@pytest.mark.real_time
+def test_a_program_elsewhere_is_called_with_its_secret(tmp_path, monkeypatch, capsys):
+    """Another runtime folder stands for another machine: no token is found there."""
+    secret = tmp_path / "secret.txt"
+    secret.write_text("open sesame\n")
+    secret.chmod(0o600)
+    with sync.Node("server", token="open sesame") as node:
+        node.create_service(ADD, "add", add)
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "elsewhere"))
+        there = ["--connect", node.address]
+        assert call_main(["/add", "a=2", "b=3", "--json", *there, "--token-file", str(secret)]) == 0
+        assert capsys.readouterr() == ('{"sum": 5}\n', "")
+        assert main(["service", "list", *there, "--token-file", str(secret)]) == 0
+        assert capsys.readouterr() == ("/add\n", "")
+        assert call_main(["/add", *there]) == 1
+        assert "--token-file" in capsys.readouterr().err
+        monkeypatch.setenv("TASKRPC_TOKEN", "open sesame")
+        assert main(["doctor", node.address]) == 0
+
+
+@pytest.mark.real_time
+def test_a_program_elsewhere_that_is_not_there_is_pointed_to_the_doctor(capsys):
+    code = call_main(["/add", "--timeout", "0.1", "--connect", "127.0.0.1:9"])
+    assert code == 4
+    assert "hint: find out why: taskrpc doctor 127.0.0.1:9\n" in capsys.readouterr().err
+
+
+def test_an_empty_secret_is_refused(tmp_path, capsys):
+    empty = tmp_path / "secret.txt"
+    empty.touch(0o600)
+    assert main(["service", "list", "--connect", "a:1", "--token-file", str(empty)]) == 1
+    assert capsys.readouterr().err == f"--token-file {empty}: the file is empty\n"
+
+
+def test_gids_are_those_that_rclpy_programs_see():
+    from taskrpc.rclpy._impl.graph import endpoints as rclpy
+
+    hash_ = "RIHS01_" + "0" * 64
+    topic = TopicEndpoint("/t", "a/msg/A", hash_, "/n", 1, True, False)
+    service = Endpoint("/s", "a/srv/A", hash_, "/n")
+    one = Entry(
+        7,
+        "s.py",
+        "/",
+        0.0,
+        services=(service,),
+        clients=(service,),
+        publishers=(topic,),
+        subscriptions=(topic,),
+    )
+    seen = [
+        *rclpy.publishers_of([one], "/t"),
+        *rclpy.subscriptions_of([one], "/t"),
+        *rclpy.clients_of([one], "/s"),
+        *rclpy.servers_of([one], "/s"),
+    ]
+    shown = [graph.gid(one, topic, kind) for kind in (1, 2)]
+    shown += [graph.gid(one, service, kind) for kind in (3, 4)]
+    for info, gid in zip(seen, shown, strict=True):
+        assert f"GID: {gid}\n" in str(info)
+    assert len(set(shown)) == 4

@@ -1,0 +1,411 @@
+"""A coroutine cannot tell that it was stepped: its current task, timeouts and cancels are real."""
+
+import asyncio
+import contextvars
+
+import pytest
+
+from taskrpc.execution.stepping import Stepper
+
+variable = contextvars.ContextVar("variable", default="unset")
+
+
+@pytest.fixture
+def held():
+    return []
+
+
+@pytest.fixture
+async def stepper(held):
+    """A stepper that is used as a callback of the loop uses it: inside no task."""
+    made = Stepper(asyncio.get_running_loop(), held.append)
+    yield made
+    made.close()
+    await asyncio.sleep(0)
+
+
+async def outside(function, *arguments):
+    """Call a function as the event loop calls callbacks."""
+    loop = asyncio.get_running_loop()
+    done = loop.create_future()
+
+    def call():
+        try:
+            done.set_result(("returned", function(*arguments)))
+        except StopIteration as finished:
+            done.set_result(("finished", finished.value))
+        except BaseException as error:
+            done.set_result(("raised", error))
+
+    loop.call_soon(call)
+    return await done
+
+
+async def step(stepper, coroutine, prepare=lambda: None):
+    return await outside(stepper.step, prepare, coroutine)
+
+
+async def test_what_does_not_suspend_makes_no_task(stepper):
+    async def quick():
+        return 7
+
+    assert await step(stepper, quick()) == ("finished", 7)
+    tasks = asyncio.all_tasks()
+    for _ in range(5):
+        assert await step(stepper, quick()) == ("finished", 7)
+    assert asyncio.all_tasks() == tasks
+
+
+async def test_what_suspends_is_carried_on_by_a_task(stepper):
+    async def slow():
+        await asyncio.sleep(1)
+        return 7
+
+    what, task = await step(stepper, slow())
+    assert what == "returned"
+    assert await task == 7
+
+
+async def test_what_suspends_at_nothing_goes_on_too(stepper):
+    async def yielding():
+        for _ in range(3):
+            await asyncio.sleep(0)
+        return 7
+
+    _, task = await step(stepper, yielding())
+    assert await task == 7
+
+
+async def test_several_may_wait_for_one_future_from_their_first_step_on(stepper):
+    """A callback may await what another, begun in the same turn of the loop, awaits as well."""
+    shared = asyncio.get_running_loop().create_future()
+
+    async def wait():
+        return await shared
+
+    coroutines = [wait() for _ in range(3)]
+    what, tasks = await outside(lambda: [stepper.step(lambda: None, each) for each in coroutines])
+    assert what == "returned"
+    await asyncio.sleep(1)
+    shared.set_result(7)
+    assert await asyncio.gather(*tasks) == [7, 7, 7]
+
+
+async def test_the_current_task_is_the_same_before_and_after_suspending(stepper):
+    async def who():
+        before = asyncio.current_task()
+        await asyncio.sleep(0)
+        return before, asyncio.current_task()
+
+    _, task = await step(stepper, who())
+    assert await task == (task, task)
+
+
+async def test_outside_a_step_no_task_is_current(stepper):
+    async def quick():
+        return asyncio.current_task()
+
+    _, spare = await step(stepper, quick())
+    assert spare is not None
+    assert await outside(asyncio.current_task) == ("returned", None)
+
+
+@pytest.mark.parametrize("delay", [0, 0.5])
+async def test_a_timeout_begun_in_the_first_step_ends_the_wait(stepper, delay):
+    async def patient():
+        try:
+            async with asyncio.timeout(delay):
+                await asyncio.sleep(10)
+        except TimeoutError:
+            return "late"
+
+    began = asyncio.get_running_loop().time()
+    _, task = await step(stepper, patient())
+    assert await task == "late"
+    assert asyncio.get_running_loop().time() - began == pytest.approx(delay)
+
+
+async def test_a_timeout_that_was_not_needed_harms_nobody(stepper):
+    async def quick():
+        async with asyncio.timeout(0.5):
+            return 7
+
+    for _ in range(3):
+        assert await step(stepper, quick()) == ("finished", 7)
+    await asyncio.sleep(1)
+    assert await step(stepper, quick()) == ("finished", 7)
+
+
+async def test_a_task_group_begun_in_the_first_step_works(stepper):
+    async def part(n):
+        await asyncio.sleep(n)
+        return n
+
+    async def grouped():
+        async with asyncio.TaskGroup() as group:
+            tasks = [group.create_task(part(n)) for n in (1, 2)]
+        return [task.result() for task in tasks]
+
+    _, task = await step(stepper, grouped())
+    assert await task == [1, 2]
+
+
+async def test_a_group_whose_member_fails_cancels_the_stepped_parent(stepper):
+    async def fail():
+        raise ValueError("no")
+
+    async def grouped():
+        async with asyncio.TaskGroup() as group:
+            group.create_task(fail())
+            await asyncio.sleep(10)
+
+    _, task = await step(stepper, grouped())
+    with pytest.raises(ExceptionGroup):
+        await task
+
+
+@pytest.mark.parametrize("turns", [0, 1, 3])
+async def test_a_cancel_reaches_the_coroutine_whenever_it_comes(stepper, turns):
+    cleaned = []
+
+    async def slow():
+        try:
+            await asyncio.sleep(10)
+        except asyncio.CancelledError:
+            await asyncio.sleep(1)
+            cleaned.append(True)
+            raise
+
+    loop = asyncio.get_running_loop()
+    made = loop.create_future()
+
+    def begin():
+        task = stepper.step(lambda: None, slow())
+        if turns == 0:
+            task.cancel()
+        made.set_result(task)
+
+    loop.call_soon(begin)
+    task = await made
+    for _ in range(turns):
+        await asyncio.sleep(0)
+    task.cancel()
+    with pytest.raises(asyncio.CancelledError):
+        await task
+    assert cleaned == [True]
+
+
+async def test_a_cancel_may_be_survived(stepper):
+    async def stubborn():
+        try:
+            await asyncio.sleep(10)
+        except asyncio.CancelledError:
+            asyncio.current_task().uncancel()
+            await asyncio.sleep(1)
+            return "survived"
+
+    _, task = await step(stepper, stubborn())
+    task.cancel()
+    assert await task == "survived"
+
+
+async def test_a_coroutine_that_cancels_itself_ends_at_its_next_wait(stepper):
+    async def tired():
+        asyncio.current_task().cancel()
+        await asyncio.sleep(10)
+
+    _, task = await step(stepper, tired())
+    with pytest.raises(asyncio.CancelledError):
+        await task
+
+    async def quick():
+        return 7
+
+    assert await step(stepper, quick()) == ("finished", 7)
+
+
+async def test_a_coroutine_that_cancels_itself_and_returns_cancels_no_other(stepper):
+    async def tired():
+        asyncio.current_task().cancel()
+        return 7
+
+    async def slow():
+        cancels = asyncio.current_task().cancelling()
+        await asyncio.sleep(1)
+        return cancels
+
+    def both():
+        with pytest.raises(StopIteration):
+            stepper.step(lambda: None, tired())
+        return stepper.step(lambda: None, slow())
+
+    _, task = await outside(both)
+    assert await task == 0
+
+
+@pytest.mark.skipif(not hasattr(asyncio, "eager_task_factory"), reason="new in Python 3.12")
+async def test_cancel_taken_back_among_eager_tasks_cancels_no_other(stepper):
+    """Before Python 3.13.2, a group does so whose eager task fails at once; later it suspends."""
+    asyncio.get_running_loop().set_task_factory(asyncio.eager_task_factory)
+
+    async def cancelled_and_uncancelled():
+        asyncio.current_task().cancel()
+        asyncio.current_task().uncancel()
+
+    async def slow():
+        await asyncio.sleep(1)
+        return 7
+
+    def both():
+        with pytest.raises(StopIteration):
+            stepper.step(lambda: None, cancelled_and_uncancelled())
+        return stepper.step(lambda: None, slow())
+
+    what, task = await outside(both)
+    assert what == "returned"
+    assert await task == 7
+
+
+@pytest.mark.parametrize("has_begun", [True, False])
+@pytest.mark.parametrize("turns", [0, 1])
+async def test_cancel_taken_back_in_the_first_step_cancels_no_other(stepper, has_begun, turns):
+    async def quick():
+        return None
+
+    async def cancelled_and_uncancelled():
+        asyncio.current_task().cancel()
+        asyncio.current_task().uncancel()
+
+    async def slow():
+        await asyncio.sleep(1)
+        return 7
+
+    if has_begun:  # the spare task waits for its coroutine; otherwise its first step is to come
+        await step(stepper, quick())
+        await asyncio.sleep(0)
+    loop = asyncio.get_running_loop()
+    made = loop.create_future()
+
+    def begin():
+        with pytest.raises(StopIteration):
+            stepper.step(lambda: None, cancelled_and_uncancelled())
+        later(turns)
+
+    def later(turns):
+        if turns:
+            loop.call_soon(later, turns - 1)
+        else:
+            made.set_result(stepper.step(lambda: None, slow()))
+
+    loop.call_soon(begin)
+    assert await asyncio.wait_for(await made, 2) == 7
+
+
+async def test_errors_come_out_where_they_belong(stepper):
+    async def bad():
+        raise KeyError("now")
+
+    async def bad_later():
+        await asyncio.sleep(1)
+        raise KeyError("later")
+
+    what, error = await step(stepper, bad())
+    assert (what, str(error)) == ("raised", "'now'")
+    _, task = await step(stepper, bad_later())
+    with pytest.raises(KeyError, match="later"):
+        await task
+
+
+async def test_what_one_coroutine_sets_is_not_seen_by_the_next(stepper):
+    async def setting(value):
+        before = variable.get()
+        variable.set(value)
+        return before
+
+    assert await step(stepper, setting("a")) == ("finished", "unset")
+    assert await step(stepper, setting("b")) == ("finished", "unset")
+    assert variable.get() == "unset"
+
+
+async def test_what_one_coroutine_sets_anew_is_not_seen_by_the_next(stepper):
+    """A variable that had a value before the service was made has it in every call."""
+    variable.set("base")
+
+    async def setting(value):
+        before = variable.get()
+        variable.set(value)
+        return before
+
+    assert await step(stepper, setting("a")) == ("finished", "base")
+    assert await step(stepper, setting("b")) == ("finished", "base")
+    assert variable.get() == "base"
+
+
+async def test_a_variable_lives_on_over_a_suspension(stepper):
+    async def setting():
+        variable.set("mine")
+        await asyncio.sleep(0)
+        return variable.get()
+
+    _, task = await step(stepper, setting())
+    assert await task == "mine"
+
+
+async def test_what_is_prepared_is_seen_by_its_coroutine(stepper):
+    async def look():
+        first = variable.get()
+        await asyncio.sleep(0)
+        return first, variable.get()
+
+    _, task = await step(stepper, look(), lambda: variable.set("prepared"))
+    assert await task == ("prepared", "prepared")
+
+
+async def test_inside_somebodys_task_a_task_is_made(stepper):
+    async def look():
+        return asyncio.current_task(), variable.get()
+
+    task = stepper.step(lambda: variable.set("prepared"), look())
+    assert await task == (task, "prepared")
+
+
+async def test_each_later_step_tells_how_long_it_held_the_loop(stepper, held):
+    async def two_waits():
+        await asyncio.sleep(1)
+        await asyncio.sleep(1)
+
+    _, task = await step(stepper, two_waits())
+    await task
+    assert held == [0, 0]
+
+
+async def test_an_abandoned_coroutine_is_closed(stepper):
+    closed = []
+
+    async def slow():
+        try:
+            await asyncio.sleep(10)
+        except GeneratorExit:
+            closed.append(True)
+            raise
+
+    coroutine = slow()
+    _, task = await step(stepper, coroutine)
+    await asyncio.sleep(0)
+    task.get_coro().close()
+    assert closed == [True]
+    task.cancel()
+    await asyncio.gather(task, return_exceptions=True)
+
+
+async def test_closing_leaves_no_task():
+    stepper = Stepper(asyncio.get_running_loop(), lambda seconds: None)
+
+    async def quick():
+        return 7
+
+    before = asyncio.all_tasks()
+    await step(stepper, quick())
+    stepper.close()
+    await asyncio.sleep(0)
+    assert asyncio.all_tasks() == before

@@ -1,0 +1,57 @@
+"""The lab that a user has joined is remembered for this user only, and forgotten on request."""
+
+import os
+import stat
+import sys
+
+import pytest
+
+from taskrpc import platform
+from taskrpc.errors import TaskRpcError
+from taskrpc.security import lab
+
+LAB = lab.Lab(place="192.168.1.20:7450", token="ada.secret", certificate="PEM", domain=7)
+
+
+def test_what_is_remembered_comes_back_until_it_is_forgotten():
+    assert lab.remembered_lab() is None
+    lab.remember_lab(LAB)
+    assert lab.remembered_lab() == LAB
+    assert lab.forget_lab()
+    assert lab.remembered_lab() is None
+    assert not lab.forget_lab()
+
+
+def test_looking_makes_no_folder():
+    lab.remembered_lab()
+    assert not platform.find_state_dir().exists()
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps it in the user's profile")
+def test_only_this_user_can_read_it():
+    lab.remember_lab(LAB)
+    assert stat.S_IMODE(lab.lab_file().stat().st_mode) == 0o600
+
+
+def test_a_write_that_fails_leaves_the_old_one(monkeypatch):
+    lab.remember_lab(LAB)
+
+    def refuse(*_):
+        raise OSError("no space left")
+
+    monkeypatch.setattr(os, "replace", refuse)
+    with pytest.raises(OSError, match="no space"):
+        platform.write_private(lab.lab_file(), b"half")
+    assert lab.remembered_lab() == LAB
+    assert os.listdir(lab.lab_file().parent) == ["lab.json"]
+
+
+def test_a_file_that_says_something_else_is_named():
+    platform.state_dir()
+    lab.lab_file().write_text("{}")
+    with pytest.raises(TaskRpcError, match=r"lab\.json: .*`place`.*; `taskrpc leave` removes it"):
+        lab.remembered_lab()
+
+
+def test_the_token_is_not_printed():
+    assert "secret" not in repr(LAB)

@@ -1,0 +1,79 @@
+"""A watcher learns of every change, and of nothing else."""
+
+import asyncio
+
+from taskrpc.tasks.records.change_feed import Board
+
+
+async def test_what_changed_since_is_told_once_and_in_order():
+    board = Board()
+    start = board.revision
+    for task_id in (3, 1, 3, 2):
+        board.announce(task_id)
+    assert board.changed_since(start) == [1, 3, 2]
+    assert board.changed_since(board.revision) == []
+
+
+async def test_a_watcher_wakes_at_the_next_announcement():
+    board = Board()
+    watcher = asyncio.ensure_future(board.wait_for_change(board.revision, 60))
+    await asyncio.sleep(5)
+    assert not watcher.done()
+    board.announce(1)
+    assert await watcher
+
+
+async def test_a_change_before_the_watch_is_not_missed():
+    board = Board()
+    start = board.revision
+    board.announce(1)
+    assert await asyncio.wait_for(board.wait_for_change(start, 60), 0.001)
+
+
+async def test_a_watcher_of_one_task_sleeps_through_the_others():
+    board = Board()
+    began = asyncio.get_running_loop().time()
+    watcher = asyncio.ensure_future(board.wait_for_change(board.revision, 60, task_id=7))
+    for task_id in (1, 2, None, 7):
+        await asyncio.sleep(1)
+        assert not watcher.done()
+        board.announce(task_id)
+    assert await watcher
+    assert asyncio.get_running_loop().time() - began == 4
+
+
+async def test_a_quiet_board_answers_when_the_time_is_up():
+    board = Board()
+    began = asyncio.get_running_loop().time()
+    assert not await board.wait_for_change(board.revision, 2.5)
+    assert asyncio.get_running_loop().time() - began == 2.5
+
+
+async def test_a_watcher_that_knows_nothing_or_talks_to_a_new_server_starts_afresh():
+    board = Board(1000)
+    board.announce(1)
+    for foreign in (0, 999, 5000):
+        assert board.changed_since(foreign) is None
+        assert await asyncio.wait_for(board.wait_for_change(foreign, 60), 0.001)
+        assert await asyncio.wait_for(board.wait_for_change(foreign, 60, task_id=9), 0.001)
+
+
+async def test_too_many_changes_are_admitted_not_hidden():
+    board = Board(capacity=3)
+    start = board.revision
+    for task_id in range(1, 5):
+        board.announce(task_id)
+    assert board.changed_since(start) is None
+    assert board.changed_since(start + 1) == [2, 3, 4]
+
+
+async def test_a_closed_board_lets_everybody_go():
+    board = Board()
+    watchers = [
+        asyncio.ensure_future(board.wait_for_change(board.revision, 60, task_id=number))
+        for number in range(3)
+    ]
+    await asyncio.sleep(1)
+    board.close()
+    assert await asyncio.wait_for(asyncio.gather(*watchers), 0.001) == [False] * 3
+    assert not await asyncio.wait_for(board.wait_for_change(board.revision, 60), 0.001)

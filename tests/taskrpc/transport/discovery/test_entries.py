@@ -1,0 +1,81 @@
+"""A roster kept up to date says what an entry made anew would say."""
+
+from collections import Counter
+
+from hypothesis import given
+from hypothesis import strategies as st
+
+from taskrpc.classroom import register
+from taskrpc.security import accounts
+from taskrpc.security.lab import Lab
+from taskrpc.transport.discovery.entries import Change, Entry, Roster
+from taskrpc.transport.network import Address
+from taskrpc.wire import handshake
+from taskrpc.wire.messages import Endpoint
+
+ABOUT = Entry(pid=1, script="a.py", folder="/", since=1.0)
+NAMES = st.sampled_from(["a", "b", "c", "c2"])  # the last two are one name on two nodes
+
+
+def endpoint(name):
+    return Endpoint(f"/{name[0]}", "a/srv/B", "R", f"/n{name}")
+
+
+@given(st.lists(st.tuples(st.sampled_from(["node", "client", "service"]), NAMES, st.booleans())))
+def test_what_came_and_has_not_gone_is_there_as_often_as_it_came(steps):
+    roster = Roster(ABOUT)
+    expected = {"node": Counter(), "client": Counter(), "service": Counter()}
+    for kind, name, gone in steps:
+        counts = expected[kind]
+        if gone and not counts[name]:
+            continue
+        counts[name] += -1 if gone else 1
+        item = name if kind == "node" else endpoint(name)
+        roster.apply(Change(**{kind: item}, gone=gone))
+    entry = roster.entry()
+    assert Counter(entry.nodes) == +expected["node"]
+    assert Counter(entry.clients) == Counter(map(endpoint, expected["client"].elements()))
+    assert Counter(entry.services) == Counter(map(endpoint, expected["service"].elements()))
+    assert Roster(entry).entry() == entry
+    for name in "abc":
+        offered = any(name in one for one in (+expected["service"]))
+        assert roster.offers(f"/{name}") == entry.offers(f"/{name}") == offered
+
+
+def test_an_entry_is_not_made_anew_while_nothing_changes():
+    roster = Roster(ABOUT)
+    roster.apply(Change(node="/a"))
+    assert roster.entry() is roster.entry()
+
+
+def test_a_roster_learns_where_its_process_takes_calls():
+    roster = Roster(ABOUT)
+    roster.apply(Change(address="127.0.0.1:7", token="ab", certificate="PEM"))
+    roster.apply(Change(node="/a"))
+    entry = roster.entry()
+    assert (entry.address, entry.token, entry.certificate) == ("127.0.0.1:7", "ab", "PEM")
+    assert "ab" not in repr(entry)
+
+
+def test_the_oldest_node_is_the_first_that_is_still_there():
+    roster = Roster(ABOUT)
+    assert roster.first_node == ""
+    for node in ("/a", "/b"):
+        roster.apply(Change(node=node))
+    assert roster.first_node == "/a"
+    roster.apply(Change(node="/a", gone=True))
+    assert roster.first_node == "/b"
+
+
+def test_no_repr_has_a_secret():
+    secret = "canary"
+    said = [
+        Entry(1, "x.py", "/", 0.0, "host:1", secret),
+        Change(node="/n", address="host:1", token=secret),
+        handshake._Key(secret.encode(), None),
+        register._Row(secret),
+        accounts._Row(secret),
+        Lab(place="host:1", token=f"ada.{secret}", certificate="x"),
+        Address("host:1", secret.encode()),
+    ]
+    assert not any(secret in repr(each) + str(each) + repr([each]) for each in said)

@@ -1,0 +1,172 @@
+"""A journal says what was written last, wherever a write ends; reading on equals reading anew."""
+
+import contextlib
+import os
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from taskrpc.transport.discovery import journal as module
+from taskrpc.transport.discovery.entries import Change, Entry, Roster
+from taskrpc.transport.discovery.journal import Journal, JournalReader, line_of
+from taskrpc.wire.messages import Endpoint
+
+ABOUT = Entry(pid=1, script="a.py", folder="/", since=1.0)
+
+NAMES = st.sampled_from(["/a", "/b", "/Ünï", "/" + "x" * 50])
+ENDPOINTS = st.builds(Endpoint, NAMES, st.just("a/srv/B"), st.just("R"), NAMES)
+CHANGES = st.builds(
+    Change,
+    node=st.just("") | NAMES,
+    service=st.none() | ENDPOINTS,
+    client=st.none() | ENDPOINTS,
+    gone=st.booleans(),
+    address=st.sampled_from(["", "127.0.0.1:7"]),
+    token=st.just("ab"),
+)
+
+
+class Disk:
+    """Takes part in every write and shortening of a file, and can fail like a full one."""
+
+    def __init__(self, monkeypatch):
+        self.states = []
+        self.fails_after = None
+        self._write, self._truncate = os.write, os.ftruncate
+        monkeypatch.setattr(os, "write", self.write)
+        monkeypatch.setattr(os, "ftruncate", self.truncate)
+
+    def write(self, descriptor, data):
+        """Write, noting what the file holds after each byte."""
+        if self.fails_after is not None:
+            if not self.fails_after:
+                raise OSError("no space left")
+            data = data[: self.fails_after]
+            self.fails_after = 0
+        place = os.lseek(descriptor, 0, os.SEEK_CUR)
+        before = contents(descriptor)
+        os.lseek(descriptor, place, os.SEEK_SET)
+        data = bytes(data)
+        for count in range(len(data) + 1):
+            self.states.append(before[:place] + data[:count] + before[place + count :])
+        return self._write(descriptor, data)
+
+    def truncate(self, descriptor, size):
+        self._truncate(descriptor, size)
+        self.states.append(contents(descriptor))
+
+
+def contents(descriptor):
+    os.lseek(descriptor, 0, os.SEEK_SET)
+    return os.read(descriptor, 10**7)
+
+
+@contextlib.contextmanager
+def scratch(folder):
+    """A file that is written over and over: to open one anew takes longer than to read it."""
+    with (folder / "cut").open("w+b", buffering=0) as file:
+        yield file
+
+
+def said(data, file):
+    """What a reader of these bytes believes."""
+    file.seek(0)
+    file.write(data)
+    file.truncate()
+    return read_on(file, JournalReader())
+
+
+def read_on(file, reader):
+    reader.read(file.fileno())
+    return reader.roster and reader.roster.entry()
+
+
+@settings(max_examples=20)
+@given(changes=st.lists(CHANGES, min_size=2, max_size=6))
+def test_wherever_a_write_ends_readers_find_the_old_state_or_the_new(changes, tmp_path_factory):
+    folder = tmp_path_factory.mktemp("journal")
+    with pytest.MonkeyPatch.context() as monkeypatch, scratch(folder) as cut:
+        monkeypatch.setattr(module, "_SLACK", 0)  # so that new entries are often written
+        disk = Disk(monkeypatch)
+        journal, roster = Journal(folder / "journal"), Roster(ABOUT)
+        # They look at each, and at every fiftieth, of the states.
+        readers = {1: JournalReader(), 50: JournalReader()}
+        old, looks = None, 0
+        for change in changes:
+            journal.write(roster, change)
+            states, disk.states = disk.states, []
+            allowed = (old, ABOUT, roster.entry()) if old is None else (old, roster.entry())
+            for data in states:
+                looks += 1
+                found = said(data, cut)
+                assert found in allowed
+                for step, reader in readers.items():
+                    if looks % step == 0:
+                        assert read_on(cut, reader) == found
+            old = roster.entry()
+            assert said(states[-1], cut) == old
+        journal.close()
+
+
+@given(
+    changes=st.lists(CHANGES, min_size=1, max_size=20),
+    full=st.integers(0, 1000),
+    at=st.integers(0, 19),
+)
+def test_a_full_disk_leaves_the_old_state_and_the_next_write_succeeds(
+    changes, full, at, tmp_path_factory
+):
+    path = tmp_path_factory.mktemp("journal") / "journal"
+    reader = JournalReader()
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        monkeypatch.setattr(module, "_SLACK", 0)
+        disk = Disk(monkeypatch)
+        journal, roster = Journal(path), Roster(ABOUT)
+        for number, change in enumerate(changes):
+            if number == at:
+                disk.fails_after = full
+                before = roster.entry()
+                try:
+                    journal.write(roster, change)
+                except OSError:
+                    assert roster.entry() == before
+                disk.fails_after = None
+            journal.write(roster, change)
+            with path.open("rb") as file:
+                reader.read(file.fileno())
+            assert reader.roster.entry() == roster.entry()
+        journal.close()
+
+
+def test_a_reader_takes_no_line_twice_and_none_out_of_turn(tmp_path):
+    whole, change = line_of(1, ABOUT), line_of(2, Change(node="/a"))
+    with scratch(tmp_path) as cut:
+        assert said(whole + change + change, cut).nodes == ("/a",)
+        assert said(whole + line_of(3, Change(node="/a")), cut).nodes == ()
+        assert said(change + whole, cut).nodes == ()
+        assert said(whole + b"garbage\n" + change, cut).nodes == ("/a",)
+        assert said(whole + b"garbage" + change, cut).nodes == ()
+
+
+def test_a_journal_stays_small_however_much_comes_and_goes(tmp_path):
+    path = tmp_path / "journal"
+    journal, roster = Journal(path), Roster(ABOUT)
+    for n in range(2000):
+        journal.write(roster, Change(node="/n", gone=bool(n % 2)))
+        assert path.stat().st_size < 8192
+    journal.close()
+
+
+def test_a_reader_reads_on_instead_of_beginning_anew(tmp_path, monkeypatch):
+    path = tmp_path / "journal"
+    journal, roster, reader = Journal(path), Roster(ABOUT), JournalReader()
+    read, total = os.read, []
+    monkeypatch.setattr(os, "read", lambda *args: total.append(read(*args)) or total[-1])
+    for n in range(1000):
+        journal.write(roster, Change(node=f"/n{n}"))
+        with path.open("rb") as file:
+            reader.read(file.fileno())
+    assert reader.roster.entry() == roster.entry()
+    assert sum(map(len, total)) < 12 * path.stat().st_size
+    journal.close()

@@ -1,0 +1,140 @@
+"""What callers leave unread is counted by what is kept for them."""
+
+from collections import deque
+from types import SimpleNamespace
+
+import pytest
+
+from taskrpc.transport.limits import backpressure
+from taskrpc.transport.limits.backpressure import Unread
+
+
+class Caller:
+    """A connection whose caller reads as much as the test says."""
+
+    def __init__(self):
+        self.turns = deque()
+        self.owner = SimpleNamespace(loop=SimpleNamespace(call_soon=self.turns.append))
+        self.written = self.buffered = 0
+        self.transport = SimpleNamespace(get_write_buffer_size=lambda: self.buffered)
+        self.released = 0
+
+    def release(self):
+        self.released += 1
+
+
+@pytest.fixture
+def kept(monkeypatch):
+    monkeypatch.setattr(backpressure, "MAX_UNREAD", 1000)
+    return Unread()
+
+
+def answer(kept, caller, size, sent):
+    """Give an answer, of which the system takes some bytes at once."""
+    caller.written += size
+    caller.buffered += size - sent
+    kept.answered("/big", caller, size)
+
+
+def test_of_an_answer_that_is_sent_in_part_all_is_kept(kept):
+    one, other = Caller(), Caller()
+    answer(kept, one, 600, sent=590)
+    assert not kept.pressed
+    answer(kept, other, 600, sent=590)
+    assert kept.pressed
+    assert kept.forbids("/big")
+    assert not kept.forbids("/small")
+
+
+def test_once_its_last_byte_is_sent_nothing_of_it_is_kept(kept):
+    one, other = Caller(), Caller()
+    answer(kept, one, 700, sent=690)
+    answer(kept, other, 400, sent=390)
+    assert kept.pressed
+    kept.hold(other)
+    one.written, one.buffered = one.written + 20, 20  # a small answer behind it
+    kept.measure(one)
+    assert not kept.pressed, "400 of the other and 20"
+    assert other.released == 1
+
+
+def test_answers_that_wait_behind_it_are_counted_once(kept):
+    caller = Caller()
+    answer(kept, caller, 400, sent=100)
+    answer(kept, caller, 400, sent=0)
+    assert not kept.pressed, "800 are kept"
+    answer(kept, caller, 201, sent=0)
+    assert kept.pressed
+
+
+def test_a_connection_that_is_gone_keeps_nothing(kept):
+    one, other = Caller(), Caller()
+    for caller in (one, other):
+        answer(kept, caller, 600, sent=590)
+    one.transport = None
+    kept.left(one)
+    kept.measure(other)
+    assert not kept._answers.keys() - {other}
+    assert not kept._sizes.keys() - {other}
+
+
+@pytest.fixture
+def crowd(kept):
+    """Five callers that wait for one who has read nothing, and has now gone."""
+    gone, crowd = Caller(), [Caller() for _ in range(5)]
+    answer(kept, gone, 1001, sent=0)
+    for caller in crowd:
+        caller.turns = crowd[0].turns
+        caller.owner.loop.call_soon = crowd[0].turns.append
+        kept.hold(caller)
+    gone.transport = None
+    kept.left(gone)
+    return crowd
+
+
+def released(crowd):
+    return [caller.released for caller in crowd]
+
+
+def test_of_those_who_waited_one_goes_on_in_a_turn_and_what_comes_stays_behind(kept, crowd):
+    for gone_on in range(1, 5):
+        assert released(crowd) == [1] * gone_on + [0] * (5 - gone_on)
+        assert kept.forbids("/big")
+        assert len(crowd[0].turns) == 1
+        crowd[0].turns.popleft()()
+    assert released(crowd) == [1] * 5
+    assert not kept.pressed
+    assert not crowd[0].turns
+
+
+def test_they_wait_on_in_their_order_when_there_is_no_room_again(kept, crowd):
+    late = Caller()
+    kept.hold(late)
+    answer(kept, crowd[0], 1001, sent=0)
+    crowd[0].turns.popleft()()
+    assert kept.pressed
+    assert list(kept._waiting) == [*crowd[1:], late]
+    assert not crowd[0].turns
+
+
+def test_who_came_while_others_had_their_turns_has_his_behind_them(kept, crowd):
+    late = Caller()
+    late.owner = crowd[0].owner
+    crowd[0].turns.popleft()()
+    kept.hold(late)
+    for _ in range(3):
+        crowd[0].turns.popleft()()
+    assert [*released(crowd), late.released] == [1] * 5 + [0]
+    assert kept.pressed
+    crowd[0].turns.popleft()()
+    assert late.released == 1
+    assert not kept.pressed
+    assert not crowd[0].turns
+
+
+def test_who_leaves_before_his_turn_is_not_let_go_on(kept, crowd):
+    for caller in crowd[1:]:
+        kept.left(caller)
+    crowd[0].turns.popleft()()
+    assert released(crowd) == [1, 0, 0, 0, 0]
+    assert not kept.pressed
