@@ -27,12 +27,13 @@ from tests.docs.markdown import Page, read_page
 from tests.docs.stage import Stage
 
 ROOT = Path(__file__).parents[1]
-PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").rglob("*.md"))]
+PAGES = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").rglob("*.md"))]
 REFERENCE = ROOT / "docs" / "reference"
 KINDS = {"python", "pycon", "console", "srv", "msg", "yaml", "text"}
 
 NOT_RUN = {
     "README.md": 2,
+    "CONTRIBUTING.md": 1,
     "docs/tutorial/1-first-service.md": 2,
     "docs/how-to/check-types.md": 1,
     "docs/how-to/reach-another-machine.md": 8,
