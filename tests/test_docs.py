@@ -108,7 +108,7 @@ def commands() -> dict[str, dict[str, bool]]:
         "taskrpc-call": _configured(call.configure, "taskrpc-call"),
         **_with_children(srvgen.cli.main._parser(), "srvgen"),
     }
-    for name in main._PURPOSES:
+    for name in main.COMMANDS:
         found |= _with_children(main.parser_of(name), "taskrpc", only=name)
     return {typed: _options(parser) for typed, parser in found.items()}
 

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from taskrpc.cli.shared.command import Exit, NotFound, hinted
-from taskrpc.cli.shared.parsing import add_command, add_group
+from taskrpc.cli.shared.parsing import add_command, add_group, add_ignored
 
 _SHELLS = {".bash": "bash", ".zsh": "zsh", ".sh": "sh"}
 _NOTE = "taskrpc: nothing was built: packages run from their sources here"
@@ -22,11 +22,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = "Only these packages"
     for option in ("--packages-select", "--packages-up-to"):
         build.add_argument(option, metavar="NAME", nargs="+", default=[], dest="names", help=what)
-    what = "as in colcon; changes nothing"
     for option in ("--symlink-install", "--merge-install", "--continue-on-error"):
-        build.add_argument(option, action="store_true", help=what)
+        add_ignored(build, option, action="store_true")
     for option in ("--cmake-args", "--event-handlers", "--parallel-workers"):
-        build.add_argument(option, metavar="ARG", nargs="*", help=what)
+        add_ignored(build, option, metavar="ARG", nargs="*")
     build.set_defaults(run=_build)
     listing = add_command(commands, "list", "List the packages of the workspace here")
     listing.set_defaults(run=_list)
@@ -102,10 +101,9 @@ def _make_setup(folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     (folder / "COLCON_IGNORE").touch()
     texts = {
-        f"setup{suffix}": f'eval "$(taskrpc alias --shell {shell})"\n'
-        for suffix, shell in _SHELLS.items()
+        f"setup{suffix}": f'eval "$(taskrpc shell {shell})"\n' for suffix, shell in _SHELLS.items()
     }
-    powershell = "taskrpc alias --shell powershell | Out-String | Invoke-Expression\n"
+    powershell = "taskrpc shell powershell | Out-String | Invoke-Expression\n"
     texts |= {"setup.ps1": powershell, "setup.bat": "@doskey ros2=taskrpc $*\n"}
     for name, text in texts.items():
         for each in (name, f"local_{name}"):

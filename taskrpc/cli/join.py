@@ -17,27 +17,30 @@ Try next:
   taskrpc service list
   taskrpc-call /robot_task task_type=move target=station_1 priority=5
   taskrpc task list
-`taskrpc leave` forgets the lab."""
+`taskrpc join --leave` forgets the lab."""
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `join`."""
     what = "the line that the lecturer gave you; - reads it from standard input"
     parser.add_argument("join_string", nargs="?", metavar="STRING", help=what)
-    what = "say which lab this user has joined, and whether its server answers"
+    what = "print which lab you have joined, and whether its server answers"
     parser.add_argument("--status", action="store_true", help=what)
+    parser.add_argument("--leave", action="store_true", help="forget the lab that you have joined")
     parser.set_defaults(run=_run)
 
 
 def configure_leave(parser: argparse.ArgumentParser) -> None:
-    """Give a parser the arguments of `leave`: it has none."""
-    parser.set_defaults(run=_leave)
+    """Configure `leave`, the old name of `join --leave`; it has no arguments."""
+    parser.set_defaults(run=lambda options: _leave())
 
 
 def _run(options: argparse.Namespace) -> Exit:
-    if options.status == bool(options.join_string):
-        raise UsageError("taskrpc join: error: expected a join string, or --status")
-    return _status() if options.status else _join(options.join_string)
+    if [options.status, options.leave, bool(options.join_string)].count(True) != 1:
+        raise UsageError("taskrpc join: error: expected a join string, --status or --leave")
+    if options.join_string:
+        return _join(options.join_string)
+    return _status() if options.status else _leave()
 
 
 def _join(text: str) -> Exit:
@@ -74,7 +77,7 @@ def _greeted(lab: Lab) -> list[str]:
 def _status() -> Exit:
     lab = remembered_lab()
     if lab is None:
-        raise NotFound("no lab is joined: `taskrpc join STRING` does it")
+        raise NotFound("you have not joined a lab: `taskrpc join STRING` joins one")
     print(f"joined: the lab at {lab.place} as {_account(lab)}{_until(lab)}")
     print(f"namespace: {lab.namespace}")
     print(_offers(lab, _visited(lab)))
@@ -82,10 +85,10 @@ def _status() -> Exit:
     return Exit.DONE
 
 
-def _leave(options: argparse.Namespace) -> Exit:
+def _leave() -> Exit:
     if not forget_lab():
-        raise NotFound("no lab is joined")
-    print("The lab is forgotten: programs call those of this machine again.")
+        raise NotFound("you have not joined a lab")
+    print("You have left the lab: your programs call those of this machine again.")
     return Exit.DONE
 
 

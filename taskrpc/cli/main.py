@@ -1,14 +1,14 @@
-"""The `taskrpc` command: hands each command to the module of its name, imported only then.
+"""The `taskrpc` command: imports the module of the command that is used, and runs it.
 
-Such a module, `taskrpc.cli.NAME`, has a function
+The module of a command, `taskrpc.cli.NAME`, has a function
 
     def configure(parser: argparse.ArgumentParser) -> None
 
-which gives the parser its arguments and ends with `parser.set_defaults(run=...)`. The function set
-there takes the parsed options and returns the exit code; `parsing.add_group` and
-`parsing.add_command` do this for a command that has commands of its own. A mistake of the user's
-is raised: `command.guarded` prints any TaskRpcError, DefinitionError or OSError as one message
-(one line of JSON where `--json` was given) and knows its exit code.
+that adds the arguments of the command to the parser and ends with `parser.set_defaults(run=...)`.
+The `run` function gets the parsed options and returns the exit code. A command with subcommands
+uses `parsing.add_group` and `parsing.add_command`. A command reports a mistake of the user by
+raising a TaskRpcError, DefinitionError or OSError: `command.guarded` prints it as one message
+(one line of JSON with `--json`) and chooses the exit code.
 """
 
 from __future__ import annotations
@@ -23,48 +23,63 @@ from taskrpc.cli.shared.command import UsageError, run_main
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
     from argparse import Namespace
+    from types import ModuleType
 
     from taskrpc.cli.shared.parsing import Parser
 
-_PURPOSES = {
-    "service": "Various service related sub-commands",
-    "topic": "Various topic related sub-commands",
-    "interface": "Show information about interfaces",
-    "node": "Various node related sub-commands",
-    "param": "Various param related sub-commands",
-    "pkg": "Various package related sub-commands",
-    "daemon": "Answer as ros2 does about its daemon",
-    "colcon": "Answer as colcon does: packages run here without a build",
-    "task": "Submit tasks to the task server and watch them",
-    "alias": "Let a shell know ros2",
-    "ps": "List the taskrpc processes of this user",
-    "stop": "End taskrpc processes of this user",
-    "doctor": "Find out why something does not work",
-    "classroom": "Let the laptops of a class call the robot here",
-    "join": "Let programs of this user call a lab's server",
-    "leave": "Forget the lab that was joined",
-    "run": "Run a ROS 2 program without ROS",
-    "graduate": "Find what a program would do differently on a real robot",
-    "export": "Take programs and definitions to a real robot",
-    "ros": "Let plain python import rclpy",
-    "demo": "Watch a task server, three clients and a robot at work",
+_GROUPS = {
+    "Commands": {
+        "service": "Call services, list them and watch their calls",
+        "topic": "Read topics, publish on them and measure them",
+        "interface": "Show the definitions of messages and services",
+        "node": "List nodes and what they offer",
+        "task": "Submit tasks to the robot and watch them",
+        "run": "Run a ROS 2 program without ROS",
+        "demo": "Watch a task server, three clients and a robot at work",
+        "doctor": "Find out why something does not work",
+        "ps": "List your taskrpc processes on this machine",
+        "stop": "End your taskrpc processes on this machine",
+    },
+    "Your shell and your Python": {
+        "shell": "Make a shell accept `ros2` lines, with completion",
+        "ros": "Make `import rclpy` work in plain python, an editor or a notebook",
+    },
+    "Classes": {
+        "classroom": "Let the laptops of a class call the robot of this machine",
+        "join": "Call the robot of a lab from this laptop",
+    },
+    "ROS packages": {
+        "param": "Read and set the parameters of nodes",
+        "pkg": "Create and find packages",
+        "colcon": "Check a workspace as `colcon build` does; nothing needs a build",
+        "daemon": "Answer like ros2; no daemon is needed",
+        "export": "Take programs and definitions to a real robot",
+        "graduate": "Find what a program would do differently on a real robot",
+    },
 }
+"""The commands and their purposes, under the headings of `taskrpc --help`."""
 
-_NOT_HERE = {
-    "launch": "start each program by a taskrpc run of its own",
-    "action": "there are no actions yet; services and topics are there",
-    "bag": "nothing is recorded; taskrpc topic echo --csv prints to a file",
-    "lifecycle": "call a node's services, as /NODE/change_state, with taskrpc service call",
-    "component": "start each node by a taskrpc run of its own",
+COMMANDS = {name: purpose for group in _GROUPS.values() for name, purpose in group.items()}
+"""The commands of `taskrpc --help` and their purposes."""
+
+_OLD_NAMES = {"alias": ("shell", "configure_alias"), "leave": ("join", "configure_leave")}
+"""Old names of commands: they still work, and no help page shows them."""
+
+_ELSEWHERE = {
+    "launch": "start each program with its own taskrpc run",
+    "action": "actions do not exist yet; services and topics do",
+    "bag": "nothing records messages; taskrpc topic echo --csv prints them",
+    "lifecycle": "call the node's services, such as /NODE/change_state, with taskrpc service call",
+    "component": "start each node with its own taskrpc run",
     "control": "there is no controller manager",
-    "multicast": "programs find each other without multicast; ask taskrpc doctor",
+    "multicast": "programs find each other without multicast; taskrpc doctor tests the connection",
     "security": "see taskrpc classroom, and taskrpc-server --tls-cert and --token-file",
     "wtf": "its other name is taskrpc doctor",
 }
-"""Commands of ros2 that are not among ours, and what to do instead."""
+"""Commands of ros2 that taskrpc does not have, and what to do instead."""
 
 _IN_FOLDERS = frozenset("classroom demo doctor param pkg service task topic".split())
-"""Commands of several modules: a folder, in which `command_line` is read first."""
+"""Commands of several modules: the module `command_line` of the folder has `configure`."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -74,8 +89,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 def _run(arguments: list[str]) -> int:
     command = next((each for each in arguments if not each.startswith("-")), "")
-    if command in _NOT_HERE:
-        raise UsageError(f"taskrpc has no command '{command}': {_NOT_HERE[command]}")
+    if command in _ELSEWHERE:
+        raise UsageError(f"taskrpc has no command '{command}': {_ELSEWHERE[command]}")
     options: Namespace = parser_of(command).parse_args(arguments)
     if options.version:
         return _print_version()
@@ -85,17 +100,40 @@ def _run(arguments: list[str]) -> int:
 
 def parser_of(command: str) -> Parser:
     """The parser, with the arguments of the one command that is used."""
+    from argparse import SUPPRESS, RawDescriptionHelpFormatter
+
     from taskrpc.cli.shared.parsing import Parser, add_command, add_group
 
     parser = Parser(prog="taskrpc", description="ROS 2 services without ROS.")
+    parser.formatter_class = RawDescriptionHelpFormatter
+    parser.epilog = _overview()
     parser.add_argument("--version", action="store_true", help="print the version and exit")
     commands = add_group(parser)
-    for name, purpose in _PURPOSES.items():
+    commands.help = SUPPRESS  # argparse would list all commands under one heading
+    parser.usage = "taskrpc [-h] [--version] COMMAND ..."  # after the group, which takes it over
+    for name, purpose in COMMANDS.items():
         own = add_command(commands, name, purpose)
         if name == command:
-            home = f"{name}.command_line" if name in _IN_FOLDERS else name
-            import_module(f"taskrpc.cli.{home}").configure(own)
+            _module(name).configure(own)
+    if command in _OLD_NAMES:
+        name, configure = _OLD_NAMES[command]
+        getattr(_module(name), configure)(add_command(commands, command, COMMANDS[name]))
     return parser
+
+
+def _module(command: str) -> ModuleType:
+    home = f"{command}.command_line" if command in _IN_FOLDERS else command
+    return import_module(f"taskrpc.cli.{home}")
+
+
+def _overview() -> str:
+    lines = []
+    for heading, group in _GROUPS.items():
+        lines.append(f"{heading}:")
+        lines += [f"  {name:<10} {purpose}" for name, purpose in group.items()]
+        lines.append("")
+    lines.append("Call `taskrpc COMMAND -h` for more detailed usage.")
+    return "\n".join(lines)
 
 
 def _print_version() -> int:

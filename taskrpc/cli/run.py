@@ -10,9 +10,14 @@ _USAGE = """taskrpc run [-h] [OPTIONS] SCRIPT [ARGS ...] [--ros-args ...]
        taskrpc run [-h] [OPTIONS] PACKAGE EXECUTABLE [ARGS ...] [--ros-args ...]"""
 
 
+_EPILOG = """\
+To run programs that import rclpy with plain `python`, in an editor, in pytest or in a notebook:
+taskrpc ros enable"""
+
+
 def configure(parser: ArgumentParser) -> None:
     """Give the parser of `taskrpc run` its arguments."""
-    parser.usage = _USAGE
+    parser.usage, parser.epilog = _USAGE, _EPILOG
     what = "put a command before it, in quotes if it has spaces ('nice -n 5')"
     parser.add_argument("--prefix", metavar="COMMAND", help=what)
     what = "do what ROS 2 would do, hang included, instead of helping"

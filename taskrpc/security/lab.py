@@ -54,7 +54,7 @@ def remembered_lab() -> Lab | None:
     try:
         return msgspec.json.decode(content, type=Lab)
     except (msgspec.MsgspecError, UnicodeDecodeError) as error:
-        raise TaskRpcError(f"{path}: {error}; `taskrpc leave` removes it") from None
+        raise TaskRpcError(f"{path}: {error}; `taskrpc join --leave` removes it") from None
 
 
 def remember_lab(lab: Lab) -> None:

@@ -129,7 +129,7 @@ def test_a_laptop_joins_calls_and_is_revoked(lecturer, strings, laptop):
     assert roster(lecturer)["ada"]["state"] == "revoked"
     assert "the account may be revoked or" in laptop.run("taskrpc", "doctor", code=1)
 
-    laptop.run("taskrpc", "leave")
+    laptop.run("taskrpc", "join", "--leave")
     assert "nobody offers" in submit(laptop, code=4)
 
 
@@ -137,7 +137,7 @@ def test_a_string_that_is_typed_in_wrong_is_told_and_changes_nothing(strings, la
     right = strings["grace"]
     wrong = right[:30] + ("A" if right[30] != "A" else "B") + right[31:]
     assert "the character at place 31" in laptop.run("taskrpc", "join", wrong, code=1)
-    assert "no lab is joined" in laptop.run("taskrpc", "join", "--status", code=1)
+    assert "you have not joined a lab" in laptop.run("taskrpc", "join", "--status", code=1)
 
 
 PROGRAM = """

@@ -11,6 +11,7 @@ from dataclasses import asdict
 from taskrpc.cli.doctor import checks, health, probe
 from taskrpc.cli.doctor.findings import Finding, problem
 from taskrpc.cli.shared.command import Exit
+from taskrpc.cli.shared.parsing import add_ignored
 from taskrpc.cli.shared.remote import Remote, add_secrets, any_place, remote_of
 from taskrpc.errors import TaskRpcError
 from taskrpc.security.lab import remembered_lab
@@ -23,13 +24,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("connect", nargs="?", metavar="HOST:PORT", type=_place, help=what)
     add_secrets(parser)
     parser.add_argument("--json", action="store_true", help="Print a JSON array of findings")
-    what = "as in ros2; changes nothing, since all is reported"
-    for short, option in (
-        ("-r", "--report"),
-        ("-rf", "--report-failed"),
-        ("-iw", "--include-warnings"),
-    ):
-        parser.add_argument(short, option, action="store_true", help=what)
+    # The report has everything that these options of ros2 ask for.
+    add_ignored(parser, "-r", "--report", action="store_true")
+    add_ignored(parser, "-rf", "--report-failed", action="store_true")
+    add_ignored(parser, "-iw", "--include-warnings", action="store_true")
     parser.set_defaults(run=_run)
 
 

@@ -67,6 +67,11 @@ def add_command(commands: Commands, name: str, purpose: str) -> Parser:
     return commands.add_parser(name, help=purpose, description=purpose)
 
 
+def add_ignored(parser: argparse.ArgumentParser, *names: str, **settings: Any) -> None:
+    """Accept an option of ROS that does nothing here; the help page does not show it."""
+    parser.add_argument(*names, help=argparse.SUPPRESS, **settings)
+
+
 def number(rule: str, allowed: Callable[[float], bool]) -> Callable[[str], float]:
     """The `type` of an option that takes a number; `rule` goes on after "expected a number"."""
 

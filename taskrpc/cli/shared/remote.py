@@ -99,15 +99,19 @@ def add_connect(parser: argparse.ArgumentParser) -> None:
 
 
 def add_discovery(parser: argparse.ArgumentParser, sim_time: str = "") -> None:
-    """Give a command ros2's options about its daemon, so that a habit does no harm.
+    """Accept ros2's options about its daemon and about simulated time.
 
-    `sim_time` says what `--use-sim-time` does; by default it changes nothing.
+    `sim_time` is the help text of `--use-sim-time`, for a command that measures time; elsewhere
+    the option does nothing.
     """
-    what = "as in ros2; changes nothing, since there is no daemon here"
-    parser.add_argument("--no-daemon", action="store_true", help=what)
-    parser.add_argument("--spin-time", metavar="SPIN_TIME", type=float, help=what)
-    what = sim_time or "as in ros2; has no effect, because this command does not use the time"
-    parser.add_argument("-s", "--use-sim-time", action="store_true", help=what)
+    from taskrpc.cli.shared.parsing import add_ignored
+
+    add_ignored(parser, "--no-daemon", action="store_true")
+    add_ignored(parser, "--spin-time", metavar="SECONDS", type=float)
+    if sim_time:
+        parser.add_argument("-s", "--use-sim-time", action="store_true", help=sim_time)
+    else:
+        add_ignored(parser, "-s", "--use-sim-time", action="store_true")
 
 
 def place(text: str) -> str:

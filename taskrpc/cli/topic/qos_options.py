@@ -30,11 +30,11 @@ _OPEN = (_DEFAULT, "best_available")
 
 def add_qos(parser: argparse.ArgumentParser) -> None:
     """Give a command the options `--qos-…`."""
+    from taskrpc.cli.shared.parsing import add_ignored, whole
+
     what = "A preset QoS profile"
     parser.add_argument("--qos-profile", choices=sorted(_PROFILES), help=what)
     what = "How many messages are kept"
-    from taskrpc.cli.shared.parsing import whole
-
     parser.add_argument("--qos-depth", metavar="N", type=whole(1, _KEEP_ALL), help=what)
     what = "Whether all messages are kept, or the last ones"
     _add_policy(parser, "history", what, "keep_last", "keep_all")
@@ -42,11 +42,10 @@ def add_qos(parser: argparse.ArgumentParser) -> None:
     _add_policy(parser, "reliability", what, "best_effort", "reliable", "best_available")
     what = "Whether latecomers get the last messages"
     _add_policy(parser, "durability", what, "transient_local", "volatile", "best_available")
-    what = "as in ros2; changes nothing, since a program that ends is known to have ended"
-    _add_policy(parser, "liveliness", what, "automatic", "manual_by_topic")
-    parser.add_argument(
-        "--qos-liveliness-lease-duration-seconds", metavar="S", type=float, help=what
-    )
+    # Discovery notices the end of a program without liveliness leases.
+    kinds = [_DEFAULT, "automatic", "manual_by_topic"]
+    add_ignored(parser, "--qos-liveliness", choices=kinds)
+    add_ignored(parser, "--qos-liveliness-lease-duration-seconds", metavar="S", type=float)
 
 
 def _add_policy(parser: argparse.ArgumentParser, policy: str, what: str, *choices: str) -> None:

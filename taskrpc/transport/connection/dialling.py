@@ -156,7 +156,7 @@ def _unreached(address: Address, reason: str) -> ConnectionLost:
     if address.domain is not None:
         problem = (
             f"the lab's server at {problem}; is it on, and is this computer in its network?"
-            " `taskrpc doctor` tests the connection, `taskrpc leave` forgets the lab"
+            " `taskrpc doctor` tests the connection, `taskrpc join --leave` forgets the lab"
         )
     return ConnectionLost(problem, not_executed=True)
 

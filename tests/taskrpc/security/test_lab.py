@@ -49,7 +49,9 @@ def test_a_write_that_fails_leaves_the_old_one(monkeypatch):
 def test_a_file_that_says_something_else_is_named():
     platform.state_dir()
     lab.lab_file().write_text("{}")
-    with pytest.raises(TaskRpcError, match=r"lab\.json: .*`place`.*; `taskrpc leave` removes it"):
+    with pytest.raises(
+        TaskRpcError, match=r"lab\.json: .*`place`.*; `taskrpc join --leave` removes it"
+    ):
         lab.remembered_lab()
 
 

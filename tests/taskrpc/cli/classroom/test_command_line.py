@@ -181,14 +181,15 @@ def test_the_roster_tells_who_has_called_and_who_is_out(make, say):
     assert "the task server does not run" in shown
 
 
-def test_joining_wants_a_string_or_a_question(say):
-    assert "expected a join string, or --status" in say("join", code=2)
-    assert "expected a join string, or --status" in say("join", "x", "--status", code=2)
+def test_join_expects_a_string_or_one_option(say):
+    assert "expected a join string, --status or --leave" in say("join", code=2)
+    assert "expected a join string, --status or --leave" in say("join", "x", "--status", code=2)
     assert "expected a join string, which begins with" in say("join", "x", code=1)
 
 
-def test_leaving_forgets_the_lab(say):
-    assert say("leave", code=1) == "no lab is joined\n"
+@pytest.mark.parametrize("line", [["join", "--leave"], ["leave"]])
+def test_leaving_forgets_the_lab(say, line):
+    assert say(*line, code=1) == "you have not joined a lab\n"
     lab.remember_lab(lab.Lab(place="192.0.2.7:1", token="ada.x", certificate="x"))
-    assert "forgotten" in say("leave")
+    assert "You have left the lab" in say(*line)
     assert lab.remembered_lab() is None

@@ -189,7 +189,7 @@ def test_a_command_that_only_ros2_has_is_answered_in_a_line(capsys):
     out, err = capsys.readouterr()
     assert (out, err) == (
         "",
-        "taskrpc has no command 'launch': start each program by a taskrpc run of its own\n",
+        "taskrpc has no command 'launch': start each program with its own taskrpc run\n",
     )
 
 

@@ -122,7 +122,7 @@ async def test_a_place_is_named_once_and_the_lab_as_the_lab(error, reason):
     assert str(await failure(PEER, in_dialling=error)) == f"{PLACE}: {reason}"
     text = str(await failure(LAB, in_dialling=error))
     assert text.startswith(f"the lab's server at {PLACE}: {reason}; is it on, and is this")
-    assert text.endswith("`taskrpc leave` forgets the lab")
+    assert text.endswith("`taskrpc join --leave` forgets the lab")
 
 
 async def test_protocol_error_in_the_handshake_stays_a_protocol_error():

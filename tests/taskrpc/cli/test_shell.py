@@ -1,4 +1,4 @@
-"""A shell that has taken over `taskrpc alias` knows `ros2`, and passes it every argument whole."""
+"""A shell that has taken over `taskrpc shell` knows `ros2`, and passes it every argument whole."""
 
 import os
 import shutil
@@ -20,7 +20,7 @@ def test_a_shell_runs_ros2_lines(shell, tmp_path, capsys):
     command = tmp_path / "taskrpc"
     command.write_text(f"#!{sys.executable}\nimport sys\nprint(sys.argv[1:])\n")
     command.chmod(0o755)
-    assert main(["alias", "--shell", shell]) == 0
+    assert main(["shell", shell]) == 0
     definition = capsys.readouterr().out
     line = "ros2 service call /add example_interfaces/srv/AddTwoInts '{a: 2, b: 3}'"
     done = subprocess.run(
@@ -35,13 +35,13 @@ def test_a_shell_runs_ros2_lines(shell, tmp_path, capsys):
 
 
 def test_powershell_gets_a_function_that_splats_its_arguments(capsys):
-    assert main(["alias", "--shell", "powershell"]) == 0
+    assert main(["shell", "powershell"]) == 0
     assert capsys.readouterr().out.startswith("function ros2 { taskrpc @args }\n")
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not here")
 def test_bash_knows_what_tutorials_need_and_leaves_a_real_colcon_alone(tmp_path, capsys):
-    assert main(["alias", "--shell", "bash"]) == 0
+    assert main(["shell", "bash"]) == 0
     definition = capsys.readouterr().out
     for name in ("taskrpc", "colcon"):
         (tmp_path / name).write_text(f"#!/bin/sh\necho {name} $@\n")
@@ -64,11 +64,11 @@ def test_bash_knows_what_tutorials_need_and_leaves_a_real_colcon_alone(tmp_path,
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not here")
 def test_bash_has_taskrpc_itself_in_the_background_and_takes_the_line_twice(tmp_path, capsys):
-    assert main(["alias", "--shell", "bash"]) == 0
+    assert main(["shell", "bash"]) == 0
     (tmp_path / "definition").write_text(capsys.readouterr().out)
-    (tmp_path / "taskrpc").write_text('#!/bin/sh\n[ "$1" = alias ] || echo $$\ncat definition\n')
+    (tmp_path / "taskrpc").write_text('#!/bin/sh\n[ "$1" = shell ] || echo $$\ncat definition\n')
     (tmp_path / "taskrpc").chmod(0o755)
-    take = 'eval "$(taskrpc alias --shell bash)"'
+    take = 'eval "$(taskrpc shell bash)"'
     lines = f"{take}\n{take}; ros2 one >/dev/null\nros2 run >pid &\necho $!\nwait $!\nhead -1 pid\n"
     done = subprocess.run(
         ["bash", "-c", lines],
@@ -85,7 +85,7 @@ def test_bash_has_taskrpc_itself_in_the_background_and_takes_the_line_twice(tmp_
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not here")
 def test_bash_completes_what_is_begun(tmp_path, capsys):
-    assert main(["alias", "--shell", "bash"]) == 0
+    assert main(["shell", "bash"]) == 0
     definition = capsys.readouterr().out
     (tmp_path / "taskrpc").write_text(f'#!/bin/sh\nexec {sys.executable} -m taskrpc "$@"\n')
     (tmp_path / "taskrpc").chmod(0o755)
@@ -141,5 +141,5 @@ def test_what_may_stand_next(server, tmp_path, monkeypatch, line, expected):
 
 
 def test_a_shell_must_be_named(capsys):
-    assert main(["alias"]) == 2
-    assert "--shell" in capsys.readouterr().err
+    assert main(["shell"]) == 2
+    assert "shell" in capsys.readouterr().err

@@ -1,0 +1,92 @@
+"""`taskrpc shell`: define `ros2` in a shell, so that lines of ROS tutorials can be pasted."""
+
+from __future__ import annotations
+
+import argparse
+
+from taskrpc.cli.shared.command import Exit
+
+_ROSDEP = "#All required rosdeps installed successfully: taskrpc brings what it knows"
+_ALIAS = """alias ros2=taskrpc
+function ros2 { taskrpc "$@"; }
+"""
+"""The function works in the line that defines it. The alias is for background jobs: `ros2 run … &`
+then starts taskrpc itself and not a shell that waits for it, so that `kill $!` ends the node."""
+
+_POSIX = f"""command -v colcon >/dev/null || colcon() {{ taskrpc colcon "$@"; }}
+command -v rosdep >/dev/null || rosdep() {{ echo "{_ROSDEP}"; }}
+"""
+_BASH = """_taskrpc() {
+  local IFS=$'\\n'
+  COMPREPLY=($(taskrpc shell --complete "${COMP_WORDS[@]:1:COMP_CWORD}" 2>/dev/null))
+}
+complete -o default -F _taskrpc ros2 taskrpc
+"""
+_ZSH = """_taskrpc() {
+  compadd -- ${(f)"$(taskrpc shell --complete "${(@)words[2,CURRENT]}" 2>/dev/null)"}
+}
+(( ! ${+functions[compdef]} )) || compdef _taskrpc ros2 taskrpc
+"""
+_FISH = f"""function ros2; taskrpc $argv; end
+if not type -q colcon; function colcon; taskrpc colcon $argv; end; end
+if not type -q rosdep; function rosdep; echo "{_ROSDEP}"; end; end
+function _taskrpc; taskrpc shell --complete (commandline -opc)[2..] (commandline -ct); end
+complete -c ros2 -f -a '(_taskrpc)'
+complete -c taskrpc -f -a '(_taskrpc)'
+"""
+_POWERSHELL = f"""function ros2 {{ taskrpc @args }}
+function _is_missing {{ -not (Get-Command $args[0] -ErrorAction SilentlyContinue) }}
+if (_is_missing colcon) {{ function colcon {{ taskrpc colcon @args }} }}
+if (_is_missing rosdep) {{ function rosdep {{ "{_ROSDEP}" }} }}
+"""
+_DEFINITIONS = {
+    "bash": f"shopt -s expand_aliases\n{_ALIAS}{_POSIX}{_BASH}",
+    "zsh": f"{_ALIAS}{_POSIX}{_ZSH}",
+    "sh": f'ros2() {{ taskrpc "$@"; }}\n{_POSIX}',
+    "fish": _FISH,
+    "powershell": _POWERSHELL,
+}
+_DESCRIPTION = """\
+Print definitions for a shell: `ros2` then means `taskrpc`, and the TAB key completes commands,
+options and names. If colcon and rosdep are missing, the shell gets substitutes for them."""
+_USES = {
+    "bash": 'eval "$(taskrpc shell bash)"',
+    "zsh": 'eval "$(taskrpc shell zsh)"',
+    "fish": "taskrpc shell fish | source",
+    "powershell": "taskrpc shell powershell | Out-String | Invoke-Expression",
+}
+
+
+def configure(parser: argparse.ArgumentParser) -> None:
+    """Give the parser of `taskrpc shell` its arguments."""
+    which = parser.add_mutually_exclusive_group(required=True)
+    what = "the shell that you use"
+    which.add_argument("shell", nargs="?", choices=sorted(_DEFINITIONS), help=what)
+    which.add_argument("--complete", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+    _finish(parser)
+
+
+def configure_alias(parser: argparse.ArgumentParser) -> None:
+    """Configure `alias --shell NAME`, the old spelling of `shell NAME`."""
+    what = "the shell that you use"
+    parser.add_argument("--shell", choices=sorted(_DEFINITIONS), required=True, help=what)
+    parser.set_defaults(complete=None)
+    _finish(parser)
+
+
+def _finish(parser: argparse.ArgumentParser) -> None:
+    parser.description = _DESCRIPTION
+    parser.formatter_class = argparse.RawDescriptionHelpFormatter
+    lines = "\n".join(f"  {shell + ':':<12}{use}" for shell, use in _USES.items())
+    parser.epilog = f"Type this line, or add it to the profile of your shell:\n{lines}"
+    parser.set_defaults(run=_print_definitions)
+
+
+def _print_definitions(options: argparse.Namespace) -> Exit:
+    if options.complete is not None:
+        from taskrpc.cli.shared.completing import candidates
+
+        print("\n".join(candidates(options.complete)))
+    else:
+        print(_DEFINITIONS[options.shell], end="")
+    return Exit.DONE

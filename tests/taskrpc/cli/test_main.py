@@ -1,0 +1,112 @@
+"""What `taskrpc --help` and the help page of each command show."""
+
+import argparse
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import srvgen.cli.main
+from taskrpc.cli import call, main, server
+from taskrpc.cli.shared import parsing
+
+CLI = Path(main.__file__).parent
+
+
+def _with_children(parser: argparse.ArgumentParser) -> Iterator[argparse.ArgumentParser]:
+    yield parser
+    for action in parser._actions:
+        if isinstance(action, argparse._SubParsersAction):
+            for child in action.choices.values():
+                yield from _with_children(child)
+
+
+def _pages() -> Iterator[tuple[str, argparse.ArgumentParser]]:
+    calling = parsing.Parser(prog="taskrpc-call")
+    call.configure(calling)
+    for parser in (calling, server._parser(), *_with_children(srvgen.cli.main._parser())):
+        yield parser.prog, parser
+    for name in main.COMMANDS:
+        for action in main.parser_of(name)._actions:
+            if isinstance(action, argparse._SubParsersAction):
+                for parser in _with_children(action.choices[name]):
+                    yield parser.prog, parser
+
+
+def _names_read_by(*folders: Path) -> set[str]:
+    """Each attribute that the modules of a command read, and each string that they contain."""
+    names = set()
+    for folder in folders:
+        for path in folder.rglob("*.py"):
+            for node in ast.walk(ast.parse(path.read_text())):
+                if isinstance(node, ast.Attribute):
+                    names.add(node.attr)
+                elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                    names.add(node.value)
+    return names
+
+
+def test_no_help_page_shows_an_option_that_does_nothing():
+    read = _names_read_by(CLI, Path(srvgen.cli.main.__file__).parent)
+    idle = [
+        f"{page} {action.option_strings[0]}"
+        for page, parser in _pages()
+        for action in parser._actions
+        if action.option_strings
+        and action.help != argparse.SUPPRESS
+        and action.dest not in {"help", *read}
+    ]
+    assert idle == []
+    for page, parser in _pages():
+        said = re.search(r"chang\w+ nothing|no effect|does nothing", parser.format_help())
+        assert said is None, page
+
+
+def test_simulated_time_is_an_option_of_the_commands_that_measure_time():
+    shown = {page for page, parser in _pages() if "--use-sim-time" in parser.format_help()}
+    # `hz --wall-time` names it in its own help text as well.
+    assert shown == {"taskrpc topic bw", "taskrpc topic delay", "taskrpc topic hz"}
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "service list --no-daemon --spin-time 2 -s",
+        "topic echo /chatter --qos-liveliness automatic",
+        "topic echo /chatter --qos-liveliness-lease-duration-seconds 2",
+        "colcon build --symlink-install --cmake-args X=1 --parallel-workers 2",
+        "doctor --report --include-warnings",
+    ],
+)
+def test_options_of_ros_that_do_nothing_here_are_accepted(line):
+    words = line.split()
+    main.parser_of(words[0]).parse_args(words)
+
+
+def test_help_lists_the_commands_under_headings(capsys):
+    assert main.main([]) == 0
+    shown = capsys.readouterr().out
+    headings = re.findall(r"^(.*):\n  [\w-]", shown, re.M)
+    assert headings[1:] == ["Commands", "Your shell and your Python", "Classes", "ROS packages"]
+    for name, purpose in main.COMMANDS.items():
+        assert re.search(rf"^  {name} +{re.escape(purpose)}$", shown, re.M)
+
+
+@pytest.mark.parametrize("name", ["alias", "leave"])
+def test_an_old_name_of_a_command_works_and_is_not_shown(name, capsys):
+    main.main(["nope"])
+    main.main([])
+    out, err = capsys.readouterr()
+    assert name not in out
+    assert f"'{name}'" not in err
+    with pytest.raises(SystemExit):
+        main.main([name, "-h"])
+    assert capsys.readouterr().out.startswith(f"usage: taskrpc {name} ")
+
+
+def test_the_help_of_run_names_ros_enable():
+    assert "taskrpc ros enable" in next(
+        parser.format_help() for page, parser in _pages() if page == "taskrpc run"
+    )
