@@ -38,8 +38,8 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from srvgen.classes.generate import generate
 from srvgen.definitions.field_types import parse_type
-from srvgen.definitions.files import KINDS, parse_definition
-from srvgen.definitions.search import BUNDLED, Search
+from srvgen.files.reading import KINDS, parse_definition
+from srvgen.files.search import BUNDLED, Search
 
 ROOT = Path(__file__).resolve().parents[1]
 LOADED = (

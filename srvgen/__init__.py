@@ -11,8 +11,8 @@ if TYPE_CHECKING:
     from .classes.importer import install_import_hook
     from .classes.loader import define, load, type_hash
     from .convert import from_builtins, to_builtins
-    from .definitions.parser import parse_action, parse_msg, parse_srv
     from .errors import DefinitionError
+    from .parser import parse_action, parse_msg, parse_srv
 
 __all__ = [
     "CdrError",
@@ -31,9 +31,7 @@ __all__ = [
     "type_hash",
 ]
 
-# Each name is imported when it is first asked for: a program that has generated its classes
-# beforehand pays for no parser.
-_HOMES = {
+EXPORTS = {
     "CdrError": "cdr.messages",
     "DefinitionError": "errors",
     "FieldError": "_runtime",
@@ -42,21 +40,25 @@ _HOMES = {
     "from_cdr": "cdr.messages",
     "install_import_hook": "classes.importer",
     "load": "classes.loader",
-    "parse_action": "definitions.parser",
-    "parse_msg": "definitions.parser",
-    "parse_srv": "definitions.parser",
+    "parse_action": "parser",
+    "parse_msg": "parser",
+    "parse_srv": "parser",
     "to_builtins": "convert",
     "to_cdr": "cdr.messages",
     "type_hash": "classes.loader",
 }
+"""The module that defines each public name.
+
+A name is imported when it is first used: a program with generated classes loads no parser.
+"""
 
 
 if not TYPE_CHECKING:  # or type checkers would accept every missing name as Any
 
     def __getattr__(name):
-        if name not in _HOMES:
+        if name not in EXPORTS:
             raise AttributeError(f"module 'srvgen' has no attribute {name!r}")
-        value = getattr(import_module(f".{_HOMES[name]}", __name__), name)
+        value = getattr(import_module(f".{EXPORTS[name]}", __name__), name)
         globals()[name] = value
         return value
 

@@ -3,9 +3,25 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Callable, Iterator
+from typing import Any, Literal
 
-from .definitions.model import ActionDef, Constant, Definition, Field, MessageDef, ServiceDef, Value
+from .definitions.lines import SEPARATOR
+from .definitions.model import (
+    ActionDef,
+    Constant,
+    Definition,
+    Field,
+    MessageDef,
+    ServiceDef,
+    Value,
+    sections,
+)
+
+Comments = Literal["own", "all", "none"]
+"""Whose comments are shown: of the definition itself, of the nested ones too, or nobody's."""
+
+Lookup = Callable[[str], tuple[str, Definition]]
 
 
 def describe(definition: Definition) -> dict[str, Any]:
@@ -15,6 +31,31 @@ def describe(definition: Definition) -> dict[str, Any]:
     official parser leaves them; a number that JSON lacks is `{"$float": "nan"}`.
     """
     return {"type": definition.full_name, "spec": _spec(definition)}
+
+
+def show(name: str, lookup: Lookup, *, comments: Comments = "own") -> Iterator[str]:
+    """The lines of a definition, each nested one under its field and indented by a tab.
+
+    Args:
+        name: the full name of the type.
+        lookup: gives text and definition of a full name. No type may contain itself.
+        comments: whose comments and blank lines are kept.
+    """
+    text, definition = lookup(name)
+    kept = comments != "none"
+    nested = {
+        field.line: field.type.full_name
+        for message in sections(definition)
+        for field in message.fields
+        if field.type.package
+    }
+    for number, line in enumerate(text.splitlines(), 1):
+        shown = line.rstrip() if kept or line == SEPARATOR else line.partition("#")[0].rstrip()
+        if shown or kept:
+            yield shown
+        if number in nested:
+            inner = show(nested[number], lookup, comments="all" if comments == "all" else "none")
+            yield from (f"\t{one}" if one else "" for one in inner)
 
 
 def _spec(definition: Definition) -> dict[str, Any]:

@@ -3,18 +3,49 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import TYPE_CHECKING, ClassVar
-
-from .diagnostics.mistake import Repair
-
-if TYPE_CHECKING:
-    from .definitions.model import Definition
+from typing import ClassVar, NamedTuple, Self
 
 _LONGEST = 400
 """Characters that are shown of a line or a sentence."""
 
 SHOWN = 100
 """Problems of one file that are shown to people; more are no help."""
+
+
+class Repair(NamedTuple):
+    """The only correct text for a part of a line; the offsets count from 0."""
+
+    start: int
+    end: int
+    text: str
+
+
+class InvalidText(Exception):
+    """A word, a value or a line is not valid; the parser adds the file, the line and the column.
+
+    Attributes:
+        message: one sentence: what was expected and what was received.
+        offset: the position in the checked piece of text, counted from 0.
+        hint: what the author most likely meant, or "".
+        repair: the correct text, if there is exactly one.
+    """
+
+    def __init__(
+        self, message: str, offset: int = 0, hint: str = "", repair: Repair | None = None
+    ) -> None:
+        super().__init__(message)
+        self.message = message
+        self.offset = offset
+        self.hint = hint
+        self.repair = repair
+
+    def moved(self, by: int) -> Self:
+        """Shift the offsets: the checked piece of text begins at `by` in a longer text."""
+        self.offset += by
+        if self.repair:
+            start, end, text = self.repair
+            self.repair = Repair(start + by, end + by, text)
+        return self
 
 
 class DefinitionError(ValueError):
@@ -37,7 +68,7 @@ class DefinitionError(ValueError):
     level: ClassVar[str] = "error"
     repair: Repair | None = None
     looked_in: tuple[str, ...] = ()
-    readable: Definition | None = None
+    readable: object = None
 
     def __init__(
         self,

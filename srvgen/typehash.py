@@ -8,7 +8,7 @@ from typing import Any
 
 from msgspec import json
 
-from .definitions.implied import implied_types, whole
+from .definitions.derived import implied_types, whole
 from .definitions.model import Definition, Field, FieldType, MessageDef
 
 _TYPE_IDS = {

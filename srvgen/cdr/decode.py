@@ -30,7 +30,8 @@ from collections.abc import Callable
 from functools import lru_cache, partial
 from typing import Any
 
-from .faults import (
+from .codegen import Names, Position, compiled, indented
+from .errors import (
     CdrError,
     foreign_header,
     inside,
@@ -44,7 +45,6 @@ from .faults import (
 )
 from .layout import Item, Run
 from .plan import KEPT_CLASSES, Node, Plan, Tail, Value, plan_of
-from .source import Names, Position, compiled, indented
 from .values import booleans, from_wide, read_strings, read_wstrings, single_bytes
 
 # Where Python has 32 bits, a lying length makes an offset that `struct` cannot take.

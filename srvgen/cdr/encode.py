@@ -19,9 +19,9 @@ from collections.abc import Callable
 from functools import lru_cache
 from typing import Any
 
+from .codegen import Names, Position, compiled, indented
 from .layout import Run
 from .plan import KEPT_CLASSES, Node, Plan, Tail, Value, plan_of
-from .source import Names, Position, compiled, indented
 from .values import add_strings, add_wstrings, wide
 
 _ARRAY = "{}" if sys.byteorder == "little" else "{}.little_endian()"

@@ -12,7 +12,7 @@ from functools import cache
 from struct import Struct, calcsize
 from typing import Literal
 
-from .faults import CdrError, ended
+from .errors import CdrError, ended
 
 ORIGIN = 4
 """Alignment is counted from here, behind the header."""

@@ -24,7 +24,7 @@ from .._runtime import Message, under
 from ..convert import is_message_class, not_a_message, not_a_message_class
 from .decode import decoder_of
 from .encode import encoder_of
-from .faults import CdrError
+from .errors import CdrError
 from .plan import KEPT_CLASSES
 
 __all__ = ["CdrError", "from_cdr", "to_cdr"]

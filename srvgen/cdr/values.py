@@ -6,7 +6,7 @@ import struct
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from .faults import (
+from .errors import (
     CdrError,
     ended,
     inside,

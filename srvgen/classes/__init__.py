@@ -1,4 +1,5 @@
-"""From the model of a definition to Python: message classes, stubs, packages, and the import hook.
+"""From the model to Python: message classes, packages, stubs and the import hook.
 
-Start with `loader`, which makes classes at run time, or `generate`, which writes packages; both
-use `render`. What generated code itself needs is `srvgen._runtime`."""
+Start with `loader`, which makes classes at run time, or `generate`, which makes the files of
+packages; both use `render`. The base classes of all messages are in `srvgen._runtime`, the
+encodings in `srvgen.cdr` and `srvgen.convert`."""

@@ -7,15 +7,14 @@ import sys
 from collections.abc import Collection, Mapping, Sequence
 from importlib.resources import files
 
-from ..definitions.dependencies import Source, closure, full_text
-from ..definitions.files import KINDS
 from ..definitions.model import Definition, Kind, MessageDef
 from ..definitions.names import names_in_folder
 from ..errors import DefinitionError
+from ..files.dependencies import Source, closure, full_text
+from ..files.reading import KINDS
 from ..typehash import Hasher
 from .render import GENERATED, render
-from .render_text import text_literal
-from .render_types import module_name
+from .render_expressions import module_name, text_literal
 
 
 def generate(

@@ -11,17 +11,17 @@ from types import FrameType, ModuleType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from .. import excepthook
-from ..definitions.files import KINDS
 from ..definitions.names import did_you_mean, is_one_slip, is_package_name, names_in_folder
 from ..errors import DefinitionError
+from ..files.reading import KINDS
 from .loader import module_of, search, search_first
-from .render_types import module_name
+from .render_expressions import module_name
 
 if TYPE_CHECKING:
     from importlib.abc import Loader, MetaPathFinder
+    from importlib.resources.abc import TraversableResources
 
     from ..definitions.model import Kind
-    from .resources import FolderReader
 else:  # they would bring importlib.resources along, a tenth of the start of a program
     Loader = MetaPathFinder = object
 
@@ -168,12 +168,23 @@ class _PackageLoader(_InterfaceLoader):
         """Look like a package without an `__init__`, which it mostly is."""
         module.__file__ = None
 
-    def get_resource_reader(self, fullname: str) -> FolderReader | None:
-        """What `importlib.resources` reads beside the definitions, where there is a folder."""
-        from .resources import FolderReader  # it is seldom asked for, and slow to import
+    def get_resource_reader(self, fullname: str) -> TraversableResources | None:
+        """What `importlib.resources` reads in the package's folders; None if it has none."""
+        folders = list(sys.modules[fullname].__path__)
+        return _resource_reader(folders) if folders else None
 
-        folders = sys.modules[fullname].__path__
-        return FolderReader(list(folders)) if folders else None
+
+def _resource_reader(folders: list[str]) -> TraversableResources:
+    """Reads the files of all folders as those of one, as Python does for namespace packages."""
+    # Few programs need it, and importlib.resources is slow to import.
+    from importlib.resources.abc import Traversable, TraversableResources
+    from importlib.resources.readers import MultiplexedPath
+
+    class FolderReader(TraversableResources):
+        def files(self) -> Traversable:
+            return MultiplexedPath(*map(Path, folders))
+
+    return FolderReader()
 
 
 class _FolderLoader(_PackageLoader):

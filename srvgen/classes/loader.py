@@ -19,14 +19,13 @@ import msgspec
 
 from .. import _runtime, excepthook
 from ..definitions import limits
-from ..definitions.dependencies import closure, full_text, joined_text
-from ..definitions.files import parse_definition
-from ..definitions.full_text import split_full_text
+from ..definitions.lines import split_full_text
 from ..definitions.model import Definition, MessageDef
 from ..definitions.names import split_type_name
-from ..definitions.search import BUNDLED, Search
-from ..diagnostics.mistake import Mistake
-from ..errors import DefinitionError
+from ..errors import DefinitionError, InvalidText
+from ..files.dependencies import closure, full_text, joined_text
+from ..files.reading import parse_definition
+from ..files.search import BUNDLED, Search
 from ..typehash import Hasher, Resolve, hash_of
 from .render import Block, Import, Source, imports_of, render
 
@@ -186,7 +185,7 @@ class _Given:
             raise TypeError(f"expected the text of {type_name} (str), got {reprlib.repr(whole)}")
         try:
             limits.check_length(whole)
-        except Mistake as mistake:
+        except InvalidText as mistake:
             raise DefinitionError(mistake.message, path=type_name) from None
         own_text, needed = split_full_text(whole)
         if len(needed) > limits.NESTED:

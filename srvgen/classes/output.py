@@ -8,8 +8,8 @@ from collections.abc import Callable, Iterator, Mapping
 from pathlib import Path
 from typing import NamedTuple
 
-from ..definitions.files import KINDS
 from ..errors import DefinitionError
+from ..files.reading import KINDS
 from .generate import runtime_source
 from .render import GENERATED
 

@@ -6,14 +6,13 @@ from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
 
+from ..definitions.derived import implied_types, references
 from ..definitions.field_types import ROS1_TIME_TYPES
-from ..definitions.implied import implied_types, references
 from ..definitions.model import Constant, Definition, Field, FieldType, Kind, MessageDef, ServiceDef
 from ..errors import DefinitionError
 from ..typehash import Hasher
 from .render_check import checks
-from .render_text import definition_literal, docstring, text_literal
-from .render_types import (
+from .render_expressions import (
     Scope,
     annotation,
     array_class,
@@ -21,8 +20,11 @@ from .render_types import (
     constant_annotation,
     default,
     default_constant,
+    definition_literal,
+    docstring,
     module_name,
     scalar,
+    text_literal,
 )
 
 _INDENT = "    "

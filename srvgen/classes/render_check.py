@@ -5,8 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from ..definitions.model import Field, FieldType
-from .render_text import text_literal
-from .render_types import FLOATS, INTEGERS, STRINGS, Scope, array_class, attribute
+from .render_expressions import (
+    FLOATS,
+    INTEGERS,
+    STRINGS,
+    Scope,
+    array_class,
+    attribute,
+    text_literal,
+)
 
 _LONGEST = 92
 """So that a line of a method's body stays within 100 columns."""

@@ -13,17 +13,16 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from importlib import import_module
 
-from .. import _HOMES
-from ..definitions.files import KINDS
-from ..definitions.implied import references
+from .. import EXPORTS
+from ..definitions.derived import references
 from ..definitions.model import Definition, Kind
 from ..definitions.names import split_type_name
-from ..definitions.search import Search
 from ..errors import DefinitionError
+from ..files.reading import KINDS
+from ..files.search import Search
 from .generate import exports
 from .render import GENERATED, render_stub
-from .render_text import docstring
-from .render_types import module_name
+from .render_expressions import docstring, module_name
 
 
 def whole_packages(
@@ -88,7 +87,7 @@ def _srvgen_stub(definitions: Mapping[str, Definition]) -> Iterator[str]:
     yield from (f"from {package} import {kind} as _{package}_{kind}" for package, kind in folders)
     yield from (
         f"from srvgen.{home} import {name} as {name}"
-        for name, home in sorted(_HOMES.items(), key=lambda one: (one[1], one[0]))
+        for name, home in sorted(EXPORTS.items(), key=lambda one: (one[1], one[0]))
         if name != "load"
     )
     yield ""

@@ -8,17 +8,17 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from ..definitions.dependencies import closure, whole_error
-from ..definitions.files import KINDS, kind_folder, read_definition, read_text
 from ..definitions.model import Definition
-from ..definitions.search import Search
 from ..errors import DefinitionError
+from ..files.dependencies import closure, whole_error
+from ..files.reading import KINDS, kind_folder, read_definition, read_text
+from ..files.search import Search
 from .report import Report
 from .sources import files_of, is_type_name, search_paths
 
 if TYPE_CHECKING:
     from ..classes.output import Changes
-    from ..diagnostics.fix import Fix
+    from ..files.fix import Fix
 
 
 def write_packages(options: argparse.Namespace, report: Report) -> None:
@@ -95,7 +95,7 @@ def write_stubs(options: argparse.Namespace, report: Report) -> None:
 
 def check(options: argparse.Namespace, report: Report) -> None:
     """`srvgen check`: report every problem of definitions."""
-    from ..diagnostics.warnings import package_cycle, suspicions
+    from ..files.warnings import package_cycle, suspicions
 
     search = _search_of_sources(options)
     known: dict[str, Definition] = {}
@@ -122,7 +122,7 @@ def _counted(count: int, noun: str) -> str:
 
 def fix(options: argparse.Namespace, report: Report) -> None:
     """`srvgen fix`: put right what has one right answer, and report the rest."""
-    from ..diagnostics.fix import fix_file
+    from ..files.fix import fix_file
 
     search = _search_of_sources(options)
     fixes: list[Fix] = []
@@ -178,7 +178,7 @@ def print_descriptions(options: argparse.Namespace, report: Report) -> None:
 
 def print_definition(options: argparse.Namespace, report: Report) -> None:
     """`srvgen show`: print a definition and what it contains."""
-    from ..show import Comments, show
+    from ..describe import Comments, show
 
     search, definition, path = _one(options)
 

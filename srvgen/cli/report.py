@@ -8,8 +8,8 @@ from itertools import groupby
 from pathlib import Path
 
 from ..definitions import limits
-from ..definitions.dependencies import problems_of
 from ..errors import SHOWN, DefinitionError, DefinitionWarning, as_text, looked_in
+from ..files.dependencies import problems_of
 
 
 class Report:

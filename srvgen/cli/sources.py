@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from ..definitions.files import KINDS, has_subfolders, kind_folder, kind_of, subfolders
 from ..definitions.names import did_you_mean
-from ..definitions.search import Search
 from ..errors import DefinitionError
+from ..files.reading import KINDS, has_subfolders, kind_folder, kind_of, subfolders
+from ..files.search import Search
 
 _LEFT_OUT = ("build", "install", "log", "node_modules", "__pycache__")
 """Folders below `src` that hold no sources of packages."""

@@ -1,4 +1,6 @@
-"""From the text of a definition to its model: lines, names, types, literals, and where files are.
+"""The model of interface definitions and the rules of the definition language.
 
-Start with `parser`, which reads a text, and `model`, which holds what was read. `search` finds
-the file of a type, `dependencies` all that a type needs. `diagnostics` explains mistakes."""
+Start with `model`, the values that the parser produces; `names`, `field_types`, `literals` and
+`lines` read one part of a definition each, `derived` adds the types that a service or an action
+implies, `limits` says how large definitions may be. Nothing here reads files, explains errors or
+knows Python classes."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from functools import lru_cache
 
-from ..diagnostics.mistake import Mistake
+from ..errors import InvalidText
 from .model import PRIMITIVES, FieldType
 from .names import is_message_name, is_package_name
 
@@ -21,12 +21,29 @@ refuses them, here as there.
 _BUILT_IN = PRIMITIVES | ROS1_TIME_TYPES.keys()
 
 
+class InvalidTypeName(InvalidText):
+    """A type is neither built in nor a valid message name.
+
+    `diagnostics` gives the precise message and a hint; only refused lines pay for that.
+
+    Attributes:
+        text: the type without the brackets of an array.
+        package, name: the parts of the message type that it would be.
+    """
+
+    def __init__(self, text: str, package: str, name: str) -> None:
+        super().__init__(f"expected a built-in type, 'Name' or 'package/Name', got {text!r}")
+        self.text = text
+        self.package = package
+        self.name = name
+
+
 @lru_cache(maxsize=4096)
 def parse_type(text: str, package: str) -> FieldType:
     """Read a type as it stands in a definition of `package`.
 
     Raises:
-        Mistake: with the offset of the offending character in `text`.
+        InvalidText: with the offset of the offending character in `text`.
     """
     if text in _BUILT_IN:
         return FieldType(text)
@@ -34,9 +51,9 @@ def parse_type(text: str, package: str) -> FieldType:
         return _base_type(text, package)
     opening = text.rfind("[")
     if opening < 0:
-        raise Mistake(f"expected '[' before the ']' of {text!r}", len(text) - 1)
+        raise InvalidText(f"expected '[' before the ']' of {text!r}", len(text) - 1)
     if "[" in text[:opening]:
-        raise Mistake(
+        raise InvalidText(
             f"expected one pair of brackets, got {text!r}",
             text.index("["),
             "an array has one dimension; a message with an array inside makes the second",
@@ -61,20 +78,18 @@ def _base_type(text: str, package: str) -> FieldType:
     for name in ("string", "wstring"):
         if text.startswith(name + "<="):
             return FieldType(name, None, _bound(text, len(name) + 2, len(text)))
-    owner, slash, name = text.rpartition("/")
-    if not slash:
-        owner = package
-    _check_message_type(text, owner, name)
-    return FieldType(name, owner)
+    written_package, slash, name = text.rpartition("/")
+    if slash:
+        package = written_package
+    _check_message_type(text, package, name)
+    return FieldType(name, package)
 
 
-def _check_message_type(text: str, owner: str, name: str) -> None:
-    is_path = "/" in text
-    has_owner = is_package_name(owner) if is_path else owner and "/" not in owner
-    if not has_owner or not is_message_name(name):
-        from ..diagnostics.type_slips import no_message_type  # only a mistake needs it
-
-        raise no_message_type(text, owner, name)
+def _check_message_type(text: str, package: str, name: str) -> None:
+    # The parser reports an invalid package of the file itself, not at every field.
+    has_package = is_package_name(package) if "/" in text else package and "/" not in package
+    if not has_package or not is_message_name(name):
+        raise InvalidTypeName(text, package, name)
 
 
 def _bound(text: str, start: int, end: int) -> int:
@@ -84,5 +99,5 @@ def _bound(text: str, start: int, end: int) -> int:
     except ValueError:
         value = 0
     if value <= 0:
-        raise Mistake(f"expected a whole number above 0 as the limit, got {number!r}", start)
+        raise InvalidText(f"expected a whole number above 0 as the limit, got {number!r}", start)
     return value

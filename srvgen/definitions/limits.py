@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..diagnostics.mistake import Mistake
+from ..errors import InvalidText
 from .model import Field, FieldType, MessageDef
 
 TEXT = 2**20
@@ -33,10 +33,10 @@ def check_length(text: str) -> None:
     """Refuse a text that is too long to be a definition.
 
     Raises:
-        Mistake: it is.
+        InvalidText: it is.
     """
     if len(text) > TEXT:
-        raise Mistake(f"expected at most {TEXT:,} characters of definitions, got {len(text):,}")
+        raise InvalidText(f"expected at most {TEXT:,} characters of definitions, got {len(text):,}")
 
 
 def default_memory(message: MessageDef, nested: Mapping[str, int]) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
 SEPARATOR = "---"
@@ -11,6 +11,10 @@ SEPARATOR = "---"
 # What opens a bracket is read up to where it ends, also where that makes no unit: a text of a
 # million brackets is then read once, not a million times.
 _BRACKET = re.compile(r"\[([^,\]]*)(?:\]|,|\Z)")
+
+
+_RULE = "=" * 80
+_HEADING = re.compile(rf"\n{_RULE}\nMSG: (\S+)\n")
 
 
 class Comment(NamedTuple):
@@ -54,6 +58,19 @@ def read_comment(raw_lines: Sequence[str]) -> Comment:
     if kept and not kept[-1]:
         kept.pop()
     return Comment(tuple(_dedented(kept)), unit)
+
+
+def join_full_text(text: str, needed: Mapping[str, str]) -> str:
+    """The text of a definition, then each needed one under a rule and `MSG: pkg/msg/Name`."""
+    return text + "".join(
+        f"\n{_RULE}\nMSG: {name}\n{needed_text}" for name, needed_text in needed.items()
+    )
+
+
+def split_full_text(text: str) -> tuple[str, dict[str, str]]:
+    """Take apart what `join_full_text` made: the definition's own text, and name → text."""
+    own, *rest = _HEADING.split(text)
+    return own, dict(zip(rest[::2], rest[1::2], strict=True))
 
 
 def _dedented(lines: Sequence[str]) -> list[str]:

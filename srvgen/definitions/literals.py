@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from ..diagnostics.mistake import Mistake, Repair
+from ..errors import InvalidText, Repair
 from .model import FieldType, Scalar, Value
 
 INTEGER_RANGES = {
@@ -29,7 +29,7 @@ def parse_scalar(text: str, base: str, string_bound: int | None = None) -> Scala
     """Read one literal of a built-in type. Strings keep their backslash escapes.
 
     Raises:
-        Mistake: where the text is no value of this type.
+        InvalidText: where the text is no value of this type.
     """
     if base in INTEGER_RANGES:
         return _integer(text, base)
@@ -38,25 +38,27 @@ def parse_scalar(text: str, base: str, string_bound: int | None = None) -> Scala
     if base == "bool":
         value = _BOOLS.get(text.lower())
         if value is None:
-            raise Mistake(f"expected true, false, 1 or 0 for bool, got {text!r}")
+            raise InvalidText(f"expected true, false, 1 or 0 for bool, got {text!r}")
         return value
     if base in ("string", "wstring"):
         return _string(text, base, string_bound)
-    raise Mistake(f"{base!r} is a ROS 1 type that takes no value here, got {text!r}")
+    raise InvalidText(f"{base!r} is a ROS 1 type that takes no value here, got {text!r}")
 
 
 def parse_default(text: str, field_type: FieldType) -> Value:
     """Read the default of a field.
 
     Raises:
-        Mistake: where the text is no value of this type, with its offset in `text`.
+        InvalidText: where the text is no value of this type, with its offset in `text`.
     """
     if not field_type.is_primitive:
-        raise Mistake(f"a field of the message type {field_type} can have no default, got {text!r}")
+        raise InvalidText(
+            f"a field of the message type {field_type} can have no default, got {text!r}"
+        )
     if not field_type.is_array:
         return parse_scalar(text, field_type.base, field_type.string_bound)
     if not (text.startswith("[") and text.endswith("]")):
-        raise Mistake(f"expected a default in brackets [...] for {field_type}, got {text!r}")
+        raise InvalidText(f"expected a default in brackets [...] for {field_type}, got {text!r}")
     elements = _elements(text, field_type)
     _check_count(len(elements), field_type)
     return tuple(_element(element, start, field_type) for start, element in elements)
@@ -91,13 +93,13 @@ def _integer(text: str, base: str) -> int:
         except ValueError:
             raise _no_integer(text, base) from None
     if not low <= value <= high:
-        raise Mistake(f"expected a whole number from {low} to {high} for {base}, got {text!r}")
+        raise InvalidText(f"expected a whole number from {low} to {high} for {base}, got {text!r}")
     return value
 
 
-def _no_integer(text: str, base: str) -> Mistake:
+def _no_integer(text: str, base: str) -> InvalidText:
     low, high = INTEGER_RANGES[base]
-    mistake = Mistake(f"expected a whole number from {low} to {high} for {base}, got {text!r}")
+    mistake = InvalidText(f"expected a whole number from {low} to {high} for {base}, got {text!r}")
     if re.fullmatch("'.'", text):
         code = ord(text[1])
         mistake.hint = f"a {base} is a number here: {code}"
@@ -110,7 +112,7 @@ def _float(text: str, base: str) -> float:
     try:
         return float(text)
     except ValueError:
-        mistake = Mistake(f"expected a number for {base}, got {text!r}")
+        mistake = InvalidText(f"expected a number for {base}, got {text!r}")
         if re.fullmatch(r"[-+]?\d+,\d+", text):
             meant = text.replace(",", ".")
             mistake.hint = f"the decimal separator is a point: {meant}"
@@ -124,7 +126,7 @@ def _string(text: str, base: str, bound: int | None) -> str:
             text = text[1:-1]
             inner = re.search(rf"(?<!\\){quote}", text)
             if inner:
-                raise Mistake(
+                raise InvalidText(
                     f"expected no bare {quote} inside the quoted string",
                     inner.start() + 1,
                     hint=f"write \\{quote} for a quotation mark in the text",
@@ -132,7 +134,9 @@ def _string(text: str, base: str, bound: int | None) -> str:
             text = text.replace("\\" + quote, quote)
             break
     if bound and len(text) > bound:
-        raise Mistake(f"expected at most {bound} characters for {base}<={bound}, got {len(text)}")
+        raise InvalidText(
+            f"expected at most {bound} characters for {base}<={bound}, got {len(text)}"
+        )
     return text
 
 
@@ -140,7 +144,7 @@ def _element(text: str, start: int, field_type: FieldType) -> Scalar:
     stripped = text.strip()
     try:
         return parse_scalar(stripped, field_type.base, field_type.string_bound)
-    except Mistake as mistake:
+    except InvalidText as mistake:
         raise mistake.moved(start + len(text) - len(text.lstrip())) from None
 
 
@@ -150,7 +154,7 @@ def _check_count(count: int, field_type: FieldType) -> None:
         return
     limit = "at most" if field_type.is_upper_bound else "exactly"
     plural = "" if size == 1 else "s"
-    raise Mistake(f"expected {limit} {size} element{plural} for {field_type}, got {count}")
+    raise InvalidText(f"expected {limit} {size} element{plural} for {field_type}, got {count}")
 
 
 def _elements(text: str, field_type: FieldType) -> list[tuple[int, str]]:
@@ -173,7 +177,7 @@ def _string_elements(inner: str) -> list[tuple[int, str]]:
     while at < len(inner):
         at = _after_spaces(inner, at)
         if at == len(inner) or inner[at] == ",":
-            raise Mistake("expected an element of the array here", at + 1)
+            raise InvalidText("expected an element of the array here", at + 1)
         end, element = _string_element(inner, at)
         elements.append((at + 1, element))
         at = _after_spaces(inner, end)
@@ -194,5 +198,5 @@ def _string_element(inner: str, at: int) -> tuple[int, str]:
         return end, inner[at:end]
     closing = re.compile(rf"(?<!\\){quote}").search(inner, at + 1)
     if closing is None:
-        raise Mistake(f"expected a closing {quote} for the string that begins here", at + 1)
+        raise InvalidText(f"expected a closing {quote} for the string that begins here", at + 1)
     return closing.end(), inner[at + 1 : closing.start()].replace("\\" + quote, quote)

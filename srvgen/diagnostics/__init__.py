@@ -1,4 +1,5 @@
-"""What is wrong with a definition, what its author most likely meant, and how to repair it.
+"""Why a line of a definition is invalid, what its author most likely meant, and the repair.
 
-Start with `diagnosis`, which the parser calls once a line is refused; `fix` repairs files.
-Nothing here reads a correct definition."""
+Start with `line_errors`, which the parser calls for a line that it has refused; `line_hints` and
+`type_hints` recognise the usual mistakes. A valid line never comes here, so that reading it costs
+nothing more; problems of whole files (missing types, warnings, repairs) are in `files`."""

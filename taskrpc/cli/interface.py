@@ -12,7 +12,7 @@ from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted, stand
 from taskrpc.cli.shared.parsing import Commands, add_command, add_group, print_names
 
 if TYPE_CHECKING:
-    from srvgen.show import Comments
+    from srvgen.describe import Comments
 
 _HEADINGS = {"msg": "Messages:", "srv": "Services:", "action": "Actions:"}
 
@@ -149,7 +149,7 @@ def _proto(options: argparse.Namespace) -> int:
 
 
 def _show(options: argparse.Namespace) -> int:
-    from srvgen.show import show
+    from srvgen.describe import show
 
     search = definitions.search()
     name = search.resolve_name(_piped() if options.type == "-" else options.type)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from srvgen.definitions.names import is_package_name, snake_case
-from srvgen.definitions.search import Search
+from srvgen.files.search import Search
 from taskrpc.colcon import programs
 from taskrpc.colcon.cmake_package import interface_files
 from taskrpc.colcon.dependencies import NOT_IN_ROS, OURS, needs_of, packages_in

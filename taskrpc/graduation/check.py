@@ -10,7 +10,7 @@ from xml.etree.ElementTree import ParseError
 
 from srvgen import DefinitionError
 from srvgen.definitions.model import Definition
-from srvgen.definitions.search import Search
+from srvgen.files.search import Search
 from taskrpc.colcon import programs
 from taskrpc.colcon.dependencies import OURS, needs_of
 from taskrpc.errors import TaskRpcError

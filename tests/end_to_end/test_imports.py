@@ -15,10 +15,10 @@ import taskrpc
 pytestmark = pytest.mark.real_time
 
 MISTAKES = (
-    "difflib srvgen.diagnostics.slips srvgen.diagnostics.value_slips "
-    "srvgen.diagnostics.type_slips srvgen.diagnostics.diagnosis "
-    "srvgen.diagnostics.missing"
-    " srvgen.cli.report srvgen.diagnostics.warnings srvgen.diagnostics.fix"
+    "difflib srvgen.diagnostics.line_hints srvgen.diagnostics.value_slips "
+    "srvgen.diagnostics.type_hints srvgen.diagnostics.line_errors "
+    "srvgen.files.not_found"
+    " srvgen.cli.report srvgen.files.warnings srvgen.files.fix"
 )
 """What only explains what is wrong."""
 ELSEWHERE = (
@@ -27,8 +27,7 @@ ELSEWHERE = (
 )
 """What other commands and programs need."""
 DEFINITIONS = (
-    "srvgen.errors srvgen.definitions.names srvgen._runtime "
-    "srvgen.classes.loader srvgen.definitions.parser"
+    "srvgen.errors srvgen.definitions.names srvgen._runtime srvgen.classes.loader srvgen.parser"
 )
 NETWORK = "asyncio ssl socket logging msgspec pathlib tempfile"
 """What whoever calls nobody needs not."""
@@ -131,7 +130,7 @@ def test_srvgen_check_imports_neither_network_nor_what_explains_mistakes(tmp_pat
     file.parent.mkdir(parents=True)
     file.write_text("int64 a\n---\nint64 b\n", encoding="utf-8")
     modules = command("srvgen.cli.main", "check", str(file))
-    mistakes = MISTAKES.replace(" srvgen.cli.report srvgen.diagnostics.warnings", "")
+    mistakes = MISTAKES.replace(" srvgen.cli.report srvgen.files.warnings", "")
     unwanted = f"{mistakes} {ELSEWHERE} asyncio ssl taskrpc json xml tempfile zipfile"
     assert needless(modules, unwanted) == []
 
@@ -139,8 +138,8 @@ def test_srvgen_check_imports_neither_network_nor_what_explains_mistakes(tmp_pat
 def test_help_of_srvgen_imports_no_generator():
     modules = command("srvgen.cli.main", "--help")
     unwanted = (
-        "msgspec logging json srvgen.definitions.search "
-        "srvgen.definitions.parser srvgen.classes.render srvgen.cli.commands"
+        "msgspec logging json srvgen.files.search "
+        "srvgen.parser srvgen.classes.render srvgen.cli.commands"
     )
     assert needless(modules, f"{unwanted} {MISTAKES} {ELSEWHERE}") == []
 

@@ -9,7 +9,7 @@ from random import Random
 from typing import Any
 
 from srvgen import load
-from srvgen.definitions.search import BUNDLED
+from srvgen.files.search import BUNDLED
 
 CODES = {
     "bool": "?",

@@ -8,7 +8,7 @@ import sys
 import pytest
 
 from srvgen.cli.main import main
-from srvgen.definitions import search
+from srvgen.files import search
 
 
 @pytest.fixture

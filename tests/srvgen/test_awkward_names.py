@@ -15,8 +15,8 @@ from srvgen._runtime import encode_hook
 from srvgen.classes.generate import generate
 from srvgen.classes.importer import uninstall_import_hook
 from srvgen.classes.stubs import stubs, whole_packages
-from srvgen.definitions.files import read_definition
-from srvgen.definitions.search import BUNDLED, Search
+from srvgen.files.reading import read_definition
+from srvgen.files.search import BUNDLED, Search
 from tests.srvgen.sample_definitions import put_all
 
 WORDS = """

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from srvgen.definitions.model import Definition, MessageDef, sections
-from srvgen.definitions.search import BUNDLED, Search
+from srvgen.files.search import BUNDLED, Search
 from srvgen.typehash import hash_of
 
 CORPUS = Path(__file__).parents[3] / "shared" / "corpus"

@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 
 from srvgen import define, from_builtins, from_cdr, to_cdr
-from srvgen.definitions.files import decode, parse_definition
-from srvgen.definitions.full_text import join_full_text
-from srvgen.definitions.implied import references
+from srvgen.definitions.derived import references
+from srvgen.definitions.lines import join_full_text
+from srvgen.files.reading import decode, parse_definition
 
 CORPUS = Path(__file__).parents[3] / "shared" / "corpus"
 pytestmark = pytest.mark.skipif(not CORPUS.is_dir(), reason="the corpus is not beside the checkout")

@@ -9,12 +9,12 @@ from pathlib import Path
 
 import pytest
 
-from srvgen.definitions.files import decode, parse_definition
-from srvgen.definitions.implied import implied_types
+from srvgen.definitions.derived import implied_types
 from srvgen.definitions.literals import unescape
 from srvgen.definitions.model import sections
 from srvgen.describe import describe
 from srvgen.errors import DefinitionError
+from srvgen.files.reading import decode, parse_definition
 from srvgen.typehash import hash_of, type_description
 
 CORPUS = Path(__file__).parents[3] / "shared" / "corpus"

@@ -14,11 +14,11 @@ import srvgen
 from srvgen.classes.generate import generate
 from srvgen.classes.render import render, render_stub
 from srvgen.definitions import limits
-from srvgen.definitions.dependencies import problems_of
-from srvgen.definitions.full_text import join_full_text
-from srvgen.definitions.parser import parse_msg, parse_srv
-from srvgen.definitions.search import BUNDLED, Search
+from srvgen.definitions.lines import join_full_text
 from srvgen.errors import DefinitionError
+from srvgen.files.dependencies import problems_of
+from srvgen.files.search import BUNDLED, Search
+from srvgen.parser import parse_msg, parse_srv
 from srvgen.typehash import Hasher
 
 bundled = Search([BUNDLED])

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
-from srvgen.definitions.files import KINDS, decode, kind_of, parse_definition
 from srvgen.errors import DefinitionError
+from srvgen.files.reading import KINDS, decode, kind_of, parse_definition
 
 FOLDER = Path(__file__).parents[1] / "rejected"
 FILES = sorted(path for kind in KINDS for path in FOLDER.glob(f"*.{kind}"))

@@ -23,8 +23,8 @@ from srvgen import _runtime
 from srvgen._runtime import FieldError
 from srvgen.classes.loader import _Builder
 from srvgen.definitions.field_types import parse_type
-from srvgen.definitions.files import read_definition
-from srvgen.definitions.search import Search
+from srvgen.files.reading import read_definition
+from srvgen.files.search import Search
 
 FOLDER = Path(__file__).parents[1] / "golden" / "definitions" / "demo_interfaces"
 

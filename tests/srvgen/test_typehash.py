@@ -2,8 +2,8 @@
 
 import pytest
 
-from srvgen.definitions.parser import parse_msg
-from srvgen.definitions.search import Search
+from srvgen.files.search import Search
+from srvgen.parser import parse_msg
 from srvgen.typehash import hash_of, type_description
 
 KNOWN = {

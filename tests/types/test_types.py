@@ -18,7 +18,7 @@ from pathlib import Path
 import pytest
 
 from srvgen.classes.stubs import stubs, whole_packages
-from srvgen.definitions.search import BUNDLED, Search
+from srvgen.files.search import BUNDLED, Search
 from tests.docs.markdown import Page, read_page
 from tests.srvgen.sample_definitions import put_all
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import srvgen
 from srvgen.classes.loader import search_first
-from srvgen.definitions.search import Search
+from srvgen.files.search import Search
 
 
 def search() -> Search:

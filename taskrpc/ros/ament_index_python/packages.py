@@ -7,7 +7,7 @@ import re
 import sys
 from pathlib import Path
 
-from srvgen.definitions.search import BUNDLED
+from srvgen.files.search import BUNDLED
 from taskrpc.ros import hook, workspace
 
 

@@ -8,7 +8,7 @@ from typing import TypeAlias
 
 import srvgen
 from srvgen.classes.loader import search
-from srvgen.definitions.files import KINDS
+from srvgen.files.reading import KINDS
 from taskrpc.ros.ament_index_python.packages import get_packages_with_prefixes
 
 Interfaces: TypeAlias = dict[str, list[str]]

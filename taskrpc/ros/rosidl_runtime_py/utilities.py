@@ -7,7 +7,7 @@ from typing import Any
 
 from srvgen.classes.slot_types import NamespacedType
 from srvgen.convert import is_message_class
-from srvgen.definitions.files import KINDS
+from srvgen.files.reading import KINDS
 
 
 def get_interface(identifier: str) -> Any:

@@ -16,8 +16,8 @@ from srvgen import CdrError, FieldError, from_cdr, load, to_cdr
 from srvgen.cdr import messages
 from srvgen.cdr.plan import KEPT_CLASSES, plan_of
 from srvgen.classes.generate import generate
-from srvgen.definitions.files import read_definition
-from srvgen.definitions.search import BUNDLED, Search
+from srvgen.files.reading import read_definition
+from srvgen.files.search import BUNDLED, Search
 from tests.srvgen.sample_definitions import put_all
 
 AddTwoInts = load("example_interfaces/srv/AddTwoInts")

@@ -18,9 +18,9 @@ from srvgen.classes.generate import generate
 from srvgen.classes.output import write_tree
 from srvgen.classes.render import GENERATED
 from srvgen.cli.main import main
-from srvgen.definitions.files import read_definition
-from srvgen.definitions.search import BUNDLED, Search
 from srvgen.errors import DefinitionError
+from srvgen.files.reading import read_definition
+from srvgen.files.search import BUNDLED, Search
 from tests.srvgen.sample_definitions import put_all
 
 GOLDEN = Path(__file__).parents[2] / "golden"

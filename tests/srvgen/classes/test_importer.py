@@ -14,7 +14,7 @@ import pytest
 
 import srvgen
 from srvgen.classes import importer, loader
-from srvgen.definitions.search import Search
+from srvgen.files.search import Search
 
 
 @pytest.fixture

@@ -18,9 +18,9 @@ import pytest
 
 import srvgen
 from srvgen.classes import loader
-from srvgen.definitions.full_text import join_full_text
-from srvgen.definitions.search import BUNDLED, Search
+from srvgen.definitions.lines import join_full_text
 from srvgen.errors import DefinitionError
+from srvgen.files.search import BUNDLED, Search
 from tests.srvgen.sample_definitions import put
 
 

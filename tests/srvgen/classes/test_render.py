@@ -17,13 +17,13 @@ from hypothesis import strategies as st
 import srvgen
 from srvgen.classes.loader import _Builder
 from srvgen.classes.render import render
-from srvgen.classes.render_text import definition_literal, docstring, text_literal
-from srvgen.definitions.files import read_definition
-from srvgen.definitions.full_text import join_full_text
+from srvgen.classes.render_expressions import definition_literal, docstring, text_literal
+from srvgen.definitions.lines import join_full_text
 from srvgen.definitions.model import Definition
-from srvgen.definitions.parser import parse_msg, parse_srv
-from srvgen.definitions.search import BUNDLED, Search
 from srvgen.errors import DefinitionError
+from srvgen.files.reading import read_definition
+from srvgen.files.search import BUNDLED, Search
+from srvgen.parser import parse_msg, parse_srv
 from srvgen.typehash import Hasher
 
 CORPUS = Path(__file__).parents[4] / "shared" / "corpus"

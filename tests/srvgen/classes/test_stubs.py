@@ -12,7 +12,7 @@ import pytest
 
 import srvgen
 from srvgen.classes.stubs import stubs, whole_packages
-from srvgen.definitions.search import BUNDLED, Search
+from srvgen.files.search import BUNDLED, Search
 from tests.srvgen.sample_definitions import put
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from srvgen.definitions.search import Search
+from srvgen.files.search import Search
 from tests.srvgen.sample_definitions import put, put_all
 
 pytestmark = pytest.mark.usefixtures("workspace")

@@ -6,7 +6,7 @@ import pytest
 
 from srvgen.definitions.field_types import parse_type
 from srvgen.definitions.literals import parse_default, parse_scalar, unescape
-from srvgen.diagnostics.mistake import Mistake
+from srvgen.errors import InvalidText
 
 
 @pytest.mark.parametrize(
@@ -49,7 +49,7 @@ def test_a_literal_has_its_official_value(text, base, value):
     ],
 )
 def test_what_is_no_value_of_the_type_is_refused(text, base):
-    with pytest.raises(Mistake):
+    with pytest.raises(InvalidText):
         parse_scalar(text, base)
 
 
@@ -83,7 +83,7 @@ def test_an_array_has_its_official_value(text, kind, value):
     ],
 )
 def test_a_wrong_array_is_refused_at_the_wrong_place(text, kind, offset):
-    with pytest.raises(Mistake) as caught:
+    with pytest.raises(InvalidText) as caught:
         parse_default(text, parse_type(kind, "my_msgs"))
     assert caught.value.offset == offset
 

@@ -10,7 +10,7 @@ from xml.etree import ElementTree
 
 import pytest
 
-from srvgen.definitions.search import Search
+from srvgen.files.search import Search
 from taskrpc.cli.main import main
 
 LAMP = """

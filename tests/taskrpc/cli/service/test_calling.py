@@ -10,7 +10,7 @@ import pytest
 
 import srvgen
 import taskrpc
-from srvgen.definitions.search import Search
+from srvgen.files.search import Search
 from taskrpc.cli.call import configure
 from taskrpc.cli.service.calling import Plan, perform
 from taskrpc.cli.shared.command import Exit, exit_code

@@ -10,12 +10,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
+from ..definitions.derived import implied_types
+from ..definitions.model import Definition, Kind
+from ..definitions.names import TypeName, is_package_name, split_type_name
 from ..errors import DefinitionError
 from .dependencies import check_ros2_types, closure, full_text, whole_error
-from .files import KINDS, read_definition, read_text, subfolders
-from .implied import implied_types
-from .model import Definition, Kind
-from .names import TypeName, is_package_name, split_type_name
+from .reading import KINDS, read_definition, read_text, subfolders
 
 BUNDLED = Path(__file__).parents[1] / "interfaces"
 """The packages that come with srvgen."""
@@ -215,7 +215,7 @@ class Search:
         return error
 
     def _name_hint(self, text: str) -> str:
-        from ..diagnostics.missing import name_hint  # only a mistake needs it
+        from .not_found import name_hint  # only a mistake needs it
 
         with self.one_look():
             return name_hint(text, self.packages(), self.interfaces)
@@ -281,7 +281,7 @@ class Search:
         return definition
 
     def _unknown(self, name: TypeName) -> DefinitionError:
-        from ..diagnostics.missing import no_type
+        from .not_found import no_type
 
         with self.one_look():
             packages = self.packages()
@@ -292,7 +292,7 @@ class Search:
             return error
 
     def _no_package(self, package: str, wanted: TypeName | None = None) -> DefinitionError:
-        from ..diagnostics.missing import no_package
+        from .not_found import no_package
 
         roots = [root for root in self._roots() if root.is_dir()]
         error = no_package(package, self.packages(), roots, wanted)

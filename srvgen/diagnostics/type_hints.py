@@ -17,7 +17,7 @@ from ..definitions.names import (
     is_package_name,
     snake_case,
 )
-from .mistake import Mistake, Repair
+from ..errors import InvalidText, Repair
 
 _MEANT = {
     "int": "int32",
@@ -81,16 +81,16 @@ _ARRAYS = frozenset("array arrays list set sequence tuple vector".split())
 _MAPPINGS = frozenset("any dict dictionary json map mapping object record struct".split())
 
 
-def no_message_type(text: str, owner: str, name: str) -> Mistake:
+def invalid_type_name(text: str, owner: str, name: str) -> InvalidText:
     """The mistake of a type whose package `owner` or `name` cannot be one."""
     if "/" in owner or not owner:
-        return Mistake(
+        return InvalidText(
             f"expected a built-in type, 'Name' or 'package/Name', got {text!r}",
             hint=type_hint(text),
             repair=type_repair(text),
         )
     if "/" in text and not is_package_name(owner):
-        return Mistake(
+        return InvalidText(
             f"expected a package name ({LOWER_RULE}) before the '/', got {owner!r}",
             bad_at(owner, "field"),
             hint=type_hint(text),
@@ -98,7 +98,7 @@ def no_message_type(text: str, owner: str, name: str) -> Mistake:
     hint = type_hint(text)
     # What is a built-in type's name in another language is wrong as a whole.
     inside = 0 if hint else bad_at(name, "message")
-    return Mistake(
+    return InvalidText(
         f"expected a built-in type or the name of a message ({MESSAGE_RULE}), got {name!r}",
         len(text) - len(name) + inside,
         hint or message_name_hint(name),
@@ -133,13 +133,13 @@ def type_hint(text: str) -> str:
     return _bracket_hint(base, text) or _near_hint(base, tail)
 
 
-def wordy_type(code: str) -> Mistake | None:
+def wordy_type(code: str) -> InvalidText | None:
     """The mistake of a line that begins with one of C's types of several words."""
     for pattern, (meant, is_sure) in _WORDS.items():
         found = re.match(rf"(?:{pattern.pattern}) +(?=[A-Za-z_])", code)
         if found:
             text = found[0].rstrip()
-            return Mistake(
+            return InvalidText(
                 f"expected one word as the type, got {text!r}",
                 hint=f"did you mean {meant}?",
                 repair=Repair(0, len(text), meant) if is_sure else None,

@@ -11,9 +11,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from srvgen.definitions.files import parse_definition
-from srvgen.diagnostics.fix import fix_file, fixed
 from srvgen.errors import DefinitionError
+from srvgen.files.fix import fix_file, fixed
+from srvgen.files.reading import parse_definition
 
 pytestmark = pytest.mark.usefixtures("workspace")
 
@@ -293,7 +293,7 @@ def test_a_file_that_cannot_be_written_stays_whole(run, monkeypatch):
     def full(*_):
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr("srvgen.diagnostics.fix.shutil.copymode", full)
+    monkeypatch.setattr("srvgen.files.fix.shutil.copymode", full)
     code, _, err = run("fix", path)
     assert code == 1
     assert "expected a writable file, got: No space left on device" in err

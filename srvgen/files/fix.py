@@ -18,14 +18,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from ..definitions.dependencies import Source, closure, problems_of
 from ..definitions.field_types import parse_type
-from ..definitions.files import decode, kind_of, meant_path, package_of, parse_definition, read_data
 from ..definitions.lines import SEPARATOR
 from ..definitions.model import Kind
-from ..errors import DefinitionError
-from .mistake import Mistake, Repair
-from .type_slips import missing_type_repair
+from ..diagnostics.type_hints import missing_type_repair
+from ..errors import DefinitionError, InvalidText, Repair
+from .dependencies import Source, closure, problems_of
+from .reading import decode, kind_of, meant_path, package_of, parse_definition, read_data
 
 _MANY_PASSES = 100
 """So many strange characters of one line are removed, one a pass."""
@@ -161,7 +160,7 @@ def _references(text: str, package: str, is_missing: IsMissing) -> Iterator[tupl
         meant = missing_type_repair(base)
         if not meant or not rest.strip() or "=" in rest:
             continue
-        with suppress(Mistake):
+        with suppress(InvalidText):
             type_ = parse_type(written, package)
             if type_.package is None or is_missing(type_.full_name):
                 yield number, Repair(0, len(base), meant)

@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import cast, get_args
 
+from ..definitions.model import Definition, Kind
+from ..definitions.names import is_package_name, snake_case
 from ..errors import DefinitionError
-from .model import Definition, Kind
-from .names import is_package_name, snake_case
-from .parser import parse_action, parse_msg, parse_srv
+from ..parser import parse_action, parse_msg, parse_srv
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
 """The folders of a package that hold definitions; each is also the suffix of its files."""

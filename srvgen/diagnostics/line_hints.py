@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import re
 import unicodedata
+from collections.abc import Callable, Iterator
 
 from ..definitions.literals import CURLY
 from ..definitions.names import is_constant_name, is_field_name, is_message_name, snake_case
-from .mistake import Mistake, Repair
+from ..errors import InvalidText, Repair
 
 _DASHES = "-\N{EM DASH}\N{EN DASH}\N{HYPHEN}\N{MINUS SIGN}\N{HORIZONTAL BAR}\N{FIGURE DASH}"
 _SEPARATOR_LOOKALIKE = re.compile(rf"\s*(?:[{_DASHES}]\s*)+(?:#.*)?|\s*(?:=+|_+|\*+)\s*")
@@ -31,6 +32,13 @@ _BEGINNINGS = {
 }
 _SAMPLES = {"bool": "true", "string": '"text"', "wstring": '"text"'}
 
+_SUFFIXED = re.compile(r"([-+]?(?:0x[0-9a-f]+|[\d.]+(?:e[-+]?\d+)?))(?:f|l|u|ul|ll|ull)", re.I)
+_WHOLE = re.compile(r"([-+]?\d+)\.0*")
+_BOOLEAN_WORDS = {"yes": "true", "on": "true", "no": "false", "off": "false"}
+
+Parse = Callable[[str], object]
+"""Reads a value of one type, or raises InvalidText."""
+
 
 def bracket_repair(code: str) -> Repair | None:
     """The type that a line begins with, its brackets closed up to it, or None."""
@@ -49,14 +57,14 @@ def bound_repair(code: str) -> Repair | None:
     return Repair(0, found.end(), f"{''.join(found.groups())} ")
 
 
-def extra_word(code: str) -> Mistake | None:
+def extra_word(code: str) -> InvalidText | None:
     """The mistake of a line that begins with a word that other languages put before the type."""
     word, _, rest = code.partition(" ")
     rest = rest.lstrip()
     if word == "repeated" and " " in rest:
         type_text, _, name = rest.partition(" ")
         meant = f"{type_text}[] {name.lstrip()}"
-        return Mistake(
+        return InvalidText(
             "expected a type at the start of the line, got 'repeated'",
             hint=f"an array is written with brackets: {meant}",
             repair=Repair(0, len(code), meant),
@@ -64,14 +72,14 @@ def extra_word(code: str) -> Mistake | None:
     if word not in _MODIFIERS or " " not in rest:
         return None
     why = {"const": "a constant is one by its '='", "optional": "every field is always there"}
-    return Mistake(
+    return InvalidText(
         f"expected a type at the start of the line, got {word!r}",
         hint=f"leave it out{': ' + why[word] if word in why else ''}",
         repair=Repair(0, len(code) - len(rest), ""),
     )
 
 
-def several_fields(code: str) -> Mistake | None:
+def several_fields(code: str) -> InvalidText | None:
     """The mistake of a line that has more than one field, with `,` or `;` between them."""
     code = _FOREIGN_COMMENT.split(code, maxsplit=1)[0].rstrip()
     first, *others = re.split("[,;]", code.rstrip(";, "))
@@ -85,7 +93,7 @@ def several_fields(code: str) -> Mistake | None:
     if not others or not all(is_field_name(name) for _, name in parts):
         return None
     lines = [" ".join(part) for part in parts]
-    return Mistake(
+    return InvalidText(
         f"expected one field a line, got {len(lines)}",
         len(first),
         f"write them on lines of their own: {lines[0]}, then {', then '.join(lines[1:])}",
@@ -193,12 +201,12 @@ def lone_type_hint(text: str) -> str:
     return f"a name is missing: {text} {name if is_field_name(name) else 'value'}"
 
 
-def strange_character(code: str) -> Mistake | None:
+def strange_character(code: str) -> InvalidText | None:
     """The first character that a word processor left in a line that is no definition."""
     bullet = _BULLET.match(code)
     if bullet:
         at = len(bullet[0]) - len(bullet[0].lstrip())
-        return Mistake(
+        return InvalidText(
             f"expected a type at the start of the line, got a list's {code[at]!r}",
             at,
             "leave it out: one definition a line needs no list",
@@ -206,7 +214,7 @@ def strange_character(code: str) -> Mistake | None:
         )
     for offset, char in enumerate(code):
         if char in CURLY:
-            return Mistake(
+            return InvalidText(
                 f"expected plain text, got the curly quotation mark {char}",
                 offset,
                 "replace it by a straight one",
@@ -215,10 +223,62 @@ def strange_character(code: str) -> Mistake | None:
         if char != " " and unicodedata.category(char) in ("Cf", "Cc", "Zs"):
             name = unicodedata.name(char, "control character").lower()
             plain = " " if unicodedata.category(char) == "Zs" else ""
-            return Mistake(
+            return InvalidText(
                 f"expected plain text, got a {name} (U+{ord(char):04X})",
                 offset,
                 "replace it by a plain space or by nothing",
                 Repair(offset, offset + 1, plain),
             )
     return None
+
+
+def put_right(mistake: InvalidText, text: str, parse: Parse) -> InvalidText:
+    """The mistake of the value `text`, with what was meant where that can be told.
+
+    Args:
+        mistake: what `parse` has raised for the text; its offset counts in the text.
+        text: the value as it stands in the line, up to the end.
+        parse: reads a value of the right type, or raises a InvalidText.
+    """
+    comment = re.search(r"(?:^|(?<=\s))//", text)
+    if comment:
+        mistake.hint = "a comment begins with '#'"
+        if _reads(text[: comment.start()].rstrip(), parse) or not comment.start():
+            mistake.repair = Repair(comment.start(), comment.end(), "#")
+    elif not text:
+        mistake.hint = "a value is missing"
+    elif not mistake.repair and (meant := meant_value(text, parse)) not in ("", text):
+        mistake.hint = f"did you mean {meant}?"
+        # What is meant by yes in a definition only its writer can say for sure.
+        mistake.repair = None if meant in _BOOLEAN_WORDS.values() else Repair(0, len(text), meant)
+    return mistake
+
+
+def meant_value(text: str, parse: Parse) -> str:
+    """The value itself where it can be read, else the first likely meaning of it, or ""."""
+    return next((one for one in _candidates(text) if _reads(one, parse)), "")
+
+
+def _candidates(text: str) -> Iterator[str]:
+    yield text
+    bare = text.rstrip(";, ")
+    yield bare
+    yield _BOOLEAN_WORDS.get(bare.lower(), "")
+    for pattern in (_SUFFIXED, _WHOLE):
+        if found := pattern.fullmatch(bare):
+            yield found[1]
+    if re.fullmatch(r"\d+,\d+", bare):
+        yield bare.replace(",", ".")
+    inner = bare[1:-1] if bare[:1] + bare[-1:] in ("{}", "()") else bare
+    if not re.search("[]['\"]", inner):
+        yield f"[{inner}]"
+
+
+def _reads(text: str, parse: Parse) -> bool:
+    if not text:
+        return False
+    try:
+        parse(text)
+    except InvalidText:
+        return False
+    return True

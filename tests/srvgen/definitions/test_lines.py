@@ -3,8 +3,8 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from srvgen.definitions.full_text import join_full_text, split_full_text
-from srvgen.definitions.search import BUNDLED, Search
+from srvgen.definitions.lines import join_full_text, split_full_text
+from srvgen.files.search import BUNDLED, Search
 
 TEXTS = st.text(st.sampled_from("ab #=-\n\r\t"))
 NAMES = st.sampled_from(["a_msgs/msg/A", "b_msgs/msg/B", "c_msgs/msg/C"])

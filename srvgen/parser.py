@@ -11,14 +11,21 @@ from collections.abc import Callable, Sequence
 from functools import cached_property
 from typing import Any, NamedTuple
 
-from ..diagnostics.mistake import Mistake, Repair
-from ..errors import DefinitionError, DefinitionErrors
-from . import limits
-from .field_types import parse_type
-from .lines import SEPARATOR, leading_comments, read_comment, split_lines
-from .literals import parse_default, parse_scalar
-from .model import PRIMITIVES, ActionDef, Constant, Definition, Field, Kind, MessageDef, ServiceDef
-from .names import (
+from .definitions import limits
+from .definitions.field_types import parse_type
+from .definitions.lines import SEPARATOR, leading_comments, read_comment, split_lines
+from .definitions.literals import parse_default, parse_scalar
+from .definitions.model import (
+    PRIMITIVES,
+    ActionDef,
+    Constant,
+    Definition,
+    Field,
+    Kind,
+    MessageDef,
+    ServiceDef,
+)
+from .definitions.names import (
     LOWER_RULE,
     MESSAGE_RULE,
     camel_case,
@@ -28,6 +35,7 @@ from .names import (
     is_package_name,
     snake_case,
 )
+from .errors import DefinitionError, DefinitionErrors, InvalidText, Repair
 
 _BOM = "\N{ZERO WIDTH NO-BREAK SPACE}"
 
@@ -173,7 +181,7 @@ class _File:
         wanted = len(names) - 1
         found = [at for at, line in enumerate(self.lines) if line == SEPARATOR]
         if len(found) < wanted:
-            from ..diagnostics.slips import looks_like_separator
+            from .diagnostics.line_hints import looks_like_separator
 
             alike = [at for at, line in enumerate(self.lines) if looks_like_separator(line)]
             is_clear = len(alike) == wanted - len(found)
@@ -205,7 +213,7 @@ class _File:
         *,
         is_clear: bool,
     ) -> None:
-        from ..diagnostics.slips import separator_repair
+        from .diagnostics.line_hints import separator_repair
 
         parts = f"{', '.join(names[:-1])} and {names[-1]}"
         count = "one line" if len(names) == 2 else "two lines"
@@ -275,8 +283,8 @@ class _File:
     def _entry(self, code: str, number: int, comments: list[str]) -> _Entry | None:
         try:
             return _read(code, self.package, number, comments)
-        except Mistake:
-            from ..diagnostics.diagnosis import mistakes_in_line
+        except InvalidText:
+            from .diagnostics.line_errors import mistakes_in_line
 
             for mistake in mistakes_in_line(code, self.package):
                 self.problem(
@@ -302,19 +310,19 @@ def _read(code: str, package: str, number: int, comments: list[str]) -> _Entry:
     type_text, _, rest = code.partition(" ")
     rest = rest.lstrip()
     if not rest:
-        raise Mistake("one word only")
+        raise InvalidText("one word only")
     column = len(code) - len(rest) + 1
     if "=" in rest:
         name, _, value = rest.partition("=")
         name = name.rstrip()
         if type_text not in PRIMITIVES or not is_constant_name(name):
-            raise Mistake("no constant")
+            raise InvalidText("no constant")
         constant = (name, type_text, parse_scalar(value.lstrip(), type_text))
         return _Entry(Constant, constant, comments, number, column)
     name, _, default_text = rest.partition(" ")
     field_type = parse_type(type_text, package)
     if not is_field_name(name):
-        raise Mistake("no field name")
+        raise InvalidText("no field name")
     default_text = default_text.lstrip()
     default = parse_default(default_text, field_type) if default_text else None
     return _Entry(Field, (name, field_type, default), comments, number, column)
@@ -328,7 +336,7 @@ def _weight(entry: _Entry) -> int:
 def _check_length(text: str, path: str) -> None:
     try:
         limits.check_length(text)
-    except Mistake as mistake:
+    except InvalidText as mistake:
         raise DefinitionError(mistake.message, path=path) from None
 
 

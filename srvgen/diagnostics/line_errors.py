@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from ..definitions.field_types import ROS1_TIME_TYPES, parse_type
+from ..definitions.field_types import ROS1_TIME_TYPES, InvalidTypeName, parse_type
 from ..definitions.literals import parse_default, parse_scalar
 from ..definitions.model import PRIMITIVES, FieldType
 from ..definitions.names import CONSTANT_RULE, LOWER_RULE, bad_at, is_constant_name, is_field_name
-from .mistake import Mistake, Repair
-from .slips import (
+from ..errors import InvalidText, Repair
+from .line_hints import (
     bound_repair,
     bracket_repair,
     comment_repair,
@@ -21,25 +21,26 @@ from .slips import (
     line_hint,
     lone_type_hint,
     looks_like_separator,
+    meant_value,
+    put_right,
     several_fields,
     strange_character,
 )
-from .type_slips import size_hint, type_hint, wordy_type
-from .value_slips import meant_value, put_right
+from .type_hints import invalid_type_name, size_hint, type_hint, wordy_type
 
 
-def mistakes_in_line(code: str, package: str) -> list[Mistake]:
+def mistakes_in_line(code: str, package: str) -> list[InvalidText]:
     """Every mistake of a line (its comment removed), with its offset in the line."""
     strange = strange_character(code)
     return [strange] if strange else list(_mistakes(code, package))
 
 
-def _mistakes(code: str, package: str) -> Iterator[Mistake]:
+def _mistakes(code: str, package: str) -> Iterator[InvalidText]:
     type_text, _, rest = code.partition(" ")
     name = rest.lstrip()
     if not type_text:
         indent = len(code) - len(name)
-        yield Mistake(
+        yield InvalidText(
             "expected the type at the start of the line, got white space",
             hint="only comments may be indented",
             repair=Repair(0, indent, ""),
@@ -51,23 +52,23 @@ def _mistakes(code: str, package: str) -> Iterator[Mistake]:
         yield whole
     elif bound := bound_repair(code):
         message = f"expected no spaces in the type, got {code[: bound.end].rstrip()!r}"
-        yield Mistake(message, hint=f"did you mean {bound.text.rstrip()}?", repair=bound)
+        yield InvalidText(message, hint=f"did you mean {bound.text.rstrip()}?", repair=bound)
     elif (brackets := bracket_repair(code)) and not code.startswith(brackets.text):
         message = f"expected no spaces in the type, got {code[: brackets.end].rstrip()!r}"
-        yield Mistake(message, hint=f"did you mean {brackets.text.rstrip()}?", repair=brackets)
+        yield InvalidText(message, hint=f"did you mean {brackets.text.rstrip()}?", repair=brackets)
     elif "=" in name:
         yield from _constant_mistakes(code, type_text, len(code) - len(name), package)
     else:
         yield from _field_mistakes(code, type_text, len(code) - len(name), package)
 
 
-def _lone_word(code: str, package: str) -> Mistake:
+def _lone_word(code: str, package: str) -> InvalidText:
     alone = "" if " " in code else " alone"
     message = f"expected a type and a name, got {code!r}{alone}"
     if looks_like_separator(code) or code == "---":
         if code.startswith("=" * 8):
-            return Mistake(message, hint=line_hint(code))
-        return Mistake(
+            return InvalidText(message, hint=line_hint(code))
+        return InvalidText(
             message,
             hint="a message has one section; a service (.srv) two, an action (.action) three, "
             "with a line of exactly --- between them",
@@ -75,14 +76,16 @@ def _lone_word(code: str, package: str) -> Mistake:
     hint = line_hint(code)
     if not hint:
         try:
-            parse_type(code, package)
+            _read_type(code, package)
             hint = lone_type_hint(code)
-        except Mistake as mistake:
+        except InvalidText as mistake:
             hint = mistake.hint
-    return Mistake(message, hint=hint, repair=comment_repair(code))
+    return InvalidText(message, hint=hint, repair=comment_repair(code))
 
 
-def _constant_mistakes(code: str, type_text: str, name_at: int, package: str) -> Iterator[Mistake]:
+def _constant_mistakes(
+    code: str, type_text: str, name_at: int, package: str
+) -> Iterator[InvalidText]:
     name, _, raw_value = code[name_at:].partition("=")
     name = name.rstrip()
     value = raw_value.lstrip()
@@ -90,13 +93,13 @@ def _constant_mistakes(code: str, type_text: str, name_at: int, package: str) ->
         if default := _default_with_equals(code, type_text, name_at, package):
             yield default
             return
-        yield Mistake(
+        yield InvalidText(
             f"expected a plain built-in type for a constant, got {type_text!r}",
             hint="" if "=" in type_text or type_text in ROS1_TIME_TYPES else type_hint(type_text),
         )
     meant = meant_value(value, lambda text: parse_scalar(text, type_text)) or value
     if not is_constant_name(name):
-        yield Mistake(
+        yield InvalidText(
             f"expected the name of a constant ({CONSTANT_RULE}), got {name!r}",
             name_at + bad_at(name, "constant"),
             constant_name_hint(name, type_text, meant),
@@ -107,24 +110,26 @@ def _constant_mistakes(code: str, type_text: str, name_at: int, package: str) ->
     if type_text in PRIMITIVES:
         try:
             parse_scalar(value, type_text)
-        except Mistake as mistake:
+        except InvalidText as mistake:
             mended = put_right(mistake, value, lambda text: parse_scalar(text, type_text))
             yield mended.moved(len(code) - len(value))
 
 
-def _default_with_equals(code: str, type_text: str, name_at: int, package: str) -> Mistake | None:
+def _default_with_equals(
+    code: str, type_text: str, name_at: int, package: str
+) -> InvalidText | None:
     """The mistake of an array's default that has a `=`, since an array is no constant."""
     name, _, value = code[name_at:].partition("=")
     name, value = name.rstrip(), value.strip()
     try:
         field_type = parse_type(type_text, package)
-    except Mistake:
+    except InvalidText:
         return None
     if not is_field_name(name) or field_type.base in ROS1_TIME_TYPES:
         return None
     equals = code.index("=", name_at)
     if not field_type.is_primitive:
-        return Mistake(
+        return InvalidText(
             f"expected a field of the message type {field_type} without a default, "
             f"got {code[equals:]!r}",
             equals,
@@ -132,7 +137,7 @@ def _default_with_equals(code: str, type_text: str, name_at: int, package: str) 
         )
     meant = meant_value(value, lambda text: parse_default(text, field_type))
     right = f"{type_text} {name} {meant or value}".rstrip()
-    return Mistake(
+    return InvalidText(
         f"expected a default without '=', got {code[equals:]!r}",
         equals,
         f"did you mean {right}?" if meant or not value else "",
@@ -140,13 +145,13 @@ def _default_with_equals(code: str, type_text: str, name_at: int, package: str) 
     )
 
 
-def _field_mistakes(code: str, type_text: str, name_at: int, package: str) -> Iterator[Mistake]:
+def _field_mistakes(code: str, type_text: str, name_at: int, package: str) -> Iterator[InvalidText]:
     name, _, rest = code[name_at:].partition(" ")
     default = rest.lstrip()
     field_type: FieldType | None = None
     try:
-        field_type = parse_type(type_text, package)
-    except Mistake as mistake:
+        field_type = _read_type(type_text, package)
+    except InvalidText as mistake:
         yield _with_type_hint(mistake, code, type_text, name_at)
         if ("[" in type_text and "]" not in type_text) or name.rstrip(";,:") in PRIMITIVES:
             return  # type and name do not stand where they should: say it once
@@ -158,11 +163,19 @@ def _field_mistakes(code: str, type_text: str, name_at: int, package: str) -> It
     elif field_type and default:
         try:
             parse_default(default, field_type)
-        except Mistake as mistake:
+        except InvalidText as mistake:
             yield _with_default_hint(mistake, default, field_type).moved(len(code) - len(default))
 
 
-def _with_type_hint(mistake: Mistake, code: str, type_text: str, name_at: int) -> Mistake:
+def _read_type(text: str, package: str) -> FieldType:
+    """Read a type. Raises InvalidText with a hint and a repair, if there are any."""
+    try:
+        return parse_type(text, package)
+    except InvalidTypeName as error:
+        raise invalid_type_name(error.text, error.package, error.name) from None
+
+
+def _with_type_hint(mistake: InvalidText, code: str, type_text: str, name_at: int) -> InvalidText:
     name, _, default = code[name_at:].partition(" ")
     bare_type, bare = type_text.rstrip(":"), name.rstrip(";,:")
     if bare in PRIMITIVES and is_field_name(bare_type) and bare_type not in PRIMITIVES:
@@ -185,8 +198,8 @@ def _name_repair(code: str, type_text: str, name: str, name_at: int) -> Repair |
     return field_name_repair(name, type_text, name_at)
 
 
-def _no_field_name(name: str, name_at: int, hint: str, repair: Repair | None) -> Mistake:
-    return Mistake(
+def _no_field_name(name: str, name_at: int, hint: str, repair: Repair | None) -> InvalidText:
+    return InvalidText(
         f"expected the name of a field ({LOWER_RULE}), got {name!r}",
         name_at + bad_at(name, "field"),
         hint,
@@ -194,7 +207,7 @@ def _no_field_name(name: str, name_at: int, hint: str, repair: Repair | None) ->
     )
 
 
-def _with_default_hint(mistake: Mistake, default: str, field_type: FieldType) -> Mistake:
+def _with_default_hint(mistake: InvalidText, default: str, field_type: FieldType) -> InvalidText:
     if looks_like_separator(default) or default == "---":
         mistake.hint = "the separator --- stands on a line of its own"
         return mistake

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 
 from srvgen.definitions.model import MessageDef, ServiceDef
-from srvgen.definitions.search import BUNDLED, Search
 from srvgen.errors import DefinitionError, DefinitionErrors
+from srvgen.files.search import BUNDLED, Search
 from tests.srvgen.sample_definitions import put, put_all
 
 pytestmark = pytest.mark.usefixtures("workspace")

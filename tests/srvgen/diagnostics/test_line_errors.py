@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from srvgen.definitions.files import parse_definition
 from srvgen.definitions.model import PRIMITIVES
 from srvgen.definitions.names import is_one_slip
-from srvgen.definitions.search import Search
-from srvgen.diagnostics.type_slips import _COMMON, stand_ins
+from srvgen.diagnostics.type_hints import _COMMON, stand_ins
 from srvgen.errors import DefinitionError
+from srvgen.files.reading import parse_definition
+from srvgen.files.search import Search
 
 
 def problems_of(text, kind="msg"):

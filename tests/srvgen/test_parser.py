@@ -6,11 +6,10 @@ from hypothesis import strategies as st
 
 from srvgen.definitions import limits
 from srvgen.definitions.model import Constant, Field, FieldType
-from srvgen.definitions.parser import parse_action, parse_msg, parse_srv
-from srvgen.diagnostics import diagnosis
-from srvgen.diagnostics.diagnosis import mistakes_in_line
-from srvgen.diagnostics.mistake import Mistake
-from srvgen.errors import DefinitionError, DefinitionErrors
+from srvgen.diagnostics import line_errors
+from srvgen.diagnostics.line_errors import mistakes_in_line
+from srvgen.errors import DefinitionError, DefinitionErrors, InvalidText
+from srvgen.parser import parse_action, parse_msg, parse_srv
 
 SERVICE = """\
 # Adds.
@@ -198,11 +197,11 @@ def test_what_was_written_as_text_is_read_as_it_was(fields):
 def test_lines_beyond_the_last_problem_that_is_reported_are_not_explained(monkeypatch):
     explained: list[str] = []
 
-    def mistakes(code: str, package: str) -> list[Mistake]:
+    def mistakes(code: str, package: str) -> list[InvalidText]:
         explained.append(code)
         return mistakes_in_line(code, package)
 
-    monkeypatch.setattr(diagnosis, "mistakes_in_line", mistakes)
+    monkeypatch.setattr(line_errors, "mistakes_in_line", mistakes)
     with pytest.raises(DefinitionErrors) as caught:
         parse_srv("bad\n" * limits.PROBLEMS + "---\n" + "bad\n" * 5_000, "demo_msgs", "Ask")
     assert len(explained) == len(caught.value.problems) == limits.PROBLEMS

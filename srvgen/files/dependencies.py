@@ -8,14 +8,14 @@ from functools import cached_property, partial
 from pathlib import Path
 from typing import Protocol, TypeVar
 
+from ..definitions import limits
+from ..definitions.derived import implied_types, references
+from ..definitions.field_types import ROS1_TIME_TYPES
+from ..definitions.lines import join_full_text
+from ..definitions.model import Definition, Field, MessageDef, sections
+from ..definitions.names import is_package_name
 from ..errors import DefinitionError, DefinitionErrors
-from . import limits
-from .field_types import ROS1_TIME_TYPES
-from .files import read_text
-from .full_text import join_full_text
-from .implied import implied_types, references
-from .model import Definition, Field, MessageDef, sections
-from .names import is_package_name
+from .reading import read_text
 
 T = TypeVar("T")
 
@@ -167,7 +167,7 @@ class _Walk:
         self.problems.extend(problems_of(error))
         readable = error.readable
         # In a package without a valid name no type can be found.
-        if readable and is_package_name(readable.package):
+        if isinstance(readable, Definition) and is_package_name(readable.package):
             path = Path(error.path)
             self.visit(readable, _Place(path, read_text, path))
 
@@ -220,7 +220,7 @@ def _ros1_types(definition: Definition, place: _Place) -> Iterator[DefinitionErr
     for message in sections(definition):
         for field in message.fields:
             if field.type.package is None and field.type.base in ROS1_TIME_TYPES:
-                from ..diagnostics.type_slips import ros1_hint  # only a mistake needs it
+                from ..diagnostics.type_hints import ros1_hint  # only a mistake needs it
 
                 yield place.error(
                     field,

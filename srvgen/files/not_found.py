@@ -6,7 +6,6 @@ import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 
-from ..definitions.files import KINDS, meant_path
 from ..definitions.names import (
     TypeName,
     did_you_mean,
@@ -14,8 +13,9 @@ from ..definitions.names import (
     is_one_slip,
     is_package_name,
 )
+from ..diagnostics.type_hints import any_of, missing_type_hint
 from ..errors import DefinitionError
-from .type_slips import any_of, missing_type_hint
+from .reading import KINDS, meant_path
 
 _NOUNS = {"msg": "message", "srv": "service", "action": "action"}
 

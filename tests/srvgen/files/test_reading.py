@@ -6,9 +6,9 @@ from pathlib import Path
 import pytest
 
 from srvgen.cli.sources import definition_files, files_of, search_paths
-from srvgen.definitions.files import decode, kind_of, package_of, read_definition
-from srvgen.definitions.search import Search
 from srvgen.errors import DefinitionError
+from srvgen.files.reading import decode, kind_of, package_of, read_definition
+from srvgen.files.search import Search
 
 
 def write(path: Path, data: bytes = b"---\n") -> Path:

@@ -8,10 +8,10 @@ from collections.abc import Collection, Iterable, Iterator
 from graphlib import CycleError, TopologicalSorter
 from pathlib import Path
 
-from ..definitions.files import kind_folder, read_text
 from ..definitions.literals import CURLY
 from ..definitions.model import Constant, Definition, Field, sections
 from ..errors import DefinitionWarning
+from .reading import kind_folder, read_text
 
 _STRINGS = ("string", "wstring")
 _FLOAT32_MAX = 3.4028234663852886e38

@@ -2,8 +2,8 @@
 
 import pytest
 
-from srvgen.definitions.files import parse_definition
-from srvgen.show import show
+from srvgen.describe import show
+from srvgen.files.reading import parse_definition
 
 TEXTS = {
     "my_msgs/srv/Fetch": (
