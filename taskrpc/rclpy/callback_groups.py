@@ -58,6 +58,11 @@ class MutuallyExclusiveCallbackGroup(CallbackGroup):
         self._active_entity: Entity | None = None
         self._lock = threading.Lock()
 
+    @property
+    def active_entity(self) -> Entity | None:
+        """The entity whose callback holds the group; None while the group is free."""
+        return self._active_entity
+
     def can_execute(self, entity: Entity) -> bool:
         """Whether no callback of the group runs."""
         return self._active_entity is None

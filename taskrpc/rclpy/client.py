@@ -18,19 +18,18 @@ from ._impl.copies import detached
 from ._impl.diagnostics.deadlocks import call_ended, check_call
 from ._impl.diagnostics.explain import failed, like_ros, mismatched, nobody_spun
 from ._impl.diagnostics.like_ros import wrapped_or_refused
-from ._impl.execution.entity import Entity
+from ._impl.execution.entity import Entity, is_busy, node_name
 from ._impl.execution.outbox import Outbox, Tell
 from ._impl.execution.rounds import ExternalShutdownException
-from ._impl.execution.running_callbacks import is_busy
+from ._impl.node_interface import NodeInterface
 from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup
-from .future import Future
 from .handle import ArrivalHandle
 from .service_introspection import Introspection, ServiceIntrospectionState
+from .task import Future
 
 if TYPE_CHECKING:
     from .clock import Clock
-    from .node import Node
     from .qos import QoSProfile
 
 SrvRequestT = TypeVar("SrvRequestT")
@@ -57,20 +56,20 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
 
     def __init__(
         self,
-        node: Node,
+        node: NodeInterface,
         srv_type: Any,
         srv_name: str,
         qos_profile: Any,
         callback_group: CallbackGroup,
     ) -> None:
-        self._node = node
+        self.parent_node = node
         self.context = node.context
         self.srv_type = srv_type
         self._full_name = self.srv_name = srv_name
         self.qos_profile = qos_profile
         self.callback_group = callback_group
         self.handle = ClientHandle(self)
-        self._native = node._rclpy_bridge.client(srv_type, srv_name)
+        self._native = node.handle.bridge.client(srv_type, srv_name)
         self._warn = self._native.inner._channel.on_refusal
         self._native.inner._channel.on_refusal = self._refused
         self._outbox = Outbox(self._native, srv_type)
@@ -91,7 +90,25 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
     def logger_name(self) -> str:
         """The name of the logger of its node."""
         self.handle.check()
-        return str(self._node.get_logger().name)
+        return str(self.parent_node.get_logger().name)
+
+    @property
+    def pending_futures(self) -> list[Future[Any]]:
+        """The futures of the calls that have no response yet."""
+        return list(self._pending.values())
+
+    @property
+    def waits_for_server(self) -> bool:
+        """Whether requests wait because no server of the service is known."""
+        return self._outbox.waits and not self._native.is_known()
+
+    def oldest_answer(self) -> tuple[int, Future[Any]]:
+        """The number and the future of the response that waits longest to be taken.
+
+        Raises LookupError when no response waits or nothing waits for the response.
+        """
+        number = self._answers[0][0]
+        return number, self._pending[number]
 
     def call(self, request: SrvRequestT, timeout_sec: float | None = None) -> SrvResponseT | None:
         """Call the service and wait for the answer, while another thread spins.
@@ -109,7 +126,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
     def _call(self, request: SrvRequestT, timeout_sec: float | None) -> SrvResponseT | None:
         future = self.call_async(request)
         done = threading.Event()
-        future._when_done(done.set)
+        future.when_done(done.set)
         end = None if timeout_sec is None or timeout_sec < 0 else time.monotonic() + timeout_sec
         over = math.inf
         while not done.is_set():
@@ -130,7 +147,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         Raises ExternalShutdownException then, where ROS would wait for ever.
         """
         if over == math.inf:
-            return over if self._node.context.ok() else time.monotonic() + _LONG_GRACE
+            return over if self.parent_node.context.ok() else time.monotonic() + _LONG_GRACE
         if not like_ros() and time.monotonic() >= over:
             raise ExternalShutdownException
         return over
@@ -153,15 +170,15 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
 
         def tell(response: Any, error: BaseException | None) -> None:
             self._answers.append((number, response, error))
-            self._arrived()
-            self.handle._came()
+            self.notify_executor()
+            self.handle.item_arrived()
 
         try:
             give_up = self._send(request, tell)
         except BaseException:
             self._pending.pop(number, None)
             raise
-        future._when_done(lambda: self._ended(number, future, give_up))
+        future.when_done(lambda: self._ended(number, future, give_up))
         if self._introspection.is_on:
             self._introspection.tell("REQUEST_SENT", self._gid, number, request=request)
         return future
@@ -244,11 +261,11 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._node.destroy_client(self)
+        self.parent_node.destroy_client(self)
 
     def _refused(self, error: TaskRpcError) -> None:
         if isinstance(error, TypeMismatch):
-            mismatched(self, error)
+            mismatched(self._full_name, self.srv_type._TYPE, error)
         else:
             self._warn(error)
 
@@ -265,10 +282,12 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         if future._cancelled and not future._done:
             give_up()
 
-    def _ready(self) -> bool:
+    def has_work(self) -> bool:
+        """Whether a response waits to be taken."""
         return bool(self._answers)
 
-    def _take(self) -> Callable[[], Any] | None:
+    def take_work(self) -> Callable[[], Any] | None:
+        """Take the oldest response and return the function that completes its future."""
         self.handle.check()
         try:
             number, response, error = self._answers.popleft()
@@ -282,7 +301,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         if error is not None:
             if like_ros():
                 return None
-            failed(self, error)
+            failed(self._full_name, error)
         return lambda: self._complete(future, response, error)
 
     def _take_unspun(self) -> None:
@@ -291,18 +310,18 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         if self._waited_for != number:
             self._waited_for, self._waited_since = number, time.monotonic()
             return
-        executor, grace = self._node.executor, _GRACE
+        executor, grace = self.parent_node.executor, _GRACE
         if executor is not None and is_busy(executor):
-            grace = _LONG_GRACE if executor._is_left else math.inf
+            grace = _LONG_GRACE if executor.is_unattended else math.inf
         late = time.monotonic() - self._waited_since >= grace
-        if late and not like_ros() and (complete := self._take()) is not None:
-            nobody_spun(self)
+        if late and not like_ros() and (complete := self.take_work()) is not None:
+            nobody_spun(self._full_name, node_name(self.parent_node))
             complete()
 
     def _complete(
         self, future: Future[SrvResponseT], response: Any, error: BaseException | None
     ) -> None:
-        if (executor := self._node.executor) is not None:
+        if (executor := self.parent_node.executor) is not None:
             future._set_executor(executor)
         if error is None:
             future.set_result(response)
@@ -316,11 +335,11 @@ class ClientHandle(ArrivalHandle):
 
     def set_on_new_response_callback(self, callback: Callable[[int], object]) -> None:
         """Call this with how many responses arrived, on the thread that received them."""
-        self._tell_of_new(callback)
+        self.set_on_new_callback(callback)
 
     def clear_on_new_response_callback(self) -> None:
         """Call nothing any more when responses arrive."""
-        self._tell_of_new(None)
+        self.set_on_new_callback(None)
 
 
 __getattr__ = names_of(

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import enum
 import time as _time
 import weakref
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from types import TracebackType
+from typing import Any, Protocol, Self
 
-from ._impl.clock_jumps import ClockChange, JumpHandle, JumpThreshold, TimeJump
 from ._impl.execution.wakeups import Sleep
 from .clock_type import ClockType
 from .context import Context
@@ -17,8 +18,118 @@ from .handle import Handle
 from .time import Time
 from .utilities import get_default_context
 
-if TYPE_CHECKING:
-    from .timer import Timer
+
+class ClockChange(enum.IntEnum):
+    """Whether a jump came from a change of where the time comes from."""
+
+    ROS_TIME_NO_CHANGE = 1
+    ROS_TIME_ACTIVATED = 2
+    ROS_TIME_DEACTIVATED = 3
+    SYSTEM_TIME_NO_CHANGE = 4
+
+
+class JumpThreshold:
+    """Which jumps are told: those at least so far, and changes of the time's source.
+
+    `min_forward` is positive or None, `min_backward` negative or None; ValueError otherwise, and
+    when nothing would ever be told.
+    """
+
+    def __init__(
+        self,
+        *,
+        min_forward: Duration | None,
+        min_backward: Duration | None,
+        on_clock_change: bool = True,
+    ) -> None:
+        if min_forward is not None and min_forward.nanoseconds <= 0:
+            raise ValueError("min_forward must be a positive non-zero duration")
+        if min_backward is not None and min_backward.nanoseconds >= 0:
+            raise ValueError("min_backward must be a negative non-zero duration")
+        if min_forward is None and min_backward is None and not on_clock_change:
+            raise ValueError("At least one jump threshold must be enabled")
+        self.min_forward = min_forward
+        self.min_backward = min_backward
+        self.on_clock_change = on_clock_change
+
+    def exceeded_by(self, jump: TimeJump) -> bool:
+        """Whether this jump is to be told."""
+        if jump.clock_change in (ClockChange.ROS_TIME_ACTIVATED, ClockChange.ROS_TIME_DEACTIVATED):
+            return self.on_clock_change
+        if self.min_forward is not None and jump.delta >= self.min_forward:
+            return True
+        return self.min_backward is not None and jump.delta <= self.min_backward
+
+
+class TimeJump:
+    """One jump of a clock: how far, and whether the time's source changed."""
+
+    def __init__(self, clock_change: ClockChange, delta: Duration) -> None:
+        if not isinstance(clock_change, ClockChange):
+            raise TypeError("clock_change must be an instance of rclpy.clock.ClockChange")
+        self._clock_change = clock_change
+        self._delta = delta
+
+    @property
+    def clock_change(self) -> ClockChange:
+        """Whether the time's source changed."""
+        return self._clock_change
+
+    @property
+    def delta(self) -> Duration:
+        """How far the clock jumped; negative when it jumped back."""
+        return self._delta
+
+
+class JumpHandle:
+    """A registration for jumps; ends with `unregister()` or its `with` block."""
+
+    def __init__(
+        self,
+        *,
+        clock: Clock,
+        threshold: JumpThreshold,
+        pre_callback: Callable[[], Any] | None,
+        post_callback: Callable[[TimeJump], Any] | None,
+    ) -> None:
+        if pre_callback is None and post_callback is None:
+            raise ValueError("One of pre_callback or post_callback must be callable")
+        if pre_callback is not None and not callable(pre_callback):
+            raise ValueError("pre_callback must be callable if given")
+        if post_callback is not None and not callable(post_callback):
+            raise ValueError("post_callback must be callable if given")
+        self.threshold = threshold
+        self.pre_callback = pre_callback
+        self.post_callback = post_callback
+        self._clock: Clock | None = clock
+        clock._jump_handles.append(self)
+
+    def unregister(self) -> None:
+        """Be told no more."""
+        if self._clock is not None:
+            self._clock._jump_handles.remove(self)
+            self._clock = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        traceback: TracebackType | None,
+    ) -> None:
+        self.unregister()
+
+
+class JumpListener(Protocol):
+    """A timer, which a clock informs of its jumps."""
+
+    def before_jump(self, jump: TimeJump) -> None:
+        """The clock is about to jump."""
+
+    def after_jump(self, jump: TimeJump) -> None:
+        """The clock has jumped."""
 
 
 class Clock:
@@ -27,7 +138,7 @@ class Clock:
     _clock_type: ClockType
     _handle: Handle
     _jump_handles: list[JumpHandle]
-    _timers: weakref.WeakSet[Timer]
+    _timers: weakref.WeakSet[JumpListener]
 
     def __new__(cls, *, clock_type: ClockType = ClockType.SYSTEM_TIME) -> Clock:
         """A clock of the class for its kind; raises TypeError for what is no ClockType."""
@@ -57,7 +168,7 @@ class Clock:
 
     def now(self) -> Time:
         """The time now."""
-        return Time(nanoseconds=self._now_ns(), clock_type=self._clock_type)
+        return Time(nanoseconds=self.now_ns(), clock_type=self._clock_type)
 
     def create_jump_callback(
         self,
@@ -86,7 +197,7 @@ class Clock:
         if until.clock_type != self._clock_type:
             raise ValueError("until's clock type does not match this clock's type")
         sleep = Sleep()
-        context._sleeps.add(sleep)
+        context.add_sleep(sleep)
         changed: list[TimeJump] = []
 
         def jumped(jump: TimeJump) -> None:
@@ -99,21 +210,26 @@ class Clock:
                 seen = sleep.state
                 if changed or not context.ok():
                     return False
-                left = until.nanoseconds - self._now_ns()
+                left = until.nanoseconds - self.now_ns()
                 if left <= 0:
                     return True
-                sleep.until_ended(seen, self._real_seconds(left))
+                sleep.until_ended(seen, self.real_seconds(left))
 
     def sleep_for(self, rel_time: Duration, context: Context | None = None) -> bool:
         """Sleep for so long by this clock; otherwise as `sleep_until`."""
         return self.sleep_until(self.now() + rel_time, context)
 
-    def _now_ns(self) -> int:
+    def add_timer(self, timer: JumpListener) -> None:
+        """Inform a timer of jumps for as long as it lives."""
+        self._timers.add(timer)
+
+    def now_ns(self) -> int:
+        """The time now, in nanoseconds."""
         if self._clock_type is ClockType.STEADY_TIME:
             return _time.perf_counter_ns()
         return _time.time_ns()
 
-    def _real_seconds(self, nanoseconds: int) -> float | None:
+    def real_seconds(self, nanoseconds: int) -> float | None:
         """How long this clock needs for that many nanoseconds; None when nobody knows."""
         return nanoseconds * 1e-9
 
@@ -168,18 +284,20 @@ class ROSClock(Clock):
             if handle.pre_callback is not None:
                 handle.pre_callback()
         for timer in timers:
-            timer._before_jump(jump)
+            timer.before_jump(jump)
         change()
         for timer in timers:
-            timer._after_jump(jump)
+            timer.after_jump(jump)
         for handle in told:
             if handle.post_callback is not None:
                 handle.post_callback(jump)
 
-    def _now_ns(self) -> int:
+    def now_ns(self) -> int:
+        """The time now, in nanoseconds."""
         return self._override_ns if self._active else _time.time_ns()
 
-    def _real_seconds(self, nanoseconds: int) -> float | None:
+    def real_seconds(self, nanoseconds: int) -> float | None:
+        """How many seconds this clock needs for that; None while a simulation sets the time."""
         return None if self._active else nanoseconds * 1e-9
 
 

@@ -9,7 +9,7 @@ import threading
 import weakref
 from collections.abc import Callable, Sequence
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TypeVar
+from typing import Any, Protocol, Self, TypeVar
 
 from ._impl.arguments import Arguments, parse
 from ._impl.diagnostics.explain import like_ros
@@ -18,10 +18,12 @@ from .exceptions import RCLError
 from .handle import Handle
 from .impl import log_output
 
-if TYPE_CHECKING:
-    from .node import Node
-
 _Thing = TypeVar("_Thing")
+
+
+class _TrackedNode(Protocol):
+    def destroy_node(self) -> None: ...
+
 
 _living: weakref.WeakSet[Context] = weakref.WeakSet()
 """Contexts that were initialised; a signal ends them all."""
@@ -58,11 +60,11 @@ class Context:
         self._callbacks: list[Callable[[], Callable[[], Any] | None]] = []
         self._handle: ContextHandle | None = None
         self._by_signal = False
-        self._interrupted = False
+        self.was_interrupted = False
         self._domain_id = 0
-        self._nodes: list[weakref.ReferenceType[Node]] = []
+        self._nodes: list[weakref.ReferenceType[_TrackedNode]] = []
         self._sleeps: weakref.WeakSet[Sleep] = weakref.WeakSet()
-        self._arguments = Arguments()
+        self.arguments = Arguments()
 
     @property
     def handle(self) -> ContextHandle | None:
@@ -86,20 +88,24 @@ class Context:
         with self._lock:
             if self._handle is not None:
                 raise RuntimeError("Context.init() must only be called once")
-            self._arguments = _read(sys.argv if args is None else args)
+            self.arguments = _read(sys.argv if args is None else args)
             self._domain_id = _domain_of_the_environment() if domain_id is None else domain_id
             if initialize_logging:
-                log_output.begin(self, self._arguments)
+                log_output.begin(self, self.arguments)
             self._handle = ContextHandle(self)
             _living.add(self)
 
-    def track_node(self, node: Node) -> None:
+    def track_node(self, node: _TrackedNode) -> None:
         """Have the node destroyed with the context."""
         self._nodes.append(weakref.ref(node))
 
-    def untrack_node(self, node: Node) -> None:
+    def untrack_node(self, node: _TrackedNode) -> None:
         """Forget a node that was destroyed."""
         self._nodes = [known for known in self._nodes if known() not in (None, node)]
+
+    def add_sleep(self, sleep: Sleep) -> None:
+        """Wake the threads of a sleep at the shutdown."""
+        self._sleeps.add(sleep)
 
     def ok(self) -> bool:
         """Whether it was initialised and not shut down since."""
@@ -176,7 +182,7 @@ class Context:
     def _end_by_signal(self) -> None:
         """End it as far as a signal handler may: no lock is taken, no callback called."""
         if self._handle is not None and self._handle._ok:
-            self._by_signal = self._interrupted = True
+            self._by_signal = self.was_interrupted = True
             self._handle._ok = False
             for sleep in _all(self._sleeps):
                 sleep.end()

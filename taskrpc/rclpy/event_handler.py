@@ -27,6 +27,7 @@ from ._impl.event_infos import (
     QoSSubscriptionEventType,
     QoSSubscriptionMatchedInfo,
 )
+from ._impl.node_interface import NodeInterface
 from .callback_groups import CallbackGroup
 from .exceptions import UnsupportedEventTypeError
 from .qos import QoSPolicyKind
@@ -35,7 +36,6 @@ from .waitable import NumberOfEntities, Waitable
 if TYPE_CHECKING:
     from ._impl.bridge import NativePublisher, NativeSubscription
     from .handle import Handle
-    from .node import Node
 
 Callback = Callable[[Any], Any] | None
 EventType = QoSPublisherEventType | QoSSubscriptionEventType
@@ -137,7 +137,7 @@ class EventHandler(Waitable[Any]):
     def happened(self, event: Any) -> None:
         """Have the callback called with this; from any thread."""
         self._events.append(event)
-        self._arrived()
+        self.notify_executor()
 
     def destroy(self) -> None:
         """Get no more events."""
@@ -147,10 +147,12 @@ class EventHandler(Waitable[Any]):
         """What it waits for: one event."""
         return NumberOfEntities(num_events=1)
 
-    def _ready(self) -> bool:
+    def has_work(self) -> bool:
+        """Whether an event waits for the callback."""
         return bool(self._events)
 
-    def _take(self) -> Callable[[], Any] | None:
+    def take_work(self) -> Callable[[], Any] | None:
+        """Take the oldest event and return the call of the callback."""
         try:
             event = self._events.popleft()
         except IndexError:  # another thread was quicker
@@ -182,7 +184,7 @@ class Events:
     """The events of one publisher or subscription, for the handlers that want them."""
 
     def __init__(
-        self, node: Node, group: CallbackGroup, callbacks: EventCallbacks, topic: str
+        self, node: NodeInterface, group: CallbackGroup, callbacks: EventCallbacks, topic: str
     ) -> None:
         self._node = node
         self._topic = topic
@@ -295,7 +297,7 @@ def _made(
 ) -> list[EventHandler]:
     parent.check()
     subscribes = isinstance(callbacks, SubscriptionEventCallbacks)
-    log = _Log(parent.owner._node.get_logger(), topic, subscribes)
+    log = _Log(parent.owner.parent_node.get_logger(), topic, subscribes)
     handlers: list[EventHandler] = []
     for name, kind in kinds.items():
         callback, handler = getattr(callbacks, name), EventHandler

@@ -11,11 +11,18 @@ from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from types import CoroutineType, TracebackType
-from typing import TYPE_CHECKING, Any, Self
+from typing import Any, Self
 
 from ._impl.bridge import settle
 from ._impl.diagnostics.deadlocks import check_spin
-from ._impl.execution.entity import Entity
+from ._impl.execution.entity import (
+    Callback,
+    Entity,
+    current_callback,
+    ended,
+    is_busy,
+    started,
+)
 from ._impl.execution.rounds import (
     ExternalShutdownException,
     Rounds,
@@ -24,14 +31,10 @@ from ._impl.execution.rounds import (
     Work,
     never,
 )
-from ._impl.execution.running_callbacks import Callback, current_callback, ended, is_busy, started
+from ._impl.node_interface import NodeInterface
 from .context import Context
 from .exceptions import InvalidHandle
-from .future import Future
-from .task import Task
-
-if TYPE_CHECKING:
-    from .node import Node
+from .task import Future, Task
 
 
 class TimeoutException(Exception):
@@ -58,14 +61,19 @@ class Executor(Rounds):
     A subclass says on which threads (`spin_once`).
     """
 
-    _one_thread = False
+    runs_one_at_a_time = False
     """Whether a callback that waits keeps every other one from running."""
 
-    _threads = 1
+    thread_count = 1
     """How many callbacks may run at a time."""
 
     @property
-    def _is_left(self) -> bool:
+    def is_shutdown(self) -> bool:
+        """Whether `shutdown` was called."""
+        return self._is_shutdown
+
+    @property
+    def is_unattended(self) -> bool:
         """Whether callbacks may still run, though nobody spins any more."""
         return False
 
@@ -83,7 +91,7 @@ class Executor(Rounds):
         """Have whoever spins run a function or coroutine function; the future of its result."""
         task: Task[Any] = Task(callback, args, kwargs, executor=self)
         self._keep(task)
-        self._resume(task)
+        self.resume_task(task)
         return task
 
     def create_future(self) -> Future[Any]:
@@ -97,10 +105,10 @@ class Executor(Rounds):
             self._nodes.clear()
             self._layout = None
         self._round.clear()
-        self._notify()
+        self.notify()
         return True
 
-    def add_node(self, node: Node) -> bool:
+    def add_node(self, node: NodeInterface) -> bool:
         """Run this node's callbacks, and no other executor; False if it is here already."""
         with self._nodes_lock:
             if node in self._nodes:
@@ -112,17 +120,21 @@ class Executor(Rounds):
         self._sleep.end()
         return True
 
-    def remove_node(self, node: Node) -> None:
+    def remove_node(self, node: NodeInterface) -> None:
         """Run this node's callbacks no longer."""
         with self._nodes_lock:
             self._nodes.pop(node, None)
             self._layout = None
         self._sleep.end()
 
-    def get_nodes(self) -> list[Node]:
+    def get_nodes(self) -> list[NodeInterface]:
         """The nodes whose callbacks it runs."""
         with self._nodes_lock:
             return list(self._nodes)
+
+    def has_node(self, node: NodeInterface) -> bool:
+        """Whether it runs the callbacks of this node."""
+        return node in self._nodes
 
     def wake(self) -> None:
         """Look anew what the nodes have: something was created or destroyed."""
@@ -166,7 +178,7 @@ class Executor(Rounds):
     def wait_for_ready_callbacks(
         self,
         timeout_sec: Timeout = None,
-        nodes: Sequence[Node] | None = None,
+        nodes: Sequence[NodeInterface] | None = None,
         condition: Callable[[], bool] = never,
     ) -> tuple[Task[Any], Entity | None, Any]:
         """Wait for something to do: a task to be called, and the entity and node it comes from.
@@ -182,7 +194,7 @@ class Executor(Rounds):
         task, entity, node = work
         if task is None:
             if entity is not None:
-                entity._executor_event = True  # not to be found again before the task takes it
+                entity.is_scheduled = True  # not to be found again before the task takes it
             task = Task(self._run_entity, (entity,), executor=self)
         return task, entity, node
 
@@ -200,7 +212,7 @@ class Executor(Rounds):
     def _wait_for_ready_callbacks(
         self,
         timeout_sec: Timeout = None,
-        nodes: Sequence[Node] | None = None,
+        nodes: Sequence[NodeInterface] | None = None,
         condition: Callable[[], bool] = never,
     ) -> Generator[tuple[Task[Any], Entity | None, Any], None, None]:
         """`wait_for_ready_callbacks` again and again."""
@@ -210,9 +222,9 @@ class Executor(Rounds):
     def _wake_for(self, future: Any) -> Callable[[], bool]:
         """Be woken when the future is over, also one of another kind; asks whether it is."""
         if isinstance(future, Future):
-            future._when_done(self._notify)
-            return future._is_over
-        future.add_done_callback(lambda _: self._notify())
+            future.when_done(self.notify)
+            return future.is_over
+        future.add_done_callback(lambda _: self.notify())
         return lambda: bool(future.done() or future.cancelled())
 
     def _run(self, work: Work) -> None:
@@ -224,9 +236,9 @@ class Executor(Rounds):
             self._run_entity(entity)
 
     def _run_entity(self, entity: Entity) -> None:
-        group = entity.callback_group if self._heeds_groups else None
+        group = entity.callback_group if self._respects_groups else None
         if group is not None and not group.beginning_execution(entity):
-            entity._executor_event = False
+            entity.is_scheduled = False
             return
         before = started(entity, self)
         waiting = False
@@ -242,34 +254,34 @@ class Executor(Rounds):
 
     def _taken(self, entity: Entity) -> Callable[[], Any] | None:
         try:
-            return entity._take()
+            return entity.take_work()
         except InvalidHandle:  # destroyed meanwhile
             return None
         finally:
-            if entity._executor_event:  # by a pool's spinner, who may choose it again from now on
-                entity._executor_event = False
-                self._notify()
+            if entity.is_scheduled:  # by a pool's spinner, who may choose it again from now on
+                entity.is_scheduled = False
+                self.notify()
 
     def _begin_coroutine(self, coroutine: CoroutineType[Any, Any, Any], entity: Entity) -> bool:
         """Run a callback's coroutine until it waits for something; whether it does."""
         task: Task[Any] = Task(lambda: None, executor=self)
         task._handler = coroutine
-        task._entity, task._node = entity, entity._node
+        task.entity, task.parent_node = entity, entity.parent_node
         self._keep(task)
         task()
         if task._done:
             _raise_of(task)
             return False
-        task._when_done(lambda: self._coroutine_ended(entity))
+        task.when_done(lambda: self._coroutine_ended(entity))
         return True
 
     def _coroutine_ended(self, entity: Entity) -> None:
-        if entity.callback_group is not None and self._heeds_groups:
+        if entity.callback_group is not None and self._respects_groups:
             entity.callback_group.ending_execution(entity)
-        self._notify()
+        self.notify()
 
     def _run_task(self, task: Task[Any]) -> None:
-        before = started(task._entity, self)
+        before = started(task.entity, self)
         try:
             task()
         finally:
@@ -280,20 +292,20 @@ class Executor(Rounds):
 
 def _raise_of(task: Task[Any]) -> None:
     """Raise what the task raised, once: several threads may find that it has ended."""
-    if (error := task.exception()) is not None and task._report():
+    if (error := task.exception()) is not None and task.report():
         raise error
 
 
 class SingleThreadedExecutor(Executor):
     """Runs one callback after another on the thread that spins."""
 
-    _one_thread = True
+    runs_one_at_a_time = True
 
     def spin_once(self, timeout_sec: Timeout = None) -> None:
         """Wait at most `timeout_sec` seconds for something to arrive, and run one callback."""
         if (work := self._next(timeout_sec)) is not None:
             self._run(work)
-            if timeout_sec == 0 and work[1] is not None and work[1]._is_answering:
+            if timeout_sec == 0 and work[1] is not None and work[1].is_service:
                 settle()  # the answer has arrived, if it is for this program
 
     def spin_once_until_future_complete(
@@ -317,8 +329,8 @@ class MultiThreadedExecutor(Executor):
                 "Use the SingleThreadedExecutor instead.",
                 stacklevel=2,
             )
-        self._one_thread = num_threads == 1
-        self._threads = num_threads
+        self.runs_one_at_a_time = num_threads == 1
+        self.thread_count = num_threads
         self._executor = ThreadPoolExecutor(num_threads)
         self._failures: deque[BaseException] = deque()
         self._spinners: set[int] = set()
@@ -343,7 +355,13 @@ class MultiThreadedExecutor(Executor):
         return done
 
     @property
-    def _is_left(self) -> bool:
+    def is_shutdown(self) -> bool:
+        """Whether `shutdown` was called."""
+        return self._is_shutdown
+
+    @property
+    def is_unattended(self) -> bool:
+        """Whether no thread spins it; callbacks in its pool may still run."""
         return not self._spinners
 
     def _spin_once(self, timeout_sec: Timeout, condition: Callable[[], bool]) -> None:
@@ -364,7 +382,7 @@ class MultiThreadedExecutor(Executor):
 
     def _submit(self, work: Work) -> None:
         if work[0] is None and work[1] is not None:
-            work[1]._executor_event = True
+            work[1].is_scheduled = True
         try:
             self._executor.submit(self._work, work)
         except RuntimeError as error:
@@ -381,7 +399,7 @@ class MultiThreadedExecutor(Executor):
         except BaseException as error:
             self._failures.append(error)
         finally:
-            self._notify()
+            self.notify()
 
 
 _POOL_ENDED = "cannot schedule new futures"

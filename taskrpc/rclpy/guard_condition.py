@@ -31,17 +31,19 @@ class GuardCondition(Entity):
         """Have the callback run; raises InvalidHandle after `destroy`."""
         self.handle.check()
         self._triggered = True
-        self._arrived()
+        self.notify_executor()
 
     def destroy(self) -> None:
         """Never run the callback again."""
         self.handle.destroy_when_not_in_use()
         self._triggered = False
 
-    def _ready(self) -> bool:
+    def has_work(self) -> bool:
+        """Whether it was triggered since its callback ran last."""
         return self._triggered
 
-    def _take(self) -> Callable[[], Any] | None:
+    def take_work(self) -> Callable[[], Any] | None:
+        """Reset it and return the callback."""
         if not self._triggered:
             return None
         self._triggered = False

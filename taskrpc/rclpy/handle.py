@@ -56,14 +56,14 @@ class ArrivalHandle(Handle):
         self._on_new: Callable[[int], object] | None = None
         self._untold = 0
 
-    def _came(self) -> None:
+    def item_arrived(self) -> None:
         """One more has arrived; on the thread that received it."""
         if self._on_new is not None:
             self._on_new(1)
         else:
             self._untold += 1
 
-    def _tell_of_new(self, callback: Callable[[int], object] | None) -> None:
+    def set_on_new_callback(self, callback: Callable[[int], object] | None) -> None:
         """Call this from now on with how many arrived, first with those before it; None: nobody."""
         self._on_new = callback
         if callback is not None and self._untold:

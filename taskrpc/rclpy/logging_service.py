@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import srvgen
 
 from . import logging
-
-if TYPE_CHECKING:
-    from .node import Node
+from ._impl.node_interface import NodeInterface
 
 
 class LoggingService:
     """Gives a node `~/get_logger_levels` and `~/set_logger_levels`."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: NodeInterface) -> None:
         prefix = node.get_name()
         get_levels = srvgen.load("rcl_interfaces/srv/GetLoggerLevels")
         node.create_service(get_levels, f"{prefix}/get_logger_levels", self._get_logger_levels)

@@ -14,11 +14,11 @@ from taskrpc.errors import InvalidName
 from ._impl.arguments import Arguments, parse
 from ._impl.bridge import Bridge
 from ._impl.diagnostics import watchdog
-from ._impl.diagnostics.explain import name_of
-from ._impl.execution.running_callbacks import current_callback
+from ._impl.execution.entity import callback_name, current_callback
 from ._impl.graph.names import kind_of, translated
 from ._impl.graph.node_graph import NodeGraph
 from ._impl.node_entities import NodeEntities
+from ._impl.node_interface import NodeHandle
 from ._impl.parameters.node_parameters import NodeParameters
 from ._impl.reexports import names_of
 from ._impl.remapping import Remapping
@@ -27,7 +27,6 @@ from .callback_groups import CallbackGroup
 from .clock import Clock, ROSClock
 from .context import Context
 from .exceptions import NotInitializedException
-from .handle import Handle
 from .impl.rcutils_logger import RcutilsLogger
 from .logging import get_logger
 from .logging_service import LoggingService
@@ -101,21 +100,18 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
     ) -> None:
         NodeEntities.__init__(self)
         self._context = get_default_context() if context is None else context
-        self._rclpy_bridge: Bridge
         self._rclpy_executor = None
         if not self._context.ok():
             raise NotInitializedException("cannot create node")
         given = [parse(cli_args)] if cli_args is not None else []
         if use_global_arguments:
-            given.append(self._context._arguments)
-        self._rclpy_join(node_name, namespace or "", given)
-        self._rclpy_handle = Handle(self)
+            given.append(self._context.arguments)
+        handle = self._rclpy_handle = self._rclpy_join(node_name, namespace or "", given)
         self._clock = ROSClock()
-        qualified = names.fully_qualified(self._rclpy_namespace, self._rclpy_name)
-        self._logger = get_logger(qualified.strip("/").replace("/", "."))
+        self._logger = get_logger(handle.full_name.strip("/").replace("/", "."))
         self._rclpy_rosout: Rosout | None = None
-        if enable_rosout and self._context._arguments.rosout_logs is not False:
-            self._rclpy_rosout = Rosout(self, self._logger.name, rosout_qos_profile)
+        if enable_rosout and self._context.arguments.rosout_logs is not False:
+            self._rclpy_rosout = Rosout(handle, self._logger.name, rosout_qos_profile)
         self._context.track_node(self)
         # The program's line first: what is given to the node itself replaces it.
         self._init_parameters(given[::-1], parameter_overrides, allow_undeclared_parameters)
@@ -130,31 +126,25 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
             self._logging_service = LoggingService(self)
         watchdog.watch(self)
 
-    def _rclpy_join(self, node_name: str, namespace: str, given: list[Arguments]) -> None:
-        """Take part in the network by the name and namespace that the arguments leave."""
-        self._rclpy_remapping = Remapping(rule for one in given for rule in one.remaps)
+    def _rclpy_join(self, node_name: str, namespace: str, given: list[Arguments]) -> NodeHandle:
+        """Join the network under the name and namespace that result from the arguments."""
+        remapping = Remapping(rule for one in given for rule in one.remaps)
         validate_node_name(node_name)
         if namespace:
             validate_namespace(namespace if namespace.startswith("/") else f"/{namespace}")
-        self._rclpy_name = self._rclpy_remapping.node_name(node_name)
-        namespace = self._rclpy_remapping.namespace(namespace, self._rclpy_name)
-        self._rclpy_bridge = Bridge(self._rclpy_name, namespace, self._context.get_domain_id())
-        self._rclpy_namespace = self._rclpy_bridge.namespace
+        name = remapping.node_name(node_name)
+        namespace = remapping.namespace(namespace, name)
+        bridge = Bridge(name, namespace, self._context.get_domain_id())
+        return NodeHandle(self, name, bridge.namespace, remapping, bridge)
 
     # The first of these is what a program meets that does too much before `super().__init__`.
-    _rclpy_handle: Handle = _Unset()  # type: ignore[assignment]
+    _rclpy_handle: NodeHandle = _Unset()  # type: ignore[assignment]
     _rclpy_executor: Any = _Unset()
     _default_callback_group: CallbackGroup = _Unset()  # type: ignore[assignment]
     _parameters: dict[str, Parameter] = _Unset()  # type: ignore[assignment]
     _parameter_overrides: dict[str, Parameter] = _Unset()  # type: ignore[assignment]
     _logger: RcutilsLogger = _Unset()  # type: ignore[assignment]
     _clock: Clock = _Unset()  # type: ignore[assignment]
-
-    _rclpy_taken_by = ""
-    """The callback, if one did, that took the node from the executor that ran the callback."""
-
-    _rclpy_was_spun = False
-    """Whether an executor ever had it."""
 
     # What it is
 
@@ -164,7 +154,7 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         return self._context
 
     @property
-    def handle(self) -> Handle:
+    def handle(self) -> NodeHandle:
         """What ROS keeps of it."""
         return self._rclpy_handle
 
@@ -183,28 +173,28 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
             current.remove_node(self)
             callback = current_callback()
             if callback is not None and callback.executor is current:
-                self._rclpy_taken_by = name_of(callback)
+                self._rclpy_handle.taken_by = callback_name(callback)
         if new_executor is None:
             self._rclpy_executor = None
         else:
             new_executor.add_node(self)
             self._rclpy_executor = weakref.ref(new_executor)
-            self._rclpy_was_spun = True
+            self._rclpy_handle.was_spun = True
 
     def get_name(self) -> str:
         """Its name, without the namespace."""
         self._rclpy_handle.check()
-        return self._rclpy_name
+        return self._rclpy_handle.name
 
     def get_namespace(self) -> str:
         """Its namespace, which begins with `/`."""
         self._rclpy_handle.check()
-        return self._rclpy_namespace
+        return self._rclpy_handle.namespace
 
     def get_fully_qualified_name(self) -> str:
         """`/namespace/name`."""
         self._rclpy_handle.check()
-        return names.fully_qualified(self._rclpy_namespace, self._rclpy_name)
+        return self._rclpy_handle.full_name
 
     def get_clock(self) -> Clock:
         """Its clock: the system's time, or a simulation's with `use_sim_time`."""
@@ -234,10 +224,12 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         self._rclpy_handle.destroy_when_not_in_use()
         callback = current_callback()
         answering = None if callback is None else callback.entity
-        if isinstance(answering, Service) and answering._node is self:
-            answering._when_answered(self._rclpy_bridge.close)  # its own answer must still go out
+        if isinstance(answering, Service) and answering.parent_node is self:
+            answering.when_answered(
+                self._rclpy_handle.bridge.close
+            )  # its own answer must still go out
         else:
-            self._rclpy_bridge.close()
+            self._rclpy_handle.bridge.close()
         self._wake_executor()
 
     def __enter__(self) -> Self:
@@ -255,19 +247,18 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
 
     def _rclpy_resolve(self, name: str, *, is_service: bool, only_expand: bool = False) -> str:
         kind = kind_of(is_service)
-        self._rclpy_handle.check()
+        handle = self._rclpy_handle
+        handle.check()
         if not isinstance(name, str):
             raise TypeError(f"expected a {kind} (str), got {name!r}")
         try:
-            full = names.expand(
-                name, namespace=self._rclpy_namespace, node=self._rclpy_name, kind=kind
-            )
+            full = names.expand(name, namespace=handle.namespace, node=handle.name, kind=kind)
         except InvalidName as error:
             raise translated(error) from None
         if only_expand:
             return full
-        remap = self._rclpy_remapping.service if is_service else self._rclpy_remapping.topic
-        return remap(full, self._rclpy_namespace, self._rclpy_name)
+        remap = handle.remapping.service if is_service else handle.remapping.topic
+        return remap(full, handle.namespace, handle.name)
 
 
 for _mixin in Node.__mro__[1:-1]:
@@ -292,7 +283,7 @@ __getattr__ = names_of(
         ".guard_condition": "GuardCondition",
         ".waitable": "Waitable",
         ".executors": "Executor",
-        ".future": "Future",
+        ".task": "Future",
         ".exceptions": "InvalidHandle InvalidParameterTypeException InvalidParameterValueException"
         " InvalidTopicNameException NodeNameNonExistentError ParameterAlreadyDeclaredException"
         " ParameterImmutableException ParameterNotDeclaredException"

@@ -7,7 +7,6 @@ from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from .callback_groups import CallbackGroup
-from .future import Future
 from .parameter import Parameter, parameter_dict_from_yaml_file
 from .parameter_service import (
     DescribeParameters,
@@ -18,6 +17,7 @@ from .parameter_service import (
     SetParametersAtomically,
 )
 from .qos import QoSProfile, qos_profile_parameter_events, qos_profile_services_default
+from .task import Future
 
 if TYPE_CHECKING:
     from .client import Client

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import weakref
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import srvgen
 
+from ._impl.node_interface import NodeInterface
 from .exceptions import ParameterNotDeclaredException, ParameterUninitializedException
 from .parameter import Parameter
 from .qos import qos_profile_parameters
-
-if TYPE_CHECKING:
-    from .node import Node
 
 ListParametersResult = srvgen.load("rcl_interfaces/msg/ListParametersResult")
 SetParametersResult = srvgen.load("rcl_interfaces/msg/SetParametersResult")
@@ -31,7 +29,7 @@ class ParameterService:
     A question about an undeclared parameter is answered with nothing, as ROS does.
     """
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: NodeInterface) -> None:
         self._node_weak_ref = weakref.ref(node)
         offered: list[tuple[Any, str, Callable[[Any, Any], Any]]] = [
             (DescribeParameters, "describe_parameters", self._describe_parameters_callback),
@@ -101,7 +99,7 @@ class ParameterService:
         except (ParameterNotDeclaredException, ValueError) as error:
             return SetParametersResult(successful=False, reason=str(error))
 
-    def _get_node(self) -> Node:
+    def _get_node(self) -> NodeInterface:
         node = self._node_weak_ref()
         if node is None:
             raise ReferenceError("Expected valid node weak reference")

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
+from typing import Any, Generic, Self, TypeVar
 
 from srvgen import from_cdr
 
 from ._impl.copies import detached
 from ._impl.graph.endpoints import forget, remember
+from ._impl.node_interface import NodeInterface
 from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup
 from .duration import Duration
 from .endpoint_info import EndpointTypeEnum
 from .event_handler import Events
 from .handle import Handle
-
-if TYPE_CHECKING:
-    from .node import Node
 
 MsgT = TypeVar("MsgT")
 
@@ -27,14 +25,14 @@ class Publisher(Generic[MsgT]):
 
     def __init__(
         self,
-        node: Node,
+        node: NodeInterface,
         msg_type: Any,
         topic: str,
         qos_profile: Any,
         callback_group: CallbackGroup,
         events: Events | None = None,
     ) -> None:
-        self._node = node
+        self.parent_node = node
         self.msg_type = msg_type
         self._full_name = self.topic = topic
         self.qos_profile = qos_profile
@@ -43,8 +41,8 @@ class Publisher(Generic[MsgT]):
         self._events = events
         self.event_handlers = [] if events is None else events.create_handlers(self.handle)
         mismatch = None if events is None else events.mismatch
-        native = qos_profile._native()
-        self._native = node._rclpy_bridge.publisher(msg_type, topic, native, mismatch)
+        native = qos_profile.to_native()
+        self._native = node.handle.bridge.publisher(msg_type, topic, native, mismatch)
         if events is not None:
             events.watch(self._native)
         node_name = node.get_fully_qualified_name()
@@ -60,7 +58,7 @@ class Publisher(Generic[MsgT]):
     def logger_name(self) -> str:
         """The name of the logger of its node."""
         self.handle.check()
-        return str(self._node.get_logger().name)
+        return str(self.parent_node.get_logger().name)
 
     def publish(self, msg: MsgT | bytes) -> None:
         """Send a message, or one that `serialize_message` made bytes of, without waiting.
@@ -85,7 +83,7 @@ class Publisher(Generic[MsgT]):
     def wait_for_all_acked(self, timeout: Duration | None = None) -> bool:
         """Wait until what was published is on its way to all subscriptions; True."""
         self.handle.check()
-        self._node._rclpy_bridge.do(lambda: None)  # the loop sends in order
+        self.parent_node.handle.bridge.do(lambda: None)  # the loop sends in order
         return True
 
     def destroy(self) -> None:
@@ -106,7 +104,7 @@ class Publisher(Generic[MsgT]):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._node.destroy_publisher(self)
+        self.parent_node.destroy_publisher(self)
 
 
 __getattr__ = names_of(__name__, __package__, {".type_support": "MsgType"})

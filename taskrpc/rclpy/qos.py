@@ -17,6 +17,8 @@ from ._impl.graph.qos_policies import (
     QoSPolicyEnum,
     QoSPolicyKind,
     ReliabilityPolicy,
+    incompatibilities,
+    possible_incompatibilities,
     qos_policy_name_from_kind,
 )
 from .duration import Duration
@@ -209,7 +211,7 @@ class QoSProfile:
         """The policies by name: what `QoSProfile(**policies)` makes the same profile of."""
         return {name: getattr(self, name) for name in _POLICIES}
 
-    def _native(self, *, subscribes: bool = False) -> QoS:
+    def to_native(self, *, subscribes: bool = False) -> QoS:
         """What taskrpc's own publishers and subscriptions take."""
         keeps_all = self.history == HistoryPolicy.KEEP_ALL
         reliable = self.reliability not in _unreliable(subscribes)
@@ -333,10 +335,8 @@ def qos_check_compatible(
     publisher_qos: QoSProfile, subscription_qos: QoSProfile
 ) -> tuple[QoSCompatibility, str]:
     """Whether a publisher and a subscription would find each other, and why not."""
-    from ._impl.graph.qos_compatibility import errors, warnings_of
-
-    if found := errors(publisher_qos, subscription_qos):
+    if found := incompatibilities(publisher_qos, subscription_qos):
         return QoSCompatibility.ERROR, "".join(f"ERROR: {text};" for text in found)
-    if found := warnings_of(publisher_qos, subscription_qos):
+    if found := possible_incompatibilities(publisher_qos, subscription_qos):
         return QoSCompatibility.WARNING, "".join(f"WARNING: {text};" for text in found)
     return QoSCompatibility.OK, ""

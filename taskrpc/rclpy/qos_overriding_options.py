@@ -22,7 +22,7 @@ from .qos import QoSProfile
 from .subscription import Subscription
 
 if TYPE_CHECKING:
-    from ._impl.parameters.node_parameters import NodeParameters
+    from ._impl.node_interface import NodeInterface
 
 QosCallbackResult = SetParametersResult
 """What a validating callback returns."""
@@ -87,7 +87,7 @@ class QoSOverridingOptions:
 
 def _declare_qos_parameters(
     entity_type: type[Any],
-    node: NodeParameters,
+    node: NodeInterface,
     topic_name: str,
     qos: QoSProfile,
     options: QoSOverridingOptions,

@@ -16,6 +16,7 @@ from ._impl.copies import detached
 from ._impl.diagnostics import explain
 from ._impl.diagnostics.like_ros import depth_of, wrapped_or_refused
 from ._impl.execution.entity import Entity
+from ._impl.node_interface import NodeInterface
 from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup
 from .handle import ArrivalHandle
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from taskrpc.deferred import DeferredCall
 
     from .clock import Clock
-    from .node import Node
     from .qos import QoSProfile
 
 SrvRequestT = TypeVar("SrvRequestT")
@@ -43,18 +43,18 @@ class RequestHeader(NamedTuple):
 class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     """Answers the requests for one service; `Node.create_service` makes one."""
 
-    _is_answering: ClassVar[bool] = True
+    is_service: ClassVar[bool] = True
 
     def __init__(
         self,
-        node: Node,
+        node: NodeInterface,
         srv_type: Any,
         srv_name: str,
         callback: Callable[..., Any],
         callback_group: CallbackGroup,
         qos_profile: Any,
     ) -> None:
-        self._node = node
+        self.parent_node = node
         self.srv_type = srv_type
         self._full_name = self.srv_name = srv_name
         self.callback = callback
@@ -67,7 +67,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         """What is to be done once the callback that runs has answered."""
         self._introspection = Introspection(node, srv_type, srv_name)
         join = srv_type._TYPE.startswith(_OF_EVERY_NODE)
-        self._offered = node._rclpy_bridge.offer(srv_type, srv_name, self._came, join=join)
+        self._offered = node.handle.bridge.offer(srv_type, srv_name, self._on_request, join=join)
 
     @property
     def service_name(self) -> str:
@@ -78,7 +78,11 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     def logger_name(self) -> str:
         """The name of the logger of its node."""
         self.handle.check()
-        return str(self._node.get_logger().name)
+        return str(self.parent_node.get_logger().name)
+
+    def oldest_request_id(self) -> int:
+        """A number that identifies the request that waits longest; IndexError when none waits."""
+        return id(self._calls[0])
 
     def send_response(self, response: SrvResponseT, header: RequestHeader) -> None:
         """Answer a request that was taken by its header; raises TypeError for another type."""
@@ -111,31 +115,33 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._node.destroy_service(self)
+        self.parent_node.destroy_service(self)
 
     # On the loop's thread
 
-    def _came(self, call: DeferredCall[Any, Any]) -> None:
+    def _on_request(self, call: DeferredCall[Any, Any]) -> None:
         self._calls.append(call)
         if len(self._calls) > self._depth:
             if not explain.like_ros():
-                explain.too_many(self, self._depth)
+                explain.too_many(self._full_name, self._depth)
             else:  # the oldest is never answered
                 with contextlib.suppress(IndexError):
                     self._calls.popleft()
-        self._arrived()
-        self.handle._came()
+        self.notify_executor()
+        self.handle.item_arrived()
 
     # On the spinning thread
 
-    def _when_answered(self, last: Callable[[], object]) -> None:
+    def when_answered(self, last: Callable[[], object]) -> None:
         """Do something once the callback that runs on this thread has answered."""
         self._last = last
 
-    def _ready(self) -> bool:
+    def has_work(self) -> bool:
+        """Whether a request waits to be taken."""
         return bool(self._calls)
 
-    def _take(self) -> Callable[[], Any] | None:
+    def take_work(self) -> Callable[[], Any] | None:
+        """Take the oldest request and return the function that answers it."""
         self.handle.check()
         call = self._next()
         return None if call is None else lambda: self._serve(call)
@@ -173,7 +179,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     def _answer(self, call: DeferredCall[Any, Any], response: Any) -> None:
         """Answer with what the callback returned."""
         try:
-            if self._node.context.ok() and not self.handle.valid:
+            if self.parent_node.context.ok() and not self.handle.valid:
                 self._destroyed(call)
             self._reply(call, response)
         finally:
@@ -182,7 +188,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     def _destroyed(self, call: DeferredCall[Any, Any]) -> None:
         """Raise InvalidHandle, as ROS does: the callback has destroyed what it would answer by."""
         if not explain.like_ros():
-            explain.destroyed(self)
+            explain.destroyed(self._full_name)
             why = f"the callback of {self._full_name} destroyed its service before it returned"
             call.fail(HandlerFailed(Code.INTERNAL, why))
         self.handle.check()
@@ -202,7 +208,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
                 problem += f"; does `return response` (a {expected.__name__}) lack at its end?"
             else:
                 problem += f", expected a {expected.__name__}"
-            explain.answered_nothing(self, problem)
+            explain.answered_nothing(self._full_name, problem)
             call.fail(HandlerFailed(Code.INTERNAL, problem))
             raise TypeError(problem)
         response = detached(response)
@@ -237,9 +243,9 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
             what += f": {error}"
         problem = f"the callback of {self._full_name} raised {what}"
         # A program that is ending already, which the callback noticed, needs no advice.
-        of_itself = isinstance(error, Exception) and self._node.context.ok()
+        of_itself = isinstance(error, Exception) and self.parent_node.context.ok()
         if of_itself and not isinstance(error, WouldDeadlock):
-            explain.raised(self, problem)
+            explain.raised(self._full_name, problem)
         call.fail(HandlerFailed(Code.INTERNAL, problem))
         self._leave()
 
@@ -258,11 +264,11 @@ class ServiceHandle(ArrivalHandle):
 
     def set_on_new_request_callback(self, callback: Callable[[int], object]) -> None:
         """Call this with how many requests arrived, on the thread that received them."""
-        self._tell_of_new(callback)
+        self.set_on_new_callback(callback)
 
     def clear_on_new_request_callback(self) -> None:
         """Call nothing any more when requests arrive."""
-        self._tell_of_new(None)
+        self.set_on_new_callback(None)
 
 
 _OF_EVERY_NODE = ("rcl_interfaces/", "type_description_interfaces/")

@@ -7,11 +7,11 @@ from typing import TYPE_CHECKING, Any
 
 from taskrpc.introspection import SUFFIX, service_event
 
+from ._impl.node_interface import NodeInterface
 from .qos import QoSProfile
 
 if TYPE_CHECKING:
     from .clock import Clock
-    from .node import Node
 
 
 class ServiceIntrospectionState(IntEnum):
@@ -25,7 +25,7 @@ class ServiceIntrospectionState(IntEnum):
 class Introspection:
     """What one client or service tells of its calls; nothing before `configure`."""
 
-    def __init__(self, node: Node, srv_type: Any, service: str) -> None:
+    def __init__(self, node: NodeInterface, srv_type: Any, service: str) -> None:
         self._node = node
         self._srv_type = srv_type
         self._topic = f"{service}{SUFFIX}"
@@ -46,8 +46,8 @@ class Introspection:
         self._clock = clock
         self._state = ServiceIntrospectionState(state)
         if self.is_on:
-            publisher = self._node._rclpy_bridge.publisher
-            self._publisher = publisher(self._srv_type.Event, self._topic, qos_profile._native())
+            publisher = self._node.handle.bridge.publisher
+            self._publisher = publisher(self._srv_type.Event, self._topic, qos_profile.to_native())
 
     def tell(
         self, step: str, gid: list[int], number: int, request: Any = None, response: Any = None

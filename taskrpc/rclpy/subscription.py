@@ -8,20 +8,18 @@ from collections import deque
 from collections.abc import Callable
 from enum import Enum
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Generic, Self, TypeAlias, TypedDict, TypeVar
+from typing import Any, Generic, Self, TypeAlias, TypedDict, TypeVar
 
 from srvgen import to_cdr
 
 from ._impl.execution.entity import Entity
 from ._impl.graph.endpoints import forget, remember
+from ._impl.node_interface import NodeInterface
 from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup
 from .endpoint_info import EndpointTypeEnum
 from .event_handler import Events
 from .handle import ArrivalHandle
-
-if TYPE_CHECKING:
-    from .node import Node
 
 MsgT = TypeVar("MsgT")
 
@@ -58,7 +56,7 @@ class Subscription(Entity, Generic[MsgT]):
 
     def __init__(
         self,
-        node: Node,
+        node: NodeInterface,
         msg_type: Any,
         topic: str,
         callback: Callable[..., Any],
@@ -67,7 +65,7 @@ class Subscription(Entity, Generic[MsgT]):
         raw: bool = False,
         events: Events | None = None,
     ) -> None:
-        self._node = node
+        self.parent_node = node
         self.msg_type = msg_type
         self._full_name = self.topic = topic
         self.callback = callback
@@ -78,11 +76,11 @@ class Subscription(Entity, Generic[MsgT]):
         self._events = events
         self.event_handlers = [] if events is None else events.create_handlers(self.handle)
         mismatch = None if events is None else events.mismatch
-        native = qos_profile._native(subscribes=True)
+        native = qos_profile.to_native(subscribes=True)
         self._received = 0
         self._messages: deque[tuple[Any, MessageInfo]] = deque(maxlen=native.depth)
-        self._native = node._rclpy_bridge.subscription(
-            msg_type, topic, self._came, native, mismatch
+        self._native = node.handle.bridge.subscription(
+            msg_type, topic, self._on_message, native, mismatch
         )
         if events is not None:
             events.watch(self._native)
@@ -99,7 +97,7 @@ class Subscription(Entity, Generic[MsgT]):
     def logger_name(self) -> str:
         """The name of the logger of its node."""
         self.handle.check()
-        return str(self._node.get_logger().name)
+        return str(self.parent_node.get_logger().name)
 
     @property
     def callback(self) -> Callable[..., Any]:
@@ -142,9 +140,9 @@ class Subscription(Entity, Generic[MsgT]):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        self._node.destroy_subscription(self)
+        self.parent_node.destroy_subscription(self)
 
-    def _came(self, message: Any) -> None:
+    def _on_message(self, message: Any) -> None:
         """A message, on the loop's thread."""
         now = time.time_ns()
         self._received += 1
@@ -155,13 +153,15 @@ class Subscription(Entity, Generic[MsgT]):
             reception_sequence_number=self._received,
         )
         self._messages.append((message, info))
-        self._arrived()
-        self.handle._came()
+        self.notify_executor()
+        self.handle.item_arrived()
 
-    def _ready(self) -> bool:
+    def has_work(self) -> bool:
+        """Whether a message waits to be taken."""
         return bool(self._messages)
 
-    def _take(self) -> Callable[[], Any] | None:
+    def take_work(self) -> Callable[[], Any] | None:
+        """Take the oldest message and return the call of the callback."""
         self.handle.check()
         taken = self._next()
         if taken is None:
@@ -193,11 +193,11 @@ class SubscriptionHandle(ArrivalHandle):
 
     def set_on_new_message_callback(self, callback: Callable[[int], object]) -> None:
         """Call this with how many messages arrived, on the thread that received them."""
-        self._tell_of_new(callback)
+        self.set_on_new_callback(callback)
 
     def clear_on_new_message_callback(self) -> None:
         """Call nothing any more when messages arrive."""
-        self._tell_of_new(None)
+        self.set_on_new_callback(None)
 
 
 def _callback_type(callback: Callable[..., Any]) -> Subscription.CallbackType:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import weakref
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import srvgen
 
+from ._impl.node_interface import NodeHandle, NodeInterface
 from .clock import ROSClock
 from .clock_type import ClockType
 from .time import Time
-
-if TYPE_CHECKING:
-    from .node import Node
 
 CLOCK_TOPIC = "/clock"
 """Where simulated time arrives."""
@@ -24,9 +22,9 @@ USE_SIM_TIME_NAME = "use_sim_time"
 class TimeSource:
     """Ties clocks to one node's simulated time; every node has one of its own."""
 
-    def __init__(self, *, node: Node | None = None) -> None:
+    def __init__(self, *, node: NodeInterface | None = None) -> None:
         self._clock_sub: Any = None
-        self._node_ref: weakref.ReferenceType[Node] | None = None
+        self._node_ref: weakref.ReferenceType[NodeInterface] | None = None
         self._associated_clocks: set[ROSClock] = set()
         self._last_time_set = Time(clock_type=ClockType.ROS_TIME)
         self._ros_time_is_active = False
@@ -50,12 +48,11 @@ class TimeSource:
         else:
             self._unsubscribe()
 
-    def attach_node(self, node: Node) -> None:
+    def attach_node(self, node: NodeInterface) -> None:
         """Follow this node's parameter and its `/clock`, and no longer another's."""
-        from .node import Node
         from .parameter import Parameter
 
-        if not isinstance(node, Node):
+        if not isinstance(getattr(node, "handle", None), NodeHandle):
             raise TypeError("Node must be of type rclpy.node.Node")
         if self._node_ref is not None:
             self.detach_node()
@@ -88,7 +85,7 @@ class TimeSource:
         for clock in self._associated_clocks:
             clock.set_ros_time_override(self._last_time_set)
 
-    def _get_node(self) -> Node | None:
+    def _get_node(self) -> NodeInterface | None:
         return None if self._node_ref is None else self._node_ref()
 
     def _subscribe_to_clock_topic(self) -> None:

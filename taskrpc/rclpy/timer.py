@@ -8,13 +8,11 @@ from collections.abc import Callable
 from types import TracebackType
 from typing import Any, ClassVar, Self
 
-from ._impl.clock_jumps import ClockChange, TimeJump
 from ._impl.diagnostics.deadlocks import check_rate
 from ._impl.diagnostics.explain import like_ros, nobody_woke
-from ._impl.execution.entity import Entity
-from ._impl.execution.running_callbacks import is_busy
+from ._impl.execution.entity import Entity, is_busy, node_name
 from .callback_groups import CallbackGroup
-from .clock import Clock
+from .clock import Clock, ClockChange, TimeJump
 from .clock_type import ClockType
 from .context import Context
 from .exceptions import InvalidHandle, RCLError, ROSInterruptException
@@ -57,7 +55,7 @@ class Timer(Entity):
     Periods that were missed are left out, and the rhythm is kept.
     """
 
-    _is_timer: ClassVar[bool] = True
+    is_timer: ClassVar[bool] = True
 
     def __init__(
         self,
@@ -78,13 +76,13 @@ class Timer(Entity):
         self._clock = clock
         self._period_ns = int(timer_period_ns)
         self._canceled = not autostart
-        self._last_ns = clock._now_ns()
+        self._last_ns = clock.now_ns()
         self._next_ns = self._last_ns + self._period_ns
         self._credit_ns = 0
-        self._asked: Callable[..., Any] | None = None
+        self._inspected_callback: Callable[..., Any] | None = None
         self._info_name: str | None = None
         if clock.clock_type is ClockType.ROS_TIME:
-            clock._timers.add(self)
+            clock.add_timer(self)
 
     def destroy(self) -> None:
         """Never call back again."""
@@ -109,7 +107,7 @@ class Timer(Entity):
     def is_ready(self) -> bool:
         """Whether it is due."""
         self.handle.check()
-        return self._ready()
+        return self.has_work()
 
     def is_canceled(self) -> bool:
         """Whether it was cancelled, and not reset since."""
@@ -124,19 +122,19 @@ class Timer(Entity):
     def reset(self) -> None:
         """Begin a new period now; also after `cancel`."""
         self.handle.check()
-        self._next_ns = self._clock._now_ns() + self._period_ns
+        self._next_ns = self._clock.now_ns() + self._period_ns
         self._canceled = False
-        self._arrived()
+        self.notify_executor()
 
     def time_since_last_call(self) -> int:
         """Nanoseconds since the last call, or since it was created."""
         self.handle.check()
-        return self._clock._now_ns() - self._last_ns
+        return self._clock.now_ns() - self._last_ns
 
     def time_until_next_call(self) -> int | None:
         """Nanoseconds until it is due, negative when it is late; None while cancelled."""
         self.handle.check()
-        return None if self._canceled else self._next_ns - self._clock._now_ns()
+        return None if self._canceled else self._next_ns - self._clock.now_ns()
 
     def __enter__(self) -> Self:
         return self
@@ -149,20 +147,23 @@ class Timer(Entity):
     ) -> None:
         self.destroy()
 
-    def _ready(self) -> bool:
-        return not self._canceled and self._next_ns <= self._clock._now_ns()
+    def has_work(self) -> bool:
+        """Whether it is due; also of a destroyed timer."""
+        return not self._canceled and self._next_ns <= self._clock.now_ns()
 
-    def _wait_ns(self) -> int | None:
+    def nanoseconds_until_due(self) -> int | None:
+        """The time until it is due; None while nothing but a jump of the clock can make it due."""
         if self._canceled or self.handle._destroyed:
             return None
-        wait = self._next_ns - self._clock._now_ns()
-        if wait > 0 and self._clock._real_seconds(wait) is None:
+        wait = self._next_ns - self._clock.now_ns()
+        if wait > 0 and self._clock.real_seconds(wait) is None:
             return None  # a jump of the clock will wake the executor
         return wait
 
-    def _take(self) -> Callable[[], Any] | None:
+    def take_work(self) -> Callable[[], Any] | None:
+        """Begin the next period and return the call; None when it is not due."""
         self.handle.check()
-        now = self._clock._now_ns()
+        now = self._clock.now_ns()
         if self._canceled or self._next_ns > now:
             return None
         expected = self._next_ns
@@ -180,23 +181,25 @@ class Timer(Entity):
 
     def _wants_info(self, callback: Callable[..., Any]) -> str | None:
         """The callback's parameter that is annotated TimerInfo, if it has one."""
-        if callback is not self._asked:
-            self._asked, self._info_name = callback, _info_parameter(callback)
+        if callback is not self._inspected_callback:
+            self._inspected_callback, self._info_name = callback, _info_parameter(callback)
         return self._info_name
 
-    def _before_jump(self, jump: TimeJump) -> None:
+    def before_jump(self, jump: TimeJump) -> None:
+        """Keep the time that is left when the source of the time is about to change."""
         if jump.clock_change is not ClockChange.ROS_TIME_NO_CHANGE:
-            self._credit_ns = self._next_ns - self._clock._now_ns()
+            self._credit_ns = self._next_ns - self._clock.now_ns()
 
-    def _after_jump(self, jump: TimeJump) -> None:
-        now = self._clock._now_ns()
+    def after_jump(self, jump: TimeJump) -> None:
+        """Calculate the next call again after a jump of the clock."""
+        now = self._clock.now_ns()
         if jump.clock_change is not ClockChange.ROS_TIME_NO_CHANGE:
             self._next_ns = now + self._credit_ns
             self._last_ns = self._next_ns - self._period_ns
         elif now < self._last_ns:
             self._next_ns = now + self._period_ns
             self._last_ns = now
-        self._arrived()
+        self.notify_executor()
 
 
 def _following(due: int, period: int, now: int) -> int:
@@ -239,7 +242,7 @@ class Rate:
         destroyed, WouldDeadlock in a callback that keeps the only thread that could run the timer.
         """
         self._check()
-        check_rate(self._timer)
+        check_rate(self._timer.parent_node)
         with self._lock:
             self._num_sleepers += 1
         try:
@@ -263,22 +266,22 @@ class Rate:
             if self._is_unspun():
                 if self._grace_ns:
                     self._grace_ns = 0
-                    nobody_woke(self._timer._node)
-                if (call := self._timer._take()) is not None:
+                    nobody_woke(node_name(self._timer.parent_node))
+                if (call := self._timer.take_work()) is not None:
                     call()
 
     def _slice(self) -> float:
-        left = self._timer._wait_ns()
+        left = self._timer.nanoseconds_until_due()
         if self._grace_ns or left is None:
             return _SLICE
         return min(_SLICE, max(0, left) * 1e-9)
 
     def _is_unspun(self) -> bool:
         """Whether the timer is so late that nobody seems to spin."""
-        left = self._timer._wait_ns()
+        left = self._timer.nanoseconds_until_due()
         if left is None or left + self._grace_ns > 0 or like_ros():
             return False
-        return not is_busy(self._timer._node.executor)
+        return not is_busy(self._timer.parent_node.executor)
 
     def _check(self) -> None:
         if self._is_shutdown:

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import weakref
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import srvgen
 from srvgen.classes.loader import search
 from srvgen.typehash import type_description
 
+from ._impl.node_interface import NodeInterface
 from .qos import qos_profile_services_default
-
-if TYPE_CHECKING:
-    from .node import Node
 
 START_TYPE_DESCRIPTION_SERVICE_PARAM = "start_type_description_service"
 """The parameter that, set to false at the start, leaves the service out."""
@@ -23,7 +21,7 @@ _TYPE = "type_description_interfaces/srv/GetTypeDescription"
 class TypeDescriptionService:
     """Describes the types of a node; made by the node itself."""
 
-    def __init__(self, node: Node) -> None:
+    def __init__(self, node: NodeInterface) -> None:
         self._node = weakref.ref(node)
         descriptor = srvgen.load("rcl_interfaces/msg/ParameterDescriptor")(
             description="Start the ~/get_type_description service for this node.", read_only=True

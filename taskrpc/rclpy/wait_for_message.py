@@ -6,6 +6,7 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
+from ._impl.node_entities import profile_of
 from .callback_groups import MutuallyExclusiveCallbackGroup
 from .qos import QoSProfile
 from .subscription import Subscription
@@ -29,11 +30,11 @@ def wait_for_message(
 
     A negative number waits until the context is shut down.
     """
-    name, qos = node.resolve_topic_name(topic), node._rclpy_topic_qos(qos_profile)
+    name, qos = node.resolve_topic_name(topic), profile_of(qos_profile)
     group = MutuallyExclusiveCallbackGroup()
     subscription: Subscription[Any] = Subscription(node, msg_type, name, _unused, group, qos)
     came = threading.Event()
-    subscription._arrived = came.set  # type: ignore[method-assign]  # nobody spins it
+    subscription.notify_executor = came.set  # type: ignore[method-assign]  # nobody spins it
     end = time.monotonic() + time_to_wait
     try:
         while node.context.ok():

@@ -9,9 +9,9 @@ from typing import Any, Generic, Self, TypeVar
 
 from ._impl.execution.entity import Entity
 from .callback_groups import CallbackGroup
-from .future import Future
 from .guard_condition import GuardCondition
 from .handle import Handle
+from .task import Future
 
 T = TypeVar("T")
 
@@ -42,21 +42,21 @@ class WaitSet:
     """What a waitable is asked with: it adds guard conditions, and asks which were triggered."""
 
     def __init__(self, node: Any) -> None:
-        self._node = node
+        self.parent_node = node
         self._guards: list[GuardCondition] = []
 
     def add_guard_condition(self, handle: Handle) -> int:
         """Wait for a guard condition's trigger; the number by which to ask."""
         guard: GuardCondition = handle.owner
-        guard._node = self._node  # so that the trigger wakes who waits here
+        guard.parent_node = self.parent_node  # so that the trigger wakes who waits here
         self._guards.append(guard)
         return len(self._guards) - 1
 
     def is_ready(self, kind: str, index: int) -> bool:
         """Whether it was triggered since it was asked last; `kind` is "guard_condition"."""
         guard = self._guards[index]
-        ready = guard._ready()
-        guard._take()
+        ready = guard.has_work()
+        guard.take_work()
         return ready
 
 
@@ -110,13 +110,15 @@ class Waitable(Entity, Generic[T]):
     def add_to_wait_set(self, wait_set: Any) -> None:
         """Tell by its handles what it waits for, and keep their numbers for `is_ready`."""
 
-    def _ready(self) -> bool:
-        wait_set = WaitSet(self._node)
+    def has_work(self) -> bool:
+        """Ask the subclass, by a wait set, whether there is work."""
+        wait_set = WaitSet(self.parent_node)
         self.add_to_wait_set(wait_set)
         return self.is_ready(wait_set)
 
-    def _take(self) -> Callable[[], Any] | None:
+    def take_work(self) -> Callable[[], Any] | None:
+        """Take the data of the subclass and return the call of `execute`."""
         for future in self._futures:
-            future._set_executor(self._node.executor)
+            future._set_executor(self.parent_node.executor)
         data = self.take_data()
         return lambda: self.execute(data)

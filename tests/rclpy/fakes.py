@@ -24,10 +24,10 @@ class FakeClock:
     def go_on(self, seconds: float) -> None:
         self.ns += int(seconds * 1e9)
 
-    def _now_ns(self) -> int:
+    def now_ns(self) -> int:
         return self.ns
 
-    def _real_seconds(self, nanoseconds: int) -> float | None:
+    def real_seconds(self, nanoseconds: int) -> float | None:
         return None
 
 
@@ -62,7 +62,7 @@ class FakeNode:
         self.destroyed = True
 
     def _add(self, entities: list[Any], made: Any) -> None:
-        made._node = self
+        made.parent_node = self
         made.callback_group.add_entity(made)
         entities.append(made)
         if self.executor is not None:

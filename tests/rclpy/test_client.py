@@ -195,7 +195,7 @@ def test_the_caller_is_told_that_the_server_has_gone(world):
     world.executor.remove_node(server)  # so that nobody answers
     future = client.call_async(Request())
     service = service_of(server, "/add")
-    world.spin_until(service._ready)
+    world.spin_until(service.has_work)
     service.handle.service_take_request(Request)
     server.destroy_node()
     world.executor.spin_until_future_complete(future, PATIENCE)
@@ -255,10 +255,10 @@ def test_a_client_survives_its_killed_server_and_calls_the_next_one(world):
 
 
 def test_a_destroyed_client_calls_no_more(world, client):
-    assert client._node.destroy_client(client)
+    assert client.parent_node.destroy_client(client)
     with pytest.raises(InvalidHandle, match="cannot use Destroyable"):
         client.call_async(Request())
-    assert not client._node.destroy_client(client)
+    assert not client.parent_node.destroy_client(client)
 
 
 def test_with_destroys_a_client_at_its_end(world):

@@ -119,7 +119,7 @@ def test_after_a_signal_the_shutdown_is_silent_and_still_does_its_work(context):
 def test_ros_arguments_are_read_and_the_wrong_ones_refused():
     context = Context()
     context.init(["program", "--ros-args", "-p", "rate:=3", "--", "rest"])
-    assert context._arguments.rest == ["program", "rest"]
+    assert context.arguments.rest == ["program", "rest"]
     with pytest.raises(UnknownROSArgsError, match=r"\['unknown'\]"):
         Context().init(["--ros-args", "unknown"])
     with pytest.raises(RCLInvalidROSArgsError):

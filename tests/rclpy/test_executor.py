@@ -28,7 +28,7 @@ from taskrpc.rclpy.executors import (
     current_callback,
 )
 from taskrpc.rclpy.experimental import EventsExecutor
-from taskrpc.rclpy.future import Future
+from taskrpc.rclpy.task import Future
 from taskrpc.rclpy.waitable import Waitable
 from tests.rclpy.fakes import FakeNode
 

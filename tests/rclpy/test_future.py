@@ -9,7 +9,7 @@ import threading
 import pytest
 
 from taskrpc.rclpy.executors import SingleThreadedExecutor
-from taskrpc.rclpy.future import Future
+from taskrpc.rclpy.task import Future
 
 
 def test_a_pending_future_has_neither_result_nor_exception():

@@ -8,18 +8,18 @@ from taskrpc.rclpy.handle import ArrivalHandle, Handle
 
 def test_whoever_asks_late_is_told_of_all_that_came_before():
     handle, told = ArrivalHandle(), []
-    handle._came()
-    handle._came()
-    handle._tell_of_new(told.append)
-    handle._came()
+    handle.item_arrived()
+    handle.item_arrived()
+    handle.set_on_new_callback(told.append)
+    handle.item_arrived()
     assert told == [2, 1]
 
 
 def test_nobody_is_told_after_the_callback_is_cleared():
     handle, told = ArrivalHandle(), []
-    handle._tell_of_new(told.append)
-    handle._tell_of_new(None)
-    handle._came()
+    handle.set_on_new_callback(told.append)
+    handle.set_on_new_callback(None)
+    handle.item_arrived()
     assert told == []
 
 

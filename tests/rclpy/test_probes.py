@@ -168,7 +168,7 @@ def asked_of_a_server(world, client):
         response.sum = 11
         return response
 
-    node = client._node
+    node = client.parent_node
     service = world.node("server").create_service(AddTwoInts, "svc", add)
     assert client.wait_for_service(60)
     good = client.call_async(Request(a=1, b=2))

@@ -167,8 +167,8 @@ def test_what_a_publisher_offers_must_be_as_much_as_is_asked_for(offered, asked,
     ],
 )
 def test_a_profile_becomes_one_of_taskrpc(profile, publisher, subscription):
-    assert profile._native() == publisher
-    assert profile._native(subscribes=True) == subscription
+    assert profile.to_native() == publisher
+    assert profile.to_native(subscribes=True) == subscription
 
 
 def test_profiles_are_known_by_their_names_in_c():

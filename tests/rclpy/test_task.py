@@ -19,7 +19,7 @@ class Recorder:
     def create_task(self, callback, *args):
         self.made.append((callback, args))
 
-    def _resume(self, task):
+    def resume_task(self, task):
         self.resumed.append(task)
 
 

@@ -121,7 +121,7 @@ def test_a_message_can_be_taken_without_a_callback(node):
     subscription = node.create_subscription(String, "talk", print, 10)
     assert subscription.handle.take_message(String, False) is None
     node.create_publisher(String, "talk", 10).publish(String(data="x"))
-    until(subscription._ready)
+    until(subscription.has_work)
     message, info = subscription.handle.take_message(String, False)
     assert (message.data, info["received_timestamp"] > 0) == ("x", True)
 
@@ -282,7 +282,7 @@ def test_a_handler_made_later_gets_the_events_of_its_parent(world, node):
     handler.destroy()
     with node.create_subscription(String, "talk", print, 10):
         until(lambda: publisher.get_subscription_count() == 2)
-    assert not handler._ready()
+    assert not handler.has_work()
 
 
 def test_a_handler_of_what_has_no_such_events_is_refused(node):

@@ -8,8 +8,8 @@ from taskrpc.rclpy.callback_groups import (
     MutuallyExclusiveCallbackGroup,
     ReentrantCallbackGroup,
 )
-from taskrpc.rclpy.future import Future
 from taskrpc.rclpy.guard_condition import GuardCondition
+from taskrpc.rclpy.task import Future
 from taskrpc.rclpy.waitable import NumberOfEntities, Waitable
 
 
@@ -131,5 +131,5 @@ def test_several_triggers_of_a_guard_condition_run_its_callback_once(executor, f
 def test_a_guard_condition_without_a_callback_only_wakes(context, executor):
     guard = GuardCondition(None, None, context)
     guard.trigger()
-    assert guard._take() is None
-    assert guard._take() is None
+    assert guard.take_work() is None
+    assert guard.take_work() is None

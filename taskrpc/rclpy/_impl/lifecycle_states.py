@@ -31,6 +31,13 @@ class State(NamedTuple):
     label: str
 
 
+class LifecycleState(NamedTuple):
+    """A state as callbacks of programs receive it."""
+
+    label: str
+    state_id: int
+
+
 class Transition(NamedTuple):
     """One step."""
 

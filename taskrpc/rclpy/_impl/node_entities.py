@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterator
-from typing import TYPE_CHECKING, Any, TypeVar, cast
+from typing import Any, TypeVar, cast
 
 from taskrpc.errors import NameInUse
 from taskrpc.given_types import MsgT, RequestT, ResponseT, Srv
@@ -23,10 +23,7 @@ from ..timer import Rate, Timer
 from ..type_support import check_is_valid_msg_type, check_is_valid_srv_type
 from ..waitable import Waitable
 from .graph.endpoints import meet
-
-if TYPE_CHECKING:
-    from ..executors import Executor
-    from ..node import Node
+from .node_interface import NodeInterface
 
 _Thing = TypeVar("_Thing")
 
@@ -35,7 +32,7 @@ class NodeEntities:
     """What a node has: publishers, subscriptions, clients, services, timers and more."""
 
     _context: Context
-    executor: Executor | None
+    executor: Any
     resolve_topic_name: Callable[[str], str]
     resolve_service_name: Callable[[str], str]
     get_clock: Callable[[], Clock]
@@ -105,7 +102,7 @@ class NodeEntities:
         publisher_class: type[Publisher[Any]] = Publisher,
     ) -> Publisher[MsgT]:
         """Publish messages of a type on a topic; a number as `qos_profile` is its depth."""
-        qos = self._rclpy_topic_qos(qos_profile)
+        qos = profile_of(qos_profile)
         check_is_valid_msg_type(msg_type)
         name = self.resolve_topic_name(topic)
         self._override_qos(Publisher, name, qos, qos_overriding_options)
@@ -134,7 +131,7 @@ class NodeEntities:
 
         A callback with two parameters gets a `MessageInfo`, too; with `raw`, the message is CDR.
         """
-        qos = self._rclpy_topic_qos(qos_profile)
+        qos = profile_of(qos_profile)
         check_is_valid_msg_type(msg_type)
         name = self.resolve_topic_name(topic)
         self._override_qos(Subscription, name, qos, qos_overriding_options)
@@ -212,7 +209,7 @@ class NodeEntities:
             context=self._context,
             autostart=autostart,
         )
-        timer._node = self
+        timer.parent_node = self
         return self._rclpy_added(self._rclpy_timers, timer, group)
 
     def create_guard_condition(
@@ -221,7 +218,7 @@ class NodeEntities:
         """Have `callback()` called whenever the guard condition is triggered."""
         group = self._rclpy_group(callback_group)
         guard = GuardCondition(callback, group, context=self._context)
-        guard._node = self
+        guard.parent_node = self
         return self._rclpy_added(self._rclpy_guards, guard, group)
 
     def create_rate(self, frequency: float, clock: Clock | None = None) -> Rate:
@@ -239,7 +236,7 @@ class NodeEntities:
 
     def add_waitable(self, waitable: Waitable[Any]) -> None:
         """Wait for something of the program's own, too."""
-        waitable._node = self
+        waitable.parent_node = self
         self._rclpy_added(self._rclpy_waitables, waitable)
 
     def remove_waitable(self, waitable: Waitable[Any]) -> None:
@@ -300,23 +297,14 @@ class NodeEntities:
             while things:
                 things.pop().destroy()
 
-    def _rclpy_as_node(self) -> Node:
-        return cast("Node", self)
+    def _rclpy_as_node(self) -> NodeInterface:
+        return cast("NodeInterface", self)
 
     def _override_qos(self, kind: type[Any], name: str, qos: QoSProfile, options: Any) -> None:
         if options is not None:
             from ..qos_overriding_options import _declare_qos_parameters
 
             _declare_qos_parameters(kind, self._rclpy_as_node(), name, qos, options)
-
-    def _rclpy_topic_qos(self, qos: QoSProfile | int) -> QoSProfile:
-        if isinstance(qos, QoSProfile):
-            return qos
-        if not isinstance(qos, int):
-            raise TypeError(f"Expected QoSProfile or int, but received {type(qos)!r}")
-        if qos < 0:
-            raise ValueError("History depth must be greater than or equal to zero")
-        return QoSProfile(depth=qos)
 
     def _rclpy_group(self, callback_group: CallbackGroup | None) -> CallbackGroup:
         return self._default_callback_group if callback_group is None else callback_group
@@ -342,3 +330,14 @@ class NodeEntities:
     def _wake_executor(self) -> None:
         if (executor := self.executor) is not None:
             executor.wake()
+
+
+def profile_of(qos: QoSProfile | int) -> QoSProfile:
+    """A profile as programs give it to a topic: a QoSProfile, or a number for its depth."""
+    if isinstance(qos, QoSProfile):
+        return qos
+    if not isinstance(qos, int):
+        raise TypeError(f"Expected QoSProfile or int, but received {type(qos)!r}")
+    if qos < 0:
+        raise ValueError("History depth must be greater than or equal to zero")
+    return QoSProfile(depth=qos)

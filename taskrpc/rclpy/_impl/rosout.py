@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING
 
 import srvgen
 from taskrpc.errors import TaskRpcError
@@ -13,9 +12,7 @@ from ..impl import log_output
 from ..impl.log_format import Record
 from ..qos import QoSProfile
 from .graph.endpoints import forget, remember
-
-if TYPE_CHECKING:
-    from ..node import Node
+from .node_interface import NodeHandle
 
 TOPIC = "/rosout"
 """Where the log of all nodes is."""
@@ -27,13 +24,12 @@ _Time = srvgen.load("builtin_interfaces/msg/Time")
 class Rosout:
     """Takes what is logged under a node's name or its children's; the last of it is kept."""
 
-    def __init__(self, node: Node, name: str, qos_profile: QoSProfile | int) -> None:
+    def __init__(self, node: NodeHandle, name: str, qos_profile: QoSProfile | int) -> None:
         qos = qos_profile if isinstance(qos_profile, QoSProfile) else QoSProfile(depth=qos_profile)
         self._name = name
         # Not one of the node's own publishers, as in ROS; nor does it keep the node alive.
-        self._native = node._rclpy_bridge.publisher(_Log, TOPIC, qos._native())
-        node_name = node.get_fully_qualified_name()
-        remember(self, EndpointTypeEnum.PUBLISHER, node_name, TOPIC, qos)
+        self._native = node.bridge.publisher(_Log, TOPIC, qos.to_native())
+        remember(self, EndpointTypeEnum.PUBLISHER, node.full_name, TOPIC, qos)
         log_output.add_rosout(name, self.publish)
 
     def publish(self, record: Record) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any, ClassVar
 
 from ..executors import SingleThreadedExecutor
-from ..future import Future
+from ..task import Future
 
 
 class EventsExecutor(SingleThreadedExecutor):
@@ -15,7 +15,7 @@ class EventsExecutor(SingleThreadedExecutor):
     """
 
     _youngest_first: ClassVar[bool] = False
-    _heeds_groups: ClassVar[bool] = False
+    _respects_groups: ClassVar[bool] = False
 
     def spin_until_future_complete(
         self, future: Future[Any], timeout_sec: float | None = None

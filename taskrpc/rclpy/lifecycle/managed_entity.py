@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
+from .._impl.lifecycle_states import LifecycleState
 from .._impl.lifecycle_states import TransitionCallbackReturnType as TransitionCallbackReturn
-
-if TYPE_CHECKING:
-    from .node import LifecycleState
 
 
 class ManagedEntity:

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from typing import Any, NamedTuple, cast
+from typing import Any, cast
 
 import srvgen
 
 from .._impl.diagnostics import explain
+from .._impl.execution.entity import node_name
 from .._impl.lifecycle_states import (
     ACTIVATING,
     CLEANING_UP,
@@ -15,6 +16,7 @@ from .._impl.lifecycle_states import (
     DEACTIVATING,
     ERROR_PROCESSING,
     SHUTTING_DOWN,
+    LifecycleState,
     LifecycleStateMachine,
     Transition,
 )
@@ -37,13 +39,6 @@ _CALLBACKS = {
 }
 """What is called in each state on the way; what it returns leads on."""
 _EVENTS_DEPTH = 10
-
-
-class LifecycleState(NamedTuple):
-    """A state as callbacks are given it."""
-
-    label: str
-    state_id: int
 
 
 class LifecycleNodeMixin(ManagedEntity):
@@ -187,7 +182,7 @@ class LifecycleNodeMixin(ManagedEntity):
         try:
             result = callback(before)
         except Exception as error:
-            explain.swallowed(self, name, error)
+            explain.swallowed(node_name(self), name, error)
             result = TransitionCallbackReturn.ERROR
         if not isinstance(result, TransitionCallbackReturn):
             raise AttributeError(
@@ -243,7 +238,7 @@ class LifecycleNodeMixin(ManagedEntity):
         except RCLError as error:  # what others ask for must not end this node
             if explain.like_ros():
                 raise
-            explain.impossible_step(self, number, error)
+            explain.impossible_step(node_name(self), number, error)
         return response
 
     def _rclpy_on_get_state(self, request: Any, response: Any) -> Any:

@@ -38,7 +38,7 @@ SOONER = """
 from rclpy._impl.diagnostics import watchdog as dog
 assert (dog._PERIOD, dog._SOON, dog._LATE, dog._STUCK) == (1, 2, 5, 15)
 dog._PERIOD, dog._SOON, dog._LATE, dog._STUCK = 0.1, 0.3, 0.5, 0.8
-node._rclpy_bridge.soon(dog._Look().again)  # the first has its second to wait
+node.handle.bridge.soon(dog._Look().again)  # the first has its second to wait
 """
 """The watchdog need not be waited for as long as users would."""
 

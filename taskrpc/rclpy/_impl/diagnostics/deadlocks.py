@@ -2,26 +2,46 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from collections.abc import Sequence
+from typing import Any, Protocol
 
 from taskrpc.errors import WouldDeadlock
 
-from ...callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
-from ..execution.running_callbacks import Callback, current_callback
+from ...callback_groups import MutuallyExclusiveCallbackGroup
+from ..execution.entity import (
+    Callback,
+    ExecutorInterface,
+    GroupInterface,
+    callback_name,
+    current_callback,
+    node_name,
+)
 from . import explain
 
-if TYPE_CHECKING:
-    from ...client import Client
-    from ...executors import Executor
-    from ...future import Future
-    from ...timer import Timer
+
+class WaitingClient(Protocol):
+    """What the diagnostics ask of a client; `rclpy.client` has the class."""
+
+    parent_node: Any
+
+    @property
+    def service_name(self) -> str:
+        """The absolute name of the service."""
+
+    @property
+    def callback_group(self) -> GroupInterface | None:
+        """The group that its responses are taken in."""
+
+    @property
+    def pending_futures(self) -> Sequence[Any]:
+        """The futures of the calls that have no response yet."""
 
 
-_calls: dict[int, tuple[Client[Any, Any], Callback]] = {}
+_calls: dict[int, tuple[WaitingClient, Callback]] = {}
 """Calls that callbacks wait for without end, by the callback's identity."""
 
 
-def check_call(client: Client[Any, Any], timeout: float | None) -> Callback | None:
+def check_call(client: WaitingClient, timeout: float | None) -> Callback | None:
     """Raise WouldDeadlock where `Client.call` could never end, or tell that its timeout will.
 
     Returns the callback that waits, for `call_ended`.
@@ -34,9 +54,11 @@ def check_call(client: Client[Any, Any], timeout: float | None) -> Callback | No
         _calls[id(callback)] = client, callback  # before looking: others may look at this moment
         if why := why or _circle(client, callback):
             call_ended(callback)
-            raise WouldDeadlock(explain.would_hang(client, callback, why))
+            raise WouldDeadlock(
+                explain.would_hang(client.service_name, callback_name(callback), why)
+            )
     elif why and timeout:
-        explain.would_wait_in_vain(client, callback, timeout)
+        explain.would_wait_in_vain(client.service_name, callback_name(callback), timeout)
     return callback
 
 
@@ -45,50 +67,52 @@ def call_ended(callback: Callback | None) -> None:
     _calls.pop(id(callback), None)
 
 
-def callers() -> dict[Executor, list[tuple[Client[Any, Any], Callback]]]:
+def callers() -> dict[ExecutorInterface, list[tuple[WaitingClient, Callback]]]:
     """Callbacks that wait without end for answers that their own executor would have to take."""
-    found: dict[Executor, list[tuple[Client[Any, Any], Callback]]] = {}
+    found: dict[ExecutorInterface, list[tuple[WaitingClient, Callback]]] = {}
     for client, callback in list(_calls.values()):
-        if client._node in callback.executor._nodes:
+        if callback.executor.has_node(client.parent_node):
             found.setdefault(callback.executor, []).append((client, callback))
     return found
 
 
-def check_spin(executor: Executor, future: Future[Any], timeout: float | None) -> None:
+def check_spin(executor: ExecutorInterface, future: Any, timeout: float | None) -> None:
     """Raise WouldDeadlock where a spin in a callback waits for what the callback's group holds."""
     callback = current_callback()
     if callback is None or explain.like_ros() or not (timeout is None or timeout < 0):
         return
     for node in executor.get_nodes():
         for client in node.clients:
-            if future in list(client._pending.values()):
+            if future in client.pending_futures:
                 if why := _held_group(client.callback_group, callback, "the answer"):
-                    raise WouldDeadlock(explain.spun_in_vain(client, callback, why))
+                    raise WouldDeadlock(
+                        explain.spun_in_vain(client.service_name, callback_name(callback), why)
+                    )
                 return
 
 
-def check_rate(timer: Timer) -> None:
-    """Raise WouldDeadlock where `Rate.sleep` keeps the only thread that could run its timer."""
+def check_rate(node: Any) -> None:
+    """Raise WouldDeadlock where `Rate.sleep` blocks the only thread that could run its timer."""
     callback = current_callback()
     if callback is None or explain.like_ros():
         return
-    if callback.executor._one_thread and timer._node in callback.executor._nodes:
-        raise WouldDeadlock(explain.would_oversleep(callback))
+    if callback.executor.runs_one_at_a_time and callback.executor.has_node(node):
+        raise WouldDeadlock(explain.would_oversleep(callback_name(callback)))
 
 
-def check_deaf(executor: Executor, node: Any) -> None:
+def check_deaf(executor: ExecutorInterface, node: Any) -> None:
     """Tell of a spin in a callback that takes its node away from the spin around it."""
     callback = current_callback()
-    if callback is not None and callback.executor is executor and node in executor._nodes:
-        explain.went_deaf(node, callback)
+    if callback is not None and callback.executor is executor and executor.has_node(node):
+        explain.went_deaf(node_name(node), callback_name(callback))
 
 
-def obstacle(client: Client[Any, Any], callback: Callback) -> str:
+def obstacle(client: WaitingClient, callback: Callback) -> str:
     """What keeps the answer from being taken while the callback runs; "" if nothing does."""
-    if client._node not in callback.executor._nodes:
+    if not callback.executor.has_node(client.parent_node):
         return ""
-    if callback.executor._one_thread:
-        return f"the only thread that spins {explain.shown(client._node)}"
+    if callback.executor.runs_one_at_a_time:
+        return f"the only thread that spins {node_name(client.parent_node)}"
     held = _held_group(client.callback_group, callback, "the answer")
     return held or _server_obstacle(client.service_name, callback)
 
@@ -98,13 +122,13 @@ def _server_obstacle(name: str, callback: Callback) -> str:
     for node in callback.executor.get_nodes():
         for service in node.services:
             if service.service_name == name:
-                if callback.executor._one_thread:
-                    return f"the only thread that spins {explain.shown(node)}"
+                if callback.executor.runs_one_at_a_time:
+                    return f"the only thread that spins {node_name(node)}"
                 return _held_group(service.callback_group, callback, "the server")
     return ""
 
 
-def _circle(client: Client[Any, Any], callback: Callback) -> str:
+def _circle(client: WaitingClient, callback: Callback) -> str:
     """The way from a call over other callbacks' calls back to the callback; "" if there is none."""
     name, way = client.service_name, list[str]()
     for _ in range(len(_calls)):
@@ -115,11 +139,11 @@ def _circle(client: Client[Any, Any], callback: Callback) -> str:
             return ""
         further, other = waits[0]
         name = further.service_name
-        way += [explain.name_of(other), name]
+        way += [callback_name(other), name]
     return ""
 
 
-def _held_group(group: CallbackGroup | None, callback: Callback, what: str) -> str:
+def _held_group(group: GroupInterface | None, callback: Callback, what: str) -> str:
     entity = callback.entity
     exclusive = isinstance(group, MutuallyExclusiveCallbackGroup)
     if not exclusive or entity is None or entity.callback_group is not group:

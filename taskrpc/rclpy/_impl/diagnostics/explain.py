@@ -7,12 +7,7 @@ import os
 import sys
 import threading
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from ...client import Client
-    from ...service import Service
-    from ..execution.running_callbacks import Callback
+from typing import Any
 
 _told: set[tuple[object, ...]] = set()
 _lock = threading.Lock()
@@ -24,29 +19,29 @@ def like_ros() -> bool:
     return os.environ.get("TASKRPC_LIKE_ROS") == "1"
 
 
-def would_hang(client: Client[Any, Any], callback: Callback, why: str) -> str:
+def would_hang(service: str, callback: str, why: str) -> str:
     """`Client.call` in a callback, which keeps the answer from being taken; the whole sentence."""
-    cycle = f"{name_of(callback)} -> {client.service_name} -> {why} -> {name_of(callback)}"
+    cycle = f"{callback} -> {service} -> {why} -> {callback}"
     sentence = f"hang here for ever: Client.call in a callback waits in a circle: {cycle}"
     fix = "; make the callback `async def` and `await client.call_async(request)`, with the client"
     fix += " in a ReentrantCallbackGroup (or give it that group and spin a MultiThreadedExecutor)"
-    tell(("hang", name_of(callback), client.service_name), sentence + fix)
+    tell(("hang", callback, service), sentence + fix)
     return f"ROS 2 would {sentence}{fix}"
 
 
-def would_wait_in_vain(client: Client[Any, Any], callback: Callback, seconds: float) -> None:
+def would_wait_in_vain(service: str, callback: str, seconds: float) -> None:
     """`Client.call` with a timeout, in a callback that keeps the answer from being taken."""
     tell(
-        ("hang", name_of(callback), client.service_name),
-        f"wait {seconds:g} s here in vain, as we do: {name_of(callback)} keeps the answer of"
-        f" {client.service_name} from being taken; make it `async def` and"
+        ("hang", callback, service),
+        f"wait {seconds:g} s here in vain, as we do: {callback} keeps the answer of"
+        f" {service} from being taken; make it `async def` and"
         " `await client.call_async(request)`, with the client in a ReentrantCallbackGroup",
     )
 
 
-def no_thread_left(calls: Sequence[tuple[Client[Any, Any], Callback]]) -> None:
+def no_thread_left(calls: Sequence[tuple[str, str]]) -> None:
     """All threads of a pool wait in `Client.call`: none is left that could take an answer."""
-    who = ", ".join(f"{name_of(callback)} for {client.service_name}" for client, callback in calls)
+    who = ", ".join(f"{callback} for {service}" for service, callback in calls)
     tell(
         ("pool", who),
         f"hang here for ever, as we do: all {len(calls)} threads of the MultiThreadedExecutor wait"
@@ -56,121 +51,119 @@ def no_thread_left(calls: Sequence[tuple[Client[Any, Any], Callback]]) -> None:
     )
 
 
-def polled_in_vain(client: Client[Any, Any], callback: Callback, why: str) -> None:
+def polled_in_vain(service: str, callback: str, why: str) -> None:
     """A callback asks again and again for an answer that it keeps from being taken."""
-    name = name_of(callback)
     tell(
-        ("polled", name, client.service_name),
-        f"wait here for ever, as we do: {name} asks again and again whether {client.service_name}"
+        ("polled", callback, service),
+        f"wait here for ever, as we do: {callback} asks again and again whether {service}"
         f" has answered, and meanwhile keeps {why}; make it `async def` and"
         " `await client.call_async(request)`, with the client in a ReentrantCallbackGroup",
     )
 
 
-def spun_in_vain(client: Client[Any, Any], callback: Callback, why: str) -> str:
+def spun_in_vain(service: str, callback: str, why: str) -> str:
     """A spin in a callback for an answer that cannot be taken meanwhile; the whole sentence."""
-    name = name_of(callback)
     sentence = (
-        f"hang here for ever: {name} spins until {client.service_name} has answered, but the answer"
-        f" waits for {why}, held by {name}; make the callback `async def`"
+        f"hang here for ever: {callback} spins until {service} has answered, but the answer"
+        f" waits for {why}, held by {callback}; make the callback `async def`"
         " and `await` the future instead of spinning, with the client in a ReentrantCallbackGroup"
     )
-    tell(("spin", name_of(callback)), sentence)
+    tell(("spin", callback), sentence)
     return f"ROS 2 would {sentence}"
 
 
-def would_oversleep(callback: Callback) -> str:
+def would_oversleep(callback: str) -> str:
     """`Rate.sleep` in a callback, on the only thread that could wake it; the whole sentence."""
     sentence = (
-        f"hang here for ever: Rate.sleep in {name_of(callback)} waits for a timer that only the"
+        f"hang here for ever: Rate.sleep in {callback} waits for a timer that only the"
         " thread could run that sleeps; have a timer of that period call the callback instead, or"
         " spin a MultiThreadedExecutor"
     )
-    tell(("rate", name_of(callback)), sentence)
+    tell(("rate", callback), sentence)
     return f"ROS 2 would {sentence}"
 
 
-def nobody_woke(node: Any) -> None:
+def nobody_woke(node: str) -> None:
     """`Rate.sleep` while nobody spins: it ends at its time all the same."""
     tell(
-        ("unspun rate", shown(node)),
+        ("unspun rate", node),
         f"hang here for ever: Rate.sleep waits for a timer that nobody runs, as no other thread"
-        f" spins {shown(node)}; have one do so: threading.Thread(target=rclpy.spin, args=(node,),"
+        f" spins {node}; have one do so: threading.Thread(target=rclpy.spin, args=(node,),"
         " daemon=True).start() (or sleep by time.sleep)",
     )
 
 
-def went_deaf(node: Any, callback: Callback) -> None:
+def went_deaf(node: str, callback: str) -> None:
     """A spin in a callback, after which the outer spin has the node no more."""
     tell(
-        ("deaf", node.get_name()),
-        f"run no callback of {shown(node)} any more after this: {name_of(callback)} spins the node"
+        ("deaf", node),
+        f"run no callback of {node} any more after this: {callback} spins the node"
         " that is being spun, and at its end takes it away from the outer spin, as here (from rclpy"
         " 7.1.9 on: RuntimeError('Executor is already spinning')); make the callback"
         " `async def` and `await` the future instead",
     )
 
 
-def answered_nothing(service: Service[Any, Any], problem: str) -> None:
+def answered_nothing(service: str, problem: str) -> None:
     """A service callback returned something that is no response."""
     tell(
-        ("response", service.service_name),
+        ("response", service),
         f"never answer this call, and tell nobody why (a bare TypeError): {problem}",
     )
 
 
-def raised(service: Service[Any, Any], problem: str) -> None:
+def raised(service: str, problem: str) -> None:
     """A service callback raised: the caller is told here."""
     tell(
-        ("raised", service.service_name),
+        ("raised", service),
         f"leave the caller waiting for ever: {problem}; catch it, and say so in the response",
     )
 
 
-def swallowed(node: Any, callback: str, error: Exception) -> None:
+def swallowed(node: str, callback: str, error: Exception) -> None:
     """A lifecycle node's callback raised, which counts as TransitionCallbackReturn.ERROR."""
     what = f"{type(error).__name__}: {error}"
     tell(
-        ("swallowed", shown(node), callback),
-        f"say nothing here: {callback} of {shown(node)} raised {what}; it counts as"
+        ("swallowed", node, callback),
+        f"say nothing here: {callback} of {node} raised {what}; it counts as"
         " TransitionCallbackReturn.ERROR",
     )
 
 
-def impossible_step(node: Any, number: int, error: Exception) -> None:
+def impossible_step(node: str, number: int, error: Exception) -> None:
     """Somebody asked a lifecycle node, by number, for a step that is not possible now."""
     tell(
-        ("impossible", shown(node)),
-        f"end the spin of {shown(node)} here, with RCLError: somebody asked for the transition"
+        ("impossible", node),
+        f"end the spin of {node} here, with RCLError: somebody asked for the transition"
         f" {number}, which is not possible now ({error}); ask by label, which is refused",
     )
 
 
-def destroyed(service: Service[Any, Any]) -> None:
+def destroyed(service: str) -> None:
     """A service callback destroyed its service, or its node: the caller is told here."""
     tell(
-        ("destroyed", service.service_name),
-        f"leave the caller waiting for ever: the callback of {service.service_name} destroyed its"
+        ("destroyed", service),
+        f"leave the caller waiting for ever: the callback of {service} destroyed its"
         " service, or its node, and returned only then; destroy them later, from a timer or after"
         " the spin",
     )
 
 
-def failed(client: Client[Any, Any], error: BaseException) -> None:
+def failed(service: str, error: BaseException) -> None:
     """A call ended with an error, which a future in ROS never has."""
     tell(
-        ("failed", client.service_name, type(error)),
-        f"never complete this future: the call of {client.service_name} failed ({error}); wait with"
+        ("failed", service, type(error)),
+        f"never complete this future: the call of {service} failed ({error}); wait with"
         " a timeout there, as spin_until_future_complete(node, future, timeout_sec=...)",
     )
 
 
-def mismatched(client: Client[Any, Any], error: BaseException) -> None:
+def mismatched(service: str, type_name: str, error: BaseException) -> None:
     """A service that is there has another definition: its server cannot be called."""
     tell(
-        ("unoffered", client.service_name),
+        ("unoffered", service),
         "find no server for this client, wait for ever and not say why: it is for"
-        f" {client.srv_type._TYPE}, but {error}",
+        f" {type_name}, but {error}",
     )
 
 
@@ -184,12 +177,12 @@ def profiles_differ(service: str, problem: str) -> None:
     )
 
 
-def nobody_spun(client: Client[Any, Any]) -> None:
+def nobody_spun(service: str, node: str) -> None:
     """`Client.call` while nobody takes its answer: it is taken all the same."""
     tell(
-        ("unspun", shown(client._node)),
-        f"hang here for ever: Client.call of {client.service_name} waits for an answer that nobody"
-        f" takes, as no other thread spins {shown(client._node)}; use call_async and"
+        ("unspun", node),
+        f"hang here for ever: Client.call of {service} waits for an answer that nobody"
+        f" takes, as no other thread spins {node}; use call_async and"
         " rclpy.spin_until_future_complete(node, future)",
     )
 
@@ -204,11 +197,11 @@ def two_servers(service: str, *, refused: bool) -> None:
     )
 
 
-def too_many(service: Service[Any, Any], depth: int) -> None:
+def too_many(service: str, depth: int) -> None:
     """More requests wait than ROS keeps."""
     tell(
-        ("depth", service.service_name),
-        f"drop the oldest of more than {depth} requests that wait for {service.service_name}, and"
+        ("depth", service),
+        f"drop the oldest of more than {depth} requests that wait for {service}, and"
         f" never answer it; keep at most {depth} calls in flight",
     )
 
@@ -216,24 +209,6 @@ def too_many(service: Service[Any, Any], depth: int) -> None:
 def would_wrap(name: str, error: Exception, wrapped: Any) -> None:
     """A number too large for its field, which ROS would have sent as another one."""
     tell(("wrap", name), f"send {wrapped} to {name} without a word; we refuse it: {error}")
-
-
-def name_of(callback: Callback) -> str:
-    """How a message names a callback: its function and its node."""
-    entity = callback.entity
-    if entity is None:
-        return "a task or done callback"
-    function = getattr(entity, "callback", None)
-    function = getattr(function, "__qualname__", type(entity).__name__)
-    service = getattr(entity, "service_name", "")
-    offered = f" (service {service})" if service else ""
-    return f"{function}(){offered} of {shown(entity._node)}"
-
-
-def shown(node: Any) -> str:
-    """A node as messages name it; also one that is destroyed."""
-    namespace = getattr(node, "_rclpy_namespace", "/").rstrip("/")
-    return f"{namespace}/{getattr(node, '_rclpy_name', type(node).__name__)}"
 
 
 def tell(cause: tuple[object, ...], sentence: str) -> None:

@@ -15,16 +15,19 @@ from functools import partial
 from itertools import chain
 from pathlib import Path
 from types import FrameType
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from ...callback_groups import MutuallyExclusiveCallbackGroup
-from ..execution.running_callbacks import Callback, is_busy, running
+from ..execution.entity import (
+    Callback,
+    callback_name,
+    is_busy,
+    node_name,
+    running,
+)
+from ..node_interface import NodeInterface
 from . import explain
 from .deadlocks import callers, obstacle
-from .explain import shown
-
-if TYPE_CHECKING:
-    from ...node import Node
 
 _PERIOD = 1.0
 """Seconds from look to look."""
@@ -36,12 +39,12 @@ _STUCK = 15.0
 """Seconds after which a callback has not only much to do."""
 _LIBRARIES = (str(Path(__file__).parents[3]), sysconfig.get_path("stdlib"))
 
-_nodes: weakref.WeakSet[Node] = weakref.WeakSet()
+_nodes: weakref.WeakSet[NodeInterface] = weakref.WeakSet()
 _lock = threading.Lock()
 _looking = False
 
 
-def watch(node: Node) -> None:
+def watch(node: NodeInterface) -> None:
     """Look after a node until it is destroyed."""
     global _looking
     if explain.like_ros():
@@ -50,13 +53,13 @@ def watch(node: Node) -> None:
         _nodes.add(node)
         begin, _looking = not _looking, True
     if begin:
-        node._rclpy_bridge.soon(_Look().again)
+        node.handle.bridge.soon(_Look().again)
 
 
-def ends(node: Node) -> None:
+def ends(node: NodeInterface) -> None:
     """Tell of calls of a node that nobody ever spun, at its end."""
     pending = sorted({client.service_name for client in node.clients if _is_heeded(client)})
-    if pending and node.executor is None and not node.context._interrupted:
+    if pending and node.executor is None and not node.context.was_interrupted:
         _tell_unspun(node, f"complete the future of a call of {', '.join(pending)}")
 
 
@@ -70,13 +73,13 @@ class _Look:
         """Look, and look again after a while, as long as there are nodes."""
         global _looking
         with _lock:
-            nodes = [node for node in list(_nodes) if node._rclpy_handle.valid]
+            nodes = [node for node in list(_nodes) if node.handle.valid]
             _looking = bool(nodes)
         if nodes:
             self._look(nodes)
             asyncio.get_running_loop().call_later(_PERIOD, self.again)
 
-    def _look(self, nodes: list[Node]) -> None:
+    def _look(self, nodes: list[NodeInterface]) -> None:
         """Tell of what was there for long enough, and forget what is gone."""
         now = time.monotonic()
         for thread, callback in list(running.items()):
@@ -90,27 +93,28 @@ class _Look:
                 say()
 
 
-def _waits(node: Node) -> Iterator[tuple[tuple[object, ...], float, Any]]:
+def _waits(node: NodeInterface) -> Iterator[tuple[tuple[object, ...], float, Any]]:
     """What waits at a node: what it is, for how long it may, and what to say then."""
     busy = is_busy(node.executor)
     for client in list(node.clients):
         if busy:
             yield from _polled_in_vain(client)
-        elif client._answers:
+        elif client.has_work():
             yield from _untaken_answer(client)
-        if client._outbox.waits and not client._native.is_known():
+        if client.waits_for_server:
             what: tuple[object, ...] = ("unoffered", client)
             yield what, _SOON, lambda client=client: _tell_unoffered(client)
     for service in list(node.services):
-        if service._calls and not busy:
+        if service.has_work() and not busy:
             yield from _untaken_request(service)
 
 
 def _full_pools() -> Iterator[tuple[tuple[object, ...], float, Any]]:
     """Executors all of whose threads wait for answers, which another thread would have to take."""
     for executor, calls in callers().items():
-        if 1 < executor._threads <= len(calls):
-            say = partial(explain.no_thread_left, calls)
+        if 1 < executor.thread_count <= len(calls):
+            named = [(client.service_name, callback_name(callback)) for client, callback in calls]
+            say = partial(explain.no_thread_left, named)
             yield ("pool", executor, *(id(callback) for _, callback in calls)), _SOON, say
 
 
@@ -118,69 +122,68 @@ def _keeps_others(callback: Callback) -> bool:
     """Whether something waits that would run if this callback returned."""
     executor, own = callback.executor, callback.entity
     group = None if own is None else own.callback_group
-    if not executor._one_thread and not isinstance(group, MutuallyExclusiveCallbackGroup):
+    if not executor.runs_one_at_a_time and not isinstance(group, MutuallyExclusiveCallbackGroup):
         return False
     return any(
-        entity._ready() and not (entity is own and entity._is_timer)
+        entity.has_work() and not (entity is own and entity.is_timer)
         for node in executor.get_nodes()
-        for entity, _ in executor._entities_of(node)
-        if executor._one_thread or entity.callback_group is group
+        for entity, _ in executor.entities_of(node)
+        if executor.runs_one_at_a_time or entity.callback_group is group
     )
 
 
 def _polled_in_vain(client: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
     """Futures that a callback asks for again and again, and keeps from being done."""
-    for future in list(client._pending.values()):
-        callback, last = future._asked
+    for future in client.pending_futures:
+        callback, last = future.last_poll
         if callback is None or time.monotonic() - last > _PERIOD:
             continue
         if not any(each is callback for each in list(running.values())):
             continue
         if why := obstacle(client, callback):
-            say = partial(explain.polled_in_vain, client, callback, why)
+            say = partial(explain.polled_in_vain, client.service_name, callback_name(callback), why)
             yield ("polled", client, id(callback)), _SOON, say
 
 
 def _untaken_answer(client: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
     try:
-        number = client._answers[0][0]
-        future = client._pending[number]
-    except LookupError:  # taken meanwhile
+        number, future = client.oldest_answer()
+    except LookupError:  # another thread took it
         return
     what = ("untaken", client, number)
     thing = f"the future of a call of {client.service_name}"
     holder = _holder(client)
     if holder is None:
-        if future._heeded:
-            asked = time.monotonic() - future._asked[1] <= _PERIOD
-            patience = _LATE if asked else _patience(client._node)
-            yield what, patience, lambda: _tell_unspun(client._node, f"complete {thing}")
-    elif future._awaited_by is not None and future._awaited_by._entity is holder:
+        if future.is_observed:
+            asked = time.monotonic() - future.last_poll[1] <= _PERIOD
+            patience = _LATE if asked else _patience(client.parent_node)
+            yield what, patience, lambda: _tell_unspun(client.parent_node, f"complete {thing}")
+    elif future.awaited_by is not None and future.awaited_by.entity is holder:
         yield what, _SOON, lambda: _tell_held(client, holder, thing)
 
 
 def _untaken_request(service: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
     try:
-        what = ("untaken", service, id(service._calls[0]))
+        what = ("untaken", service, service.oldest_request_id())
     except IndexError:
         return
     thing = f"a request for {service.service_name}"
     holder = _holder(service)
     if holder is None:
-        patience = _patience(service._node)
-        yield what, patience, lambda: _tell_unspun(service._node, f"answer {thing}")
-    elif _awaits(service._node, holder, service.service_name):
+        patience = _patience(service.parent_node)
+        yield what, patience, lambda: _tell_unspun(service.parent_node, f"answer {thing}")
+    elif _awaits(service.parent_node, holder, service.service_name):
         yield what, _SOON, lambda: _tell_held(service, holder, thing)
 
 
-def _patience(node: Node) -> float:
+def _patience(node: NodeInterface) -> float:
     """How long a node may be left alone: one that was spun once may be spun again."""
-    return _STUCK if node._rclpy_was_spun and not node._rclpy_taken_by else _LATE
+    return _STUCK if node.handle.was_spun and not node.handle.taken_by else _LATE
 
 
 def _holder(entity: Any) -> Any:
     """Whose callback keeps the entity's group while it awaits something; None if none does."""
-    return getattr(entity.callback_group, "_active_entity", None)
+    return getattr(entity.callback_group, "active_entity", None)
 
 
 def _awaits(node: Any, holder: Any, service: str) -> bool:
@@ -189,40 +192,40 @@ def _awaits(node: Any, holder: Any, service: str) -> bool:
         future
         for client in list(node.clients)
         if client.service_name == service
-        for future in list(client._pending.values())
+        for future in client.pending_futures
     ]
-    tasks = [future._awaited_by for future in futures]
-    return any(task is not None and task._entity is holder for task in tasks)
+    tasks = [future.awaited_by for future in futures]
+    return any(task is not None and task.entity is holder for task in tasks)
 
 
 def _is_heeded(client: Any) -> bool:
     """Whether the program ever looked at what the client's calls came to: it may not want to."""
-    return any(future._heeded for future in list(client._pending.values()))
+    return any(future.is_observed for future in client.pending_futures)
 
 
 def _tell_held(entity: Any, holder: Any, thing: str) -> None:
     name = getattr(getattr(holder, "callback", None), "__qualname__", type(holder).__name__)
     explain.tell(
         ("held", entity.service_name, name),
-        f"wait here for ever: {thing} of {shown(entity._node)} needs the callback group that"
-        f" {name}() holds while it awaits something; give the client, or that callback, a"
+        f"wait here for ever: {thing} of {node_name(entity.parent_node)} needs the callback group"
+        f" that {name}() holds while it awaits something; give the client, or that callback, a"
         " ReentrantCallbackGroup",
     )
 
 
-def _tell_unspun(node: Node, what: str) -> None:
-    if node._rclpy_taken_by:
+def _tell_unspun(node: NodeInterface, what: str) -> None:
+    if node.handle.taken_by:
         why = (
-            f"{node._rclpy_taken_by} spun {shown(node)} by a function of rclpy, which took the node"
-            " away from its executor; make the callback `async def` and `await` the future, or say"
-            " node.executor.spin_until_future_complete(future) there"
+            f"{node.handle.taken_by} spun {node_name(node)} by a function of rclpy, which took the"
+            " node away from its executor; make the callback `async def` and `await` the future, or"
+            " say node.executor.spin_until_future_complete(future) there"
         )
     else:
         why = (
-            f"nobody spins {shown(node)}; spin it, as"
+            f"nobody spins {node_name(node)}; spin it, as"
             " rclpy.spin_until_future_complete(node, future) or rclpy.spin(node)"
         )
-    explain.tell(("unspun", shown(node)), f"never {what}: {why}")
+    explain.tell(("unspun", node_name(node)), f"never {what}: {why}")
 
 
 def _tell_unoffered(client: Any) -> None:
@@ -236,14 +239,14 @@ def _tell_unoffered(client: Any) -> None:
 
 def _tell_stuck(thread: int, callback: Callback) -> None:
     where = _where(sys._current_frames().get(thread))
-    whom = f"of {shown(callback.entity._node)} " if callback.entity is not None else ""
+    whom = f"of {node_name(callback.entity.parent_node)} " if callback.entity is not None else ""
     fix = "a timer, or a MultiThreadedExecutor"
-    if not callback.executor._one_thread:
+    if not callback.executor.runs_one_at_a_time:
         whom += "in its callback group "
         fix = "a timer, or a callback group of its own"
     explain.tell(
-        ("stuck", explain.name_of(callback)),
-        f"run no other callback {whom}meanwhile: {explain.name_of(callback)} has not returned for"
+        ("stuck", callback_name(callback)),
+        f"run no other callback {whom}meanwhile: {callback_name(callback)} has not returned for"
         f" {_STUCK:g} s{where}; let callbacks return soon: {fix}",
     )
 
@@ -261,7 +264,7 @@ def _where(frame: FrameType | None) -> str:
 
 def _at_exit() -> None:
     for node in list(_nodes):
-        if node._rclpy_handle.valid:
+        if node.handle.valid:
             ends(node)
 
 

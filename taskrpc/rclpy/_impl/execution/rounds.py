@@ -11,17 +11,15 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
-from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
 from ...context import Context
 from ...task import Task
 from ...utilities import get_default_context
 from ..bridge import settle
+from ..node_interface import NodeInterface
 from .entity import Entity
 from .wakeups import Sleep
-
-if TYPE_CHECKING:
-    from ...node import Node
 
 
 class ExternalShutdownException(Exception):
@@ -59,7 +57,7 @@ class Rounds:
     _youngest_first: ClassVar[bool] = True
     """The order of tasks that are ready at the same time: ROS's Jazzy takes the youngest first."""
 
-    _heeds_groups: ClassVar[bool] = True
+    _respects_groups: ClassVar[bool] = True
     """Whether callback groups decide what may run; else a callback that awaits holds up nobody."""
 
     def __init__(self, *, context: Context | None = None) -> None:
@@ -69,7 +67,7 @@ class Rounds:
                 "Context must be initialized before an executor can be created: rclpy.init() comes"
                 " first"
             )
-        self._nodes: dict[Node, None] = {}
+        self._nodes: dict[NodeInterface, None] = {}
         self._nodes_lock = threading.RLock()
         self._sleep = Sleep()
         self._version = object()
@@ -80,19 +78,19 @@ class Rounds:
         self._parked: deque[Task[Any]] = deque()
         self._made = 0
         self._is_shutdown = False
-        self._context._sleeps.add(self._sleep)
+        self._context.add_sleep(self._sleep)
 
     def can_execute(self, entity: Entity) -> bool:
         """Whether a callback of this entity may begin now."""
-        if entity._executor_event:
+        if entity.is_scheduled:
             return False
         group = entity.callback_group
-        return group is None or not self._heeds_groups or group.can_execute(entity)
+        return group is None or not self._respects_groups or group.can_execute(entity)
 
     def _next(
         self,
         timeout: Timeout,
-        nodes: Sequence[Node] | None = None,
+        nodes: Sequence[NodeInterface] | None = None,
         condition: Callable[[], bool] = never,
     ) -> Work | None:
         """The next thing to run; None at the timeout, the condition or the executor's shutdown.
@@ -125,7 +123,7 @@ class Rounds:
             self._sleep.until_ended(seen, left)
         return None
 
-    def _take_from_round(self, nodes: Sequence[Node] | None) -> Work | None:
+    def _take_from_round(self, nodes: Sequence[NodeInterface] | None) -> Work | None:
         """The next of this round that may still run; skips what was removed meanwhile."""
         usable = self._nodes if nodes is None else nodes
         while self._round:
@@ -138,13 +136,13 @@ class Rounds:
                 if task is not None:
                     self._parked.append(task)
             elif task is not None:
-                if task._runnable():
+                if task.is_runnable():
                     return work
             elif entity is not None and self.can_execute(entity):
                 return work
         return None
 
-    def _begin_round(self, nodes: Sequence[Node] | None) -> float | None:
+    def _begin_round(self, nodes: Sequence[NodeInterface] | None) -> float | None:
         """Collect what is ready; the seconds until the next timer is, None without one."""
         if self._ready_tasks and not self._tasks_were_last:
             self._tasks_were_last = True
@@ -162,40 +160,40 @@ class Rounds:
 
     def _collect_tasks(self) -> None:
         tasks = _emptied(self._ready_tasks)
-        tasks.sort(key=lambda task: task._number, reverse=self._youngest_first)
-        self._round.extend((task, task._entity, task._node) for task in tasks)
+        tasks.sort(key=lambda task: task.number, reverse=self._youngest_first)
+        self._round.extend((task, task.entity, task.parent_node) for task in tasks)
 
-    def _collect_entities(self, nodes: Sequence[Node] | None) -> float | None:
+    def _collect_entities(self, nodes: Sequence[NodeInterface] | None) -> float | None:
         first = None
         for entity, node in self._entities(nodes):
-            if entity._is_timer:
-                wait = entity._wait_ns()
+            if entity.is_timer:
+                wait = entity.nanoseconds_until_due()
                 if wait is None:
                     continue
                 if wait > 0:
                     first = wait if first is None or wait < first else first
                     continue
-            elif not entity._ready():
+            elif not entity.has_work():
                 continue
             if self.can_execute(entity):
                 self._round.append((None, entity, node))
         return None if first is None else first * 1e-9
 
-    def _entities(self, nodes: Sequence[Node] | None) -> Layout:
+    def _entities(self, nodes: Sequence[NodeInterface] | None) -> Layout:
         """Everything that may have work, looked up anew only after something changed."""
         if nodes is not None:
-            return [pair for node in nodes for pair in self._entities_of(node)]
+            return [pair for node in nodes for pair in self.entities_of(node)]
         layout = self._layout
         if layout is None:
             version = self._version
             with self._nodes_lock:
                 nodes = list(self._nodes)
-            layout = [pair for node in nodes for pair in self._entities_of(node)]
+            layout = [pair for node in nodes for pair in self.entities_of(node)]
             if self._version is version:  # else something changed meanwhile: look anew next time
                 self._layout = layout
         return layout
 
-    def _entities_of(self, node: Any) -> Layout:
+    def entities_of(self, node: Any) -> Layout:
         """The node's entities in the order in which ROS asks them.
 
         The list is kept with the node, as `rclpy.spin_until_future_complete` adds and removes its
@@ -217,14 +215,14 @@ class Rounds:
 
     def _keep(self, task: Task[Any]) -> None:
         self._made += 1
-        task._number = self._made
+        task.number = self._made
 
-    def _resume(self, task: Task[Any]) -> None:
+    def resume_task(self, task: Task[Any]) -> None:
         """Call a task in the next round; from any thread."""
         self._ready_tasks.append(task)
         self._sleep.end()
 
-    def _notify(self) -> None:
+    def notify(self) -> None:
         """Wake whoever spins: something arrived; from any thread and from signal handlers."""
         self._sleep.end()
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any, Self
 
 from ... import signals, utilities
 from ...context import Context
-from ...future import Future
 from ...signals import SignalHandlerOptions
+from ...task import Future
 from ...utilities import get_default_context
 from ..diagnostics.deadlocks import check_deaf, check_spin
 
@@ -123,7 +123,7 @@ def spin(node: Node, executor: Executor | None = None) -> None:
     check_deaf(executor, node)
     try:
         executor.add_node(node)
-        while executor.context.ok() and not executor._is_shutdown:
+        while executor.context.ok() and not executor.is_shutdown:
             executor.spin_once()
     finally:
         executor.remove_node(node)

@@ -14,7 +14,7 @@ from ...endpoint_info import EndpointTypeEnum, ServiceEndpointInfo, TopicEndpoin
 from ...qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_services_default
 from ...type_hash import type_hash_of
 from ..diagnostics.explain import profiles_differ
-from .qos_compatibility import errors
+from .qos_policies import incompatibilities
 
 _Known: TypeAlias = tuple[EndpointTypeEnum, str, str, QoSProfile]
 
@@ -37,8 +37,8 @@ def meet(end: Any, *, is_server: bool) -> None:
     if other is None or not other.handle.valid:
         return
     client, server = (other, end) if is_server else (end, other)
-    requests = errors(client.qos_profile, server.qos_profile)
-    responses = errors(server.qos_profile, client.qos_profile)
+    requests = incompatibilities(client.qos_profile, server.qos_profile)
+    responses = incompatibilities(server.qos_profile, client.qos_profile)
     if requests or responses:
         whose, problems = ("requests", requests) if requests else ("responses", responses)
         profiles_differ(name, f"for the {whose}: {problems[0]}")

@@ -12,7 +12,7 @@ from taskrpc.transport.discovery.entries import Entry
 
 from ...endpoint_info import ServiceEndpointInfo, TopicEndpointInfo
 from ...exceptions import NodeNameNonExistentError
-from ..bridge import Bridge
+from ..node_interface import NodeHandle
 from .endpoints import clients_of, publishers_of, servers_of, split, subscriptions_of
 from .names import ros_problem
 
@@ -25,9 +25,7 @@ _LOOK_AGAIN = 0.02
 class NodeGraph:
     """Questions about all nodes that can be seen, this one included."""
 
-    _rclpy_bridge: Bridge
-    _rclpy_name: str
-    _rclpy_namespace: str
+    _rclpy_handle: NodeHandle
     _rclpy_resolve: Callable[..., str]
 
     def get_node_names(self) -> list[str]:
@@ -36,7 +34,7 @@ class NodeGraph:
 
     def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
         """The name and namespace of every node."""
-        return [split(node) for entry in self._rclpy_bridge.graph() for node in entry.nodes]
+        return [split(node) for entry in self._rclpy_handle.bridge.graph() for node in entry.nodes]
 
     def get_node_names_and_namespaces_with_enclaves(self) -> list[tuple[str, str, str]]:
         """The name, namespace and enclave (always `/`) of every node."""
@@ -44,15 +42,15 @@ class NodeGraph:
 
     def get_fully_qualified_node_names(self) -> list[str]:
         """`/namespace/name` of every node."""
-        return [node for entry in self._rclpy_bridge.graph() for node in entry.nodes]
+        return [node for entry in self._rclpy_handle.bridge.graph() for node in entry.nodes]
 
     def get_topic_names_and_types(self, no_demangle: bool = False) -> NamesAndTypes:
         """All topics with their types; `no_demangle` shows names as DDS has them (`rt/…`)."""
-        return _mangled(_gathered(self._rclpy_bridge.graph(), _topics), no_demangle)
+        return _mangled(_gathered(self._rclpy_handle.bridge.graph(), _topics), no_demangle)
 
     def get_service_names_and_types(self) -> NamesAndTypes:
         """All services with their types."""
-        return _gathered(self._rclpy_bridge.graph(), lambda entry: entry.services)
+        return _gathered(self._rclpy_handle.bridge.graph(), lambda entry: entry.services)
 
     def get_publisher_names_and_types_by_node(
         self, node_name: str, node_namespace: str, no_demangle: bool = False
@@ -101,7 +99,7 @@ class NodeGraph:
     ) -> list[TopicEndpointInfo]:
         """Every publisher of a topic; `no_mangle` takes names as DDS has them (`rt/…`)."""
         return publishers_of(
-            self._rclpy_bridge.graph(), self._rclpy_topic_of_info(topic_name, no_mangle)
+            self._rclpy_handle.bridge.graph(), self._rclpy_topic_of_info(topic_name, no_mangle)
         )
 
     def get_subscriptions_info_by_topic(
@@ -109,16 +107,20 @@ class NodeGraph:
     ) -> list[TopicEndpointInfo]:
         """Every subscription of a topic; `no_mangle` takes names as DDS has them (`rt/…`)."""
         return subscriptions_of(
-            self._rclpy_bridge.graph(), self._rclpy_topic_of_info(topic_name, no_mangle)
+            self._rclpy_handle.bridge.graph(), self._rclpy_topic_of_info(topic_name, no_mangle)
         )
 
     def get_servers_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
         """Every server of a service."""
-        return servers_of(self._rclpy_bridge.graph(), self._rclpy_looked_for(service_name, True))
+        return servers_of(
+            self._rclpy_handle.bridge.graph(), self._rclpy_looked_for(service_name, True)
+        )
 
     def get_clients_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
         """Every client of a service."""
-        return clients_of(self._rclpy_bridge.graph(), self._rclpy_looked_for(service_name, True))
+        return clients_of(
+            self._rclpy_handle.bridge.graph(), self._rclpy_looked_for(service_name, True)
+        )
 
     def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
         """Wait until a node is there, at most `timeout` seconds; whether it is."""
@@ -134,7 +136,7 @@ class NodeGraph:
         self, name: str, namespace: str, things: Callable[[Entry], Iterable[Any]]
     ) -> NamesAndTypes:
         node = names.fully_qualified(namespace, name)
-        entries = [entry for entry in self._rclpy_bridge.graph() if node in entry.nodes]
+        entries = [entry for entry in self._rclpy_handle.bridge.graph() if node in entry.nodes]
         if not entries:
             raise NodeNameNonExistentError(
                 f"cannot get names and types for nonexistent node: {namespace}, {name}"
@@ -146,7 +148,7 @@ class NodeGraph:
     ) -> int:
         full = self._rclpy_looked_for(name, is_service)
         return sum(
-            one.name == full for entry in self._rclpy_bridge.graph() for one in things(entry)
+            one.name == full for entry in self._rclpy_handle.bridge.graph() for one in things(entry)
         )
 
     def _rclpy_topic_of_info(self, name: str, no_mangle: bool) -> str:

@@ -16,7 +16,7 @@ from taskrpc.rclpy.callback_groups import (
 )
 from taskrpc.rclpy.context import Context
 from taskrpc.rclpy.executors import MultiThreadedExecutor, SingleThreadedExecutor
-from taskrpc.rclpy.future import Future
+from taskrpc.rclpy.task import Future
 from tests.rclpy.fakes import FakeNode
 
 
@@ -24,7 +24,7 @@ class Inbox(Entity):
     """Letters in the order in which they came, each given to the callback."""
 
     def __init__(self, node, group, callback):
-        self._node = node
+        self.parent_node = node
         self.callback_group = group
         group.add_entity(self)
         self.letters = deque()
@@ -32,12 +32,12 @@ class Inbox(Entity):
 
     def put(self, letter):
         self.letters.append(letter)
-        self._arrived()
+        self.notify_executor()
 
-    def _ready(self):
+    def has_work(self):
         return bool(self.letters)
 
-    def _take(self):
+    def take_work(self):
         try:
             letter = self.letters.popleft()
         except IndexError:

@@ -18,7 +18,7 @@ from taskrpc.rclpy.executors import (
     MultiThreadedExecutor,
     SingleThreadedExecutor,
 )
-from taskrpc.rclpy.future import Future
+from taskrpc.rclpy.task import Future
 from taskrpc.rclpy.waitable import Waitable
 
 AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
