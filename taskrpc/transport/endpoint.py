@@ -15,6 +15,7 @@ import msgspec
 from taskrpc import platform
 from taskrpc.errors import (
     ConnectionLost,
+    NameInUse,
     PermissionDenied,
     ServiceUnavailable,
     TaskRpcError,
@@ -25,18 +26,16 @@ from taskrpc.transport.base import Offer
 from taskrpc.transport.channel import RemoteChannel
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.connection.client_side import CallingConnection
-from taskrpc.transport.connection.connection import READ_BUFFER, Connection
+from taskrpc.transport.connection.connection import READ_BUFFER, Connection, Traffic
 from taskrpc.transport.connection.deadline_timer import clock_of
 from taskrpc.transport.connection.dialling import READY_TIMEOUT, Dialler, placed
-from taskrpc.transport.connection.handoff import Handing
-from taskrpc.transport.connection.traffic import Traffic
-from taskrpc.transport.discovery.about import this_process
+from taskrpc.transport.connection.threads import Handing
 from taskrpc.transport.discovery.availability import News
 from taskrpc.transport.discovery.entries import Change, Entry, Roster, entry_of
+from taskrpc.transport.discovery.registry import this_process
 from taskrpc.transport.limits.keepalive import DEFAULT, Keepalive
 from taskrpc.transport.limits.log_throttling import FewLines
 from taskrpc.transport.network import Address, Network
-from taskrpc.transport.offers import Offers
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import DEFAULT_LIMITS, Listing, Resolve, TopicEndpoint
 from taskrpc.wire.messages import Endpoint as Named
@@ -396,12 +395,9 @@ class Endpoint(Handing):
             self.loop.call_later(TICK * number / slices, self._look_after, part)
         self._look_after(connections[::slices])
         if (book := self.network.accounts) is not None:
-            from taskrpc.transport.connection.revocation import (
-                look_after_accounts,  # few have accounts
-            )
-
             book.look()
-            look_after_accounts(self._served, book.now, time.time())
+            for served in list(self._served):
+                served.check_account(book.now, time.time())
         if self.address and self.network.certificate != self._roster.about.certificate:
             self.publish(Change())
 
@@ -435,3 +431,33 @@ def _serving_class(*, threads: bool) -> type[ServingConnection]:
 
 def _named(offer: Offer) -> Named:
     return Named(offer.name, offer.srv_type._TYPE, offer.srv_type._HASH, offer.node)
+
+
+class Offers:
+    """At most one offer of a name; a number is never given twice."""
+
+    def __init__(self) -> None:
+        self.by_method: dict[int, Offer] = {}
+        self._methods: dict[str, int] = {}
+        self._last = 0
+
+    def method_of(self, name: str) -> int:
+        """The number of a service, 0 if there is none."""
+        return self._methods.get(name, 0)
+
+    def add(self, offer: Offer) -> None:
+        """One more; raises NameInUse where its name is taken."""
+        if (method := self.method_of(offer.name)) != 0:
+            node = self.by_method[method].node
+            raise NameInUse(f"{offer.name} is already offered by the node {node} of this process")
+        self._last += 1
+        self._methods[offer.name] = self._last
+        self.by_method[self._last] = offer
+
+    def remove(self, offer: Offer) -> bool:
+        """One less; returns whether it was there."""
+        method = self.method_of(offer.name)
+        if self.by_method.get(method) is not offer:
+            return False
+        del self._methods[offer.name], self.by_method[method]
+        return True

@@ -113,6 +113,10 @@ class Link:
             self.out.append(refusal(error))
         self.state = State.CLOSED
 
+    def close(self) -> None:
+        """Read and send nothing more."""
+        self.state = State.CLOSED
+
     def ping(self, nonce: int) -> None:
         """Ask the peer for a sign of life."""
         self.send(FrameType.PING, 0, 0, 0, nonce, b"")

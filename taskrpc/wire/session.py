@@ -9,6 +9,7 @@ server drops newer calls unseen, and the client knows that they never began.
 
 from __future__ import annotations
 
+import sys
 from typing import Any
 
 from taskrpc.errors import ConnectionLost, OutcomeUnknown, ProtocolError, TaskRpcError
@@ -65,8 +66,9 @@ class Session(Link):
         "open_calls",
     )
 
-    def __init__(self, me: Identity, *, is_client: bool) -> None:
+    def __init__(self, me: Identity, *, is_client: bool, frames_a_turn: int = sys.maxsize) -> None:
         super().__init__(me, is_client=is_client)
+        self.splitter.most = frames_a_turn
         self.last_call_id = 0
         """The newest call id: ours as a client, accepted as a server."""
         self.free_calls, self.free_bytes = self.limits.calls, self.limits.bytes
@@ -77,6 +79,14 @@ class Session(Link):
         self.bytes_in_flight = 0
         self.answers_pings = True
         """False while the peer does not read, where the answers would only pile up."""
+
+    def set_quota(self, calls: int, size: int) -> None:
+        """Allow so many calls, and bytes of their requests, before `Crowded` or `Announced`."""
+        self.free_calls, self.free_bytes = calls, size
+
+    def answer_pings(self, *, wanted: bool) -> None:
+        """Answer pings or not: while the peer does not read, PONG frames would only pile up."""
+        self.answers_pings = wanted
 
     # Bytes in, events out
 

@@ -6,7 +6,7 @@ publishers' process answers, and says again whenever it changes, which publisher
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import Literal, TypeAlias
 
 from taskrpc.errors import ProtocolError
 from taskrpc.wire import messages
@@ -17,10 +17,8 @@ from taskrpc.wire.events import (
     UnsubscribeReceived,
 )
 from taskrpc.wire.frames import Body, Frame, FrameType
+from taskrpc.wire.link import Link
 from taskrpc.wire.messages import TopicEndpoint
-
-if TYPE_CHECKING:
-    from taskrpc.wire.session import Session
 
 # Looking a member up in its class costs as much as packing a header.
 _SUBSCRIBE, _UNSUBSCRIBE = int(FrameType.SUBSCRIBE), int(FrameType.UNSUBSCRIBE)
@@ -46,26 +44,24 @@ def mismatch_of(publisher: TopicEndpoint, subscription: TopicEndpoint) -> Mismat
     return None
 
 
-def subscribe(session: Session, subscription_id: int, wanted: TopicEndpoint) -> None:
+def subscribe(session: Link, subscription_id: int, wanted: TopicEndpoint) -> None:
     """Ask for a topic's messages."""
     body = messages.encode(wanted)
     session.send(_SUBSCRIBE, 0, 0, subscription_id, 0, body)
 
 
-def unsubscribe(session: Session, subscription_id: int) -> None:
+def unsubscribe(session: Link, subscription_id: int) -> None:
     """Want no more messages."""
     session.send(_UNSUBSCRIBE, 0, 0, subscription_id, 0, b"")
 
 
-def announce(session: Session, subscription_id: int, publishers: list[messages.Publishing]) -> None:
+def announce(session: Link, subscription_id: int, publishers: list[messages.Publishing]) -> None:
     """Tell a subscription who publishes its topic here."""
     body = messages.encode(messages.Announcement(publishers))
     session.send(_SUBSCRIBE, 0, 0, subscription_id, 0, body)
 
 
-def publish(
-    session: Session, subscription_id: int, publisher: int, sequence: int, body: Body
-) -> None:
+def publish(session: Link, subscription_id: int, publisher: int, sequence: int, body: Body) -> None:
     """Send a message to a subscription; `publisher` is the number that was announced."""
     session.send(_PUBLISH, 0, publisher, subscription_id, sequence, body)
 

@@ -15,7 +15,7 @@ import pytest
 import taskrpc
 from taskrpc.transport.connection import connection as connections
 from taskrpc.transport.connection.connection import Connection
-from taskrpc.transport.tcp import timeouts
+from taskrpc.transport.limits import keepalive
 from tests.faults.harness import Bug, Lateness, milliseconds
 from tests.taskrpc.transport.helpers import Add, Gate, Text, ask, until
 
@@ -67,11 +67,11 @@ def looks_after_no_peer(patch):
 
 
 def looks_only_while_nothing_is_sent(patch):
-    patch(timeouts, "_bear", lambda sock, seconds: None)
+    patch(keepalive, "_bear", lambda sock, seconds: None)
 
 
 def is_more_patient_than_it_says(patch):
-    drop = timeouts.drop_dead_peers
+    drop = keepalive.drop_dead_peers
     patch(
         connections,
         "drop_dead_peers",
@@ -80,11 +80,11 @@ def is_more_patient_than_it_says(patch):
 
 
 def takes_the_full_for_dead(patch):
-    patch(timeouts.Patience, "is_over", lambda self: False)
+    patch(keepalive.Patience, "is_over", lambda self: False)
 
 
 def waits_for_the_full_for_ever(patch):
-    patch(timeouts, "_IN_VAIN", 1000)
+    patch(keepalive, "_IN_VAIN", 1000)
 
 
 def cuts_off_who_is_silent(patch):

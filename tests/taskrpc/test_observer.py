@@ -7,8 +7,7 @@ import pytest
 import taskrpc
 import taskrpc.sync
 from taskrpc import Code
-from taskrpc.transport.connection.incoming_call import ServedCall
-from taskrpc.transport.connection.observed_calls import ObservedCall
+from taskrpc.transport.connection.incoming_call import ObservedCall, ServedCall
 from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask
 
 

@@ -6,7 +6,7 @@ import asyncio
 import math
 from collections import deque
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import msgspec
 
@@ -35,9 +35,6 @@ from taskrpc.wire.events import (
 from taskrpc.wire.frames import LARGE, NO_DEADLINE, Body
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.session import LAST_CALL_ID, Session, refused_error, unknown_error
-
-if TYPE_CHECKING:
-    from taskrpc.transport.pubsub.subscribing import Link
 
 HANDSHAKE_LOST = "the connection was lost in the handshake"
 
@@ -113,6 +110,16 @@ class OpenCall(msgspec.Struct, eq=False):
             self.connection.forget(self)
 
 
+class TopicEvents(Protocol):
+    """Receives what the server sends for our subscriptions."""
+
+    def publishers_told(self, event: PublishersTold) -> None:
+        """The server listed the publishers of a subscription's topic."""
+
+    def published(self, event: Published, read: int) -> None:
+        """A message arrived; messages of one read have the same number `read`."""
+
+
 class CallingConnection(Connection):
     """A connection on which we call; shared by all channels to the same process."""
 
@@ -136,7 +143,7 @@ class CallingConnection(Connection):
         self.epoch = 0
         """Counts what makes method ids stale: changes of the server's services, and the end of
         this connection for new calls. So a channel compares one number before each call."""
-        self.link: Link | None = None
+        self.link: TopicEvents | None = None
         """Who has subscribed over this connection."""
         self.peer_id = b""
         """The server's program: another one after each of its starts."""
@@ -206,12 +213,12 @@ class CallingConnection(Connection):
     def pause_writing(self) -> None:
         """The server reads slower than we call: new calls wait here, under their deadlines."""
         self._writing_paused = True
-        self.session.answers_pings = False
+        self.session.answer_pings(wanted=False)
 
     def resume_writing(self) -> None:
         """The server has caught up."""
         self._writing_paused = False
-        self.session.answers_pings = True
+        self.session.answer_pings(wanted=True)
         self._send_waiting()
 
     def expiring(self) -> Iterable[OpenCall]:

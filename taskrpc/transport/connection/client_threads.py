@@ -17,7 +17,7 @@ from typing import Any
 from taskrpc.transport.base import Tell
 from taskrpc.transport.connection.client_side import CallingConnection, OpenCall, time_left
 from taskrpc.transport.connection.connection import Owner
-from taskrpc.transport.connection.thread_socket import ThreadSocket
+from taskrpc.transport.connection.threads import ThreadSocket
 from taskrpc.wire.frames import LARGE, NO_DEADLINE
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Resolve

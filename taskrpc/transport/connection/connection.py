@@ -5,18 +5,21 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
+import sys
 from collections.abc import Callable, Iterable
-from typing import Any, ClassVar, Protocol, cast
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 from taskrpc.errors import ConnectionLost, ProtocolError, TaskRpcError
 from taskrpc.transport.connection.deadline_timer import Deadlines, Expiring
-from taskrpc.transport.limits.keepalive import Keepalive
+from taskrpc.transport.limits.keepalive import Keepalive, Patience, drop_dead_peers
 from taskrpc.transport.limits.log_throttling import FewLines
-from taskrpc.transport.tcp.timeouts import Patience, drop_dead_peers
 from taskrpc.wire.events import Closed, Event
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.link import State
 from taskrpc.wire.session import Session
+
+if TYPE_CHECKING:
+    from taskrpc.observer import Connections
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -84,9 +87,11 @@ class Connection(asyncio.BufferedProtocol):
     handlers: ClassVar[dict[type[Event], Callable[[Any, Any], None]]]
     """What to do with each event: a function of this class, taking the connection and the event."""
 
-    def __init__(self, owner: Owner, me: Identity, *, is_client: bool) -> None:
+    def __init__(
+        self, owner: Owner, me: Identity, *, is_client: bool, frames_a_turn: int = sys.maxsize
+    ) -> None:
         self.owner = owner
-        self.session = Session(me, is_client=is_client)
+        self.session = Session(me, is_client=is_client, frames_a_turn=frames_a_turn)
         self.why_closed: TaskRpcError | None = None
         self.transport: asyncio.Transport | None = None
         self._read_buffer = owner.read_buffer
@@ -202,6 +207,16 @@ class Connection(asyncio.BufferedProtocol):
         return self._gone
 
     @property
+    def loop(self) -> asyncio.AbstractEventLoop:
+        """The event loop on which the connection lives."""
+        return self.owner.loop
+
+    @property
+    def in_flight(self) -> int:
+        """Calls without a response."""
+        return len(self.session.open_calls)
+
+    @property
     def peer_name(self) -> str:
         """The peer's address, for logs."""
         transport = self.transport
@@ -258,13 +273,13 @@ class Connection(asyncio.BufferedProtocol):
         self.why_closed = self.why_closed or error
         if self.transport is not None:
             self.flush()
-            self.session.state = State.CLOSED
+            self.session.close()
             self.transport.close()
 
     def abort(self, error: TaskRpcError) -> None:
         """End the connection at once."""
         self.why_closed = self.why_closed or error
-        self.session.state = State.CLOSED
+        self.session.close()
         if self.transport is not None:
             self.transport.abort()
 
@@ -372,3 +387,38 @@ class _Watch:
 def shown(peer: Any) -> str:
     """An address as a socket has it, for logs."""
     return f"{peer[0]}:{peer[1]}" if isinstance(peer, tuple) else str(peer or "a peer in memory")
+
+
+class Traffic:
+    """One side's connections; those that are open count for themselves until they end."""
+
+    __slots__ = ("_ended", "_opened", "_received", "_sent")
+
+    def __init__(self) -> None:
+        self._opened = self._received = self._sent = 0
+        self._ended: dict[str, int] = {}
+
+    def began(self) -> None:
+        """A connection has its transport."""
+        self._opened += 1
+
+    def left(self, connection: Connection) -> None:
+        """A connection is gone."""
+        why = connection.why_closed
+        reason = "" if why is None else type(why).__name__
+        self._ended[reason] = self._ended.get(reason, 0) + 1
+        self._received += connection.received
+        self._sent += connection.written
+
+    def counts(self, connections: Iterable[Connection]) -> Connections:
+        """All counts, with those of the connections that are open."""
+        from taskrpc.observer import Connections  # few programs ask
+
+        now = list(connections)
+        return Connections(
+            self._opened,
+            len(now),
+            dict(self._ended),
+            self._received + sum(each.received for each in now),
+            self._sent + sum(each.written for each in now),
+        )

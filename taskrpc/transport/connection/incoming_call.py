@@ -1,16 +1,16 @@
-"""A call that came over a connection, and what its method id stands for."""
+"""A call that arrived on a connection, and the route that a method id stands for."""
 
 from __future__ import annotations
 
 import asyncio
 import logging
 from collections.abc import Callable, Hashable
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 import msgspec
 
 from srvgen import excepthook
-from taskrpc.callinfo import log_fields
+from taskrpc.callinfo import CallInfo, log_fields
 from taskrpc.errors import (
     Code,
     DeadlineExceeded,
@@ -25,20 +25,74 @@ from taskrpc.request_ids.ids import Claim, claims_for
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import IncomingCall, Mode, Offer
 from taskrpc.transport.codec import codec_of
+from taskrpc.transport.connection.connection import Owner
+from taskrpc.transport.limits.quotas import Caller
 from taskrpc.wire import messages
 from taskrpc.wire.frames import LARGE, Body
 from taskrpc.wire.messages import Resolved
+from taskrpc.wire.status import code_of
 
 if TYPE_CHECKING:
-    from taskrpc.transport.connection.server_side import ServingConnection
+    from itertools import count
+
+    from taskrpc.observer import Observer
+    from taskrpc.wire.session import Session
 
 log = logging.getLogger("taskrpc.server")
 
 
-class ServedCall(IncomingCall, eq=False):
-    """A call that came over a connection."""
+class CallNumbering(Protocol):
+    """What a server shares between all its calls."""
 
-    connection: ServingConnection
+    call_numbers: count[int]
+    now: Callable[[], float]
+    """The event loop's clock."""
+
+
+class CallConnection(Protocol):
+    """What a call needs from the connection on which it arrived."""
+
+    session: Session
+    principal: str
+    role: Role
+    in_turn: bool
+
+    @property
+    def host(self) -> CallNumbering:
+        """The process that takes the calls."""
+
+    @property
+    def owner(self) -> Owner:
+        """The endpoint of the connection."""
+
+    @property
+    def lane(self) -> Hashable:
+        """The caller's key in the fair queues of services."""
+
+    @property
+    def shares(self) -> Caller:
+        """The caller's key in the quotas."""
+
+    def answered_at_length(self, service: str, size: int) -> None:
+        """Send a large response at once."""
+
+    def flush_soon(self) -> None:
+        """Write at the end of this turn of the event loop."""
+
+    def answer_in_thread(self, call: ServedCall, body: bytes) -> bool:
+        """Answer from another thread than the event loop's; False where that is impossible."""
+
+    def must_wait(self, call: ServedCall) -> bool:
+        """Whether the call may not begin yet."""
+
+    def hold(self, event: ServedCall) -> None:
+        """Begin the call later."""
+
+
+class ServedCall(IncomingCall, eq=False):
+    """A call that arrived on a connection."""
+
+    connection: CallConnection
     route: Route
     call_id: int
 
@@ -176,8 +230,6 @@ def call_class(offer: Offer) -> type[ServedCall]:
     """Asked when a caller first wants a service, so that a call itself need not ask."""
     if offer.observer is None and not log.isEnabledFor(logging.DEBUG):
         return ServedCall
-    from taskrpc.transport.connection.observed_calls import ObservedCall
-
     return ObservedCall
 
 
@@ -189,3 +241,69 @@ def resolved(
     text = srv_type._DEFINITION if with_definition else ""
     name = b"" if store_id is None else store_id.result()
     return Resolved(handle, int(offer.mode), srv_type._TYPE, srv_type._HASH, text, name)
+
+
+class ObservedCall(ServedCall, eq=False):
+    """A call that tells of its begin and its end."""
+
+    ended: bool = False
+    span: bytes = b""
+
+    def __post_init__(self) -> None:
+        self.span = self.connection.session.open_calls[self.call_id].span
+        _debug(self, "call %d of %s from %s began")
+        if (observer := self.route.offer.observer) is not None:
+            _tell(observer.call_began, self)
+
+    def reply(self, response: Any, body: bytes | None = None) -> None:
+        """Answer with a response message."""
+        super().reply(response, body)
+        if not self.ended and (observer := self.route.offer.observer) is not None:
+            _tell(observer.call_answered, self, response)
+        self._end(Code.OK)
+
+    def reply_in_thread(self, body: bytes) -> bool:
+        """Only the loop can: observers are told on its thread."""
+        return False
+
+    def fail(self, error: TaskRpcError) -> None:
+        """Answer with an error."""
+        super().fail(error)
+        code = code_of(error)
+        self._end(Code.CANCELLED if code is Code.UNKNOWN and self.cancelled else code)
+
+    def lost(self) -> None:
+        """The way back to the caller is gone."""
+        super().lost()
+        self._end(Code.CANCELLED)
+
+    def _end(self, code: Code) -> None:
+        # A callback may answer although its caller has been told that the time is over.
+        if not self.ended:
+            self.ended = True
+            _tell_end(self, self.route.offer.observer, code, self._clock() - self.arrived)
+
+
+def refused(connection: CallConnection, route: Route, error: TaskRpcError) -> None:
+    """Tell of a request that was refused before it became a call."""
+    host, offer = connection.host, route.offer
+    who = route.caller, connection.principal, connection.role
+    call = CallInfo(offer.name, *who, next(host.call_numbers), None, host.now, False)
+    _tell_end(call, offer.observer, code_of(error), 0.0)
+
+
+def _tell_end(call: CallInfo, observer: Observer | None, code: Code, seconds: float) -> None:
+    _debug(call, "call %d of %s from %s ended: %s after %.6f s", code.name, seconds)
+    if observer is not None:
+        _tell(observer.call_ended, call, code, seconds)
+
+
+def _tell(notify: Callable[..., object], *args: Any) -> None:
+    from taskrpc.observer import told  # few services have an observer
+
+    told(notify, *args)
+
+
+def _debug(call: CallInfo, text: str, *more: object) -> None:
+    if log.isEnabledFor(logging.DEBUG):
+        log.debug(text, call.number, call.service, call.caller, *more, extra=log_fields(call))

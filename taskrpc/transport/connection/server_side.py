@@ -5,9 +5,10 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Hashable, Iterable
-from typing import TYPE_CHECKING, ClassVar, TypeAlias, cast
+from typing import TYPE_CHECKING, ClassVar, Protocol, TypeAlias, cast
 
 from taskrpc.errors import (
+    AuthenticationFailed,
     InvalidRequest,
     PermissionDenied,
     ProtocolError,
@@ -15,17 +16,19 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
-from taskrpc.security.roles import Account, Role
+from taskrpc.security.roles import Account, Accounts, Role
 from taskrpc.transport.base import Offer
-from taskrpc.transport.connection.connection import UNREAD_LIMIT, Connection
+from taskrpc.transport.connection.connection import UNREAD_LIMIT, Connection, Owner
 from taskrpc.transport.connection.incoming_call import (
     Route,
     ServedCall,
     mismatch,
+    refused,
     resolved,
     route_to,
 )
-from taskrpc.transport.connection.server_context import Host
+from taskrpc.transport.limits.backpressure import Unread
+from taskrpc.transport.limits.calls_in_flight import FREE, Load
 from taskrpc.transport.limits.quotas import Caller, caller_of
 from taskrpc.wire import messages
 from taskrpc.wire.events import (
@@ -43,12 +46,13 @@ from taskrpc.wire.events import (
 from taskrpc.wire.frames import NO_DEADLINE, Flag
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.link import State
-from taskrpc.wire.spans import cut_span
+from taskrpc.wire.messages import Listing, cut_span
 
 if TYPE_CHECKING:
-    from taskrpc.transport.pubsub.publishing import Subscriber
+    from itertools import count
 
 log = logging.getLogger("taskrpc.server")
+_accounts_log = logging.getLogger("taskrpc.transport")
 
 _TRACED = int(Flag.TRACED)
 _EXACTLY_ONCE = int(Flag.EXACTLY_ONCE)  # a Flag's own & costs as much as a decoded message
@@ -60,9 +64,64 @@ FRAMES_A_TURN = 64
 LINGER = 0.5
 """Seconds in which a caller may close a drained connection itself. Closing first, with a request
 of its still unread, would reset the connection and could destroy our last words."""
+_GRACE = 2 * LINGER
+"""Seconds after which a connection without a valid account is aborted, even if the caller has not
+read the reason."""
 
 
 _Held: TypeAlias = "ServedCall | ResolveReceived"
+
+
+class SubscriberEvents(Protocol):
+    """The topics that a caller has subscribed to, as its connection sees them."""
+
+    def subscribe(self, event: SubscribeReceived) -> None:
+        """Add a subscription."""
+
+    def unsubscribe(self, number: int) -> None:
+        """Remove a subscription."""
+
+    def caught_up(self) -> None:
+        """Send messages that waited: the caller reads again."""
+
+    def role_changed(self) -> None:
+        """Stop the topics that the caller's new role may not see."""
+
+    def left(self) -> None:
+        """Remove all subscriptions: the connection is gone."""
+
+
+class PublishedTopics(Protocol):
+    """The topics of a process, as far as its connections need them."""
+
+    def subscriber_of(self, connection: ServingConnection) -> SubscriberEvents:
+        """The subscriptions of a connection's caller."""
+
+
+class Host(Owner, Protocol):
+    """What a process offers, as far as its connections need it."""
+
+    call_numbers: count[int]
+    """Counts calls, for logs."""
+    offers: dict[int, Offer]
+    """The services by their method ids."""
+    unread: Unread
+    """Responses that callers have not read."""
+    load: Load
+    """Calls of callers that are in flight."""
+
+    @property
+    def topics(self) -> PublishedTopics:
+        """The topics that are published here."""
+
+    def method_of(self, name: str) -> int:
+        """The method id of a service, 0 if there is none."""
+
+    def listing(self) -> Listing:
+        """Everything that this process offers."""
+
+    def caller_proved(self, connection: ServingConnection) -> None:
+        """Count a connection whose caller has proved its identity."""
 
 
 class ServingConnection(Connection):
@@ -87,7 +146,7 @@ class ServingConnection(Connection):
     )
 
     def __init__(self, host: Host, me: Identity) -> None:
-        super().__init__(host, me, is_client=False)
+        super().__init__(host, me, is_client=False, frames_a_turn=FRAMES_A_TURN)
         self.host = host
         self.unread = host.unread
         self.host_name = ""
@@ -104,10 +163,9 @@ class ServingConnection(Connection):
         self._linger: asyncio.TimerHandle | None = None
         self.writing_paused = False
         """Whether the caller does not read as fast as we write."""
-        self.subscriber: Subscriber | None = None
+        self.subscriber: SubscriberEvents | None = None
         """What the caller has subscribed to, once it has."""
-        self._splitter.most = FRAMES_A_TURN
-        host.load.came(self)
+        self.session.set_quota(min(FREE.calls, me.limits.calls), min(FREE.bytes, me.limits.bytes))
         # Not a list at once: most of thousands of idle connections need none.
         self._held: list[_Held] | None = None
         # Several nodes of a program share a connection: a method id means a service and a caller.
@@ -223,6 +281,37 @@ class ServingConnection(Connection):
         self._close_after(LINGER)
         self.session.reject(error)
         self.flush()
+
+    def check_account(self, accounts: Accounts, today: float) -> None:
+        """Act on a change of the caller's account; `today` is in seconds since 1970.
+
+        A revoked or expired account ends the connection. After any other change, the connection
+        drains: its caller connects anew and gets what the account allows now.
+        """
+        proved = self.account
+        if proved is None or self.session.state is State.CLOSED:
+            return
+        account = accounts.find(proved.name, today)
+        if account is None or account.secret != proved.secret:
+            why = accounts.refusal(proved.name, today) or f"{proved.name} has another secret now"
+            _accounts_log.warning("closed the connection from %s: %s", self.peer_name, why)
+            self._shut_out()
+        elif account != proved and self.session.state is State.OPEN:
+            _accounts_log.info(
+                "the account %s changed; its connections are made again", proved.name
+            )
+            self.role = account.role
+            if self.subscriber is not None:  # a long call keeps the connection for a while
+                self.subscriber.role_changed()
+            self.drain()
+
+    def _shut_out(self) -> None:
+        """End the connection, whatever its caller does, and cancel its calls now."""
+        error = AuthenticationFailed("the token is no longer valid for this server")
+        self.refuse(error)
+        for call in self.session.lost():
+            call.cancel()
+        self.owner.loop.call_later(_GRACE, self.abort, error)
 
     def _close_after(self, seconds: float) -> None:
         self._linger = self.owner.loop.call_later(seconds, self.close)
@@ -387,8 +476,6 @@ class ServingConnection(Connection):
         route = self._routes.get(method)
         if route is None or route.call is ServedCall:
             return
-        from taskrpc.transport.connection.observed_calls import refused
-
         refused(self, route, error)
 
     serves = True

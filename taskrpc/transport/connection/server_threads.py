@@ -10,9 +10,8 @@ from __future__ import annotations
 import time
 
 from taskrpc.transport.connection.incoming_call import ServedCall
-from taskrpc.transport.connection.server_context import Host
-from taskrpc.transport.connection.server_side import ServingConnection
-from taskrpc.transport.connection.thread_socket import ThreadSocket
+from taskrpc.transport.connection.server_side import Host, ServingConnection
+from taskrpc.transport.connection.threads import ThreadSocket
 from taskrpc.wire.frames import LARGE
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.link import State

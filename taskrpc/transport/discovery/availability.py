@@ -3,18 +3,27 @@
 from __future__ import annotations
 
 import asyncio
-from typing import TypeAlias
-
-from taskrpc.transport.network import Network
+from collections.abc import Callable
+from typing import Protocol, TypeAlias
 
 Mark: TypeAlias = tuple[int, object]
+
+
+class Directory(Protocol):
+    """The part of a network that knows which processes there are."""
+
+    def mark(self) -> object:
+        """The state of the directory now, to compare with later."""
+
+    async def changed(self, mark: object, is_hurried: Callable[[], bool]) -> None:
+        """Return when the directory differs from the mark."""
 
 
 class News:
     """What changed in a network since a mark."""
 
-    def __init__(self, network: Network) -> None:
-        self._network = network
+    def __init__(self, directory: Directory) -> None:
+        self._directory = directory
         self._pulses = 0
         self._next: asyncio.Future[None] | None = None
         self._watcher: asyncio.Task[None] | None = None
@@ -23,7 +32,7 @@ class News:
 
     def mark(self) -> Mark:
         """What is known now."""
-        return self._pulses, self._network.mark()
+        return self._pulses, self._directory.mark()
 
     def pulse(self) -> None:
         """Something changed that the directory does not show."""
@@ -58,6 +67,6 @@ class News:
 
     async def _watch(self, mark: object) -> None:
         while True:
-            await self._network.changed(mark, lambda: self._hurried > 0)
-            mark = self._network.mark()
+            await self._directory.changed(mark, lambda: self._hurried > 0)
+            mark = self._directory.mark()
             self.pulse()

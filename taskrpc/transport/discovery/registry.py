@@ -179,3 +179,27 @@ def _abandon_all() -> None:
 if hasattr(os, "register_at_fork"):
     # A child that kept the descriptor would hold its dead parent's lock.
     os.register_at_fork(after_in_child=_abandon_all)
+
+
+def this_process() -> Entry:
+    """An entry that has nothing yet."""
+    return Entry(pid=os.getpid(), script=_script(), folder=_folder(), since=time.time())
+
+
+def _script() -> str:
+    """The program as its user knows it: an installed command's name, a script's path."""
+    program = Path(sys.argv[0]) if sys.argv and sys.argv[0] else Path("python")
+    name = program.name
+    if program.suffix == ".py":
+        name = str(program)
+        with contextlib.suppress(ValueError, OSError):
+            name = str(program.resolve().relative_to(Path.cwd()))
+    # File names need not be text; what travels must be.
+    return name.encode(errors="replace").decode()
+
+
+def _folder() -> str:
+    try:
+        return str(Path.cwd()).encode(errors="replace").decode()
+    except OSError:  # deleted under our feet
+        return "?"

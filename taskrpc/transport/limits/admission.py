@@ -4,10 +4,15 @@ from __future__ import annotations
 
 import logging
 from collections import Counter
+from typing import TYPE_CHECKING, Protocol
 
 from taskrpc import platform
 from taskrpc.errors import ServerBusy
-from taskrpc.transport.connection.server_side import ServingConnection
+
+if TYPE_CHECKING:
+    import asyncio
+
+    from taskrpc.errors import TaskRpcError
 from taskrpc.transport.limits.log_throttling import SeldomLog
 from taskrpc.transport.limits.quotas import ByHost, Caller, host_of, name_of
 
@@ -23,6 +28,38 @@ GRACE = 5.0
 """Seconds that a connection has to finish its calls when another caller needs its place."""
 
 
+class AdmittedConnection(Protocol):
+    """What admission needs from a connection."""
+
+    host_name: str
+    """The caller's machine, "" for this one; admission sets it."""
+
+    @property
+    def shares(self) -> Caller:
+        """The caller's key in the quotas."""
+
+    @property
+    def in_flight(self) -> int:
+        """Calls without a response."""
+
+    @property
+    def peer_name(self) -> str:
+        """The caller's address, for logs."""
+
+    @property
+    def loop(self) -> asyncio.AbstractEventLoop:
+        """Its event loop."""
+
+    def drain(self) -> None:
+        """Take no new calls; close once those in flight are answered."""
+
+    def refuse(self, error: TaskRpcError) -> None:
+        """Close, and tell the caller why."""
+
+    def abort(self, error: TaskRpcError) -> None:
+        """Close at once."""
+
+
 class Admission:
     """Counts the connections of one listener.
 
@@ -36,8 +73,8 @@ class Admission:
         descriptors = platform.descriptor_limit()
         self._most = min(MAX_CONNECTIONS, descriptors * 3 // 4)
         self._most_strangers = min(MAX_STRANGERS, descriptors // 8)
-        self._strangers = ByHost[ServingConnection]()
-        self._known: dict[Caller, dict[ServingConnection, None]] = {}
+        self._strangers = ByHost[AdmittedConnection]()
+        self._known: dict[Caller, dict[AdmittedConnection, None]] = {}
         """By caller, in the order in which they came."""
         self._count = 0
         self._crowded = SeldomLog(log)
@@ -45,14 +82,14 @@ class Admission:
         self._greedy = SeldomLog(log)
         self._problem = f"the server has {self._most} connections, as many as it can"
 
-    def came(self, connection: ServingConnection, peername: object) -> None:
+    def came(self, connection: AdmittedConnection, peername: object) -> None:
         """A caller connected from this address; there is room for it, or there will be."""
         connection.host_name = host_of(peername)
         if len(self._strangers) >= self._most_strangers:
             self._cut_oldest(connection)
         self._strangers.add(connection.host_name, connection)
 
-    def proved(self, connection: ServingConnection) -> None:
+    def proved(self, connection: AdmittedConnection) -> None:
         """Somebody showed that he may be here; he stays unless the server is full."""
         if not self._strangers.remove(connection.host_name, connection):
             return
@@ -63,12 +100,12 @@ class Admission:
         self._known.setdefault(connection.shares, {})[connection] = None
         self._count += 1
 
-    def left(self, connection: ServingConnection) -> None:
+    def left(self, connection: AdmittedConnection) -> None:
         """A connection is gone."""
         self._strangers.remove(connection.host_name, connection)
         self._forget(connection)
 
-    def _forget(self, connection: ServingConnection) -> None:
+    def _forget(self, connection: AdmittedConnection) -> None:
         known = self._known.get(connection.shares, {})
         if connection in known:
             del known[connection]
@@ -95,9 +132,9 @@ class Admission:
         if greedy is None:
             return False
         theirs = self._known[greedy]
-        idle = (each for each in theirs if not each.session.in_flight)
+        idle = (each for each in theirs if not each.in_flight)
         sent_away = next(idle, None) or next(iter(theirs))
-        loop, count = sent_away.owner.loop, len(theirs)
+        loop, count = sent_away.loop, len(theirs)
         text = "%s; %s has %d of them, and one gives way"
         self._greedy.warning(loop.time(), text, self._problem, name_of(greedy), count)
         self._forget(sent_away)
@@ -106,18 +143,18 @@ class Admission:
         loop.call_later(GRACE, sent_away.abort, error)
         return True
 
-    def _cut_oldest(self, newest: ServingConnection) -> None:
+    def _cut_oldest(self, newest: AdmittedConnection) -> None:
         oldest = self._strangers.pop_oldest(self._strangers.largest())
         self._crowded.warning(
-            newest.owner.loop.time(),
+            newest.loop.time(),
             "more than %d connections without a proof; the oldest, from %s, was cut off",
             self._most_strangers,
             oldest.peer_name,
         )
         oldest.abort(ServerBusy("too many connections without a proof"))
 
-    def _refuse(self, connection: ServingConnection) -> None:
+    def _refuse(self, connection: AdmittedConnection) -> None:
         """Not counted among those who stay, but bounded with the strangers until it is gone."""
-        now, problem = connection.owner.loop.time(), self._problem
+        now, problem = connection.loop.time(), self._problem
         self._full.warning(now, "refused %s: %s", connection.peer_name, problem)
         connection.refuse(ServerBusy(problem, retry_after=RETRY_AFTER))

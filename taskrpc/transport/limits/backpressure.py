@@ -8,13 +8,32 @@ answers begin no calls for anybody until some are read, or those who read nothin
 from __future__ import annotations
 
 from collections import deque
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from taskrpc.transport.connection.server_side import ServingConnection
+    import asyncio
 
 MAX_UNREAD = 32 * 1024 * 1024
 """Bytes of answers that all callers together may leave unread."""
+
+
+class UnreadConnection(Protocol):
+    """What backpressure needs from a connection."""
+
+    @property
+    def transport(self) -> asyncio.Transport | None:
+        """Its asyncio transport, None once it is gone."""
+
+    @property
+    def written(self) -> int:
+        """Bytes that were written to it."""
+
+    @property
+    def loop(self) -> asyncio.AbstractEventLoop:
+        """Its event loop."""
+
+    def release(self) -> None:
+        """Begin the calls that it holds back."""
 
 
 class Unread:
@@ -24,17 +43,17 @@ class Unread:
         self.pressed = False
         """Whether there are too many."""
         self._total = 0
-        self._sizes: dict[ServingConnection, int] = {}
-        self._answers: dict[ServingConnection, deque[tuple[int, int]]] = {}
+        self._sizes: dict[UnreadConnection, int] = {}
+        self._answers: dict[UnreadConnection, deque[tuple[int, int]]] = {}
         """Where the large answers begin and end in what was written."""
         self._large: set[str] = set()
         """Services that have given a large answer."""
-        self._waiting: dict[ServingConnection, None] = {}
+        self._waiting: dict[UnreadConnection, None] = {}
         """Those that hold calls back, in order."""
-        self._next: dict[ServingConnection, None] = {}
+        self._next: dict[UnreadConnection, None] = {}
         """Those of them that may go on, one a turn of the loop."""
 
-    def answered(self, service: str, connection: ServingConnection, size: int) -> None:
+    def answered(self, service: str, connection: UnreadConnection, size: int) -> None:
         """A service gave a large answer of so many bytes."""
         self._large.add(service)
         end = connection.written
@@ -45,11 +64,11 @@ class Unread:
         """Whether a service's calls may not begin now."""
         return self.pressed and service in self._large
 
-    def hold(self, connection: ServingConnection) -> None:
+    def hold(self, connection: UnreadConnection) -> None:
         """A connection whose caller reads holds a call back; `release` it when there is room."""
         self._waiting[connection] = None
 
-    def measure(self, connection: ServingConnection) -> None:
+    def measure(self, connection: UnreadConnection) -> None:
         """Look how much one caller has not read."""
         transport = connection.transport
         size = 0 if transport is None else transport.get_write_buffer_size()
@@ -65,14 +84,14 @@ class Unread:
         for connection in list(self._sizes):
             self.measure(connection)
 
-    def left(self, connection: ServingConnection) -> None:
+    def left(self, connection: UnreadConnection) -> None:
         """A connection is gone."""
         self._waiting.pop(connection, None)
         self._next.pop(connection, None)
         self._answers.pop(connection, None)
         self.measure(connection)
 
-    def _still_held(self, connection: ServingConnection, unread: int) -> int:
+    def _still_held(self, connection: UnreadConnection, unread: int) -> int:
         """The bytes of an answer that were sent, and are held until its last one is.
 
         Since Python 3.12 asyncio keeps all of what it was given, and counts only what is left.
@@ -110,4 +129,4 @@ class Unread:
                 self._next, self._waiting = self._waiting, {}
             if self._next:
                 self.pressed = True  # what comes now stays behind what waits
-                connection.owner.loop.call_soon(self._release)
+                connection.loop.call_soon(self._release)

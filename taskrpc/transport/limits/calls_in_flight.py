@@ -8,7 +8,7 @@ of what there is. It is lent to connections in advance and in lumps, so that a c
 from __future__ import annotations
 
 import logging
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from taskrpc.errors import ServerBusy
 from taskrpc.transport.limits.log_throttling import SeldomLog
@@ -17,7 +17,9 @@ from taskrpc.wire.frames import LARGE
 from taskrpc.wire.messages import Limits
 
 if TYPE_CHECKING:
-    from taskrpc.transport.connection.server_side import ServingConnection
+    import asyncio
+
+    from taskrpc.wire.session import Session
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -30,33 +32,44 @@ FREE = Limits(calls=16, bytes=4 * LARGE)
 RETRY_AFTER = 0.2
 
 
+class QuotaConnection(Protocol):
+    """What the quotas need from a connection."""
+
+    @property
+    def session(self) -> Session:
+        """Its session, which enforces the quota that it was lent."""
+
+    @property
+    def loop(self) -> asyncio.AbstractEventLoop:
+        """Its event loop."""
+
+    @property
+    def shares(self) -> Caller:
+        """The caller's key in the quotas."""
+
+
 class Load:
     """Lends shares to the connections of one endpoint, and takes back what they do not need."""
 
     def __init__(self) -> None:
         self._calls = Shares(MAX_CALLS)
         self._bytes = Shares(MAX_BYTES)
-        self._lent: set[ServingConnection] = set()
+        self._lent: set[QuotaConnection] = set()
         self._refused = SeldomLog(log)
 
-    def came(self, connection: ServingConnection) -> None:
-        """A connection has what it may have without asking."""
-        session = connection.session
-        session.free_calls = min(FREE.calls, session.limits.calls)
-        session.free_bytes = min(FREE.bytes, session.limits.bytes)
-
-    def refusal(self, connection: ServingConnection) -> ServerBusy | None:
+    def refusal(self, connection: QuotaConnection) -> ServerBusy | None:
         """Lend what the calls that have come to a connection need; what to say where it cannot."""
         session, caller = connection.session, connection.shares
         limits = session.limits
         self._lent.add(connection)
         calls, size = len(session.open_calls), session.bytes_coming
-        session.free_calls = _raised(self._calls, caller, session.free_calls, calls, limits.calls)
-        session.free_bytes = _raised(self._bytes, caller, session.free_bytes, size, limits.bytes)
-        if calls <= session.free_calls and size <= session.free_bytes:
+        free_calls = _raised(self._calls, caller, session.free_calls, calls, limits.calls)
+        free_bytes = _raised(self._bytes, caller, session.free_bytes, size, limits.bytes)
+        session.set_quota(free_calls, free_bytes)
+        if calls <= free_calls and size <= free_bytes:
             return None
-        what = "calls" if calls > session.free_calls else "bytes of requests"
-        text, now = "refused calls: %s has its share of %s", connection.owner.loop.time()
+        what = "calls" if calls > free_calls else "bytes of requests"
+        text, now = "refused calls: %s has its share of %s", connection.loop.time()
         self._refused.warning(now, text, name_of(caller), what)
         problem = f"you have as many {what} in flight as are left for all others"
         return ServerBusy(problem, retry_after=RETRY_AFTER)
@@ -69,21 +82,22 @@ class Load:
             if (session.free_calls, session.free_bytes) == (FREE.calls, FREE.bytes):
                 self._lent.discard(connection)
 
-    def left(self, connection: ServingConnection) -> None:
+    def left(self, connection: QuotaConnection) -> None:
         """A connection is gone."""
         if connection in self._lent:
             self._lent.discard(connection)
             self._lower(connection, 0, 0)
 
-    def _lower(self, connection: ServingConnection, calls: int, size: int) -> None:
+    def _lower(self, connection: QuotaConnection, calls: int, size: int) -> None:
         session, caller = connection.session, connection.shares
-        calls, size = max(FREE.calls, calls), max(FREE.bytes, size)
+        # A quota that is below FREE was never lent: the client's limits are that small.
+        calls = min(max(FREE.calls, calls), session.free_calls)
+        size = min(max(FREE.bytes, size), session.free_bytes)
         if calls < session.free_calls:
             self._calls.give(caller, session.free_calls - calls)
-            session.free_calls = calls
         if size < session.free_bytes:
             self._bytes.give(caller, session.free_bytes - size)
-            session.free_bytes = size
+        session.set_quota(calls, size)
 
 
 def _raised(shares: Shares, caller: Caller, lent: int, needed: int, most: int) -> int:

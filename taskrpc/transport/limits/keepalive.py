@@ -1,8 +1,16 @@
-"""How long a peer may be silent before it is asked, and before it counts as gone."""
+"""When a silent peer counts as gone: keepalive settings, and the kernel's TCP timeouts.
+
+Each system has its own socket options for this. Linux needs more: it also drops a peer whose
+receive buffer is full because its program computes. `TcpTimeouts` tells the two apart.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import os
+import socket
+import struct
+import sys
 from typing import NamedTuple
 
 from taskrpc.errors import TaskRpcError
@@ -35,3 +43,106 @@ def keepalive_of(name: str | None) -> Keepalive:
         expected = " or ".join(PROFILES)
         raise TaskRpcError(f"{where}: expected {expected}, got {wanted!r}")
     return PROFILES[wanted]
+
+
+_TCP_MAXRT = 5  # Windows: seconds of retransmission before the connection is dropped
+_TCP_RXT_CONNDROPTIME = 0x80  # macOS: the same
+_FIRST_REPETITION = 0.25
+"""Seconds after a sending; Linux counts from then on."""
+_INFO = "3xB20xI28xI84xI80xI"
+"""The fields of Linux's tcp_info that `_Backlog` is made of."""
+_INFO_SIZE = struct.calcsize(_INFO)
+_IN_VAIN = 2
+"""Unanswered questions for room, since any one may be lost."""
+
+
+class Patience:
+    """Lets the kernel end a connection whose peer is gone, and no other.
+
+    For a connection that has written something, after `drop_dead_peers`. It is not needed any
+    more once `is_busy` is False: thousands of idle connections have none.
+    """
+
+    __slots__ = ("_keepalive", "_sock", "_spares", "is_busy")
+
+    def __init__(self, sock: socket.socket, keepalive: Keepalive) -> None:
+        self._sock = sock
+        self._keepalive = keepalive
+        self._spares = False
+        self.is_busy = True
+        """Whether the peer has not acknowledged everything, as of the last look."""
+
+    def is_over(self) -> bool:
+        """Whether the peer is gone that had no room for more; to be asked once a second."""
+        backlog = _backlog_of(self._sock)
+        if backlog is None:
+            self.is_busy = False
+            return False
+        self.is_busy = backlog.is_there
+        if backlog.waits_for_room is not self._spares:
+            self._spares = backlog.waits_for_room
+            _bear(self._sock, 0.0 if self._spares else self._keepalive.dead_after)
+        is_late = backlog.heard_before >= self._keepalive.dead_after
+        return self._spares and is_late and backlog.asked_in_vain >= _IN_VAIN
+
+
+def drop_dead_peers(sock: socket.socket, silence: float, seconds: float) -> bool:
+    """Let the kernel end a connection whose peer has not acknowledged for `seconds`.
+
+    After a `silence` of so many seconds it asks the peer's kernel once a second. Returns whether
+    it does.
+    """
+    with contextlib.suppress(OSError):
+        if sys.platform == "win32":
+            # asyncio's proactor leaves Nagle's algorithm on where it accepts.
+            sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+        idle = "TCP_KEEPALIVE" if sys.platform == "darwin" else "TCP_KEEPIDLE"
+        for name, value in (
+            (idle, int(silence)),
+            ("TCP_KEEPINTVL", 1),
+            ("TCP_KEEPCNT", int(seconds - silence)),
+        ):
+            if hasattr(socket, name):
+                sock.setsockopt(socket.IPPROTO_TCP, getattr(socket, name), value)
+        if sys.platform == "win32":
+            sock.setsockopt(socket.IPPROTO_TCP, _TCP_MAXRT, int(seconds))
+        elif sys.platform == "darwin":
+            sock.setsockopt(socket.IPPROTO_TCP, _TCP_RXT_CONNDROPTIME, int(seconds))
+        else:
+            _bear(sock, seconds)
+        return True
+    return False
+
+
+def _bear(sock: socket.socket, seconds: float) -> None:
+    """How long Linux bears what is not acknowledged or not taken; 0.0 for as long as it likes."""
+    if hasattr(socket, "TCP_USER_TIMEOUT"):
+        since_then = int(max(0.0, seconds - _FIRST_REPETITION) * 1000)
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, since_then)
+
+
+class _Backlog(NamedTuple):
+    """What a kernel has not delivered, and when it heard of the peer's."""
+
+    is_there: bool
+    waits_for_room: bool
+    asked_in_vain: int
+    """How often the peer was asked for room since it last answered."""
+    heard_before: float
+    """Seconds since it last answered anything."""
+
+
+def _backlog_of(sock: socket.socket) -> _Backlog | None:
+    """What is to be delivered; None where it does not matter, or nobody can tell any more."""
+    if sys.platform != "linux":
+        return None
+    else:  # mypy recognises another system only by such a branch
+        try:
+            found = sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_INFO, _INFO_SIZE)
+            asked, unacknowledged, heard, unsent, room = struct.unpack(_INFO, found)
+        # The socket has just been closed (uvloop raises ValueError), or Linux is older than 5.4.
+        except (OSError, ValueError, struct.error):
+            return None
+        full = unsent > 0 and not (unacknowledged and room)
+        return _Backlog(unacknowledged > 0 or unsent > 0, full, asked, heard / 1000)

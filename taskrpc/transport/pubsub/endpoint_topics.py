@@ -4,38 +4,20 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Any, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import Deliver, OnMismatch
-from taskrpc.transport.connection.dialling import Dialler
-from taskrpc.transport.discovery.availability import News
 from taskrpc.transport.discovery.entries import Change
-from taskrpc.transport.network import Network
 from taskrpc.transport.pubsub.publishing import Publication, RemoteSubscription, Subscriber
-from taskrpc.transport.pubsub.subscribing import Link, Reception
+from taskrpc.transport.pubsub.subscribing import Home, Link, Reception
 from taskrpc.wire import topics as wire
 from taskrpc.wire.messages import TopicEndpoint
 
 if TYPE_CHECKING:
-    from taskrpc.transport.connection.server_side import ServingConnection
+    from taskrpc.transport.connection.server_side import ServingConnection, SubscriberEvents
 
 _Item = TypeVar("_Item")
-
-
-class Home(Protocol):
-    """What the topics of an endpoint need of it."""
-
-    id: bytes
-    """What its callers know it by, and those whom it calls."""
-    loop: asyncio.AbstractEventLoop
-    network: Network
-    dialler: Dialler
-    news: News
-    address: str
-
-    def publish(self, change: Change, *, claim: str = "") -> None:
-        """Tell everybody of a change to what this process has."""
 
 
 class Topics:
@@ -100,7 +82,7 @@ class Topics:
             self._home.publish(Change(publisher=named, gone=True))
             self._announce_soon(named.name)
 
-    def subscriber_of(self, connection: ServingConnection) -> Subscriber:
+    def subscriber_of(self, connection: ServingConnection) -> SubscriberEvents:
         """What the caller of a connection has subscribed to."""
         if connection.subscriber is None:
             connection.subscriber = Subscriber(self, connection)
@@ -203,8 +185,8 @@ class Topics:
         reception.publishers[publication, 0] = publication.named
         reception.matches_changed()
         if reception.named.latched and publication.latched is not None:
-            for sequence, body in list(publication.latched)[-reception.named.depth :]:
-                reception.arrived_here(publication, sequence, body)
+            for _, body in list(publication.latched)[-reception.named.depth :]:
+                reception.arrived_here(body)
 
     async def _searched(self) -> None:
         """Look who publishes, whenever that may have changed."""

@@ -10,7 +10,7 @@ import logging
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from taskrpc.errors import InvalidRequest, ProtocolError
 from taskrpc.security.roles import Role
@@ -23,7 +23,6 @@ from taskrpc.wire.messages import DEFAULT_LIMITS, Publishing, TopicEndpoint
 
 if TYPE_CHECKING:
     from taskrpc.transport.connection.server_side import ServingConnection
-    from taskrpc.transport.pubsub.endpoint_topics import Topics
     from taskrpc.transport.pubsub.subscribing import Reception
 
 log = logging.getLogger("taskrpc.topics")
@@ -34,12 +33,34 @@ MAX_OWED = 32 * 1024 * 1024
 """Bytes of messages that wait for one connection to read."""
 
 
+class PublishingTopics(Protocol):
+    """What publishers and remote subscriptions need from the topics of their process."""
+
+    def soon(self, action: Callable[[], object]) -> None:
+        """Do something in a later turn of the event loop."""
+
+    def announce_changed(self) -> None:
+        """Announce new publishers to the subscriptions of other processes."""
+
+    def publication_closed(self, publication: Publication) -> None:
+        """Remove a publisher."""
+
+    def subscribed(self, subscription: RemoteSubscription) -> None:
+        """Add a subscription of another process."""
+
+    def unsubscribed(self, subscription: RemoteSubscription) -> None:
+        """Remove a subscription of another process."""
+
+    def role_changed(self, subscription: RemoteSubscription) -> None:
+        """Stop the publishers that the subscriber's new role may not see."""
+
+
 class Publication:
     """One publisher, seen from the wire."""
 
     def __init__(
         self,
-        topics: Topics,
+        topics: PublishingTopics,
         named: TopicEndpoint,
         msg_type: Any,
         number: int,
@@ -96,7 +117,7 @@ class Publication:
         for feed in self.feeds.values():
             feed.send(sequence, body)
         for reception in self.local:
-            reception.arrived_here(self, sequence, body)
+            reception.arrived_here(body)
 
     def unfeed(self, subscription: RemoteSubscription) -> None:
         """Send nothing more to a subscription, if it was sent anything."""
@@ -226,7 +247,7 @@ class RemoteSubscription:
 class Subscriber:
     """Another process's end of a connection: its subscriptions, and what they are owed."""
 
-    def __init__(self, topics: Topics, connection: ServingConnection) -> None:
+    def __init__(self, topics: PublishingTopics, connection: ServingConnection) -> None:
         self.connection = connection
         self.owed = 0
         """Bytes that wait for it to read."""

@@ -11,13 +11,13 @@ import logging
 import random
 from collections.abc import Callable, Iterable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Protocol
 
 from taskrpc.errors import ConnectionLost, ProtocolError, TaskRpcError
 from taskrpc.retry import reconnect_delay
 from taskrpc.transport.base import Deliver, OnMismatch
 from taskrpc.transport.codec import codec_of
-from taskrpc.transport.network import Address
+from taskrpc.transport.network import Address, Network
 from taskrpc.wire import topics as wire
 from taskrpc.wire.events import Published, PublishersTold
 from taskrpc.wire.frames import Body
@@ -25,8 +25,9 @@ from taskrpc.wire.messages import Publishing, TopicEndpoint
 
 if TYPE_CHECKING:
     from taskrpc.transport.connection.client_side import CallingConnection
-    from taskrpc.transport.pubsub.endpoint_topics import Home, Topics
-    from taskrpc.transport.pubsub.publishing import Publication
+    from taskrpc.transport.connection.dialling import Dialler
+    from taskrpc.transport.discovery.availability import News
+    from taskrpc.transport.discovery.entries import Change
 
 MOST_TOLD = 100
 """Warnings of one subscription: peers can make up any number of mismatches."""
@@ -38,12 +39,37 @@ _HALF = wire.SEQUENCE_MASK // 2
 log = logging.getLogger("taskrpc.topics")
 
 
+class Home(Protocol):
+    """What the topics of an endpoint need of it."""
+
+    id: bytes
+    """What its callers know it by, and those whom it calls."""
+    loop: asyncio.AbstractEventLoop
+    network: Network
+    dialler: Dialler
+    news: News
+    address: str
+
+    def publish(self, change: Change, *, claim: str = "") -> None:
+        """Tell everybody of a change to what this process has."""
+
+
+class ReceptionTopics(Protocol):
+    """What a subscription needs from the topics of its process."""
+
+    def soon(self, action: Callable[[], object]) -> None:
+        """Do something in a later turn of the event loop."""
+
+    def reception_closed(self, reception: Reception) -> None:
+        """Remove a subscription."""
+
+
 class Reception:
     """One subscription, seen from the wire."""
 
     def __init__(
         self,
-        topics: Topics,
+        topics: ReceptionTopics,
         named: TopicEndpoint,
         msg_type: Any,
         number: int,
@@ -78,8 +104,8 @@ class Reception:
     def _tell_of_matches(self) -> None:
         self.on_matched()  # asked for only now: it may have been set in the turn of the match
 
-    def arrived_here(self, publication: Publication, sequence: int, body: bytes) -> None:
-        """A publisher of this process sent a message."""
+    def arrived_here(self, body: bytes) -> None:
+        """Deliver a message of a publisher of this process."""
         self._deliver(body, 0)
 
     def arrived(self, link: Link, event: Published, read: int) -> None:

@@ -14,7 +14,7 @@ class Caller:
 
     def __init__(self):
         self.turns = deque()
-        self.owner = SimpleNamespace(loop=SimpleNamespace(call_soon=self.turns.append))
+        self.loop = SimpleNamespace(call_soon=self.turns.append)
         self.written = self.buffered = 0
         self.transport = SimpleNamespace(get_write_buffer_size=lambda: self.buffered)
         self.released = 0
@@ -85,7 +85,7 @@ def crowd(kept):
     answer(kept, gone, 1001, sent=0)
     for caller in crowd:
         caller.turns = crowd[0].turns
-        caller.owner.loop.call_soon = crowd[0].turns.append
+        caller.loop.call_soon = crowd[0].turns.append
         kept.hold(caller)
     gone.transport = None
     kept.left(gone)
@@ -119,7 +119,7 @@ def test_they_wait_on_in_their_order_when_there_is_no_room_again(kept, crowd):
 
 def test_who_came_while_others_had_their_turns_has_his_behind_them(kept, crowd):
     late = Caller()
-    late.owner = crowd[0].owner
+    late.loop = crowd[0].loop
     crowd[0].turns.popleft()()
     kept.hold(late)
     for _ in range(3):

@@ -10,10 +10,9 @@ import pytest
 
 import taskrpc
 from taskrpc.testing import FaultyNetwork
-from taskrpc.transport.limits.keepalive import PROFILES
+from taskrpc.transport.limits.keepalive import _INFO as INFO
+from taskrpc.transport.limits.keepalive import PROFILES, Patience, drop_dead_peers
 from taskrpc.transport.tcp.tcp_network import bound
-from taskrpc.transport.tcp.timeouts import _INFO as INFO
-from taskrpc.transport.tcp.timeouts import Patience, drop_dead_peers
 from taskrpc.wire.frames import FrameType
 from tests.taskrpc.transport.helpers import Add, Gate, ask, until
 

@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import socket
 import threading
+from collections.abc import Callable
 
 from taskrpc.transport.connection.connection import Connection
 
@@ -73,3 +74,23 @@ class ThreadSocket:
         rest, self._rest = self._rest, b""
         if transport is not None:
             transport.write(rest)
+
+
+class Handing:
+    """The part of an endpoint that other threads hand their work to, in order."""
+
+    def __init__(self) -> None:
+        self.loop = asyncio.get_running_loop()
+        self.behind: list[None] = []
+        """One for each thing that was handed over and is not done yet."""
+
+    def hand_over(self, action: Callable[[], object]) -> None:
+        """Have the loop do something that another thread wants, which nothing shall overtake."""
+        self.behind.append(None)
+        self.loop.call_soon_threadsafe(self._take_over, action)
+
+    def _take_over(self, action: Callable[[], object]) -> None:
+        try:
+            action()
+        finally:
+            self.behind.pop()
