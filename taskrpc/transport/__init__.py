@@ -1,1 +1,7 @@
-"""How calls travel: the seam (`base`), and behind it TCP and memory."""
+"""How calls and messages travel between processes.
+
+Start with `base`, the seam between nodes and any transport; `endpoint` implements it over
+connections, and `shared_endpoint` gives the nodes of an event loop one endpoint. The folders hold
+one idea each: `discovery`, `limits`, `connection`, `pubsub`, `tcp`. The bytes of the protocol are
+in `taskrpc.wire`; handlers, queues and retries lie above this package.
+"""

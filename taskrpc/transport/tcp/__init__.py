@@ -1,4 +1,6 @@
 """The network of real processes: TCP and Unix sockets.
 
-Start with `tcp_network`. `listening` accepts connections, `timeouts` tells TCP when to give up on
-a silent peer. What travels over a connection is in `transport.connection`."""
+Start with `tcp_network`, which finds and dials processes; `listening` accepts connections. The
+bytes on a connection are the business of `transport.connection`, and dead peers are found by
+`transport.limits.keepalive`.
+"""

@@ -1,6 +1,6 @@
 """What every transport owes its callers: answers, deadlines, cancelling, awaiting as one likes.
 
-The contract suite (`test_contract*.py`) is one: all of it runs over memory and over TCP.
+The contract suite (`test_*_contract*.py`) is one: all of it runs over memory and over TCP.
 """
 
 import asyncio

@@ -1,4 +1,4 @@
-"""Accounts without sockets: roles, who is shut out, and whose request is whose."""
+"""Connections of accounts, when a server has as many as it can."""
 
 import asyncio
 import contextlib
@@ -6,104 +6,15 @@ import contextlib
 import pytest
 
 import taskrpc
-from taskrpc import Account, Accounts, Role
-from taskrpc.request_ids.ids import Remembered
-from taskrpc.transport import endpoint
+from taskrpc import Accounts
 from taskrpc.transport.limits import admission
-from tests.taskrpc.security.test_accounts import ANA, EYE, OTTO, call, write
+from tests.taskrpc.security.test_accounts import ANA, OTTO
 from tests.taskrpc.transport.helpers import Add, Gate, add, ask, outcome, until
 
 
 def in_memory(name, account=None, **options):
     token = None if account is None else account.token
     return taskrpc.Node(name, transport="memory", token=token, **options)
-
-
-@pytest.fixture
-def often(monkeypatch):
-    """The file of accounts is looked at often."""
-    monkeypatch.setattr(endpoint, "TICK", 0.02)
-
-
-@pytest.fixture
-def file(tmp_path):
-    return write(tmp_path / "accounts.json", ANA, OTTO)
-
-
-async def test_roles_hold_in_memory_as_they_do_on_sockets():
-    seen = []
-
-    def look(request, response):
-        info = taskrpc.current_call()
-        seen.append((info.principal, info.role))
-        return response
-
-    async with (
-        in_memory("server", accounts=Accounts([ANA, EYE])) as server,
-        in_memory("elsewhere", OTTO) as other,
-        in_memory("laptop", ANA) as laptop,
-        in_memory("looking", EYE) as looking,
-        in_memory("guest", Account("guest", "guests-secret-of-29-character")) as guest,
-        in_memory("local") as local,
-    ):
-        server.create_service(Add, "add", look)
-        other.create_service(Add, "open", add)  # a server without accounts asks for none
-        await call(laptop)
-        await call(local)
-        assert isinstance(await call(looking), taskrpc.PermissionDenied)
-        assert isinstance(await call(guest), taskrpc.AuthenticationFailed)
-        assert (await call(laptop, "/open")).sum == 5
-    assert seen == [("ana", Role.SUBMIT), ("", Role.ADMIN)]
-
-
-async def test_who_is_shut_out_neither_reads_nor_runs_on(file, often):
-    """What runs, waits for its turn, or waits to be read ends at once, whatever the peer does."""
-    gate = Gate()
-    async with (
-        in_memory("server", accounts=file) as server,
-        in_memory("laptop", ANA) as laptop,
-    ):
-        server.create_service(Add, "add", gate)
-        client = laptop.create_client(Add, "/add", timeout=None)
-        assert await client.wait_for_service(60)
-        pipe = client._channel._connection.transport
-        calls = [client.call_async(ask(number)) for number in range(5)]
-        await until(lambda: gate.started == [0])
-        (serving,) = server._transport._served
-        pipe.pause_reading()  # and never closes
-        serving.transport.write(bytes(100_000))
-        write(file, OTTO)
-        await until(lambda: gate.cancelled == [0])
-        gate.opened.set()
-        await until(lambda: not server._transport._served, 3)
-        assert gate.started == [0]
-        pipe.resume_reading()
-        results = [await outcome(each) for each in calls]
-        assert all(isinstance(each, taskrpc.TaskRpcError) for each in results)
-
-
-async def test_two_accounts_with_one_request_id_have_a_request_each():
-    seen = []
-
-    class Store:
-        async def recall(self):
-            return Remembered(b"s" * 16)
-
-        def complete(self, completion, effect, forgotten=()):
-            seen.append(completion.principal)
-
-    async with (
-        in_memory("server", accounts=Accounts([ANA, OTTO])) as server,
-        in_memory("ana", ANA) as ana,
-        in_memory("otto", OTTO) as otto,
-    ):
-        server.create_service(Add, "add", add, exactly_once=Store())
-        answers = []
-        for node, number in ((ana, 1), (otto, 2), (ana, 1), (otto, 2)):
-            client = node.create_client(Add, "/add", timeout=5)
-            answers.append((await client.call(ask(number), request_id="mine")).sum)
-    assert answers == [1, 2, 1, 2]
-    assert seen == ["ana", "otto"]
 
 
 class Crowd:
