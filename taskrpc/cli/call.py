@@ -67,7 +67,6 @@ def run(options: argparse.Namespace) -> int:
         count=options.count or (0 if options.rate else 1),
         as_json=options.json,
         remote=remote_of(options),
-        transport=options.transport,
     )
     asyncio.run(perform(plan))
     return Exit.DONE
@@ -125,7 +124,6 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     what = "Print each response as one line of JSON (NaN and infinity as null)"
     add("--json", action="store_true", help=what)
     add_connect(parser)
-    add("--transport", choices=["tcp"], default="tcp", help="How the call travels (tcp)")
 
 
 def _time_limit(text: str) -> float | None:

@@ -99,7 +99,6 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--keepalive", choices=["default", "robot"], help=found)
     web = "also show /health and /metrics there, by HTTP"
     add("--web", metavar="HOST:PORT", type=remote.place, help=web)
-    add("--transport", choices=["tcp"], default="tcp", help="how calls travel (tcp)")
     levels = ["debug", "info", "warning", "error"]
     add("--log-level", choices=levels, default="info", help="what to log to stderr (info)")
     what = "how each line there looks: as in ROS 2, or JSON for programs (text)"
@@ -143,7 +142,6 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
     node = Node(
         "task_server",
         namespace="/",  # in a lab too: /robot_task is where everybody looks for it
-        transport=options.transport,
         listen=options.listen,
         tls=access.tls,
         token=access.token,
