@@ -5,6 +5,7 @@ from __future__ import annotations
 import atexit
 import gc
 import io
+import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -51,6 +52,10 @@ def _guarded(argv: Sequence[str]) -> int:
 
 def _run(argv: Sequence[str]) -> int:
     parser = _parser()
+    if "_ARGCOMPLETE" in os.environ:
+        from .completion import complete, interfaces
+
+        complete(parser, {"type": interfaces, "sources": interfaces, "names": interfaces})
     options = parser.parse_args(argv)
     if "run" not in options:
         parser.print_help(sys.stderr)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import os
 import sys
 from collections.abc import Sequence
 
@@ -84,6 +85,10 @@ def _run(arguments: list[str]) -> int:
 
     parser = Parser(prog="taskrpc-call")
     configure(parser)
+    if "_ARGCOMPLETE" in os.environ:
+        from taskrpc.cli.completion import complete
+
+        complete(parser)
     options = parser.parse_args(arguments)
     process.start_work()
     return run(options)

@@ -13,6 +13,7 @@ raising a TaskRpcError, DefinitionError or OSError: `command.guarded` prints it 
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Sequence
 from importlib import import_module
@@ -24,6 +25,7 @@ TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
     from argparse import Namespace
     from types import ModuleType
+    from typing import NoReturn
 
     from taskrpc.cli.shared.parsing import Parser
 
@@ -88,6 +90,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: list[str]) -> int:
+    if "_ARGCOMPLETE" in os.environ:
+        _complete()
     command = next((each for each in arguments if not each.startswith("-")), "")
     if command in _ELSEWHERE:
         raise UsageError(f"taskrpc has no command '{command}': {_ELSEWHERE[command]}")
@@ -96,6 +100,13 @@ def _run(arguments: list[str]) -> int:
         return _print_version()
     process.start_work()
     return int(options.run(options))
+
+
+def _complete() -> NoReturn:
+    from srvgen.cli.completion import words_before
+    from taskrpc.cli.completion import complete
+
+    complete(parser_of(next((word for word in words_before() if not word.startswith("-")), "")))
 
 
 def parser_of(command: str) -> Parser:

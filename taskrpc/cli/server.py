@@ -8,6 +8,7 @@ import contextlib
 import importlib
 import inspect
 import logging
+import os
 import signal
 import sys
 from collections.abc import Awaitable, Callable, Sequence
@@ -44,6 +45,10 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: list[str]) -> Exit:
+    if "_ARGCOMPLETE" in os.environ:
+        from taskrpc.cli.completion import complete
+
+        complete(_parser())
     options = _parser().parse_args(arguments)
     if options.standby and (options.fresh or options.db == ":memory:"):
         other = "--fresh" if options.fresh else "--db :memory:"

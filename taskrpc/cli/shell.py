@@ -16,23 +16,9 @@ then starts taskrpc itself and not a shell that waits for it, so that `kill $!` 
 _POSIX = f"""command -v colcon >/dev/null || colcon() {{ taskrpc colcon "$@"; }}
 command -v rosdep >/dev/null || rosdep() {{ echo "{_ROSDEP}"; }}
 """
-_BASH = """_taskrpc() {
-  local IFS=$'\\n'
-  COMPREPLY=($(taskrpc shell --complete "${COMP_WORDS[@]:1:COMP_CWORD}" 2>/dev/null))
-}
-complete -o default -F _taskrpc ros2 taskrpc
-"""
-_ZSH = """_taskrpc() {
-  compadd -- ${(f)"$(taskrpc shell --complete "${(@)words[2,CURRENT]}" 2>/dev/null)"}
-}
-(( ! ${+functions[compdef]} )) || compdef _taskrpc ros2 taskrpc
-"""
 _FISH = f"""function ros2; taskrpc $argv; end
 if not type -q colcon; function colcon; taskrpc colcon $argv; end; end
 if not type -q rosdep; function rosdep; echo "{_ROSDEP}"; end; end
-function _taskrpc; taskrpc shell --complete (commandline -opc)[2..] (commandline -ct); end
-complete -c ros2 -f -a '(_taskrpc)'
-complete -c taskrpc -f -a '(_taskrpc)'
 """
 _POWERSHELL = f"""function ros2 {{ taskrpc @args }}
 function _is_missing {{ -not (Get-Command $args[0] -ErrorAction SilentlyContinue) }}
@@ -40,15 +26,16 @@ if (_is_missing colcon) {{ function colcon {{ taskrpc colcon @args }} }}
 if (_is_missing rosdep) {{ function rosdep {{ "{_ROSDEP}" }} }}
 """
 _DEFINITIONS = {
-    "bash": f"shopt -s expand_aliases\n{_ALIAS}{_POSIX}{_BASH}",
-    "zsh": f"{_ALIAS}{_POSIX}{_ZSH}",
+    "bash": f"shopt -s expand_aliases\n{_ALIAS}{_POSIX}",
+    "zsh": f"{_ALIAS}{_POSIX}",
     "sh": f'ros2() {{ taskrpc "$@"; }}\n{_POSIX}',
     "fish": _FISH,
     "powershell": _POWERSHELL,
 }
 _DESCRIPTION = """\
-Print definitions for a shell: `ros2` then means `taskrpc`, and the TAB key completes commands,
-options and names. If colcon and rosdep are missing, the shell gets substitutes for them."""
+Print definitions for a shell: `ros2` then means `taskrpc`. If colcon and rosdep are missing, the
+shell gets substitutes for them. In bash, zsh and fish the TAB key completes commands, options and
+names; this needs `pip install argcomplete`."""
 _USES = {
     "bash": 'eval "$(taskrpc shell bash)"',
     "zsh": 'eval "$(taskrpc shell zsh)"',
@@ -57,12 +44,13 @@ _USES = {
 }
 
 
+_COMPLETED = ["taskrpc", "ros2", "taskrpc-call", "taskrpc-server", "srvgen"]
+_WITHOUT_COMPLETION = "# completion with TAB needs argcomplete: pip install argcomplete\n"
+
+
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give the parser of `taskrpc shell` its arguments."""
-    which = parser.add_mutually_exclusive_group(required=True)
-    what = "the shell that you use"
-    which.add_argument("shell", nargs="?", choices=sorted(_DEFINITIONS), help=what)
-    which.add_argument("--complete", nargs=argparse.REMAINDER, help=argparse.SUPPRESS)
+    parser.add_argument("shell", choices=sorted(_DEFINITIONS), help="the shell that you use")
     _finish(parser)
 
 
@@ -70,7 +58,6 @@ def configure_alias(parser: argparse.ArgumentParser) -> None:
     """Configure `alias --shell NAME`, the old spelling of `shell NAME`."""
     what = "the shell that you use"
     parser.add_argument("--shell", choices=sorted(_DEFINITIONS), required=True, help=what)
-    parser.set_defaults(complete=None)
     _finish(parser)
 
 
@@ -83,10 +70,18 @@ def _finish(parser: argparse.ArgumentParser) -> None:
 
 
 def _print_definitions(options: argparse.Namespace) -> Exit:
-    if options.complete is not None:
-        from taskrpc.cli.shared.completing import candidates
-
-        print("\n".join(candidates(options.complete)))
-    else:
-        print(_DEFINITIONS[options.shell], end="")
+    print(_DEFINITIONS[options.shell] + _completion(options.shell), end="")
     return Exit.DONE
+
+
+def _completion(shell: str) -> str:
+    """The code that lets a shell complete the commands."""
+    if shell not in ("bash", "fish", "zsh"):
+        return ""
+    try:
+        from argcomplete.shell_integration import shellcode
+    except ImportError:
+        return _WITHOUT_COMPLETION
+    code = shellcode(_COMPLETED, shell=shell)
+    # A zsh whose profile does not run compinit has no `compdef`.
+    return f"if (( ${{+functions[compdef]}} )); then\n{code}\nfi\n" if shell == "zsh" else code

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
+import os
 import re
 from collections.abc import Callable, Sequence
 
@@ -29,7 +30,7 @@ class Parser(argparse.ArgumentParser):
         self, args: Sequence[str] | None = None, namespace: Any = None
     ) -> tuple[Any, list[str]]:
         """Parse what this parser knows; the rest comes second."""
-        if not self.mixed:
+        if not self.mixed or "_ARGCOMPLETE" in os.environ:  # completion follows the plain order
             return super().parse_known_args(args, namespace)
         # argparse mixes only in a method of its own, which calls this one in turn.
         self.mixed = False

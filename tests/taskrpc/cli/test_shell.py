@@ -1,4 +1,4 @@
-"""A shell that has taken over `taskrpc shell` knows `ros2`, and passes it every argument whole."""
+"""A shell that has read the definitions of `taskrpc shell` runs `ros2` lines and completes them."""
 
 import os
 import shutil
@@ -8,7 +8,6 @@ import sys
 import pytest
 
 from taskrpc.cli.main import main
-from taskrpc.cli.shared.completing import candidates
 
 pytestmark = pytest.mark.real_time
 
@@ -84,60 +83,45 @@ def test_bash_has_taskrpc_itself_in_the_background_and_takes_the_line_twice(tmp_
 
 
 @pytest.mark.skipif(shutil.which("bash") is None, reason="bash is not here")
-def test_bash_completes_what_is_begun(tmp_path, capsys):
+def test_bash_completes_each_command(tmp_path, capsys):
     assert main(["shell", "bash"]) == 0
     definition = capsys.readouterr().out
-    (tmp_path / "taskrpc").write_text(f'#!/bin/sh\nexec {sys.executable} -m taskrpc "$@"\n')
-    (tmp_path / "taskrpc").chmod(0o755)
-    words = "COMP_WORDS=(ros2 service f) COMP_CWORD=2"
+    modules = {
+        "taskrpc": "taskrpc",
+        "taskrpc-call": "taskrpc.cli.call",
+        "taskrpc-server": "taskrpc.cli.server",
+        "srvgen": "srvgen",
+    }
+    for name, module in modules.items():
+        (tmp_path / name).write_text(f'#!/bin/sh\nexec {sys.executable} -m {module} "$@"\n')
+        (tmp_path / name).chmod(0o755)
+    expected = {
+        "ros2 service f": "find",
+        "taskrpc ali": "",
+        "taskrpc-call --time": "--timeout",
+        "taskrpc-server --log-level w": "warning",
+        "srvgen show std_srvs/srv/Tr": "std_srvs/srv/Trigger",
+    }
+    lines = "".join(
+        f'COMP_LINE="{line}" COMP_POINT={len(line)} COMP_TYPE=9\nCOMPREPLY=()\n'
+        f"_python_argcomplete {line.split()[0]}\necho ${{COMPREPLY[0]}}\n"
+        for line in expected
+    )
     done = subprocess.run(
-        ["bash", "-c", f"{definition}{words}; _taskrpc; echo ${{COMPREPLY[@]}}"],
+        ["bash", "-c", f"{definition}{lines}"],
         env={**os.environ, "PATH": f"{tmp_path}:{os.environ['PATH']}"},
         capture_output=True,
         text=True,
         check=True,
     )
-    assert done.stdout == "find\n"
+    assert done.stdout.splitlines() == list(expected.values())
 
 
-@pytest.mark.parametrize(
-    ("line", "expected"),
-    [
-        ("serv", ["service"]),
-        ("service ca", ["call"]),
-        ("service list --inc", ["--include-hidden-services"]),
-        ("service call /add", ["/add_two_ints"]),
-        ("service call /add_two_ints ", ["example_interfaces/srv/AddTwoInts"]),
-        ("service call /nobody std_srvs/srv/E", ["std_srvs/srv/Empty"]),
-        ("service type -s /sl", ["/sleep"]),
-        ("topic echo /t", ["/told"]),
-        ("topic pub /heard ", ["std_msgs/msg/String"]),
-        ("topic pub /new std_msgs/msg/Str", ["std_msgs/msg/String"]),
-        ("topic hz /told /h", ["/heard"]),
-        ("node info /", ["/add_two_ints_server", "/other"]),
-        ("param get /oth", ["/other"]),
-        ("interface show std_srvs/srv/Tr", ["std_srvs/srv/Trigger"]),
-        ("pkg prefix example_", ["example_interfaces"]),
-        ("run lamp ", ["glow", "shine.py"]),
-        ("run la", ["lamp"]),
-        ("run lamp shine.py ", []),
-        ("daemon status ", []),
-        ("nope ", []),
-        ("topic echo --qos-depth ", []),
-        ("topic echo --qos-depth 5 --csv /to", ["/told"]),
-    ],
-)
-def test_what_may_stand_next(server, tmp_path, monkeypatch, line, expected):
-    package = tmp_path / "src" / "lamp"
-    package.mkdir(parents=True)
-    (package / "package.xml").write_text("<package><name>lamp</name></package>")
-    (package / "setup.py").write_text(
-        "setup(entry_points={'console_scripts': ['glow = lamp.glow:main']})"
-    )
-    (package / "shine.py").touch()
-    (package / "CMakeLists.txt").write_text("install(PROGRAMS shine.py DESTINATION lib/lamp)")
-    monkeypatch.chdir(tmp_path)
-    assert candidates(line.split(" ")) == expected
+def test_a_shell_without_the_extra_says_how_to_get_completion(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "argcomplete.shell_integration", None)
+    assert main(["shell", "bash"]) == 0
+    last = capsys.readouterr().out.splitlines()[-1]
+    assert last == "# completion with TAB needs argcomplete: pip install argcomplete"
 
 
 def test_a_shell_must_be_named(capsys):

@@ -1,0 +1,98 @@
+"""Completion with the TAB key: the names of services, topics, nodes, types and executables."""
+
+from __future__ import annotations
+
+from argparse import ArgumentParser, Namespace
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, NoReturn
+
+from srvgen.cli import completion
+from taskrpc import names
+from taskrpc.cli.shared import definitions, graph
+from taskrpc.cli.shared.remote import HERE
+from taskrpc.cli.topic.topic_graph import topics
+
+if TYPE_CHECKING:
+    from taskrpc.transport.discovery.entries import Entry
+
+
+def complete(parser: ArgumentParser) -> NoReturn:
+    """Print what may stand at the cursor, and exit."""
+    completion.complete(parser, _FINDERS)
+
+
+def _entries() -> list[Entry]:
+    return graph.look(HERE)
+
+
+def _services(_: Namespace) -> Iterable[str]:
+    return graph.services(_entries())
+
+
+def _topics(_: Namespace) -> Iterable[str]:
+    return topics(_entries())
+
+
+def _nodes(_: Namespace) -> Iterable[str]:
+    return [name for each in _entries() for name in each.nodes if not names.is_hidden(name)]
+
+
+def _interfaces(kind: str) -> Iterable[str]:
+    search = definitions.search()
+    found = (name for package in search.packages() for name in search.interfaces(package))
+    return [name for name in found if f"/{kind}/" in name or not kind]
+
+
+def _type_of_service(options: Namespace) -> Iterable[str]:
+    """The type of the service before it, or every type if no program offers that service."""
+    service = getattr(options, "service_name", "")
+    return graph.services(_entries(), hidden=True).get(service) or _interfaces("srv")
+
+
+def _request(options: Namespace) -> Iterable[str]:
+    """The type, before the values."""
+    return [] if options.request else _type_of_service(options)
+
+
+def _type_of_topic(options: Namespace) -> Iterable[str]:
+    """The type of the topic before it, or every type if no program has that topic."""
+    known = topics(_entries(), hidden=True).get(options.topic_name)
+    return known.types if known else _interfaces("msg")
+
+
+def _packages(_: Namespace) -> Iterable[str]:
+    from pathlib import Path
+
+    from taskrpc.ros import workspace
+
+    return {*workspace.packages(Path.cwd()), *definitions.search().packages()}
+
+
+def _programs(options: Namespace) -> Iterable[str]:
+    """Packages of the workspace here, then the executables of the package."""
+    from pathlib import Path
+
+    from taskrpc.ros import cmake, executables, workspace
+
+    found = workspace.packages(Path.cwd())
+    given = getattr(options, "rest", None) or []
+    if not given:
+        return found
+    folder = found.get(given[0]) if len(given) == 1 else None
+    return {*executables.entry_points(folder), *cmake.programs(folder)} if folder else ()
+
+
+_FINDERS: dict[str, completion.Finder] = {
+    "service_name": _services,
+    "topic_name": _topics,
+    "topic_names": _topics,
+    "node_name": _nodes,
+    "request": _request,
+    "service_type": _type_of_service,
+    "message_type": _type_of_topic,
+    "topic_type": lambda _: _interfaces("msg"),
+    "type": lambda _: _interfaces(""),
+    "package_name": _packages,
+    "rest": _programs,
+}
+"""The function for each argument, by its `dest`."""
