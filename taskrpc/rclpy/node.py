@@ -2,43 +2,52 @@
 
 from __future__ import annotations
 
-import inspect
 import weakref
-from collections.abc import Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
 from taskrpc import names
 from taskrpc.errors import InvalidName
+from taskrpc.given_types import MsgT, RequestT, ResponseT, Srv
 
 from ._impl.arguments import Arguments, parse
 from ._impl.bridge import Bridge
 from ._impl.diagnostics import watchdog
 from ._impl.execution.entity import callback_name, current_callback
 from ._impl.graph.names import kind_of, translated
-from ._impl.graph.node_graph import NodeGraph
+from ._impl.graph.node_graph import NamesAndTypes, NodeGraph
 from ._impl.node_entities import NodeEntities
 from ._impl.node_interface import NodeHandle
+from ._impl.parameters.callbacks import OnSetCallback, PostSetCallback, PreSetCallback
+from ._impl.parameters.checks import RELATIVE_TOLERANCE
 from ._impl.parameters.node_parameters import NodeParameters
 from ._impl.reexports import names_of
 from ._impl.remapping import Remapping
 from ._impl.rosout import Rosout
-from .callback_groups import CallbackGroup
+from .callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
+from .client import Client
 from .clock import Clock, ROSClock
 from .context import Context
+from .endpoint_info import ServiceEndpointInfo, TopicEndpointInfo
 from .exceptions import NotInitializedException
+from .guard_condition import GuardCondition
 from .impl.rcutils_logger import RcutilsLogger
 from .logging import get_logger
 from .logging_service import LoggingService
 from .parameter import Parameter
 from .parameter_service import ParameterService
-from .qos import QoSProfile, qos_profile_rosout_default
+from .publisher import Publisher
+from .qos import QoSProfile, qos_profile_rosout_default, qos_profile_services_default
 from .service import Service
+from .subscription import Subscription, SubscriptionCallback
 from .time_source import TimeSource
+from .timer import Rate, Timer
 from .type_description_service import TypeDescriptionService
 from .utilities import get_default_context
 from .validate_namespace import validate_namespace
 from .validate_node_name import validate_node_name
+from .waitable import Waitable
 
 if TYPE_CHECKING:
     from .executors import Executor
@@ -63,7 +72,7 @@ class _Unset:
         )
 
 
-class Node(NodeEntities, NodeGraph, NodeParameters):
+class Node:
     """A participant: has services, clients, publishers, subscriptions, timers and parameters.
 
     Its callbacks run while somebody spins it. It lives until `destroy_node`, or until its context
@@ -82,6 +91,9 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         enable_logger_service: whether others may get and set its loggers' levels.
     """
 
+    PARAM_REL_TOL = RELATIVE_TOLERANCE
+    """The relative tolerance of floats at the ends and the steps of their range."""
+
     def __init__(
         self,
         node_name: str,
@@ -98,7 +110,9 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         automatically_declare_parameters_from_overrides: bool = False,
         enable_logger_service: bool = False,
     ) -> None:
-        NodeEntities.__init__(self)
+        self._rclpy_entities = NodeEntities(self)
+        self._rclpy_graph = NodeGraph(self)
+        self._default_callback_group = MutuallyExclusiveCallbackGroup()
         self._context = get_default_context() if context is None else context
         self._rclpy_executor = None
         if not self._context.ok():
@@ -114,9 +128,12 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
             self._rclpy_rosout = Rosout(handle, self._logger.name, rosout_qos_profile)
         self._context.track_node(self)
         # The program's line first: what is given to the node itself replaces it.
-        self._init_parameters(given[::-1], parameter_overrides, allow_undeclared_parameters)
+        parameters = NodeParameters(
+            self, given[::-1], parameter_overrides, allow_undeclared_parameters
+        )
+        self._rclpy_keep(parameters)
         if automatically_declare_parameters_from_overrides:
-            self._declare_overrides()
+            parameters.declare_overrides()
         self._time_source = TimeSource(node=self)
         self._time_source.attach_clock(self._clock)
         if start_parameter_services:
@@ -125,6 +142,18 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
         if enable_logger_service:
             self._logging_service = LoggingService(self)
         watchdog.watch(self)
+
+    def _rclpy_keep(self, parameters: NodeParameters) -> None:
+        """Keep the parameters, also under the private names of rclpy, which some programs use."""
+        self._rclpy_parameters = parameters
+        self._parameters = parameters.parameters
+        self._descriptors = parameters.descriptors
+        self._parameter_overrides = parameters.overrides
+        self._parameter_event_publisher = parameters.event_publisher
+        self._pre_set_parameters_callbacks = parameters.pre_set_callbacks
+        self._on_set_parameters_callbacks = parameters.on_set_callbacks
+        self._post_set_parameters_callbacks = parameters.post_set_callbacks
+        self._parameters_callbacks = parameters.on_set_callbacks  # the name in ROS 2 Humble
 
     def _rclpy_join(self, node_name: str, namespace: str, given: list[Arguments]) -> NodeHandle:
         """Join the network under the name and namespace that result from the arguments."""
@@ -140,6 +169,9 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
     # The first of these is what a program meets that does too much before `super().__init__`.
     _rclpy_handle: NodeHandle = _Unset()  # type: ignore[assignment]
     _rclpy_executor: Any = _Unset()
+    _rclpy_entities: NodeEntities = _Unset()  # type: ignore[assignment]
+    _rclpy_graph: NodeGraph = _Unset()  # type: ignore[assignment]
+    _rclpy_parameters: NodeParameters = _Unset()  # type: ignore[assignment]
     _default_callback_group: CallbackGroup = _Unset()  # type: ignore[assignment]
     _parameters: dict[str, Parameter] = _Unset()  # type: ignore[assignment]
     _parameter_overrides: dict[str, Parameter] = _Unset()  # type: ignore[assignment]
@@ -218,7 +250,7 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
             return
         watchdog.ends(self)
         self._context.untrack_node(self)
-        self._rclpy_destroy_entities()
+        self._rclpy_entities.destroy_all()
         if self._rclpy_rosout is not None:
             self._rclpy_rosout.destroy()
         self._rclpy_handle.destroy_when_not_in_use()
@@ -243,7 +275,452 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
     ) -> None:
         self.destroy_node()
 
-    # Inside
+    # Entities
+
+    @property
+    def default_callback_group(self) -> CallbackGroup:
+        """The group of entities that were created without one: one callback at a time."""
+        return self._default_callback_group
+
+    @property
+    def publishers(self) -> Iterator[Publisher[Any]]:
+        """Its publishers."""
+        return self._rclpy_entities.publishers
+
+    @property
+    def subscriptions(self) -> Iterator[Subscription[Any]]:
+        """Its subscriptions."""
+        return self._rclpy_entities.subscriptions
+
+    @property
+    def clients(self) -> Iterator[Client[Any, Any]]:
+        """Its clients."""
+        return self._rclpy_entities.clients
+
+    @property
+    def services(self) -> Iterator[Service[Any, Any]]:
+        """Its services."""
+        return self._rclpy_entities.services
+
+    @property
+    def timers(self) -> Iterator[Timer]:
+        """Its timers."""
+        return self._rclpy_entities.timers
+
+    @property
+    def guards(self) -> Iterator[GuardCondition]:
+        """Its guard conditions."""
+        return self._rclpy_entities.guards
+
+    @property
+    def waitables(self) -> Iterator[Waitable[Any]]:
+        """What else it waits for."""
+        return self._rclpy_entities.waitables
+
+    def create_publisher(
+        self,
+        msg_type: type[MsgT],
+        topic: str,
+        qos_profile: QoSProfile | int,
+        *,
+        callback_group: CallbackGroup | None = None,
+        event_callbacks: Any = None,
+        qos_overriding_options: Any = None,
+        publisher_class: type[Publisher[Any]] = Publisher,
+    ) -> Publisher[MsgT]:
+        """Publish messages of a type on a topic; a number as `qos_profile` is its depth."""
+        return self._rclpy_entities.create_publisher(
+            msg_type,
+            topic,
+            qos_profile,
+            callback_group=callback_group,
+            event_callbacks=event_callbacks,
+            qos_overriding_options=qos_overriding_options,
+            publisher_class=publisher_class,
+        )
+
+    def create_subscription(
+        self,
+        msg_type: type[MsgT],
+        topic: str,
+        callback: SubscriptionCallback[MsgT],
+        qos_profile: QoSProfile | int,
+        *,
+        callback_group: CallbackGroup | None = None,
+        event_callbacks: Any = None,
+        qos_overriding_options: Any = None,
+        raw: bool = False,
+        content_filter_options: Any = None,
+    ) -> Subscription[MsgT]:
+        """Have `callback(message)` called for each message of a topic.
+
+        A callback with two parameters gets a `MessageInfo`, too; with `raw`, the message is CDR.
+        """
+        return self._rclpy_entities.create_subscription(
+            msg_type,
+            topic,
+            callback,
+            qos_profile,
+            callback_group=callback_group,
+            event_callbacks=event_callbacks,
+            qos_overriding_options=qos_overriding_options,
+            raw=raw,
+            content_filter_options=content_filter_options,
+        )
+
+    def create_client(
+        self,
+        srv_type: type[Srv[RequestT, ResponseT]],
+        srv_name: str,
+        *,
+        qos_profile: QoSProfile = qos_profile_services_default,
+        callback_group: CallbackGroup | None = None,
+    ) -> Client[RequestT, ResponseT]:
+        """A client of a service."""
+        return self._rclpy_entities.create_client(
+            srv_type, srv_name, qos_profile=qos_profile, callback_group=callback_group
+        )
+
+    def create_service(
+        self,
+        srv_type: type[Srv[RequestT, ResponseT]],
+        srv_name: str,
+        callback: Callable[[RequestT, ResponseT], ResponseT | Awaitable[ResponseT]],
+        *,
+        qos_profile: QoSProfile = qos_profile_services_default,
+        callback_group: CallbackGroup | None = None,
+    ) -> Service[RequestT, ResponseT]:
+        """Offer a service: `callback(request, response)` is called for each and returns the answer.
+
+        Raises NameInUse where another program offers it.
+        """
+        return self._rclpy_entities.create_service(
+            srv_type, srv_name, callback, qos_profile=qos_profile, callback_group=callback_group
+        )
+
+    def create_timer(
+        self,
+        timer_period_sec: float,
+        callback: Callable[..., Any] | None,
+        callback_group: CallbackGroup | None = None,
+        clock: Clock | None = None,
+        autostart: bool = True,
+    ) -> Timer:
+        """Have `callback()` called every `timer_period_sec` seconds, first after one period."""
+        return self._rclpy_entities.create_timer(
+            timer_period_sec, callback, callback_group, clock, autostart
+        )
+
+    def create_guard_condition(
+        self, callback: Callable[[], Any], callback_group: CallbackGroup | None = None
+    ) -> GuardCondition:
+        """Have `callback()` called whenever the guard condition is triggered."""
+        return self._rclpy_entities.create_guard_condition(callback, callback_group)
+
+    def create_rate(self, frequency: float, clock: Clock | None = None) -> Rate:
+        """Sleep `frequency` times a second, in a thread beside the one that spins.
+
+        Raises ValueError for a frequency that is not above 0.
+        """
+        return self._rclpy_entities.create_rate(frequency, clock)
+
+    def add_waitable(self, waitable: Waitable[Any]) -> None:
+        """Wait for something of the program's own, too."""
+        self._rclpy_entities.add_waitable(waitable)
+
+    def remove_waitable(self, waitable: Waitable[Any]) -> None:
+        """Wait for it no longer."""
+        self._rclpy_entities.remove_waitable(waitable)
+
+    def destroy_publisher(self, publisher: Publisher[Any]) -> bool:
+        """Publish no more; whether it was this node's."""
+        return self._rclpy_entities.destroy_publisher(publisher)
+
+    def destroy_subscription(self, subscription: Subscription[Any]) -> bool:
+        """Read no more; whether it was this node's."""
+        return self._rclpy_entities.destroy_subscription(subscription)
+
+    def destroy_client(self, client: Client[Any, Any]) -> bool:
+        """Call no more; whether it was this node's."""
+        return self._rclpy_entities.destroy_client(client)
+
+    def destroy_service(self, service: Service[Any, Any]) -> bool:
+        """Offer it no more; whether it was this node's."""
+        return self._rclpy_entities.destroy_service(service)
+
+    def destroy_timer(self, timer: Timer) -> bool:
+        """Call back no more; whether it was this node's."""
+        return self._rclpy_entities.destroy_timer(timer)
+
+    def destroy_guard_condition(self, guard: GuardCondition) -> bool:
+        """Call back no more; whether it was this node's."""
+        return self._rclpy_entities.destroy_guard_condition(guard)
+
+    def destroy_rate(self, rate: Rate) -> bool:
+        """Wake who sleeps; whether it was this node's."""
+        return self._rclpy_entities.destroy_rate(rate)
+
+    # Graph
+
+    def get_node_names(self) -> list[str]:
+        """The names of all nodes."""
+        return self._rclpy_graph.get_node_names()
+
+    def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
+        """The name and namespace of every node."""
+        return self._rclpy_graph.get_node_names_and_namespaces()
+
+    def get_node_names_and_namespaces_with_enclaves(self) -> list[tuple[str, str, str]]:
+        """The name, namespace and enclave (always `/`) of every node."""
+        return self._rclpy_graph.get_node_names_and_namespaces_with_enclaves()
+
+    def get_fully_qualified_node_names(self) -> list[str]:
+        """`/namespace/name` of every node."""
+        return self._rclpy_graph.get_fully_qualified_node_names()
+
+    def get_topic_names_and_types(self, no_demangle: bool = False) -> NamesAndTypes:
+        """All topics with their types; `no_demangle` shows names as DDS has them (`rt/…`)."""
+        return self._rclpy_graph.get_topic_names_and_types(no_demangle)
+
+    def get_service_names_and_types(self) -> NamesAndTypes:
+        """All services with their types."""
+        return self._rclpy_graph.get_service_names_and_types()
+
+    def get_publisher_names_and_types_by_node(
+        self, node_name: str, node_namespace: str, no_demangle: bool = False
+    ) -> NamesAndTypes:
+        """The topics that a node publishes; raises NodeNameNonExistentError for an unknown one."""
+        return self._rclpy_graph.get_publisher_names_and_types_by_node(
+            node_name, node_namespace, no_demangle
+        )
+
+    def get_subscriber_names_and_types_by_node(
+        self, node_name: str, node_namespace: str, no_demangle: bool = False
+    ) -> NamesAndTypes:
+        """The topics that a node reads; raises NodeNameNonExistentError for an unknown one."""
+        return self._rclpy_graph.get_subscriber_names_and_types_by_node(
+            node_name, node_namespace, no_demangle
+        )
+
+    def get_service_names_and_types_by_node(
+        self, node_name: str, node_namespace: str
+    ) -> NamesAndTypes:
+        """The services that a node offers; raises NodeNameNonExistentError for an unknown one."""
+        return self._rclpy_graph.get_service_names_and_types_by_node(node_name, node_namespace)
+
+    def get_client_names_and_types_by_node(
+        self, node_name: str, node_namespace: str
+    ) -> NamesAndTypes:
+        """The services that a node calls; raises NodeNameNonExistentError for an unknown one."""
+        return self._rclpy_graph.get_client_names_and_types_by_node(node_name, node_namespace)
+
+    def count_publishers(self, topic_name: str) -> int:
+        """How many publishers a topic has."""
+        return self._rclpy_graph.count_publishers(topic_name)
+
+    def count_subscribers(self, topic_name: str) -> int:
+        """How many subscriptions a topic has."""
+        return self._rclpy_graph.count_subscribers(topic_name)
+
+    def count_clients(self, service_name: str) -> int:
+        """How many clients a service has."""
+        return self._rclpy_graph.count_clients(service_name)
+
+    def count_services(self, service_name: str) -> int:
+        """How many servers a service has."""
+        return self._rclpy_graph.count_services(service_name)
+
+    def get_publishers_info_by_topic(
+        self, topic_name: str, no_mangle: bool = False
+    ) -> list[TopicEndpointInfo]:
+        """Every publisher of a topic; `no_mangle` takes names as DDS has them (`rt/…`)."""
+        return self._rclpy_graph.get_publishers_info_by_topic(topic_name, no_mangle)
+
+    def get_subscriptions_info_by_topic(
+        self, topic_name: str, no_mangle: bool = False
+    ) -> list[TopicEndpointInfo]:
+        """Every subscription of a topic; `no_mangle` takes names as DDS has them (`rt/…`)."""
+        return self._rclpy_graph.get_subscriptions_info_by_topic(topic_name, no_mangle)
+
+    def get_servers_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
+        """Every server of a service."""
+        return self._rclpy_graph.get_servers_info_by_service(service_name)
+
+    def get_clients_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
+        """Every client of a service."""
+        return self._rclpy_graph.get_clients_info_by_service(service_name)
+
+    def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
+        """Wait until a node is there, at most `timeout` seconds; whether it is."""
+        return self._rclpy_graph.wait_for_node(fully_qualified_node_name, timeout)
+
+    # Parameters
+
+    def declare_parameter(
+        self,
+        name: str,
+        value: Any = None,
+        descriptor: Any = None,
+        ignore_override: bool = False,
+    ) -> Parameter:
+        """Declare a parameter by its default value, or by its type alone (`Parameter.Type.…`).
+
+        An override from the command line, a file or the node's constructor comes before the
+        default. From now on the type stays, unless the descriptor has `dynamic_typing`.
+
+        Raises:
+            ParameterAlreadyDeclaredException: there is one of this name.
+            InvalidParameterException: the name is empty.
+            InvalidParameterTypeException: an override has another type.
+            InvalidParameterValueException: the descriptor's range or a callback refuses the value.
+        """
+        return self._rclpy_parameters.declare_parameter(name, value, descriptor, ignore_override)
+
+    def declare_parameters(
+        self,
+        namespace: str,
+        parameters: Sequence[tuple[Any, ...]],
+        ignore_override: bool = False,
+    ) -> list[Parameter]:
+        """Declare several: tuples of name, value or type, descriptor; the last two may lack.
+
+        With a namespace, its name and a dot go in front of every name. Those before one that is
+        refused stay declared. Raises as `declare_parameter` does, and TypeError for a tuple of
+        another form.
+        """
+        return self._rclpy_parameters.declare_parameters(namespace, parameters, ignore_override)
+
+    def undeclare_parameter(self, name: str) -> None:
+        """Forget a parameter.
+
+        Raises ParameterNotDeclaredException where there is none, ParameterImmutableException for
+        a read-only one.
+        """
+        self._rclpy_parameters.undeclare_parameter(name)
+
+    def has_parameter(self, name: str) -> bool:
+        """Whether a parameter is declared."""
+        return self._rclpy_parameters.has_parameter(name)
+
+    def get_parameter_types(self, names: Sequence[str]) -> list[Any]:
+        """The types of parameters. Raises as `get_parameter_type` does."""
+        return self._rclpy_parameters.get_parameter_types(names)
+
+    def get_parameter_type(self, name: str) -> Any:
+        """The number of a parameter's type; NOT_SET for an undeclared one where that is allowed.
+
+        Raises ParameterNotDeclaredException where it is not.
+        """
+        return self._rclpy_parameters.get_parameter_type(name)
+
+    def get_parameters(self, names: Sequence[str]) -> list[Parameter]:
+        """Several parameters. Raises as `get_parameter` does."""
+        return self._rclpy_parameters.get_parameters(names)
+
+    def get_parameter(self, name: str) -> Parameter:
+        """A parameter; its `.value` is what it is set to.
+
+        Raises ParameterNotDeclaredException unless undeclared ones are allowed, and
+        ParameterUninitializedException for one that was declared by its type and never set.
+        """
+        return self._rclpy_parameters.get_parameter(name)
+
+    def get_parameter_or(self, name: str, alternative_value: Parameter | None = None) -> Parameter:
+        """A parameter, or the alternative where it is not declared or not set."""
+        return self._rclpy_parameters.get_parameter_or(name, alternative_value)
+
+    def get_parameters_by_prefix(self, prefix: str) -> dict[str, Parameter]:
+        """The parameters of a group by their names in it; all for an empty prefix."""
+        return self._rclpy_parameters.get_parameters_by_prefix(prefix)
+
+    def set_parameters(self, parameter_list: Sequence[Parameter]) -> list[Any]:
+        """Set one after the other; the answers say which could be set, and why not.
+
+        Raises ParameterNotDeclaredException at the first undeclared one, unless these are allowed.
+        """
+        return self._rclpy_parameters.set_parameters(parameter_list)
+
+    def set_parameters_atomically(self, parameter_list: Sequence[Parameter]) -> Any:
+        """Set all or none; the answer says whether, and why not.
+
+        Raises ParameterNotDeclaredException for undeclared ones, unless these are allowed.
+        """
+        return self._rclpy_parameters.set_parameters_atomically(parameter_list)
+
+    def list_parameters(self, prefixes: list[str], depth: int) -> Any:
+        """The names of parameters and of their groups, as a ListParametersResult.
+
+        Args:
+            prefixes: only these and what is in these groups; all where there is none.
+            depth: how many names deep to look below them; 0 for all.
+
+        Raises:
+            TypeError: the prefixes are no list of names, or the depth is no number.
+            ValueError: the depth is negative.
+        """
+        return self._rclpy_parameters.list_parameters(prefixes, depth)
+
+    def describe_parameter(self, name: str) -> Any:
+        """A parameter's descriptor; an empty one for an undeclared one where that is allowed.
+
+        Raises ParameterNotDeclaredException where it is not.
+        """
+        return self._rclpy_parameters.describe_parameter(name)
+
+    def describe_parameters(self, names: Sequence[str]) -> list[Any]:
+        """Several descriptors. Raises as `describe_parameter` does."""
+        return self._rclpy_parameters.describe_parameters(names)
+
+    def set_descriptor(self, name: str, descriptor: Any, alternative_value: Any = None) -> Any:
+        """Give a parameter another descriptor; its ParameterValue afterwards comes back.
+
+        Args:
+            name: of the parameter; that in the descriptor is ignored.
+            descriptor: what its values must fit from now on.
+            alternative_value: a ParameterValue to set where the present one does not fit.
+
+        Raises:
+            ParameterNotDeclaredException: there is none, and undeclared ones are not allowed.
+            ParameterImmutableException: it is read-only.
+            InvalidParameterValueException: neither value fits.
+        """
+        return self._rclpy_parameters.set_descriptor(name, descriptor, alternative_value)
+
+    def add_pre_set_parameters_callback(self, callback: PreSetCallback) -> None:
+        """Have what is to be set go through a callback, before it is checked.
+
+        It takes a list of parameters and returns the list to set instead. It is asked about every
+        setting, and about no declaration.
+        """
+        self._rclpy_parameters.add_pre_set_parameters_callback(callback)
+
+    def add_on_set_parameters_callback(self, callback: OnSetCallback) -> None:
+        """Have a callback allow or refuse values: it returns a SetParametersResult.
+
+        It is asked about every setting and declaration; the one that was added last, first.
+        """
+        self._rclpy_parameters.add_on_set_parameters_callback(callback)
+
+    def add_post_set_parameters_callback(self, callback: PostSetCallback) -> None:
+        """Have a callback told of what was set or declared."""
+        self._rclpy_parameters.add_post_set_parameters_callback(callback)
+
+    def remove_pre_set_parameters_callback(self, callback: PreSetCallback) -> None:
+        """Ask it no more. Raises ValueError for one that was not added."""
+        self._rclpy_parameters.remove_pre_set_parameters_callback(callback)
+
+    def remove_on_set_parameters_callback(self, callback: OnSetCallback) -> None:
+        """Ask it no more. Raises ValueError for one that was not added."""
+        self._rclpy_parameters.remove_on_set_parameters_callback(callback)
+
+    def remove_post_set_parameters_callback(self, callback: PostSetCallback) -> None:
+        """Tell it no more. Raises ValueError for one that was not added."""
+        self._rclpy_parameters.remove_post_set_parameters_callback(callback)
+
+    # Internal
+
+    def _wake_executor(self) -> None:
+        self._rclpy_entities.wake_executor()
 
     def _rclpy_resolve(self, name: str, *, is_service: bool, only_expand: bool = False) -> str:
         kind = kind_of(is_service)
@@ -259,12 +736,6 @@ class Node(NodeEntities, NodeGraph, NodeParameters):
             return full
         remap = handle.remapping.service if is_service else handle.remapping.topic
         return remap(full, handle.namespace, handle.name)
-
-
-for _mixin in Node.__mro__[1:-1]:
-    for _method in vars(_mixin).values():
-        if inspect.isfunction(_method):  # so that errors and tracebacks name a Node's methods
-            _method.__qualname__ = f"Node.{_method.__name__}"
 
 
 __getattr__ = names_of(

@@ -1,9 +1,9 @@
-"""The part of a node that makes, keeps and destroys what callbacks come from."""
+"""The entities of a node: publishers, subscriptions, clients, services, timers and more."""
 
 from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Iterator
-from typing import Any, TypeVar, cast
+from typing import Any, TypeVar
 
 from taskrpc.errors import NameInUse
 from taskrpc.given_types import MsgT, RequestT, ResponseT, Srv
@@ -12,7 +12,6 @@ from ..callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from ..client import Client
 from ..clock import Clock
 from ..constants import S_TO_NS
-from ..context import Context
 from ..event_handler import Events, PublisherEventCallbacks, SubscriptionEventCallbacks
 from ..guard_condition import GuardCondition
 from ..publisher import Publisher
@@ -29,64 +28,53 @@ _Thing = TypeVar("_Thing")
 
 
 class NodeEntities:
-    """What a node has: publishers, subscriptions, clients, services, timers and more."""
+    """Creates, keeps and destroys the entities of one node; `Node` documents the methods."""
 
-    _context: Context
-    executor: Any
-    resolve_topic_name: Callable[[str], str]
-    resolve_service_name: Callable[[str], str]
-    get_clock: Callable[[], Clock]
-
-    def __init__(self) -> None:
-        self._rclpy_publishers: list[Publisher[Any]] = []
-        self._rclpy_subscriptions: list[Subscription[Any]] = []
-        self._rclpy_clients: list[Client[Any, Any]] = []
-        self._rclpy_services: list[Service[Any, Any]] = []
-        self._rclpy_timers: list[Timer] = []
-        self._rclpy_guards: list[GuardCondition] = []
-        self._rclpy_waitables: list[Waitable[Any]] = []
-        self._rclpy_rates: dict[Timer, Rate] = {}
-        self._default_callback_group: CallbackGroup = MutuallyExclusiveCallbackGroup()
-
-    @property
-    def default_callback_group(self) -> CallbackGroup:
-        """The group of all that was made without one: its callbacks exclude each other."""
-        return self._default_callback_group
+    def __init__(self, node: NodeInterface) -> None:
+        self._node = node
+        self._publishers: list[Publisher[Any]] = []
+        self._subscriptions: list[Subscription[Any]] = []
+        self._clients: list[Client[Any, Any]] = []
+        self._services: list[Service[Any, Any]] = []
+        self._timers: list[Timer] = []
+        self._guards: list[GuardCondition] = []
+        self._waitables: list[Waitable[Any]] = []
+        self._rates: dict[Timer, Rate] = {}
 
     @property
     def publishers(self) -> Iterator[Publisher[Any]]:
-        """Its publishers."""
-        yield from self._rclpy_publishers
+        """As `Node.publishers`."""
+        yield from self._publishers
 
     @property
     def subscriptions(self) -> Iterator[Subscription[Any]]:
-        """Its subscriptions."""
-        yield from self._rclpy_subscriptions
+        """As `Node.subscriptions`."""
+        yield from self._subscriptions
 
     @property
     def clients(self) -> Iterator[Client[Any, Any]]:
-        """Its clients."""
-        yield from self._rclpy_clients
+        """As `Node.clients`."""
+        yield from self._clients
 
     @property
     def services(self) -> Iterator[Service[Any, Any]]:
-        """Its services."""
-        yield from self._rclpy_services
+        """As `Node.services`."""
+        yield from self._services
 
     @property
     def timers(self) -> Iterator[Timer]:
-        """Its timers."""
-        yield from self._rclpy_timers
+        """As `Node.timers`."""
+        yield from self._timers
 
     @property
     def guards(self) -> Iterator[GuardCondition]:
-        """Its guard conditions."""
-        yield from self._rclpy_guards
+        """As `Node.guards`."""
+        yield from self._guards
 
     @property
     def waitables(self) -> Iterator[Waitable[Any]]:
-        """What else it waits for."""
-        yield from self._rclpy_waitables
+        """As `Node.waitables`."""
+        yield from self._waitables
 
     # What it makes
 
@@ -101,18 +89,18 @@ class NodeEntities:
         qos_overriding_options: Any = None,
         publisher_class: type[Publisher[Any]] = Publisher,
     ) -> Publisher[MsgT]:
-        """Publish messages of a type on a topic; a number as `qos_profile` is its depth."""
+        """As `Node.create_publisher`."""
         qos = profile_of(qos_profile)
         check_is_valid_msg_type(msg_type)
-        name = self.resolve_topic_name(topic)
+        name = self._node.resolve_topic_name(topic)
         self._override_qos(Publisher, name, qos, qos_overriding_options)
-        group = self._rclpy_group(callback_group)
-        node = self._rclpy_as_node()
+        group = self._group(callback_group)
+        node = self._node
         events = Events(node, group, event_callbacks or PublisherEventCallbacks(), topic)
         with events.kept():
             publisher = publisher_class(node, msg_type, name, qos, group, events)
         publisher.topic = topic  # ROS keeps it as it was written
-        return self._rclpy_added(self._rclpy_publishers, publisher)
+        return self._added(self._publishers, publisher)
 
     def create_subscription(
         self,
@@ -127,22 +115,19 @@ class NodeEntities:
         raw: bool = False,
         content_filter_options: Any = None,
     ) -> Subscription[MsgT]:
-        """Have `callback(message)` called for each message of a topic.
-
-        A callback with two parameters gets a `MessageInfo`, too; with `raw`, the message is CDR.
-        """
+        """As `Node.create_subscription`."""
         qos = profile_of(qos_profile)
         check_is_valid_msg_type(msg_type)
-        name = self.resolve_topic_name(topic)
+        name = self._node.resolve_topic_name(topic)
         self._override_qos(Subscription, name, qos, qos_overriding_options)
-        group = self._rclpy_group(callback_group)
-        node = self._rclpy_as_node()
+        group = self._group(callback_group)
+        node = self._node
         events = Events(node, group, event_callbacks or SubscriptionEventCallbacks(), topic)
         subscription: Subscription[MsgT]
         with events.kept():
             subscription = Subscription(node, msg_type, name, callback, group, qos, raw, events)
         subscription.topic = topic
-        return self._rclpy_added(self._rclpy_subscriptions, subscription, group)
+        return self._added(self._subscriptions, subscription, group)
 
     def create_client(
         self,
@@ -152,16 +137,16 @@ class NodeEntities:
         qos_profile: QoSProfile = qos_profile_services_default,
         callback_group: CallbackGroup | None = None,
     ) -> Client[RequestT, ResponseT]:
-        """A client of a service."""
+        """As `Node.create_client`."""
         check_is_valid_srv_type(srv_type)
-        name = self.resolve_service_name(srv_name)
+        name = self._node.resolve_service_name(srv_name)
         qos_profile.get_c_qos_profile()  # a number is no profile here
-        group = self._rclpy_group(callback_group)
+        group = self._group(callback_group)
         client: Client[RequestT, ResponseT]
-        client = Client(self._rclpy_as_node(), srv_type, name, qos_profile, group)
+        client = Client(self._node, srv_type, name, qos_profile, group)
         client.srv_name = srv_name
         meet(client, is_server=False)
-        return self._rclpy_added(self._rclpy_clients, client, group)
+        return self._added(self._clients, client, group)
 
     def create_service(
         self,
@@ -172,24 +157,21 @@ class NodeEntities:
         qos_profile: QoSProfile = qos_profile_services_default,
         callback_group: CallbackGroup | None = None,
     ) -> Service[RequestT, ResponseT]:
-        """Offer a service: `callback(request, response)` is called for each and returns the answer.
-
-        Raises NameInUse where another program offers it.
-        """
+        """As `Node.create_service`."""
         check_is_valid_srv_type(srv_type)
-        name = self.resolve_service_name(srv_name)
+        name = self._node.resolve_service_name(srv_name)
         qos_profile.get_c_qos_profile()
-        group = self._rclpy_group(callback_group)
+        group = self._group(callback_group)
         service: Service[RequestT, ResponseT]
         try:
-            service = Service(self._rclpy_as_node(), srv_type, name, callback, group, qos_profile)
+            service = Service(self._node, srv_type, name, callback, group, qos_profile)
         except NameInUse as error:
             # Its way through us would hide the end, which is all that matters to whoever started
             # a program twice. And nothing here can join.
             raise NameInUse(str(error).partition(", or join it")[0]) from None
         service.srv_name = srv_name
         meet(service, is_server=True)
-        return self._rclpy_added(self._rclpy_services, service, group)
+        return self._added(self._services, service, group)
 
     def create_timer(
         self,
@@ -199,136 +181,132 @@ class NodeEntities:
         clock: Clock | None = None,
         autostart: bool = True,
     ) -> Timer:
-        """Have `callback()` called every `timer_period_sec` seconds, first after one period."""
-        group = self._rclpy_group(callback_group)
+        """As `Node.create_timer`."""
+        group = self._group(callback_group)
         timer = Timer(
             callback,
             group,
             int(float(timer_period_sec) * S_TO_NS),
-            self.get_clock() if clock is None else clock,
-            context=self._context,
+            self._node.get_clock() if clock is None else clock,
+            context=self._node.context,
             autostart=autostart,
         )
-        timer.parent_node = self
-        return self._rclpy_added(self._rclpy_timers, timer, group)
+        timer.parent_node = self._node
+        return self._added(self._timers, timer, group)
 
     def create_guard_condition(
         self, callback: Callable[[], Any], callback_group: CallbackGroup | None = None
     ) -> GuardCondition:
-        """Have `callback()` called whenever the guard condition is triggered."""
-        group = self._rclpy_group(callback_group)
-        guard = GuardCondition(callback, group, context=self._context)
-        guard.parent_node = self
-        return self._rclpy_added(self._rclpy_guards, guard, group)
+        """As `Node.create_guard_condition`."""
+        group = self._group(callback_group)
+        guard = GuardCondition(callback, group, context=self._node.context)
+        guard.parent_node = self._node
+        return self._added(self._guards, guard, group)
 
     def create_rate(self, frequency: float, clock: Clock | None = None) -> Rate:
-        """Sleep `frequency` times a second, in a thread beside the one that spins.
-
-        Raises ValueError for a frequency that is not above 0.
-        """
+        """As `Node.create_rate`."""
         if frequency <= 0:
             raise ValueError("frequency must be > 0")
         # A group of its own: the callback that sleeps must not keep its timer from running.
         group = MutuallyExclusiveCallbackGroup()
-        timer = self.create_timer(1.0 / frequency, None, group, clock)
-        rate = self._rclpy_rates[timer] = Rate(timer, context=self._context)
+        timer = self._node.create_timer(1.0 / frequency, None, group, clock)
+        rate = self._rates[timer] = Rate(timer, context=self._node.context)
         return rate
 
     def add_waitable(self, waitable: Waitable[Any]) -> None:
-        """Wait for something of the program's own, too."""
-        waitable.parent_node = self
-        self._rclpy_added(self._rclpy_waitables, waitable)
+        """As `Node.add_waitable`."""
+        waitable.parent_node = self._node
+        self._added(self._waitables, waitable)
 
     def remove_waitable(self, waitable: Waitable[Any]) -> None:
-        """Wait for it no longer."""
-        if waitable in self._rclpy_waitables:
-            self._rclpy_waitables.remove(waitable)
-            self._wake_executor()
+        """As `Node.remove_waitable`."""
+        if waitable in self._waitables:
+            self._waitables.remove(waitable)
+            self.wake_executor()
 
     # Its ends
 
     def destroy_publisher(self, publisher: Publisher[Any]) -> bool:
-        """Publish no more; whether it was this node's."""
-        return self._rclpy_destroyed(self._rclpy_publishers, publisher)
+        """As `Node.destroy_publisher`."""
+        return self._destroyed(self._publishers, publisher)
 
     def destroy_subscription(self, subscription: Subscription[Any]) -> bool:
-        """Read no more; whether it was this node's."""
-        return self._rclpy_destroyed(self._rclpy_subscriptions, subscription)
+        """As `Node.destroy_subscription`."""
+        return self._destroyed(self._subscriptions, subscription)
 
     def destroy_client(self, client: Client[Any, Any]) -> bool:
-        """Call no more; whether it was this node's."""
-        return self._rclpy_destroyed(self._rclpy_clients, client)
+        """As `Node.destroy_client`."""
+        return self._destroyed(self._clients, client)
 
     def destroy_service(self, service: Service[Any, Any]) -> bool:
-        """Offer it no more; whether it was this node's."""
-        return self._rclpy_destroyed(self._rclpy_services, service)
+        """As `Node.destroy_service`."""
+        return self._destroyed(self._services, service)
 
     def destroy_timer(self, timer: Timer) -> bool:
-        """Call back no more; whether it was this node's."""
-        return self._rclpy_destroyed(self._rclpy_timers, timer)
+        """As `Node.destroy_timer`."""
+        return self._destroyed(self._timers, timer)
 
     def destroy_guard_condition(self, guard: GuardCondition) -> bool:
-        """Call back no more; whether it was this node's."""
-        return self._rclpy_destroyed(self._rclpy_guards, guard)
+        """As `Node.destroy_guard_condition`."""
+        return self._destroyed(self._guards, guard)
 
     def destroy_rate(self, rate: Rate) -> bool:
-        """Wake who sleeps; whether it was this node's."""
-        for timer, known in list(self._rclpy_rates.items()):
+        """As `Node.destroy_rate`."""
+        for timer, known in list(self._rates.items()):
             if known is rate:
-                del self._rclpy_rates[timer]
+                del self._rates[timer]
                 rate.destroy()
-                return self.destroy_timer(timer)
+                return self._node.destroy_timer(timer)
         return False
 
     # Inside
 
-    def _rclpy_destroy_entities(self) -> None:
-        for rate in list(self._rclpy_rates.values()):
-            self.destroy_rate(rate)
+    def destroy_all(self) -> None:
+        """Destroy all entities, at the end of the node."""
+        for rate in list(self._rates.values()):
+            self._node.destroy_rate(rate)
         everything: list[list[Any]] = [
-            self._rclpy_publishers,
-            self._rclpy_subscriptions,
-            self._rclpy_clients,
-            self._rclpy_services,
-            self._rclpy_timers,
-            self._rclpy_guards,
+            self._publishers,
+            self._subscriptions,
+            self._clients,
+            self._services,
+            self._timers,
+            self._guards,
         ]
         for things in everything:
             while things:
                 things.pop().destroy()
 
-    def _rclpy_as_node(self) -> NodeInterface:
-        return cast("NodeInterface", self)
-
     def _override_qos(self, kind: type[Any], name: str, qos: QoSProfile, options: Any) -> None:
         if options is not None:
             from ..qos_overriding_options import _declare_qos_parameters
 
-            _declare_qos_parameters(kind, self._rclpy_as_node(), name, qos, options)
+            _declare_qos_parameters(kind, self._node, name, qos, options)
 
-    def _rclpy_group(self, callback_group: CallbackGroup | None) -> CallbackGroup:
-        return self._default_callback_group if callback_group is None else callback_group
+    def _group(self, callback_group: CallbackGroup | None) -> CallbackGroup:
+        return self._node.default_callback_group if callback_group is None else callback_group
 
-    def _rclpy_added(
+    def _added(
         self, things: list[_Thing], thing: _Thing, group: CallbackGroup | None = None
     ) -> _Thing:
         things.append(thing)
         if group is not None:
             entity: Any = thing
             group.add_entity(entity)
-        self._wake_executor()
+        self.wake_executor()
         return thing
 
-    def _rclpy_destroyed(self, things: list[_Thing], thing: Any) -> bool:
+    def _destroyed(self, things: list[_Thing], thing: Any) -> bool:
         if thing not in things:
             return False
         things.remove(thing)
         thing.destroy()
-        self._wake_executor()
+        self.wake_executor()
         return True
 
-    def _wake_executor(self) -> None:
-        if (executor := self.executor) is not None:
+    def wake_executor(self) -> None:
+        """Make the executor of the node, if it has one, look at the entities again."""
+        if (executor := self._node.executor) is not None:
             executor.wake()
 
 

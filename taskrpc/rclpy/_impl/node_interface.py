@@ -13,6 +13,7 @@ from taskrpc import names
 
 from ..context import Context
 from ..handle import Handle
+from ..parameter import Parameter
 from .remapping import Remapping
 
 if TYPE_CHECKING:
@@ -54,6 +55,10 @@ class NodeInterface(Protocol):
         """The context that it belongs to."""
 
     @property
+    def default_callback_group(self) -> Any:
+        """The callback group of entities that were created without one."""
+
+    @property
     def clients(self) -> Iterator[Any]:
         """Its clients."""
 
@@ -91,6 +96,27 @@ class NodeInterface(Protocol):
 
     def resolve_topic_name(self, topic: str) -> str:
         """The absolute name of a topic, after remapping."""
+
+    def resolve_service_name(self, service: str) -> str:
+        """The absolute name of a service, after remapping."""
+
+    def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
+        """The name and the namespace of every visible node."""
+
+    def get_fully_qualified_node_names(self) -> list[str]:
+        """`/namespace/name` of every visible node."""
+
+    @property
+    def create_timer(self) -> Callable[..., Any]:
+        """Creates a timer."""
+
+    @property
+    def destroy_timer(self) -> Callable[..., bool]:
+        """Destroys a timer."""
+
+    @property
+    def destroy_rate(self) -> Callable[..., bool]:
+        """Destroys a rate."""
 
     @property
     def create_publisher(self) -> Callable[..., Any]:
@@ -135,10 +161,23 @@ class NodeInterface(Protocol):
     def declare_parameter(self) -> Callable[..., Any]:
         """Declares a parameter."""
 
-    def get_parameter(self, name: str) -> Any:
+    @property
+    def declare_parameters(self) -> Callable[..., list[Parameter]]:
+        """Declares several parameters."""
+
+    def get_parameter_type(self, name: str) -> Any:
+        """The number of the type of a parameter."""
+
+    def get_parameter_or(self, name: str) -> Parameter:
+        """A parameter, or an unset one."""
+
+    def describe_parameter(self, name: str) -> Any:
+        """The descriptor of a parameter."""
+
+    def get_parameter(self, name: str) -> Parameter:
         """A parameter."""
 
-    def get_parameters(self, names: Sequence[str]) -> list[Any]:
+    def get_parameters(self, names: Sequence[str]) -> list[Parameter]:
         """Several parameters."""
 
     def get_parameter_types(self, names: Sequence[str]) -> list[Any]:

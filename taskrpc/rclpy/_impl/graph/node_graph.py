@@ -1,4 +1,4 @@
-"""The part of a node that looks at the network: which nodes, topics and services there are."""
+"""What a node sees of the network: its nodes, topics and services."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from taskrpc.transport.discovery.entries import Entry
 
 from ...endpoint_info import ServiceEndpointInfo, TopicEndpointInfo
 from ...exceptions import NodeNameNonExistentError
-from ..node_interface import NodeHandle
+from ..node_interface import NodeInterface
 from .endpoints import clients_of, publishers_of, servers_of, split, subscriptions_of
 from .names import ros_problem
 
@@ -23,139 +23,131 @@ _LOOK_AGAIN = 0.02
 
 
 class NodeGraph:
-    """Questions about all nodes that can be seen, this one included."""
+    """Reads the network on behalf of one node; `Node` documents the methods."""
 
-    _rclpy_handle: NodeHandle
-    _rclpy_resolve: Callable[..., str]
+    def __init__(self, node: NodeInterface) -> None:
+        self._node = node
+
+    def _entries(self) -> list[Entry]:
+        """The visible processes, each with its nodes, topics and services."""
+        return self._node.handle.bridge.graph()
 
     def get_node_names(self) -> list[str]:
-        """The names of all nodes."""
-        return [name for name, _ in self.get_node_names_and_namespaces()]
+        """As `Node.get_node_names`."""
+        return [name for name, _ in self._node.get_node_names_and_namespaces()]
 
     def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
-        """The name and namespace of every node."""
-        return [split(node) for entry in self._rclpy_handle.bridge.graph() for node in entry.nodes]
+        """As `Node.get_node_names_and_namespaces`."""
+        return [split(node) for entry in self._entries() for node in entry.nodes]
 
     def get_node_names_and_namespaces_with_enclaves(self) -> list[tuple[str, str, str]]:
-        """The name, namespace and enclave (always `/`) of every node."""
-        return [(*pair, "/") for pair in self.get_node_names_and_namespaces()]
+        """As `Node.get_node_names_and_namespaces_with_enclaves`."""
+        return [(*pair, "/") for pair in self._node.get_node_names_and_namespaces()]
 
     def get_fully_qualified_node_names(self) -> list[str]:
-        """`/namespace/name` of every node."""
-        return [node for entry in self._rclpy_handle.bridge.graph() for node in entry.nodes]
+        """As `Node.get_fully_qualified_node_names`."""
+        return [node for entry in self._entries() for node in entry.nodes]
 
     def get_topic_names_and_types(self, no_demangle: bool = False) -> NamesAndTypes:
-        """All topics with their types; `no_demangle` shows names as DDS has them (`rt/…`)."""
-        return _mangled(_gathered(self._rclpy_handle.bridge.graph(), _topics), no_demangle)
+        """As `Node.get_topic_names_and_types`."""
+        return _mangled(_gathered(self._entries(), _topics), no_demangle)
 
     def get_service_names_and_types(self) -> NamesAndTypes:
-        """All services with their types."""
-        return _gathered(self._rclpy_handle.bridge.graph(), lambda entry: entry.services)
+        """As `Node.get_service_names_and_types`."""
+        return _gathered(self._entries(), lambda entry: entry.services)
 
     def get_publisher_names_and_types_by_node(
         self, node_name: str, node_namespace: str, no_demangle: bool = False
     ) -> NamesAndTypes:
-        """The topics that a node publishes; raises NodeNameNonExistentError for an unknown one."""
-        found = self._rclpy_by_node(node_name, node_namespace, lambda entry: entry.publishers)
+        """As `Node.get_publisher_names_and_types_by_node`."""
+        found = self._by_node(node_name, node_namespace, lambda entry: entry.publishers)
         return _mangled(found, no_demangle)
 
     def get_subscriber_names_and_types_by_node(
         self, node_name: str, node_namespace: str, no_demangle: bool = False
     ) -> NamesAndTypes:
-        """The topics that a node reads; raises NodeNameNonExistentError for an unknown one."""
-        found = self._rclpy_by_node(node_name, node_namespace, lambda entry: entry.subscriptions)
+        """As `Node.get_subscriber_names_and_types_by_node`."""
+        found = self._by_node(node_name, node_namespace, lambda entry: entry.subscriptions)
         return _mangled(found, no_demangle)
 
     def get_service_names_and_types_by_node(
         self, node_name: str, node_namespace: str
     ) -> NamesAndTypes:
-        """The services that a node offers; raises NodeNameNonExistentError for an unknown one."""
-        return self._rclpy_by_node(node_name, node_namespace, lambda entry: entry.services)
+        """As `Node.get_service_names_and_types_by_node`."""
+        return self._by_node(node_name, node_namespace, lambda entry: entry.services)
 
     def get_client_names_and_types_by_node(
         self, node_name: str, node_namespace: str
     ) -> NamesAndTypes:
-        """The services that a node calls; raises NodeNameNonExistentError for an unknown one."""
-        return self._rclpy_by_node(node_name, node_namespace, lambda entry: entry.clients)
+        """As `Node.get_client_names_and_types_by_node`."""
+        return self._by_node(node_name, node_namespace, lambda entry: entry.clients)
 
     def count_publishers(self, topic_name: str) -> int:
-        """How many publishers a topic has."""
-        return self._rclpy_count(topic_name, False, lambda entry: entry.publishers)
+        """As `Node.count_publishers`."""
+        return self._count(topic_name, False, lambda entry: entry.publishers)
 
     def count_subscribers(self, topic_name: str) -> int:
-        """How many subscriptions a topic has."""
-        return self._rclpy_count(topic_name, False, lambda entry: entry.subscriptions)
+        """As `Node.count_subscribers`."""
+        return self._count(topic_name, False, lambda entry: entry.subscriptions)
 
     def count_clients(self, service_name: str) -> int:
-        """How many clients a service has."""
-        return self._rclpy_count(service_name, True, lambda entry: entry.clients)
+        """As `Node.count_clients`."""
+        return self._count(service_name, True, lambda entry: entry.clients)
 
     def count_services(self, service_name: str) -> int:
-        """How many servers a service has."""
-        return self._rclpy_count(service_name, True, lambda entry: entry.services)
+        """As `Node.count_services`."""
+        return self._count(service_name, True, lambda entry: entry.services)
 
     def get_publishers_info_by_topic(
         self, topic_name: str, no_mangle: bool = False
     ) -> list[TopicEndpointInfo]:
-        """Every publisher of a topic; `no_mangle` takes names as DDS has them (`rt/…`)."""
-        return publishers_of(
-            self._rclpy_handle.bridge.graph(), self._rclpy_topic_of_info(topic_name, no_mangle)
-        )
+        """As `Node.get_publishers_info_by_topic`."""
+        return publishers_of(self._entries(), self._topic_of_info(topic_name, no_mangle))
 
     def get_subscriptions_info_by_topic(
         self, topic_name: str, no_mangle: bool = False
     ) -> list[TopicEndpointInfo]:
-        """Every subscription of a topic; `no_mangle` takes names as DDS has them (`rt/…`)."""
-        return subscriptions_of(
-            self._rclpy_handle.bridge.graph(), self._rclpy_topic_of_info(topic_name, no_mangle)
-        )
+        """As `Node.get_subscriptions_info_by_topic`."""
+        return subscriptions_of(self._entries(), self._topic_of_info(topic_name, no_mangle))
 
     def get_servers_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
-        """Every server of a service."""
-        return servers_of(
-            self._rclpy_handle.bridge.graph(), self._rclpy_looked_for(service_name, True)
-        )
+        """As `Node.get_servers_info_by_service`."""
+        return servers_of(self._entries(), self._absolute_name(service_name, True))
 
     def get_clients_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
-        """Every client of a service."""
-        return clients_of(
-            self._rclpy_handle.bridge.graph(), self._rclpy_looked_for(service_name, True)
-        )
+        """As `Node.get_clients_info_by_service`."""
+        return clients_of(self._entries(), self._absolute_name(service_name, True))
 
     def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
-        """Wait until a node is there, at most `timeout` seconds; whether it is."""
+        """As `Node.wait_for_node`."""
         name = f"/{fully_qualified_node_name.lstrip('/')}"
         end = time.monotonic() + timeout
-        while name not in self.get_fully_qualified_node_names():
+        while name not in self._node.get_fully_qualified_node_names():
             if time.monotonic() >= end:
                 return False
             time.sleep(_LOOK_AGAIN)
         return True
 
-    def _rclpy_by_node(
+    def _by_node(
         self, name: str, namespace: str, things: Callable[[Entry], Iterable[Any]]
     ) -> NamesAndTypes:
         node = names.fully_qualified(namespace, name)
-        entries = [entry for entry in self._rclpy_handle.bridge.graph() if node in entry.nodes]
+        entries = [entry for entry in self._entries() if node in entry.nodes]
         if not entries:
             raise NodeNameNonExistentError(
                 f"cannot get names and types for nonexistent node: {namespace}, {name}"
             )
         return _gathered(entries, lambda entry: [one for one in things(entry) if one.node == node])
 
-    def _rclpy_count(
-        self, name: str, is_service: bool, things: Callable[[Entry], Iterable[Any]]
-    ) -> int:
-        full = self._rclpy_looked_for(name, is_service)
-        return sum(
-            one.name == full for entry in self._rclpy_handle.bridge.graph() for one in things(entry)
-        )
+    def _count(self, name: str, is_service: bool, things: Callable[[Entry], Iterable[Any]]) -> int:
+        full = self._absolute_name(name, is_service)
+        return sum(one.name == full for entry in self._entries() for one in things(entry))
 
-    def _rclpy_topic_of_info(self, name: str, no_mangle: bool) -> str:
-        return name.removeprefix("rt") if no_mangle else self._rclpy_looked_for(name, False)
+    def _topic_of_info(self, name: str, no_mangle: bool) -> str:
+        return name.removeprefix("rt") if no_mangle else self._absolute_name(name, False)
 
-    def _rclpy_looked_for(self, name: str, is_service: bool) -> str:
-        """The absolute name of what is asked for; the texts are ROS's."""
+    def _absolute_name(self, name: str, is_service: bool) -> str:
+        """The absolute name of a topic or service. The texts of the errors are those of ROS."""
         if not isinstance(name, str):
             raise TypeError("bad argument type for built-in operation")
         kind = "service name" if is_service else "topic name"
@@ -163,7 +155,8 @@ class NodeGraph:
             names.check_unexpanded(name, kind)
         except InvalidName as error:
             raise ValueError(f"{kind} '{name}' is invalid: {ros_problem(error)}") from None
-        return self._rclpy_resolve(name, is_service=is_service)
+        resolve = self._node.resolve_service_name if is_service else self._node.resolve_topic_name
+        return resolve(name)
 
 
 def _topics(entry: Entry) -> list[Any]:

@@ -26,12 +26,16 @@ class Publisher:
         self.published.append(message)
 
 
-class FakeNode(NodeParameters):
+class FakeNode:
     """As much of a node as parameters need."""
 
     def __init__(self, *line, overrides=None, allow=False):
         self.publisher = Publisher()
-        self._init_parameters([parse(["--ros-args", *line])], overrides, allow)
+        line = parse(["--ros-args", *line])
+        self.parameters = NodeParameters(self, [line], overrides, allow)
+
+    def __getattr__(self, name):
+        return getattr(self.parameters, name)
 
     def get_fully_qualified_name(self):
         return "/ns/robot"
@@ -82,7 +86,7 @@ def test_overrides_can_be_ignored_or_declared_all_at_once():
     node = FakeNode("-p", "a:=1", "-p", "b.c:=[x]")
     assert node.declare_parameter("a", 0, ignore_override=True).value == 0
     node.undeclare_parameter("a")
-    node._declare_overrides()
+    node.declare_overrides()
     assert (node.value("a"), node.value("b.c")) == (1, ["x"])
 
 
@@ -249,7 +253,7 @@ def test_callbacks_change_allow_and_are_told(node):
 
     node.declare_parameter("a", 0)
     node.add_on_set_parameters_callback(allow_even)
-    assert allow_even in node._parameters_callbacks
+    assert allow_even in node.on_set_callbacks
     node.add_post_set_parameters_callback(lambda all_set: told.extend(p.value for p in all_set))
     assert node.try_set(a=3).reason == "odd"
     node.add_pre_set_parameters_callback(double)
