@@ -43,12 +43,10 @@ def _colcon(options: argparse.Namespace) -> int:
 
 def _last(done: Exported) -> str:
     """A command that shows that the workspace is built."""
-    from taskrpc.ros import cmake
-    from taskrpc.ros.executables import entry_points
+    from taskrpc.ros.installed import executables
 
     for package, folder in done.folders.items():
-        found = {*entry_points(folder), *cmake.programs(folder)}
-        if found:
+        if found := executables(folder):
             return f"ros2 run {package} {min(found)}"
     return f"ros2 pkg xml {next(iter(done.folders))}"
 

@@ -51,7 +51,7 @@ def _graduate(options: argparse.Namespace) -> int:
 
 def _differs(path: Path, options: argparse.Namespace) -> bool:
     """Run the program with both; whether they differ."""
-    from taskrpc.graduation.both import differences, real_python
+    from taskrpc.graduation.comparison import differences, real_python
 
     python = real_python()
     if not python:

@@ -22,11 +22,11 @@ def configure(parser: ArgumentParser) -> None:
 def _enable(_: Namespace) -> int:
     import sys
 
-    from taskrpc.ros import enabling
+    from taskrpc.ros import environment
 
-    folder = enabling.enable()
+    folder = environment.enable()
     print(f"programs of {sys.prefix} can import rclpy and interface packages from now on")
-    for name in enabling.FILES:
+    for name in environment.FILES:
         print(f"  wrote {folder / name}")
     print("run them as python FILE.py; taskrpc ros disable undoes it")
     return Exit.DONE
@@ -35,9 +35,9 @@ def _enable(_: Namespace) -> int:
 def _disable(_: Namespace) -> int:
     import sys
 
-    from taskrpc.ros import enabling
+    from taskrpc.ros import environment
 
-    removed = enabling.disable()
+    removed = environment.disable()
     for path in removed:
         print(f"removed {path}")
     if not removed:
@@ -48,14 +48,14 @@ def _disable(_: Namespace) -> int:
 def _status(_: Namespace) -> int:
     import sys
 
-    from taskrpc.ros import enabling
+    from taskrpc.ros import environment
     from taskrpc.ros.hook import real_rclpy
 
     if real := real_rclpy():
         print(f"ROS 2's own rclpy is what programs of {sys.prefix} import: {real}")
-    elif enabling.is_enabled() and not enabling.is_of_this_version():
+    elif environment.is_enabled() and not environment.is_of_this_version():
         print("enabled by another version of taskrpc: say taskrpc ros enable once more")
-    elif enabling.is_enabled():
+    elif environment.is_enabled():
         print(f"enabled: programs of {sys.prefix} can import rclpy")
     else:
         print(f"not enabled: programs of {sys.prefix} cannot import rclpy; taskrpc run can")

@@ -43,12 +43,12 @@ def _run(options: Namespace) -> int:
     if options.prefix:
         return _run_behind(options)
     if options.module:
-        from taskrpc.ros.running import run_module
+        from taskrpc.ros.runner import run_module
 
         module, *arguments = options.module
         return run_module(module, arguments)
     if options.code:
-        from taskrpc.ros.running import run_code
+        from taskrpc.ros.runner import run_code
 
         code, *arguments = options.code
         return run_code(code, arguments)
@@ -96,7 +96,7 @@ def _run_named(program: str, *arguments: str) -> int:
 
     from taskrpc.cli.shared.command import hinted
     from taskrpc.errors import TaskRpcError
-    from taskrpc.ros.running import run_executable, run_script, similar_script
+    from taskrpc.ros.runner import run_executable, run_script, similar_script
 
     path = Path(program)
     if path.is_file() or path.suffix == ".py" or len(path.parts) != 1:

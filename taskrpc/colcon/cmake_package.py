@@ -1,11 +1,13 @@
-"""The files of an `ament_cmake` package: an empty one, one with a C++ node, one of interfaces."""
+"""The files of an `ament_cmake` package: empty, with a C++ node or library, or of definitions.
+
+The C++ library has the sources that `ros2 pkg create --library-name` writes.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import replace
 
-from taskrpc.colcon.cpp_library import class_name, library_sources
 from taskrpc.colcon.manifest import Manifest, package_xml
 
 _BEGINNING = """cmake_minimum_required(VERSION 3.8)
@@ -52,9 +54,69 @@ _TESTS = """if(BUILD_TESTING)
 endif()
 """
 
+_HEADER = """#ifndef {guard}__{upper}_HPP_
+#define {guard}__{upper}_HPP_
+
+#include "{package}/visibility_control.h"
+
+namespace {package}
+{{
+
+class {class_name}
+{{
+public:
+  {guard}_PUBLIC {class_name}();
+
+  {guard}_PUBLIC virtual ~{class_name}();
+}};
+
+}}  // namespace {package}
+
+#endif  // {guard}__{upper}_HPP_
+"""
+_SOURCE = """#include "{package}/{library}.hpp"
+
+namespace {package}
+{{
+
+{class_name}::{class_name}()
+{{
+}}
+
+{class_name}::~{class_name}()
+{{
+}}
+
+}}  // namespace {package}
+"""
+_VISIBILITY = """#ifndef {guard}__VISIBILITY_CONTROL_H_
+#define {guard}__VISIBILITY_CONTROL_H_
+
+// {guard}_PUBLIC marks what users of the library may call, {guard}_LOCAL what they may not.
+#if defined _WIN32 || defined __CYGWIN__
+  #ifdef {guard}_BUILDING_LIBRARY
+    #define {guard}_PUBLIC __declspec(dllexport)
+  #else
+    #define {guard}_PUBLIC __declspec(dllimport)
+  #endif
+  #define {guard}_LOCAL
+#else
+  #define {guard}_PUBLIC __attribute__ ((visibility("default")))
+  #define {guard}_LOCAL  __attribute__ ((visibility("hidden")))
+#endif
+
+#endif  // {guard}__VISIBILITY_CONTROL_H_
+"""
+
 
 def cmake_files(package: Manifest, node: str = "", library: str = "") -> dict[str, str]:
-    """The files of a package, with a C++ program and library where named; paths from its folder."""
+    """The files of a package, by their paths from its folder.
+
+    Args:
+        package: the contents of its `package.xml`.
+        node: the name of a C++ program, "" for none.
+        library: the name of a C++ library, "" for none.
+    """
     needs = ["ament_cmake_ros" if library else "ament_cmake", *package.depends]
     if library:
         package = replace(package, buildtool="ament_cmake_ros")
@@ -66,7 +128,7 @@ def cmake_files(package: Manifest, node: str = "", library: str = "") -> dict[st
         shouted = package.name.upper()
         parts.append(_LIBRARY.format(library=library, needs=uses, shouted=shouted))
         end.insert(0, _EXPORTED.format(library=library))
-        files |= library_sources(package.name, library)
+        files |= _library_sources(package.name, library)
     if node:
         uses = _uses(package, node)
         if library:
@@ -83,11 +145,12 @@ def _uses(package: Manifest, target: str) -> str:
 
 
 def interface_files(package: Manifest, definitions: Sequence[str]) -> dict[str, str]:
-    """The files of a package around its definitions.
+    """The files of a package of definitions, without the definitions.
 
     Args:
-        package: what it says of itself; `depends` are the packages that definitions refer to.
-        definitions: their paths from the package's folder, `srv/AddTwoInts.srv`.
+        package: the contents of its `package.xml`; `depends` are the packages that the definitions
+            refer to.
+        definitions: their paths from the package's folder, such as `srv/AddTwoInts.srv`.
     """
     needs = ["ament_cmake", "rosidl_default_generators", *package.depends]
     listed = "".join(f'\n  "{path}"' for path in definitions)
@@ -111,8 +174,29 @@ def _hello(package: str, library: str) -> str:
     included, used = "", ""
     if library:
         included = f'#include "{package}/{library}.hpp"\n'
-        used = f"  {package}::{class_name(library)} unused;\n  (void)unused;\n"
+        used = f"  {package}::{_class_name(library)} unused;\n  (void)unused;\n"
     return (
         f"#include <cstdio>\n{included}\nint main()\n{{\n{used}"
         f'  std::printf("hello world {package} package\\n");\n  return 0;\n}}\n'
     )
+
+
+def _library_sources(package: str, library: str) -> dict[str, str]:
+    """The sources of an empty library, by their paths from the package's folder."""
+    names = {
+        "package": package,
+        "library": library,
+        "class_name": _class_name(library),
+        "guard": package.upper(),
+        "upper": library.upper(),
+    }
+    return {
+        f"include/{package}/{library}.hpp": _HEADER.format(**names),
+        f"include/{package}/visibility_control.h": _VISIBILITY.format(**names),
+        f"src/{library}.cpp": _SOURCE.format(**names),
+    }
+
+
+def _class_name(library: str) -> str:
+    """The name of the class in a library."""
+    return library.replace("_", " ").title().replace(" ", "")

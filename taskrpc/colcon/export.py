@@ -1,4 +1,4 @@
-"""Makes a folder of programs and definitions the workspace that colcon builds on a robot."""
+"""Exports a folder of programs and definitions as a workspace that colcon builds on a robot."""
 
 from __future__ import annotations
 
@@ -13,8 +13,7 @@ from srvgen.definitions.names import is_package_name, snake_case
 from srvgen.files.search import Search
 from taskrpc.colcon import programs
 from taskrpc.colcon.cmake_package import interface_files
-from taskrpc.colcon.dependencies import NOT_IN_ROS, OURS, needs_of, packages_in
-from taskrpc.colcon.manifest import Manifest, checked_name
+from taskrpc.colcon.manifest import NOT_IN_ROS, OURS, Manifest, checked_name, needs_of, packages_in
 from taskrpc.colcon.python_package import python_files
 from taskrpc.colcon.writing import maintainer, write
 from taskrpc.errors import TaskRpcError
@@ -26,28 +25,29 @@ _NOT_COPIED = shutil.ignore_patterns("__pycache__", "*.pyc", ".git", "build", "i
 
 @dataclass
 class Exported:
-    """What was made."""
+    """The packages that an export has written."""
 
     folders: dict[str, Path] = field(default_factory=dict)
-    """Packages, each with its folder in the new workspace."""
+    """The packages by name, each with its folder in the new workspace."""
     package: str = ""
-    """The package of the programs, "" where there are none."""
+    """The package of the programs, "" if there are no programs."""
     executables: dict[str, str] = field(default_factory=dict)
+    """The executables by name, each with its `module:function`."""
     notes: list[str] = field(default_factory=list)
-    """What somebody has to see to, one sentence each."""
+    """What the user still has to do, one sentence each."""
 
 
 def export(source: Path, out: Path, name: str = "") -> Exported:
     """Write the packages of a folder below `out/src`.
 
-    Packages of definitions become `ament_cmake` packages, the programs beside them one
-    `ament_python` package of the given name; what has a `package.xml` is copied as it is.
+    Each package of definitions becomes an `ament_cmake` package. The programs beside them become
+    one `ament_python` package of the given name. A package that has a `package.xml` is copied.
 
-    Raises TaskRpcError where there is nothing to take or something would be overwritten, and
+    Raises TaskRpcError if there is nothing to export or a folder would be overwritten, and
     DefinitionError for a definition that ROS 2 would not build.
     """
     if not source.is_dir():
-        raise TaskRpcError(f"expected a folder with programs and definitions, got {source}")
+        raise TaskRpcError(f"expected a folder that contains programs or definitions, got {source}")
     work = _Export(source.resolve(), out.resolve())
     work.look(name)
     work.write()
@@ -55,17 +55,21 @@ def export(source: Path, out: Path, name: str = "") -> Exported:
 
 
 class _Export:
+    """One export: finds the packages, then writes them."""
+
     def __init__(self, source: Path, out: Path) -> None:
         self.done = Exported()
         self._source = source
         self._out = out
         self._copied: dict[str, Path] = {}
+        """The folders of the packages that are copied unchanged."""
         self._files: dict[Path, str] = {}
+        """The files to write, with their texts."""
         self._search = Search([source])
         self._user, self._email = maintainer()
 
     def look(self, name: str) -> None:
-        """Find what is to be written, and whether it can be."""
+        """Find the packages to write."""
         ready = workspace.packages(self._source)
         self._copied = {
             each: folder
@@ -86,20 +90,20 @@ class _Export:
             )
 
     def write(self) -> None:
-        """Write it all, or nothing."""
+        """Write all packages, or none if one of them cannot be written."""
         for folder in self.done.folders.values():
             if folder.exists():
-                raise TaskRpcError(f"{folder} is there already: remove it, or name another folder")
+                raise TaskRpcError(f"{folder} already exists: remove it, or name another folder")
         for source in self._copied.values():
             if self._out.is_relative_to(source):
-                raise TaskRpcError(f"{self._out} lies in the package {source}: name another folder")
+                raise TaskRpcError(f"{self._out} is inside package {source}: name another folder")
         for name, source in self._copied.items():
             shutil.copytree(source, self.done.folders[name], ignore=_NOT_COPIED)
         for path, text in self._files.items():
             write(path, text)
 
     def _interfaces(self, wanted: Iterable[str]) -> list[str]:
-        """Packages of definitions here, and those of taskrpc's own that programs import."""
+        """The packages of definitions in the folder, and those of taskrpc that programs import."""
         here = [
             package
             for package, folders in self._search.packages().items()
@@ -173,7 +177,7 @@ class _Export:
 
 
 def _modules(folder: Path) -> dict[str, tuple[str, ast.Module]]:
-    """The Python files of a folder by their names, with text and tree."""
+    """The Python modules of a folder by name, each with its text and syntax tree."""
     found = {}
     for path in sorted(folder.glob("*.py")):
         if _LEFT_OUT.fullmatch(path.stem):
@@ -196,6 +200,7 @@ def _is_node(tree: ast.Module) -> bool:
 def _note(module: str) -> str:
     if module in OURS:
         return (
-            f"{module} is imported, which ROS 2 has not: see taskrpc graduate, or install it there"
+            f"{module} is imported, and ROS 2 does not have it: run taskrpc graduate, or install"
+            " taskrpc on the robot"
         )
     return f"{module} is imported: install it on the robot, and add its rosdep key to package.xml"

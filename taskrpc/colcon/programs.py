@@ -1,4 +1,4 @@
-"""Python programs as the modules of a package: what they import, and how each is started."""
+"""Python programs as modules of a package: what they import, and how each is started."""
 
 from __future__ import annotations
 
@@ -6,34 +6,37 @@ import ast
 from collections.abc import Collection, Iterator
 
 STARTER = "_scripts"
-"""The module that starts those programs which have no `main` to call."""
+"""The module that starts the programs that have no `main` function."""
+
+
+def imports(tree: ast.Module) -> Iterator[tuple[str, ast.stmt]]:
+    """The full names of the imported modules, each with its statement; no relative imports."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((alias.name, node) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
+            yield node.module, node
 
 
 def imported(tree: ast.Module) -> set[str]:
-    """The first parts of all names of modules that are imported, but for relative ones."""
-    found = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            found |= {alias.name.partition(".")[0] for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            found.add(node.module.partition(".")[0])
-    return found
+    """The top-level packages and modules that a program imports."""
+    return {name.partition(".")[0] for name, _ in imports(tree)}
 
 
 def is_program(tree: ast.Module) -> bool:
-    """Whether running the file does something, rather than only defining what others import."""
-    return _main(tree) is not None or any(not _only_defines(node) for node in tree.body)
+    """Whether running the file does more than define names for other modules."""
+    return main_function(tree) is not None or any(not _only_defines(node) for node in tree.body)
 
 
 def target(tree: ast.Module, package: str, name: str) -> str:
-    """`module:function` that an entry point of the program calls."""
-    main = _main(tree)
-    callable_so = main is not None and not _wants_arguments(main.args)
-    return f"{package}.{name}:main" if callable_so else f"{package}.{STARTER}:{name}"
+    """The `module:function` for the program's entry point."""
+    main = main_function(tree)
+    has_main = main is not None and not _needs_arguments(main.args)
+    return f"{package}.{name}:main" if has_main else f"{package}.{STARTER}:{name}"
 
 
 def starter(package: str, names: Collection[str]) -> str:
-    """The module `STARTER`, with a function for each of these programs."""
+    """The text of the module `STARTER`, with one function for each of these programs."""
     functions = "".join(
         f"\n\ndef {name}():\n    runpy.run_module('{package}.{name}', run_name='__main__')\n"
         for name in sorted(names)
@@ -42,7 +45,13 @@ def starter(package: str, names: Collection[str]) -> str:
 
 
 def as_module(text: str, package: str, neighbours: Collection[str]) -> str:
-    """The text of a program with imports of its neighbours as a package has them."""
+    """The text of a program that imports its neighbours from the package.
+
+    Args:
+        text: the program as it runs from its folder.
+        package: the name of the new package.
+        neighbours: the modules beside the program.
+    """
     lines = text.splitlines(keepends=True)
     statements = [node for node in ast.walk(ast.parse(text)) if isinstance(node, _Imports)]
     for node in sorted(statements, key=lambda each: each.lineno, reverse=True):
@@ -59,7 +68,7 @@ _Imports = ast.Import | ast.ImportFrom
 
 
 def _changed(node: _Imports, package: str, neighbours: Collection[str]) -> Iterator[str]:
-    """The statements in the place of one that imports a neighbour, none for any other."""
+    """The statements that replace an import of a neighbour; none for other imports."""
     if isinstance(node, ast.ImportFrom):
         if node.module in neighbours and not node.level:
             names = ", ".join(ast.unparse(alias) for alias in node.names)
@@ -70,12 +79,13 @@ def _changed(node: _Imports, package: str, neighbours: Collection[str]) -> Itera
             yield f"{f'from {package} ' if is_ours else ''}import {ast.unparse(alias)}"
 
 
-def _main(tree: ast.Module) -> ast.FunctionDef | None:
+def main_function(tree: ast.Module) -> ast.FunctionDef | None:
+    """The program's function `main`, or None if it has none."""
     found = [node for node in tree.body if isinstance(node, ast.FunctionDef)]
     return next((node for node in found if node.name == "main"), None)
 
 
-def _wants_arguments(arguments: ast.arguments) -> bool:
+def _needs_arguments(arguments: ast.arguments) -> bool:
     positional = [*arguments.posonlyargs, *arguments.args]
     named = [default for default in arguments.kw_defaults if default is None]
     return len(positional) > len(arguments.defaults) or bool(named)

@@ -14,11 +14,11 @@ _LINTERS = {
 
 
 def python_files(package: Manifest, executables: Mapping[str, str]) -> dict[str, str]:
-    """The files around its modules, paths from the package's folder.
+    """The files of a package without its modules, by their paths from the package's folder.
 
     Args:
-        package: what it says of itself.
-        executables: names, and `module:function` for each.
+        package: the contents of its `package.xml`.
+        executables: the executables by name, each with its `module:function`.
     """
     name = package.name
     files = {
@@ -34,7 +34,7 @@ def python_files(package: Manifest, executables: Mapping[str, str]) -> dict[str,
 
 
 def hello_node(package: str) -> str:
-    """The module of a node that only says hello."""
+    """The text of a module that prints a greeting."""
     return (
         f"def main():\n    print('Hi from {package}.')\n\n\n"
         "if __name__ == '__main__':\n    main()\n"
@@ -73,7 +73,7 @@ setup(
 
 
 def _setup_cfg(name: str) -> str:
-    # ros2 run looks there, while setuptools would install into bin.
+    # ros2 run looks in this folder; by default setuptools installs into bin.
     folder = f"$base/lib/{name}"
     return f"[develop]\nscript_dir={folder}\n[install]\ninstall_scripts={folder}\n"
 

@@ -1,4 +1,4 @@
-"""Reads programs and their packages, and tells all that a real ROS 2 would do differently."""
+"""Checks programs and their packages for what a real ROS 2 would do differently."""
 
 from __future__ import annotations
 
@@ -6,29 +6,35 @@ import ast
 from collections.abc import Iterator
 from pathlib import Path
 from typing import NamedTuple
-from xml.etree.ElementTree import ParseError
+from xml.etree import ElementTree
 
 from srvgen import DefinitionError
 from srvgen.definitions.model import Definition
 from srvgen.files.search import Search
 from taskrpc.colcon import programs
-from taskrpc.colcon.dependencies import OURS, needs_of
+from taskrpc.colcon.manifest import OURS, needs_of
 from taskrpc.errors import TaskRpcError
-from taskrpc.graduation.answering import answering
-from taskrpc.graduation.building import building
-from taskrpc.graduation.extensions import extensions
-from taskrpc.graduation.lifetime import lifetime
-from taskrpc.graduation.package import NO_MANIFEST, declared, dependencies, entry_point
-from taskrpc.graduation.program import Finding, Program, imports
-from taskrpc.graduation.values import values
-from taskrpc.graduation.waiting import waiting
-from taskrpc.ros import executables, workspace
+from taskrpc.graduation.api_usage import (
+    invalid_names,
+    invalid_values,
+    start_and_end,
+    taskrpc_only,
+)
+from taskrpc.graduation.blocking import blocking
+from taskrpc.graduation.package import (
+    NO_MANIFEST,
+    build_problems,
+    missing_dependencies,
+    missing_entry_point,
+)
+from taskrpc.graduation.program import Finding, Program
+from taskrpc.ros import installed, workspace
 
 _LEFT_OUT = {"build", "install", "log", "node_modules", "test", "tests", "venv", "__pycache__"}
 
 
 class Place(NamedTuple):
-    """A finding, and the file that it is in."""
+    """A finding and the file that it is about."""
 
     path: Path
     finding: Finding
@@ -38,9 +44,9 @@ class Place(NamedTuple):
 
 
 def check(path: Path) -> list[Place]:
-    """What a program, or all those of a folder, would do differently on a real ROS 2.
+    """The findings for a program, or for all programs and packages in a folder.
 
-    Raises TaskRpcError for a file that cannot be read.
+    Raises TaskRpcError if a file cannot be read.
     """
     files = [path] if path.is_file() else sorted(_files(path))
     packages: dict[Path, list[Path]] = {}
@@ -49,7 +55,7 @@ def check(path: Path) -> list[Place]:
         inner = workspace.packages(here).values()
         packages = {each: [] for each in inner if each.is_relative_to(here)}
     if not files and not packages:
-        raise TaskRpcError(f"expected a Python file or a folder that has some, got {path}")
+        raise TaskRpcError(f"expected a Python file or a folder that contains programs, got {path}")
     read = {file: _read(file) for file in files}
     found = [Place(file, one) for file in files for one in _of_program(file, read[file])]
     for file in files:
@@ -79,13 +85,13 @@ def _read(path: Path) -> Program:
 
 
 def _of_program(path: Path, program: Program) -> list[Finding]:
-    found = list(extensions(program))
+    found = list(taskrpc_only(program))
     if program.imports_rclpy:
         search = Search([path.resolve().parent, *workspace.roots(path.resolve())])
-        found += waiting(program)
-        found += answering(program)
-        found += lifetime(program)
-        found += values(program, lambda name: _definition(search, name))
+        found += blocking(program)
+        found += start_and_end(program)
+        found += invalid_names(program)
+        found += invalid_values(program, lambda name: _definition(search, name))
     return sorted(set(found))
 
 
@@ -97,27 +103,30 @@ def _definition(search: Search, name: str) -> Definition | None:
 
 
 def _of_package(package: Path, own: dict[Path, Program]) -> list[Place]:
-    manifest = package / workspace.MANIFEST
-    if not manifest.is_file():
+    path = package / workspace.MANIFEST
+    if not path.is_file():
         return [Place(package / "setup.py", NO_MANIFEST)]
     try:
-        text = manifest.read_text(encoding="utf-8")
-        known = declared(text)
-        found = [Place(path, one) for path, one in building(package, text)]
-    except (OSError, ValueError, ParseError) as error:
-        raise TaskRpcError(f"cannot read {manifest}: {error}") from None
-    wanted = {name.partition(".")[0] for one in own.values() for name, _ in imports(one.tree)}
-    beside = {path.stem for path in own} | {package.name} | OURS
+        manifest = ElementTree.fromstring(path.read_bytes())
+        found = [Place(file, one) for file, one in build_problems(package, manifest)]
+    except (OSError, ValueError, ElementTree.ParseError) as error:
+        raise TaskRpcError(f"cannot read {path}: {error}") from None
+    wanted = {name for one in own.values() for name in programs.imported(one.tree)}
+    beside = {file.stem for file in own} | {package.name} | OURS
     interfaces = {*Search([*workspace.roots(package)]).packages(), *workspace.packages(package)}
     needs = needs_of(wanted, interfaces, beside)
-    found += [Place(manifest, one) for one in dependencies(needs.packages, known)]
+    found += [Place(path, one) for one in missing_dependencies(needs.packages, manifest)]
+    return found + _missing_entry_points(package, own)
+
+
+def _missing_entry_points(package: Path, own: dict[Path, Program]) -> list[Place]:
     if not (package / "setup.py").is_file():
-        return found
-    targets = executables.entry_points(package)
+        return []
+    targets = installed.entry_points(package)
+    found = []
     for path, program in own.items():
         inner = path.resolve().relative_to(package).with_suffix("")
         if len(inner.parts) == 2 and programs.is_program(program.tree):
-            found += [
-                Place(path, one) for one in entry_point(program, ".".join(inner.parts), targets)
-            ]
+            module = ".".join(inner.parts)
+            found += [Place(path, one) for one in missing_entry_point(program, module, targets)]
     return found

@@ -1,4 +1,4 @@
-"""A program as its source tells it: its clients, its callbacks, and what runs inside them."""
+"""A parsed program: its clients, its callbacks, and the calls that happen inside callbacks."""
 
 from __future__ import annotations
 
@@ -7,7 +7,12 @@ from collections.abc import Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import NamedTuple, TypeAlias
 
+from taskrpc.colcon.programs import imports
+
 Function: TypeAlias = ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
+
+SPINS = frozenset({"spin", "spin_once", "spin_until_future_complete"})
+"""The functions of rclpy that run callbacks."""
 
 _CALLBACK_AT = {
     "add_done_callback": 0,
@@ -17,25 +22,28 @@ _CALLBACK_AT = {
     "create_subscription": 2,
     "create_timer": 1,
 }
+"""The methods that take a callback, with its position among the arguments."""
 
 
 class Finding(NamedTuple):
-    """One thing that a real ROS 2 does differently."""
+    """A place in a program or a package where a real ROS 2 behaves differently."""
 
     line: int
     column: int
-    """From 1 on."""
+    """Counted from 1, like the line."""
     what: str
+    """What the program does there."""
     ros: str
     """What a real ROS 2 does."""
     fix: str
+    """What to write instead."""
 
     def __str__(self) -> str:
         return f"{self.what}; {self.ros}; {self.fix}"
 
 
-def at(node: ast.AST, what: str, ros: str, fix: str) -> Finding:
-    """A finding where a piece of the program begins."""
+def finding_at(node: ast.AST, what: str, ros: str, fix: str) -> Finding:
+    """A finding at the place where a syntax node begins."""
     line, column = getattr(node, "lineno", 1), getattr(node, "col_offset", 0)
     return Finding(line, column + 1, what, ros, fix)
 
@@ -44,28 +52,29 @@ class Callback(NamedTuple):
     """A function that an executor calls."""
 
     kind: str
-    """The method that takes it, such as `create_service`."""
+    """The method that takes the callback, such as `create_service`."""
     function: Function
     name: str
     made: ast.Call
+    """The call of that method."""
 
 
 class Step(NamedTuple):
-    """A call that happens inside a callback, perhaps through other functions."""
+    """A call that happens inside a callback, directly or through other functions."""
 
     call: ast.Call
     callback: Callback
     through: tuple[str, ...]
-    """Names of functions from the callback to the one that has the call."""
+    """The names of the functions from the callback to the one that contains the call."""
 
 
 class Program:
-    """The parts of a program that matter to ROS 2."""
+    """The syntax tree of a program, and the parts of it that matter to ROS 2."""
 
     def __init__(self, tree: ast.Module) -> None:
         self.tree = tree
         self.calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
-        self._above = {
+        self._parents = {
             child: node for node in ast.walk(tree) for child in ast.iter_child_nodes(node)
         }
 
@@ -74,24 +83,24 @@ class Program:
         return [call for call in self.calls if called(call) == method]
 
     def above(self, node: ast.AST) -> Iterator[ast.AST]:
-        """What a piece of the program stands in, from inside out."""
-        while (found := self._above.get(node)) is not None:
+        """The nodes that contain a node, from the innermost outwards."""
+        while (found := self._parents.get(node)) is not None:
             yield found
             node = found
 
     def function_of(self, node: ast.AST) -> Function | None:
-        """The innermost function that a piece of the program stands in."""
+        """The innermost function that contains a node."""
         kinds = (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)
         return next((each for each in self.above(node) if isinstance(each, kinds)), None)
 
     @cached_property
     def imports_rclpy(self) -> bool:
-        """Whether it is a program for ROS 2 at all."""
+        """Whether this is a program for ROS 2."""
         return any(name.partition(".")[0] == "rclpy" for name, _ in imports(self.tree))
 
     @cached_property
     def clients(self) -> dict[str, ast.Call]:
-        """What holds a client, as `self.client`, and the call that made it."""
+        """The variables that hold a client, such as `self.client`, each with its creation."""
         found = {}
         for call in self.made_by("create_client"):
             for target in self._targets(call):
@@ -111,7 +120,7 @@ class Program:
 
     @cached_property
     def inside(self) -> list[Step]:
-        """All calls that happen inside of callbacks."""
+        """All calls that happen inside callbacks."""
         return [step for callback in self.callbacks for step in self._steps(callback)]
 
     def _steps(self, callback: Callback) -> Iterator[Step]:
@@ -129,7 +138,7 @@ class Program:
                         waiting.append((called_, (*through, name)))
 
     def _targets(self, call: ast.Call) -> Iterator[str]:
-        parent = self._above.get(call)
+        parent = self._parents.get(call)
         targets: Sequence[ast.expr] = ()
         if isinstance(parent, ast.Assign):
             targets = parent.targets
@@ -138,7 +147,7 @@ class Program:
         yield from filter(None, map(dotted, targets))
 
     def _resolved(self, node: ast.expr | None) -> Iterator[tuple[Function, str]]:
-        """The functions of this program that an expression means."""
+        """The functions of this program that an expression refers to."""
         if isinstance(node, ast.Lambda):
             yield node, "lambda"
         elif isinstance(node, ast.Call) and called(node) == "partial" and node.args:
@@ -154,19 +163,19 @@ class Program:
 
 
 def called(call: ast.Call) -> str:
-    """The last part of the name of what is called."""
+    """The last part of the called function's name."""
     if isinstance(call.func, ast.Attribute):
         return call.func.attr
     return call.func.id if isinstance(call.func, ast.Name) else ""
 
 
 def receiver(call: ast.Call) -> str:
-    """What a method is called of, as `self.client`."""
+    """The object whose method is called, such as `self.client`."""
     return dotted(call.func.value) if isinstance(call.func, ast.Attribute) else ""
 
 
 def dotted(node: ast.AST) -> str:
-    """`self.client` of an expression that is such a name, else ""."""
+    """An expression such as `self.client` as text, or "" if it is not a dotted name."""
     if isinstance(node, ast.Name):
         return node.id
     if isinstance(node, ast.Attribute):
@@ -182,17 +191,8 @@ def argument(call: ast.Call, position: int, name: str) -> ast.expr | None:
     return next((each.value for each in call.keywords if each.arg == name), None)
 
 
-def imports(tree: ast.Module) -> Iterator[tuple[str, ast.stmt]]:
-    """The full names of the modules that are imported, and where."""
-    for node in ast.walk(tree):
-        if isinstance(node, ast.Import):
-            yield from ((alias.name, node) for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module and not node.level:
-            yield node.module, node
-
-
 def own_nodes(function: Function) -> Iterator[ast.AST]:
-    """What stands in a function, but not what stands in functions inside it."""
+    """The nodes of a function, without those of functions and classes inside it."""
     body = [function.body] if isinstance(function, ast.Lambda) else function.body
     waiting: list[ast.AST] = list(reversed(body))
     while waiting:

@@ -1,1 +1,7 @@
-"""The ways in for ROS 2 programs: `import rclpy` and interface packages, without ROS."""
+"""The entrances for ROS 2 programs: `import rclpy` and interface packages without ROS.
+
+Start reading in `hook`, which makes the imports work; `runner` is `taskrpc run`, `environment` is
+`taskrpc ros enable`. `workspace`, `installed` and `cmake` read the packages of a workspace from
+their sources. The folders with names of ROS packages are imported under those names.
+The API of rclpy itself is `taskrpc.rclpy`; code that writes packages is `taskrpc.colcon`.
+"""

@@ -1,7 +1,7 @@
-"""The Python programs and modules that a CMake package installs, without running CMake.
+"""Reads from `CMakeLists.txt` which Python programs and modules a package installs.
 
-`ros2 run` starts programs; other packages import modules. Both are read from `CMakeLists.txt`.
-Conditions are not evaluated: each command counts.
+`ros2 run` starts the programs; other packages import the modules. CMake itself does not run.
+Conditions are not evaluated: the commands of all branches count.
 """
 
 from __future__ import annotations
@@ -10,17 +10,17 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import islice
 from pathlib import Path
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 Command: TypeAlias = tuple[str, list[str]]
-"""A command's name in lower case, and its arguments with all variables replaced."""
+"""A command's name in lower case, and its arguments after all variables are replaced."""
 
 _COMMENT = re.compile(r"#\[(=*)\[.*?\]\1\]|#[^\n]*", re.DOTALL)
 _COMMAND = re.compile(r"\b([A-Za-z_]\w*)\s*\(((?:\"(?:\\.|[^\"\\])*\"|[^()\"])*)\)")
 _ARGUMENT = re.compile(r"\"((?:\\.|[^\"\\])*)\"|([^\s;\"]+)")
 _VARIABLE = re.compile(r"\$\{(\w+)\}")
 _MOST = 10_000
-"""Most commands that are read, since nested loops may give any number."""
+"""Most commands that are read: nested loops may produce any number."""
 
 _HERE_VARIABLES = (
     *("CMAKE_CURRENT_SOURCE_DIR", "CMAKE_CURRENT_LIST_DIR"),
@@ -36,14 +36,26 @@ _SITE = "site-packages"
 """Stands for the folder of installed Python modules."""
 
 _SITE_VARIABLES = ("PYTHON_INSTALL_DIR", "PYTHON3_INSTALL_DIR", "Python3_SITELIB", "Python_SITELIB")
-_IN_SITE = re.compile(rf"(?:.*/)?(?:{_SITE}|dist-packages)(?:/(?P<inner>.*?))?/?")
+_IN_SITE_FOLDER = re.compile(rf"(?:.*/)?(?:{_SITE}|dist-packages)(?:/(?P<inner>.*?))?/?")
+
+
+class Installation(NamedTuple):
+    """A command `install`."""
+
+    kind: str
+    """`PROGRAMS`, `FILES` or `DIRECTORY`."""
+    items: list[str]
+    """Paths from the package's folder, or absolute ones."""
+    destination: str
+    rename: str
+    """The new name of the one item, "" if it keeps its name."""
 
 
 def programs(package: Path) -> dict[str, Path]:
-    """The Python programs that a package installs: their names, and the file of each."""
+    """The Python programs that a package installs, by name, each with its file."""
     found: dict[str, Path] = {}
-    for kind, items, destination, rename in _installations(package):
-        if _IN_SITE.fullmatch(destination):
+    for kind, items, destination, rename in installations(package):
+        if _IN_SITE_FOLDER.fullmatch(destination):
             continue
         if kind == "PROGRAMS":
             files = [package / item for item in items]
@@ -58,12 +70,12 @@ def programs(package: Path) -> dict[str, Path]:
 
 
 def modules(package: Path) -> dict[str, Path]:
-    """The Python modules that a package installs: names to import, with their files or folders.
+    """The Python modules that a package installs, by import name, each with its file or folder.
 
     `a.b` is a module in a package `a`, which may have no other files.
     """
     found: dict[str, Path] = {}
-    for command, arguments in _commands(package):
+    for command, arguments in commands(package):
         if command == "ament_python_install_package" and arguments:
             name = arguments[0]
             found.setdefault(name, package / (_after("PACKAGE_DIR", arguments) or name))
@@ -71,8 +83,8 @@ def modules(package: Path) -> dict[str, Path]:
             file = package / arguments[0]
             inner = _after("DESTINATION_SUFFIX", arguments)
             found.setdefault(_dotted(inner, file.stem), file)
-    for kind, items, destination, rename in _installations(package):
-        place = _IN_SITE.fullmatch(destination)
+    for kind, items, destination, rename in installations(package):
+        place = _IN_SITE_FOLDER.fullmatch(destination)
         if place is None:
             continue
         inner = place["inner"] or ""
@@ -82,8 +94,32 @@ def modules(package: Path) -> dict[str, Path]:
     return {name: path for name, path in found.items() if name and path.exists()}
 
 
+def installations(package: Path) -> Iterator[Installation]:
+    """The commands `install` of a package for programs, files and folders."""
+    for command, arguments in commands(package):
+        if command != "install" or not arguments or arguments[0] not in _KINDS:
+            continue
+        end = next(
+            (index for index, word in enumerate(arguments) if word in _END_OF_ITEMS), len(arguments)
+        )
+        destination, rename = _after("DESTINATION", arguments), _after("RENAME", arguments)
+        yield Installation(arguments[0], arguments[1:end], destination, rename)
+
+
+def commands(package: Path) -> Iterator[Command]:
+    """The commands of a package's `CMakeLists.txt` in order; a loop's once for each value."""
+    try:
+        text = (package / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
+    except OSError:
+        return iter(())
+    written = [(found[1].lower(), found[2]) for found in _COMMAND.finditer(_COMMENT.sub("", text))]
+    known = {**dict.fromkeys(_SITE_VARIABLES, _SITE), "PROJECT_NAME": package.name}
+    known.update(dict.fromkeys(_HERE_VARIABLES, str(package)))
+    return islice(_evaluated(written, known, package), _MOST)
+
+
 def is_python(path: Path) -> bool:
-    """Whether a file is a Python program, by its ending or its first line."""
+    """Whether a file is a Python program, judged by its suffix or its first line."""
     if path.suffix == ".py":
         return True
     with path.open("rb") as file:
@@ -92,7 +128,7 @@ def is_python(path: Path) -> bool:
 
 
 def _installed(package: Path, kind: str, item: str, rename: str) -> Iterator[tuple[str, Path]]:
-    """The modules that one item of a command `install` becomes, below its destination."""
+    """The modules that one item of an installation becomes, named from its destination."""
     path = package / item
     if kind != "DIRECTORY":
         name = rename or path.name
@@ -103,7 +139,7 @@ def _installed(package: Path, kind: str, item: str, rename: str) -> Iterator[tup
     elif (path / "__init__.py").is_file():
         yield "", path
     else:
-        # The content of the folder goes to the destination itself.
+        # With a slash at the end, the folder's content is installed, not the folder.
         yield from ((each.stem, each) for each in sorted(path.glob("*.py")))
         yield from ((each.parent.name, each.parent) for each in sorted(path.glob("*/__init__.py")))
 
@@ -116,42 +152,17 @@ def _files(path: Path) -> list[Path]:
     return sorted(path.rglob("*")) if path.is_dir() else [path]
 
 
-def _installations(package: Path) -> Iterator[tuple[str, list[str], str, str]]:
-    """The commands `install`: the kind, the items, their destination and the new name."""
-    for command, arguments in _commands(package):
-        if command != "install" or not arguments or arguments[0] not in _KINDS:
-            continue
-        end = next(
-            (index for index, word in enumerate(arguments) if word in _END_OF_ITEMS), len(arguments)
-        )
-        items = arguments[1:end]
-        rename = _after("RENAME", arguments)
-        yield arguments[0], items, _after("DESTINATION", arguments), rename
-
-
 def _after(keyword: str, arguments: Sequence[str]) -> str:
-    """The value of a keyword, "" where it has none."""
+    """The value behind a keyword, or "" if there is none."""
     if keyword not in arguments[:-1]:
         return ""
     return arguments[arguments.index(keyword) + 1]
 
 
-def _commands(package: Path) -> Iterator[Command]:
-    """The commands of a package's `CMakeLists.txt`, in order; those of a loop for each value."""
-    try:
-        text = (package / "CMakeLists.txt").read_text(encoding="utf-8", errors="replace")
-    except OSError:
-        return iter(())
-    written = [(found[1].lower(), found[2]) for found in _COMMAND.finditer(_COMMENT.sub("", text))]
-    known = {**dict.fromkeys(_SITE_VARIABLES, _SITE), "PROJECT_NAME": package.name}
-    known.update(dict.fromkeys(_HERE_VARIABLES, str(package)))
-    return islice(_evaluated(written, known, package), _MOST)
-
-
 def _evaluated(
     written: Sequence[tuple[str, str]], known: dict[str, str], package: Path
 ) -> Iterator[Command]:
-    """Commands with their variables replaced; `known` keeps what they set."""
+    """Commands with their variables replaced; `known` receives the variables that they set."""
     index = 0
     while index < len(written):
         name, text = written[index]
@@ -192,7 +203,7 @@ def _values_of_loop(arguments: Sequence[str], known: Mapping[str, str]) -> list[
 
 
 def _matches(arguments: Sequence[str], package: Path) -> Iterator[str]:
-    """What `file(GLOB NAME …)` finds: paths, absolute ones unless it says RELATIVE."""
+    """The paths that `file(GLOB NAME …)` finds; absolute ones without RELATIVE."""
     is_relative = "RELATIVE" in arguments
     is_deep = arguments[0] == "GLOB_RECURSE"
     options = {"RELATIVE", "CONFIGURE_DEPENDS", "FOLLOW_SYMLINKS", _after("RELATIVE", arguments)}
@@ -211,7 +222,7 @@ def _matches(arguments: Sequence[str], package: Path) -> Iterator[str]:
 
 
 def _arguments(text: str, known: dict[str, str]) -> list[str]:
-    """The arguments of a command. A variable that holds a list becomes several."""
+    """The arguments of a command. A variable that holds a list becomes several arguments."""
     found: list[str] = []
     for quoted, plain in _ARGUMENT.findall(text):
         value = _VARIABLE.sub(lambda name: known.get(name[1], name[0]), quoted or plain)

@@ -1,4 +1,4 @@
-"""Makes `import rclpy` load our layer, and interface packages load from their definitions."""
+"""The import hook: `import rclpy` loads `taskrpc.rclpy`, interface packages their definitions."""
 
 from __future__ import annotations
 
@@ -14,56 +14,56 @@ from typing import TYPE_CHECKING
 import srvgen
 from srvgen.classes.loader import make_ros_classes
 from taskrpc.ros import workspace
-from taskrpc.ros.absent import AbsentFinder, of_ros, of_ros_or_interfaces
+from taskrpc.ros.missing import ExplainingFinder, explain_ros, explain_ros_or_interfaces
 
 if TYPE_CHECKING:
     from importlib.abc import MetaPathFinder
 else:  # slow to import, and not needed
     MetaPathFinder = object
 
-_OURS = Path(__file__).resolve().parent.parent
-_HOMES = {
-    "rclpy": _OURS / "rclpy",
-    "ament_index_python": _OURS / "ros" / "ament_index_python",
-    "rosidl_parser": _OURS / "ros" / "rosidl_parser",
-    "rosidl_runtime_py": _OURS / "ros" / "rosidl_runtime_py",
+_TASKRPC = Path(__file__).resolve().parent.parent
+_FOLDERS = {
+    "rclpy": _TASKRPC / "rclpy",
+    "ament_index_python": _TASKRPC / "ros" / "ament_index_python",
+    "rosidl_parser": _TASKRPC / "ros" / "rosidl_parser",
+    "rosidl_runtime_py": _TASKRPC / "ros" / "rosidl_runtime_py",
 }
-"""What is imported under ROS's names, and where it lies; real ones go before, but for rclpy."""
+"""The packages with ROS names and their folders. Except for rclpy, real ones take precedence."""
 
 _WATCHER = "_taskrpc_ros"
-"""What an enabled environment imports at its start (`start.py` under a name of its own)."""
+"""The module that an enabled environment imports at its start: a copy of `start.py`."""
 
 
 def install(*folders: Path | str) -> None:
     """Let this process import `rclpy` and interface packages from now on.
 
     Args:
-        folders: where to look for packages of definitions first, such as the script's own folder;
-            where it is in a workspace, the packages of that are found, too.
+        folders: folders to search first for packages of definitions, such as the script's folder.
+            If one is in a workspace, the workspace's packages are found as well.
     """
     if (watcher := sys.modules.get(_WATCHER)) is not None:
-        vars(watcher)["_over"] = True  # it would find our module and take it for another package
+        vars(watcher)["_over"] = True  # otherwise the watcher handles the same imports
     make_ros_classes()
     starts = [Path(folder).resolve() for folder in folders]
     srvgen.install_import_hook(*starts, *workspace.roots(*starts))
-    _neighbours.starts = list(dict.fromkeys([*starts, *_neighbours.starts]))
+    _workspace.starts = list(dict.fromkeys([*starts, *_workspace.starts]))
     if _finder not in sys.meta_path:
-        # In front, so that our rclpy is found even beside a folder named `rclpy`.
+        # In front, so that this rclpy is found even beside a folder named `rclpy`.
         sys.meta_path.insert(0, _finder)
-        # Behind Python's own, before the one that guesses what was misspelt.
-        sys.meta_path[_behind_python() : _behind_python()] = [_neighbours, _absent]
-        sys.meta_path.append(_nowhere)
+        # Behind Python's own finder, and before srvgen's, which suggests similar names.
+        sys.meta_path[_behind_python() : _behind_python()] = [_workspace, _explaining_ros]
+        sys.meta_path.append(_explaining_interfaces)
 
 
 def real_rclpy() -> str:
-    """Where a real rclpy lies that this Python could import, "" where there is none."""
+    """The path of a real rclpy that this Python can import, or "" if there is none."""
     spec = PathFinder.find_spec("rclpy")
     return "" if spec is None or spec.origin is None else spec.origin
 
 
 def starts() -> list[Path]:
     """The folders that the hook was installed for."""
-    return list(_neighbours.starts)
+    return list(_workspace.starts)
 
 
 def _behind_python() -> int:
@@ -77,24 +77,24 @@ def _package(name: str, folder: Path) -> ModuleSpec | None:
     )
 
 
-class _OurFinder(MetaPathFinder):
-    """Finds our packages; their modules Python finds itself, in the package's folder."""
+class _RosNamesFinder(MetaPathFinder):
+    """Finds the packages with ROS names; Python then finds their modules in the folders."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        if fullname not in _HOMES or (fullname != "rclpy" and PathFinder.find_spec(fullname)):
+        if fullname not in _FOLDERS or (fullname != "rclpy" and PathFinder.find_spec(fullname)):
             return None
-        return _package(fullname, _HOMES[fullname])
+        return _package(fullname, _FOLDERS[fullname])
 
 
-class _NeighbourFinder(MetaPathFinder):
-    """Finds Python modules of the workspace, which ROS would have installed."""
+class _WorkspaceFinder(MetaPathFinder):
+    """Finds the Python modules of the workspace's packages, which ROS installs."""
 
     def __init__(self) -> None:
         self.starts: list[Path] = []
         self._found: set[str] = set()
-        """Packages whose modules may lie outside of their own folder."""
+        """The top-level packages that this finder has found; only their submodules are searched."""
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
@@ -103,7 +103,7 @@ class _NeighbourFinder(MetaPathFinder):
         if inner and top not in self._found:
             return None
         packages = workspace.packages(*self.starts)
-        # The package of this name first: most are called like their module.
+        # The package with this name first: most packages are named like their module.
         own = [(top, packages[top])] if top in packages else []
         for name, folder in [*own, *packages.items()]:
             known = _modules_of(folder, name)
@@ -115,15 +115,15 @@ class _NeighbourFinder(MetaPathFinder):
         return None
 
 
-@cache  # called for every module that a program cannot import
+@cache  # called for every module that Python does not find
 def _modules_of(package: Path, name: str) -> dict[str, Path]:
-    from taskrpc.ros.executables import modules
+    from taskrpc.ros.installed import modules
 
     return modules(package, name)
 
 
 def _spec(name: str, place: Path | None) -> ModuleSpec | None:
-    """The spec of a module that is a file or a folder; of a package without a folder for None."""
+    """The spec of a module in a file or folder; for None, of a package without a folder."""
     if place is None:
         return ModuleSpec(name, None, is_package=True)
     if place.name == "__init__.py":
@@ -137,7 +137,7 @@ def _spec(name: str, place: Path | None) -> ModuleSpec | None:
     return spec
 
 
-_finder = _OurFinder()
-_neighbours = _NeighbourFinder()
-_absent = AbsentFinder(of_ros)
-_nowhere = AbsentFinder(of_ros_or_interfaces)
+_finder = _RosNamesFinder()
+_workspace = _WorkspaceFinder()
+_explaining_ros = ExplainingFinder(explain_ros)
+_explaining_interfaces = ExplainingFinder(explain_ros_or_interfaces)

@@ -1,4 +1,4 @@
-"""A message as ros2 prints it: YAML, or values between commas; long parts cut off."""
+"""A message as ros2 prints it: YAML or comma-separated values, with long parts abbreviated."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ _ARRAY = re.compile(
 
 
 class Cut(msgspec.Struct, frozen=True):
-    """What of a message is shown."""
+    """How much of a message is shown."""
 
     length: int | None = 128
-    """The most characters of a text and elements of an array; None for all."""
+    """Most characters of a string and most elements of an array; None for all."""
     arrays: bool = True
-    """Else only what they hold, and how many."""
+    """False shows only the type and the length of an array."""
     texts: bool = True
-    """Else only how long they are."""
+    """False shows only the length of a string."""
 
 
 def yaml_of(value: Any, cut: Cut, *, flow: bool = False) -> str:
-    """A message, or one of its fields, as a YAML document that ends in a line break."""
+    """A message, or one of its fields, as a YAML document with a line break at the end."""
     shown = plain(value, cut)
     if isinstance(shown, dict):
         import yaml
@@ -42,7 +42,7 @@ def yaml_of(value: Any, cut: Cut, *, flow: bool = False) -> str:
 
 
 def csv_of(value: Any, cut: Cut) -> str:
-    """All values of a message, or of one of its fields, in order."""
+    """The values of a message, or of one of its fields, in order and comma-separated."""
     shown = plain(value, cut, byte=_byte_itself)
     return _csv(shown)
 
@@ -64,10 +64,10 @@ def _byte_as_text(value: bytes) -> str:
 def plain(
     value: Any, cut: Cut, type_: str = "", byte: Callable[[bytes], Any] = _byte_as_text
 ) -> Any:
-    """Dicts, lists and what YAML knows instead of messages, arrays and bytes."""
+    """A value as dicts, lists and scalars that YAML can represent."""
     if hasattr(value, "_FIELDS"):
         types = value.get_fields_and_field_types()
-        attributes = value.__struct_fields__  # a keyword's has an underscore more
+        attributes = value.__struct_fields__  # with `_` appended to Python keywords
         shown = {}
         for (name, _), attribute in zip(value._FIELDS, attributes, strict=True):
             field = getattr(value, attribute)
@@ -80,7 +80,7 @@ def plain(
         return value
     if isinstance(value, bytes) and type_ in ("", "octet"):
         return byte(value)
-    items = value.tolist() if hasattr(value, "tolist") else list(value)  # not numpy's own numbers
+    items = value.tolist() if hasattr(value, "tolist") else list(value)  # Python's numbers
     return _array(items, cut, byte)
 
 

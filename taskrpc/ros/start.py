@@ -1,8 +1,8 @@
-"""What Python imports at its start in an environment where `taskrpc ros enable` was said.
+"""The module that an environment imports at each start of Python after `taskrpc ros enable`.
 
-It is copied there as a module of its own. Every start of Python pays for it, so it imports nothing
-that is not there already, and puts the real hook in its place when something of ROS is asked for.
-Where taskrpc was removed, it is silent.
+The command copies this file into the environment. Every start of Python pays for it, so it imports
+only modules that Python has already loaded. It installs the real import hook when a program imports
+a package of ROS. After taskrpc was removed, it does nothing.
 """
 
 import os
@@ -20,7 +20,7 @@ _NAMES = (
     "ament_index_python",
     "rosidl_parser",
     "rosidl_runtime_py",
-    # Not there, and the hook says why.
+    # Missing packages, whose import the hook explains.
     "cv_bridge",
     "launch",
     "launch_ros",
@@ -28,7 +28,7 @@ _NAMES = (
 )
 
 _MOST = 100
-"""Names in a folder that are looked at: a workspace has few."""
+"""Most names in a folder that are read: a workspace has few."""
 
 _over = False
 _bundled = ""
@@ -38,14 +38,14 @@ def begin() -> "None":
     """Watch for imports of `rclpy` and of interface packages."""
     finders = sys.meta_path
     python = [n for n, each in enumerate(finders) if getattr(each, "__name__", "") == "PathFinder"]
-    # In front of Python's own, to which a folder of definitions is a package; and behind it, for
-    # what it does not find.
+    # In front of Python's own finder, which takes a folder of definitions for a package; and behind
+    # it, for packages that it does not find.
     finders.insert(python[0] if python else 0, _Watcher(_has_definitions_here))
     finders.append(_Watcher(_may_be_known))
 
 
 class _Watcher:
-    """Puts the real hook in place when something is imported that it would know."""
+    """Installs the real hook when a program imports a package that the hook may find."""
 
     def __init__(self, is_wanted: "Callable[[str], bool]") -> "None":
         self.is_wanted = is_wanted
@@ -75,7 +75,7 @@ def _has_definitions_here(name: "str") -> "bool":
 
 
 def _may_be_known(name: "str") -> "bool":
-    """Whether it may be found in all the places where the hook looks."""
+    """Whether the hook may find a package, in any of the places where it searches."""
     if name in _NAMES or os.path.isdir(os.path.join(_folder_of_bundled(), name)):
         return True
     places = _places()
@@ -102,7 +102,7 @@ def _is_in_a_package(folder: "str") -> "bool":
 
 
 def _has_packages(folder: "str") -> "bool":
-    """Whether it is a workspace: packages of ROS in `src`, or in folders there."""
+    """Whether a folder is a workspace: packages of ROS in `src` or its subfolders."""
     level = [os.path.join(folder, "src")]
     for _ in range(2):
         level = [os.path.join(each, name) for each in level for name in _names_in(each)]
@@ -130,7 +130,7 @@ def _folder_of_bundled() -> "str":
 
 
 def _places() -> "list[str]":
-    """The script's own folder, the one that Python looks into first, the working directory."""
+    """The script's folder, the first folder in `sys.path`, and the working directory."""
     script = sys.argv[0] if getattr(sys, "argv", None) else ""
     try:
         here = os.getcwd()

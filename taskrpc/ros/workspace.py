@@ -1,4 +1,4 @@
-"""Packages of a ROS workspace as their sources lie there: `package.xml`, not built or installed."""
+"""The packages of a ROS workspace, found by `package.xml` in the sources, without a build."""
 
 from __future__ import annotations
 
@@ -9,19 +9,19 @@ from functools import cache
 from pathlib import Path
 
 MANIFEST = "package.xml"
-"""The file that makes a folder a package; for a program's own, `setup.py` does, too."""
+"""The file that marks a package. For a program's own package, `setup.py` is enough."""
 
 _LEFT_OUT = {"build", "install", "log", "node_modules", "__pycache__"}
 _IGNORED = ("COLCON_IGNORE", "AMENT_IGNORE")
 _DEPTH_ELSEWHERE = 2
-"""Levels of folders in which packages are looked for outside `src`: a folder, and those in it."""
+"""Levels that are searched outside `src`: a folder and its subfolders."""
 
 _MOST = 5_000
-"""Folders that are looked into: a home folder's `src` is no workspace, and may be large."""
+"""Most folders to search: `src` in a home folder may be large and no workspace."""
 
 
 def package_of(path: Path) -> Path | None:
-    """The package that a file or folder belongs to."""
+    """The folder of the package that contains a file or folder, or None."""
     for folder in (path, *path.parents):
         if (folder / MANIFEST).is_file() or (folder / "setup.py").is_file():
             return folder
@@ -29,10 +29,10 @@ def package_of(path: Path) -> Path | None:
 
 
 def packages(*starts: Path) -> dict[str, Path]:
-    """The packages around some files or folders by their names, the first ones' before others'.
+    """The packages around some files or folders, by name; earlier starts take precedence.
 
-    Those are the neighbours of the package that a file is in, up to its workspace's `src`, and
-    what lies in a folder that is or has a workspace.
+    For a file in a package these are all packages in the workspace's `src`; for a folder, the
+    packages of the workspace that it is or contains.
     """
     found: dict[str, Path] = {}
     for start in starts:
@@ -51,7 +51,7 @@ def roots(*starts: Path) -> list[Path]:
 
 
 def _tops(start: Path) -> Iterator[Path]:
-    """Where to look for packages from."""
+    """The folders in which the search for packages begins."""
     package = package_of(start)
     if package is not None:
         source = [folder for folder in package.parents if folder.name == "src"]
@@ -66,9 +66,9 @@ def _tops(start: Path) -> Iterator[Path]:
             yield source[0] if source else start
 
 
-@cache  # a program asks for every module that it cannot import
+@cache  # called for every module that Python does not find
 def _packages_in(given: Path) -> tuple[tuple[str, Path], ...]:
-    """The packages below a folder, in order of depth; as colcon finds them."""
+    """The packages below a folder, nearest first, as colcon finds them."""
     found = []
     top = given.resolve()
     level = [top]
@@ -98,12 +98,12 @@ def _entries(folder: Path) -> dict[str, os.DirEntry[str]]:
 
 
 def _new_folders(entries: dict[str, os.DirEntry[str]], seen: set[str]) -> Iterator[Path]:
-    """The folders among the entries in which packages may lie, each folder of the disk once."""
+    """The subfolders that may contain packages; each folder of the disk once."""
     for name in sorted(entries):
         entry = entries[name]
         if name in _LEFT_OUT or name.startswith(".") or len(seen) >= _MOST or not entry.is_dir():
             continue
-        # A link may lead to a folder that contains it, so compare the real folders.
+        # A link may lead to a folder above it, so real paths are compared.
         real = os.path.realpath(entry.path) if entry.is_symlink() else entry.path
         if real not in seen:
             seen.add(real)
@@ -111,7 +111,7 @@ def _new_folders(entries: dict[str, os.DirEntry[str]], seen: set[str]) -> Iterat
 
 
 def _name_of(folder: Path) -> str:
-    """The name in `package.xml`; the folder's where that cannot be read."""
+    """The name in `package.xml`, or the folder's name if it cannot be read."""
     try:
         text = (folder / MANIFEST).read_text(encoding="utf-8", errors="replace")
     except OSError:

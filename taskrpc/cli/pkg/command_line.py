@@ -76,15 +76,14 @@ def _list(_: argparse.Namespace) -> int:
 
 
 def _executables(options: argparse.Namespace) -> int:
-    from taskrpc.ros import cmake
-    from taskrpc.ros.executables import entry_points
+    from taskrpc.ros.installed import executables
 
     here = _here()
     if options.package_name and options.package_name not in here:
         raise _unknown(f"Package '{options.package_name}' not found", options.package_name)
     for package in [options.package_name] if options.package_name else sorted(here):
         folder = here[package]
-        for name in sorted({*entry_points(folder), *cmake.programs(folder)}):
+        for name in sorted(executables(folder)):
             print(folder / name if options.full_path else f"{package} {name}")
     return Exit.DONE
 

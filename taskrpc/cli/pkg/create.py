@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING
 
 from taskrpc.cli.shared.command import Exit
 from taskrpc.colcon.cmake_package import cmake_files
-from taskrpc.colcon.licenses import KNOWN, license_text
 from taskrpc.colcon.manifest import Manifest, checked_name
 from taskrpc.colcon.python_package import hello_node, python_files
-from taskrpc.colcon.writing import maintainer, write
+from taskrpc.colcon.writing import LICENSES, license_text, maintainer, write
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
@@ -23,7 +22,7 @@ if TYPE_CHECKING:
 def create(options: Namespace) -> Exit:
     """Write the package that the options say; raises TaskRpcError where it cannot be."""
     if options.license == "?":
-        print("Supported licenses:\n" + "\n".join(KNOWN))
+        print("Supported licenses:\n" + "\n".join(LICENSES))
         return Exit.DONE
     package = _manifest(options)
     library = _checked_word("library-name", options.library_name)
@@ -50,13 +49,13 @@ def create(options: Namespace) -> Exit:
 def _write_license(package: Manifest, folder: str) -> None:
     if text := license_text(package.license, package.maintainer):
         write(Path(folder, "LICENSE"), text)
-    elif package.license in KNOWN:
+    elif package.license in LICENSES:
         print("\n[WARNING]: no LICENSE file has been created: put the license's text there.")
     else:
         print(
             f"\n[WARNING]: Unknown license '{package.license}'.  This has been set in the"
             " package.xml, but no LICENSE file has been created.\n"
-            "It is recommended to use one of the ament license identifiers:\n" + "\n".join(KNOWN)
+            "It is recommended to use one of the ament license identifiers:\n" + "\n".join(LICENSES)
         )
 
 

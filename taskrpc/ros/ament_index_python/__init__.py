@@ -1,4 +1,8 @@
-"""Where packages lie: those of the workspace around the program, where ROS has installed ones."""
+"""The folders of packages, by name, with the functions of ROS's `ament_index_python`.
+
+ROS looks among installed packages; here the sources in the workspace around the program come first.
+Every function is in `packages`, as in ROS. Only programs import this package, under ROS's name.
+"""
 
 from .packages import (
     PackageNotFoundError,

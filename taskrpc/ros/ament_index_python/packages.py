@@ -1,4 +1,4 @@
-"""Where a package and its files are, by the package's name."""
+"""The folders of packages, by name."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class PackageNotFoundError(KeyError):
 
 
 def get_package_share_path(package_name: str, print_warning: bool = True) -> Path:
-    """The folder with a package's launch, configuration and other files: that of its source.
+    """The folder with a package's launch, configuration and other files: here its source folder.
 
-    Raises PackageNotFoundError where there is none, ValueError for what is no name.
+    Raises PackageNotFoundError for an unknown package and ValueError for an invalid name.
     """
     if not re.fullmatch(r"[A-Za-z0-9_-]+", package_name):
         raise ValueError(f"'{package_name}' is not a valid package name")
@@ -30,20 +30,20 @@ def get_package_share_path(package_name: str, print_warning: bool = True) -> Pat
 
 
 def get_package_share_directory(package_name: str, print_warning: bool = True) -> str:
-    """As `get_package_share_path`, as a text."""
+    """As `get_package_share_path`, but returns a string."""
     return str(get_package_share_path(package_name, print_warning))
 
 
 def get_package_prefix(package_name: str) -> str:
-    """What ROS would have installed the package below; here the folder of its source, too.
+    """The folder below which ROS installs the package; here its source folder.
 
-    Raises as `get_package_share_path`.
+    Raises the errors of `get_package_share_path`.
     """
     return get_package_share_directory(package_name)
 
 
 def get_packages_with_prefixes() -> dict[str, str]:
-    """All packages within reach by their names."""
+    """All packages that are found, by name, each with its folder."""
     return {name: str(folder) for name, folder in _packages().items()}
 
 

@@ -1,1 +1,5 @@
-"""The module from which programs import the types of message fields; it parses nothing."""
+"""The types of message fields, under the name of ROS's `rosidl_parser`.
+
+Programs import them from `definition`, as in ROS. Nothing here parses definitions: that is the task
+of `srvgen.definitions`.
+"""

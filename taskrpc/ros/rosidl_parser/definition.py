@@ -1,3 +1,3 @@
-"""The types of fields, as `SLOT_TYPES` of a message class holds them."""
+"""The types of fields, as in `SLOT_TYPES` of a message class."""
 
 from srvgen.classes.slot_types import *  # noqa: F403

@@ -1,4 +1,8 @@
-"""Messages to and from dicts and YAML, and classes of interfaces by their names."""
+"""Conversions of messages, and lookups of interfaces, with ROS's `rosidl_runtime_py` functions.
+
+The modules have the names that ROS gives them; `convert` and `utilities` are used most. Only
+programs import this package, under ROS's name. Its text output is `taskrpc.ros.message_text`.
+"""
 
 from .convert import (
     get_message_slot_types,

@@ -1,4 +1,4 @@
-"""Messages as dicts, YAML and lines of values."""
+"""Messages as dicts, YAML and comma-separated values."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from taskrpc.ros.message_text import Cut, csv_of, plain, yaml_of
 def message_to_ordereddict(
     msg: Any, *, truncate_length: int | None = None, no_arr: bool = False, no_str: bool = False
 ) -> OrderedDict[str, Any]:
-    """A message as a dict of dicts, lists, numbers and texts, with its fields in order.
+    """A message as a dict of dicts, lists, numbers and strings, with its fields in order.
 
     Args:
         msg: any message.
-        truncate_length: the most characters of a text and elements of an array.
-        no_arr: of arrays only what they hold, and how many.
-        no_str: of texts only their length.
+        truncate_length: most characters of a string and most elements of an array; None for all.
+        no_arr: show only the type and the length of arrays.
+        no_str: show only the length of strings.
     """
     return OrderedDict(_ordered(plain(msg, _cut(truncate_length, no_arr, no_str))))
 
@@ -31,19 +31,19 @@ def message_to_yaml(
     no_str: bool = False,
     flow_style: bool = False,
 ) -> str:
-    """A message as YAML, on one line with `flow_style`; otherwise as `message_to_ordereddict`."""
+    """A message as YAML, on one line with `flow_style`; parameters as `message_to_ordereddict`."""
     return yaml_of(msg, _cut(truncate_length, no_arr, no_str), flow=flow_style)
 
 
 def message_to_csv(
     msg: Any, *, truncate_length: int | None = None, no_arr: bool = False, no_str: bool = False
 ) -> str:
-    """All values of a message in order, between commas; otherwise as `message_to_ordereddict`."""
+    """The values of a message, comma-separated; parameters as `message_to_ordereddict`."""
     return csv_of(msg, _cut(truncate_length, no_arr, no_str))
 
 
 def get_message_slot_types(msg: Any) -> OrderedDict[str, Any]:
-    """The type of each field of a message, by its name, as `rosidl_parser.definition` has it."""
+    """The types of a message's fields by name, as objects of `rosidl_parser.definition`."""
     nested = msg._NESTED
     types = ((name, slot_type(type_, nested.get(name))) for name, type_ in msg._FIELDS)
     return OrderedDict(types)

@@ -21,7 +21,7 @@ def get_interface_packages() -> list[str]:
 
 
 def get_interfaces(package_names: Iterable[str] = ()) -> Interfaces:
-    """The interfaces of packages, of all packages where none is named.
+    """The interfaces of the named packages, or of all packages.
 
     Packages without interfaces are left out. Raises LookupError for a package that does not exist.
     """
@@ -29,17 +29,17 @@ def get_interfaces(package_names: Iterable[str] = ()) -> Interfaces:
 
 
 def get_message_interfaces(package_names: Iterable[str] = ()) -> Interfaces:
-    """The messages of packages; otherwise as `get_interfaces`."""
+    """The messages of packages; parameters and errors as `get_interfaces`."""
     return _interfaces(package_names, ["msg"])
 
 
 def get_service_interfaces(package_names: Iterable[str] = ()) -> Interfaces:
-    """The services of packages; otherwise as `get_interfaces`."""
+    """The services of packages; parameters and errors as `get_interfaces`."""
     return _interfaces(package_names, ["srv"])
 
 
 def get_action_interfaces(package_names: Iterable[str] = ()) -> Interfaces:
-    """The actions of packages; otherwise as `get_interfaces`."""
+    """The actions of packages; parameters and errors as `get_interfaces`."""
     return _interfaces(package_names, ["action"])
 
 
@@ -47,7 +47,7 @@ def get_interface_path(interface_name: str) -> str:
     """The file that defines an interface: `std_msgs/msg/String`, or `std_msgs/msg/String.msg`.
 
     Raises ValueError for an invalid name, and LookupError if there is no such interface or if its
-    file has another ending than the name (there are no .idl files).
+    file has a different suffix (there are no .idl files).
     """
     parts = interface_name.split("/")
     if len(parts) < 2:

@@ -1,4 +1,4 @@
-"""Find the class of a message by a type of `rosidl_parser.definition`."""
+"""Finds the class of a message by a type of `rosidl_parser.definition`."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from srvgen.classes.slot_types import AbstractNestedType, AbstractType, Namespac
 def import_message_from_namespaced_type(message_type: AbstractType) -> Any:
     """The class of an interface; for an array, the class of its elements, with a warning.
 
-    Raises ImportError if the package does not exist, AttributeError if the interface does not, and
-    TypeError for the type of anything else.
+    Raises ImportError if the package does not exist, AttributeError if the interface does not
+    exist, and TypeError for the type of any other value.
     """
     if isinstance(message_type, AbstractNestedType):
         warnings.warn(

@@ -1,4 +1,4 @@
-"""Set a message's fields from a dict, such as YAML gives."""
+"""Sets a message's fields from a dict, for example from YAML."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ def set_message_fields(
     expand_header_auto: bool = False,
     expand_time_now: bool = False,
 ) -> list[Callable[[Any], None]]:
-    """Set the fields that are named; messages in it are dicts, or messages.
+    """Set the named fields of a message; values of nested messages are dicts or messages.
 
     Args:
-        msg: what is changed.
-        values: by names of fields.
-        expand_header_auto: whether "auto" may stand for a header.
-        expand_time_now: whether "now" may stand for a time.
+        msg: the message to change.
+        values: the values by field name.
+        expand_header_auto: whether "auto" is allowed as the value of a header.
+        expand_time_now: whether "now" is allowed as the value of a time.
 
     Returns:
-        What to call with a time for each header and time that is to be now.
+        One function for each "auto" and "now"; call it with the time to store.
 
     Raises:
         AttributeError: there is no such field.
-        TypeError: a message is needed where the value is no dict.
+        TypeError: the field is a message and the value is not a dict.
         ValueError: the value is not of the field's type.
     """
     return _Setting(expand_header_auto, expand_time_now).set(msg, values)
 
 
 class _Setting:
-    """What may stand for a time, and who wants to be told it."""
+    """The options of one call, and the functions that store a time later."""
 
     def __init__(self, header_auto: bool, time_now: bool) -> None:
         self._header_auto = header_auto
@@ -70,7 +70,7 @@ class _Setting:
             return items if nested is None else [self._message(nested, one) for one in items]
         if hasattr(present, "_TYPE"):
             return self._message(type(present), value)
-        if hasattr(present, "dtype"):  # an array of numpy's, whose class would take a shape
+        if hasattr(present, "dtype"):  # a numpy array: its class would take the list as a shape
             import numpy
 
             return numpy.array(value, dtype=present.dtype)

@@ -1,4 +1,4 @@
-"""Find the class of a message, service or action whose name is a text."""
+"""Finds the class of a message, service or action by its name."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from srvgen.files.reading import KINDS
 def get_interface(identifier: str) -> Any:
     """The class of `package/kind/Name`; `package/Name` is a message.
 
-    Raises ValueError for what is no such name, ImportError for a package or kind that does not
-    exist, AttributeError for an interface that does not.
+    Raises ValueError for an invalid name, ImportError if the package or kind does not exist, and
+    AttributeError if the interface does not exist.
     """
     return _class(identifier, "msg")
 
 
 def get_message(identifier: str) -> Any:
-    """The class of a message; otherwise as `get_interface`."""
+    """The class of a message; errors as `get_interface`."""
     return _class(identifier, "msg", only=True)
 
 
 def get_service(identifier: str) -> Any:
-    """The class of a service, also by `package/Name`; otherwise as `get_interface`."""
+    """The class of a service, also by `package/Name`; errors as `get_interface`."""
     return _class(identifier, "srv", only=True)
 
 
 def get_action(identifier: str) -> Any:
-    """The class of an action, also by `package/Name`; otherwise as `get_interface`."""
+    """The class of an action, also by `package/Name`; errors as `get_interface`."""
     return _class(identifier, "action", only=True)
 
 

@@ -1,4 +1,4 @@
-"""`taskrpc export colcon` makes what colcon would build, of programs as a lecture has them."""
+"""`taskrpc export colcon` turns a folder of programs into packages that colcon builds."""
 
 import os
 import re
@@ -87,12 +87,12 @@ def test_interfaces_become_a_cmake_package_with_their_dependencies(made):
     assert str(Search([folder]).load("lamp_interfaces/srv/Switch").response.fields[0].name)
 
 
-def test_definitions_that_only_taskrpc_has_come_along(made):
+def test_definitions_that_only_taskrpc_has_are_exported(made):
     assert (made[0] / "my_robot_interfaces" / "srv" / "RobotTask.srv").is_file()
     assert not (made[0] / "geometry_msgs").exists()
 
 
-def test_programs_become_a_python_package_that_setuptools_would_take(made, monkeypatch):
+def test_programs_become_a_python_package_for_setuptools(made, monkeypatch):
     folder = made[0] / "lesson"
     manifest, build_type = _manifest(folder)
     assert build_type == "ament_python"
@@ -121,7 +121,7 @@ def test_programs_become_a_python_package_that_setuptools_would_take(made, monke
     }
 
 
-def test_five_commands_build_and_run_it(made):
+def test_five_commands_build_and_run_the_workspace(made):
     assert made[1].partition("ROS 2:\n")[2].splitlines() == [
         "  cd ../out",
         "  source /opt/ros/$ROS_DISTRO/setup.bash",
@@ -150,10 +150,10 @@ def test_the_workspace_runs_without_ros_too(made):
 
 def test_nothing_is_overwritten(made, capsys):
     assert main(["export", "colcon", "../out"]) == 1
-    assert "is there already" in capsys.readouterr().err
+    assert "already exists" in capsys.readouterr().err
 
 
-def test_a_folder_with_nothing_for_ros_is_refused(tmp_path, capsys):
+def test_folder_without_ros_programs_is_refused(tmp_path, capsys):
     (tmp_path / "plain.py").write_text("print(1)\n")
     assert main(["export", "colcon", str(tmp_path / "o"), "--from", str(tmp_path)]) == 1
     assert capsys.readouterr().err.startswith("nothing to export in ")
@@ -161,18 +161,18 @@ def test_a_folder_with_nothing_for_ros_is_refused(tmp_path, capsys):
 
 
 @pytest.mark.parametrize("name", ["my-lesson", "Lesson", "2nd"])
-def test_a_name_that_ros_refuses_is_refused(lesson, name, capsys):
+def test_invalid_package_name_is_refused(lesson, name, capsys):
     assert main(["export", "colcon", "../out", "--package-name", name]) == 1
     assert f"as the name of a package, got '{name}'" in capsys.readouterr().err
 
 
-def test_a_program_that_python_cannot_read_is_told_by_its_line(lesson, capsys):
+def test_syntax_error_is_reported_with_its_line(lesson, capsys):
     (lesson / "broken.py").write_text("x = 1\nimport (\n")
     assert main(["export", "colcon", "../out"]) == 1
     assert "broken.py:2: Python cannot read it" in capsys.readouterr().err
 
 
-def test_a_package_that_is_one_already_is_copied(lesson, capsys):
+def test_existing_package_is_copied(lesson, capsys):
     package = lesson / "done"
     package.mkdir()
     (package / "package.xml").write_text("<package format='3'><name>done</name></package>")

@@ -1,10 +1,10 @@
-"""A folder's programs become modules of a package, and stay startable."""
+"""A folder's programs become modules of a package and can still be started."""
 
 import ast
 
 import pytest
 
-from taskrpc.colcon import dependencies, programs
+from taskrpc.colcon import programs
 
 
 @pytest.mark.parametrize(
@@ -38,16 +38,10 @@ def test_imports_of_neighbours_name_the_package(before, after):
         ("print(1)\n", "p._scripts:n"),
     ],
 )
-def test_a_main_without_arguments_is_called_and_anything_else_run_as_a_module(text, target):
+def test_main_without_arguments_is_called_and_other_programs_run_as_modules(text, target):
     assert programs.target(ast.parse(text), "p", "n") == target
 
 
-def test_a_file_that_only_defines_is_no_program():
+def test_file_that_only_defines_names_is_no_program():
     assert not programs.is_program(ast.parse('"""Doc."""\nimport os\nA = 1\nclass B: pass\n'))
     assert programs.is_program(ast.parse("class B: pass\nif __name__ == '__main__':\n    B()\n"))
-
-
-def test_needs_are_packages_rosdep_keys_and_what_nobody_knows():
-    imported = {"os", "rclpy", "std_srvs", "numpy", "common", "mystery"}
-    needs = dependencies.needs_of(imported, {"std_srvs"}, {"common"})
-    assert needs == (["python3-numpy", "rclpy", "std_srvs"], ["mystery"])

@@ -1,4 +1,4 @@
-"""A CMakeLists.txt tells which Python programs and modules a package installs, without CMake."""
+"""The installed programs and modules are read from CMakeLists.txt without CMake."""
 
 import pytest
 
@@ -7,7 +7,7 @@ from taskrpc.ros import cmake
 
 @pytest.fixture
 def package(tmp_path):
-    """Write a package's files and its CMakeLists.txt; what it installs are paths from there."""
+    """Writes a package and its CMakeLists.txt; returns the relative paths that it installs."""
     folder = tmp_path / "folder"
     for name in (
         *("python/lib/__init__.py", "python/lib/math.py", "python/other/__init__.py"),
@@ -75,7 +75,7 @@ def package(tmp_path):
         ("install(PROGRAMS", {}),
     ],
 )
-def test_programs_are_python_files_that_are_installed_to_run(package, text, programs):
+def test_programs_are_the_installed_python_files(package, text, programs):
     assert package(text) == (programs, {})
 
 
@@ -121,17 +121,17 @@ def test_programs_are_python_files_that_are_installed_to_run(package, text, prog
         ),
     ],
 )
-def test_modules_have_the_names_that_they_are_installed_as(package, text, modules):
+def test_modules_have_their_installed_names(package, text, modules):
     assert package(text) == ({}, modules)
 
 
-def test_a_package_without_a_readable_file_installs_nothing(tmp_path):
+def test_package_without_readable_cmakelists_installs_nothing(tmp_path):
     assert cmake.programs(tmp_path) == cmake.modules(tmp_path) == {}
     (tmp_path / "CMakeLists.txt").write_bytes(b'install(PROGRAMS \xff\x00 ${A} "' + b"(" * 500)
     assert cmake.programs(tmp_path) == cmake.modules(tmp_path) == {}
 
 
 @pytest.mark.parametrize("inner", ["", "set(b 1)\n"])
-def test_loops_in_loops_are_not_read_for_ever(package, inner):
+def test_nested_loops_are_read_up_to_a_limit(package, inner):
     loops = "foreach(a 1 2 3 4 5 6 7 8 9 10)\n" * 12 + inner + "endforeach()\n" * 12
     assert package(loops) == ({}, {})

@@ -2,7 +2,7 @@
 
 import pytest
 
-from taskrpc.ros import executables, workspace
+from taskrpc.ros import installed, workspace
 
 
 @pytest.fixture
@@ -104,7 +104,7 @@ def test_entry_points_are_read_from_setup_py_without_executing_it(tmp_path, scri
         "setup(name=package_name, entry_points={'other': [], 'console_scripts': "
         f"{scripts}}}, data_files=[(x, glob()) for x in y])\n"
     )
-    assert executables.entry_points(tmp_path) == {
+    assert installed.entry_points(tmp_path) == {
         "talker": "pkg.talker:main",
         "listener": "pkg.sub.listener:Listener.main",
     }
@@ -120,7 +120,7 @@ def test_entry_points_of_setup_cfg_and_pyproject_count_too(tmp_path):
         "[project.entry-points.console_scripts]\nc = 'pkg.c:main'\n"
     )
     found = {name: f"pkg.{name}:main" for name in "abc"}
-    assert executables.entry_points(tmp_path) == found
+    assert installed.entry_points(tmp_path) == found
 
 
 @pytest.mark.parametrize(
@@ -133,9 +133,9 @@ def test_entry_points_of_setup_cfg_and_pyproject_count_too(tmp_path):
 def test_python_packages_may_lie_in_a_folder_of_their_package(tmp_path, setup_py, setup_cfg):
     (tmp_path / "setup.py").write_text(setup_py)
     (tmp_path / "setup.cfg").write_text(setup_cfg)
-    assert executables.source_folder(tmp_path) == tmp_path
+    assert installed.source_folder(tmp_path) == tmp_path
     (tmp_path / "src").mkdir()
-    assert executables.source_folder(tmp_path) == tmp_path / "src"
+    assert installed.source_folder(tmp_path) == tmp_path / "src"
 
 
 @pytest.mark.parametrize("text", ["def (", "entry_points = 1", "setup(entry_points=read())", "\0"])
@@ -143,14 +143,14 @@ def test_a_setup_py_that_cannot_be_read_has_no_entry_points(tmp_path, text):
     (tmp_path / "setup.py").write_text(text)
     (tmp_path / "setup.cfg").write_text("[[[")
     (tmp_path / "pyproject.toml").write_text("= =")
-    assert executables.entry_points(tmp_path) == {}
+    assert installed.entry_points(tmp_path) == {}
 
 
 def test_scripts_of_a_cmake_package_are_python_files(tmp_path):
     (tmp_path / "scripts").mkdir()
     for name, text in (("a.py", ""), ("b", "#!/usr/bin/env python3\n"), ("c", "#!/bin/sh\n")):
         (tmp_path / "scripts" / name).write_text(text)
-    found = [executables.script(tmp_path, name) for name in ("a.py", "b", "c", "d")]
+    found = [installed.script(tmp_path, name) for name in ("a.py", "b", "c", "d")]
     assert found == [tmp_path / "scripts" / "a.py", tmp_path / "scripts" / "b", None, None]
 
 
@@ -158,10 +158,10 @@ def test_scripts_of_a_cmake_package_are_python_files(tmp_path):
 def test_python_of_a_cmake_package_may_lie_in_a_folder(tmp_path, inner):
     (tmp_path / "src").mkdir()
     (tmp_path / "src" / "main.cpp").touch()
-    assert executables.source_folder(tmp_path) == tmp_path
+    assert installed.source_folder(tmp_path) == tmp_path
     (tmp_path / inner / "pkg").mkdir(parents=True)
     (tmp_path / inner / "pkg" / "__init__.py").touch()
-    assert executables.source_folder(tmp_path) == tmp_path / inner
+    assert installed.source_folder(tmp_path) == tmp_path / inner
     (tmp_path / "pkg").mkdir()
     (tmp_path / "pkg" / "__init__.py").touch()
-    assert executables.source_folder(tmp_path) == tmp_path
+    assert installed.source_folder(tmp_path) == tmp_path

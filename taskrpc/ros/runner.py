@@ -1,4 +1,4 @@
-"""Runs an unmodified program as Python itself would, with `rclpy` importable."""
+"""Runs an unmodified program as Python itself does, with `rclpy` importable."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.ros import hook, workspace
 
 _GARBAGE = 700
-"""Python's own setting, which a program expects: our commands have another."""
+"""Python's default threshold, which programs expect; the commands of taskrpc use another."""
 
 
 def run_script(path: Path, arguments: Sequence[str]) -> int:
     """Run a script as `__main__`; returns 1 after an exception, 130 after Ctrl-C, else 0.
 
-    After Ctrl-C the process ends as Python's would, killed by SIGINT (`process.end_by_signal`).
+    After Ctrl-C the process is killed by SIGINT, as Python's is (`process.end_by_signal`).
 
-    Raises TaskRpcError for a file that cannot be read, and SystemExit where the script does.
+    Raises TaskRpcError if the file cannot be read, and SystemExit if the script raises it.
     """
     try:
         source = path.read_bytes()
@@ -39,22 +39,22 @@ def run_script(path: Path, arguments: Sequence[str]) -> int:
 
 
 def run_code(code: str, arguments: Sequence[str]) -> int:
-    """Run Python code as `python -c` does; ends as `run_script` does."""
+    """Run Python code as `python -c` does; returns as `run_script` does."""
     _prepare(Path.cwd(), ["-c", *arguments])
     return _run_as_main(code, "<string>")
 
 
 def _run_as_main(source: str | bytes, file: str, **attributes: object) -> int:
-    """Compile a program and run it as the module `__main__`, which has these attributes."""
+    """Compile a program and run it as the module `__main__` with these attributes."""
     main = ModuleType("__main__")
     main.__dict__.update(attributes, __builtins__=__builtins__)
     sys.modules["__main__"] = main
-    # Not with our own `from __future__ import annotations`.
+    # dont_inherit: not with this module's `from __future__ import annotations`.
     return _ended(lambda: exec(compile(source, file, "exec", dont_inherit=True), main.__dict__))
 
 
 def similar_script(path: Path) -> str:
-    """A hint at a script beside `path` whose name is like it; "" where there is none."""
+    """A hint at a script beside `path` with a similar name, or "" if there is none."""
     from srvgen.definitions.names import near  # only a mistake needs it
 
     found = {one.name: one for one in path.parent.glob("*.py")}
@@ -64,9 +64,9 @@ def similar_script(path: Path) -> str:
 
 
 def run_module(name: str, arguments: Sequence[str]) -> int:
-    """Run a module as `python -m` does; ends as `run_script` does.
+    """Run a module as `python -m` does; returns as `run_script` does.
 
-    Raises TaskRpcError where there is no such module.
+    Raises TaskRpcError if there is no such module.
     """
     _prepare(Path.cwd(), [name, *arguments])
     try:
@@ -79,29 +79,29 @@ def run_module(name: str, arguments: Sequence[str]) -> int:
 
 
 def run_executable(package: str, name: str, arguments: Sequence[str]) -> int:
-    """Run an executable of a package in the workspace here, as `ros2 run`; ends as `run_script`.
+    """Run an executable of a package in the workspace, as `ros2 run` does.
 
-    Raises TaskRpcError where there is no such package or executable.
+    Returns as `run_script` does. Raises TaskRpcError if there is no such package or executable.
     """
-    from taskrpc.ros import cmake, executables  # only this function needs them
+    from taskrpc.ros import installed  # only this function needs it
 
     folder = workspace.packages(Path.cwd()).get(package)
     if folder is None:
         where = f"expected a package.xml of that name in the workspace here, {Path.cwd()}"
         raise _with_hint(TaskRpcError(f"Package '{package}' not found"), where)
-    targets = executables.entry_points(folder)
+    targets = installed.entry_points(folder)
     if name in targets:
-        _prepare(executables.source_folder(folder), [str(folder / name), *arguments])
+        _prepare(installed.source_folder(folder), [str(folder / name), *arguments])
         return _reported(lambda: _ended(lambda: _call(targets[name])))
-    if (script := executables.script(folder, name)) is not None:
+    if (script := installed.script(folder, name)) is not None:
         return _reported(lambda: run_script(script, arguments))
-    known = ", ".join(sorted({*targets, *cmake.programs(folder)}))
+    known = ", ".join(sorted(installed.executables(folder)))
     has = known or "no entry points in setup.py"
     raise _with_hint(TaskRpcError("No executable found"), f"{package} has {has}; got '{name}'")
 
 
 def _reported(program: Callable[[], int]) -> int:
-    """Run a program, and say how it failed if it did, as `ros2 run` does on stdout."""
+    """Run a program and print its failure to stdout, as `ros2 run` does."""
     try:
         status = program()
     except SystemExit as end:
@@ -116,7 +116,7 @@ def _reported(program: Callable[[], int]) -> int:
 
 
 def _failure(code: object) -> int:
-    """The status that a program ends with which gives `sys.exit` this."""
+    """The exit status that `sys.exit` produces from its argument."""
     if code is None:
         return 0
     return code & 0xFF if isinstance(code, int) else 1
@@ -141,21 +141,22 @@ def _prepare(folder: Path, argv: list[str]) -> None:
     if sys.flags.safe_path:
         sys.path.insert(0, _Folder(folder))
     else:
-        sys.path[0] = _Folder(folder)  # what stands there is our own command's
+        sys.path[0] = _Folder(folder)  # until here the folder of the taskrpc command
 
 
 class _Folder(str):
-    """The program's folder, in `sys.path`.
+    """The program's folder, as an entry of `sys.path`.
 
-    `multiprocessing` hands that to the processes that it spawns, before they import the program.
+    `multiprocessing` pickles `sys.path` for the processes that it spawns. Unpickling this entry
+    installs the import hook there, before the process imports the program.
     """
 
     def __reduce__(self) -> tuple[Callable[[str], str], tuple[str]]:
-        return _hooked, (str(self),)
+        return _install_hook, (str(self),)
 
 
-def _hooked(folder: str) -> str:
-    """Let a spawned process import what its parent can."""
+def _install_hook(folder: str) -> str:
+    """Install the import hook in a spawned process."""
     hook.install(folder)
     return _Folder(folder)
 
@@ -169,14 +170,14 @@ def _ended(program: Callable[[], object]) -> int:
         print("KeyboardInterrupt", file=sys.stderr)
         return process.end_by_signal(signal.SIGINT)
     except BaseException as error:
-        error.__traceback__ = _without_us(error.__traceback__)
+        error.__traceback__ = _of_program(error.__traceback__)
         sys.excepthook(type(error), error, error.__traceback__)
         return 1
     return 0
 
 
-def _without_us(traceback: TracebackType | None) -> TracebackType | None:
-    """A traceback from where the program itself begins."""
+def _of_program(traceback: TracebackType | None) -> TracebackType | None:
+    """The part of a traceback that begins in the program itself."""
     ours = {__file__, runpy.__file__, importlib.__file__, "<frozen runpy>"}
     while traceback is not None and _is_of(traceback, ours):
         traceback = traceback.tb_next

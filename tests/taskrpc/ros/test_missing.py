@@ -1,4 +1,4 @@
-"""An import of what ROS has and taskrpc has not fails in one line that helps."""
+"""Importing a ROS package that taskrpc does not have fails with one line of advice."""
 
 import importlib.util
 import sys
@@ -14,9 +14,9 @@ def hooked(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
     monkeypatch.setattr(loader, "_base", loader._base)
     importer.uninstall_import_hook()
-    for ours in (hook._finder, hook._neighbours, hook._absent, hook._nowhere):
-        while ours in sys.meta_path:
-            sys.meta_path.remove(ours)
+    for finder in (hook._finder, hook._workspace, hook._explaining_ros, hook._explaining_interfaces):
+        while finder in sys.meta_path:
+            sys.meta_path.remove(finder)
     hook.install(tmp_path)
     yield
     importer.uninstall_import_hook()
@@ -38,7 +38,7 @@ def hooked(tmp_path, monkeypatch):
         ("exampel_interfaces", "did you mean example_interfaces?"),
     ],
 )
-def test_an_import_says_what_is_missing_and_what_helps(name, said):
+def test_import_error_names_the_package_and_the_remedy(name, said):
     with pytest.raises(ModuleNotFoundError) as caught:
         __import__(name)
     package = name.partition(".")[0]
@@ -49,18 +49,18 @@ def test_an_import_says_what_is_missing_and_what_helps(name, said):
 
 
 @pytest.mark.usefixtures("hooked")
-def test_what_is_there_is_imported():
+def test_existing_packages_are_imported():
     for name in ("shape_msgs.msg", "std_msgs.msg", "rosidl_runtime_py.convert"):
         assert __import__(name)
 
 
 @pytest.mark.usefixtures("hooked")
-def test_who_only_asks_is_told_that_there_is_none():
+def test_find_spec_finds_none_and_does_not_raise():
     assert importlib.util.find_spec("launch") is None
     assert importlib.util.find_spec("grocery_interfaces") is None
 
 
 @pytest.mark.usefixtures("hooked")
-def test_other_packages_are_missing_as_everywhere():
+def test_other_missing_packages_have_pythons_message():
     with pytest.raises(ModuleNotFoundError, match=r"^No module named 'grocery_shop'$"):
         __import__("grocery_shop")

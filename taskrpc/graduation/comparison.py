@@ -1,4 +1,4 @@
-"""Runs a program here and with the real ROS 2 of this computer, and compares what they print."""
+"""Runs a program with taskrpc and with this computer's real ROS 2, and compares the outputs."""
 
 from __future__ import annotations
 
@@ -12,44 +12,44 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-_OURS = Path(__file__).resolve().parents[1]
+_TASKRPC = Path(__file__).resolve().parents[1]
 _STAMP = re.compile(r"\[\d+\.\d{9}\]")
-_ASK = "import rclpy; print(rclpy.__file__)"
+_PRINT_PATH = "import rclpy; print(rclpy.__file__)"
 _GRACE = 5.0
-"""Seconds for a program to end after Ctrl-C."""
+"""Seconds that a program has to end after Ctrl-C."""
 
 
 class Outcome(NamedTuple):
-    """What a program did."""
+    """The output and the end of a program."""
 
     out: str
     err: str
-    """Both with `[T]` for each time stamp of the log."""
+    """In both texts `[T]` replaces the log's time stamps."""
     code: int | None
-    """None where it did not end by itself."""
+    """None if the program did not end by itself."""
 
 
 def real_python() -> str:
-    """The Python that imports a real rclpy, "" where none on this computer does."""
+    """The path of a Python that imports a real rclpy, or "" if this computer has none."""
     for python in dict.fromkeys((sys.executable, shutil.which("python3") or "")):
         if not python:
             continue
-        command = [python, "-c", _ASK]
+        command = [python, "-c", _PRINT_PATH]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         place = done.stdout.strip()
-        if done.returncode == 0 and place and not Path(place).resolve().is_relative_to(_OURS):
+        if done.returncode == 0 and place and not Path(place).resolve().is_relative_to(_TASKRPC):
             return python
     return ""
 
 
 def differences(python: str, path: Path, arguments: Sequence[str], seconds: float) -> Iterator[str]:
-    """Run it with both, one after the other; lines that tell where they differ, none if nowhere.
+    """Run a program with taskrpc, then with ROS 2, and yield the lines of a diff; none if equal.
 
     Args:
-        python: what `real_python` found.
+        python: the Python that imports the real rclpy, from `real_python`.
         path: the program.
-        arguments: its own.
-        seconds: after so many, one that has not ended by itself gets Ctrl-C.
+        arguments: the program's own arguments.
+        seconds: the time after which a program that still runs gets Ctrl-C.
     """
     ours = _run([sys.executable, "-m", "taskrpc", "run", str(path), *arguments], seconds)
     real = _run([python, str(path), *arguments], seconds)

@@ -1,4 +1,4 @@
-"""`taskrpc ros enable` lets plain `python` import rclpy, in its own environment and no other."""
+"""`taskrpc ros enable` lets plain `python` import rclpy in one environment."""
 
 import os
 import subprocess
@@ -61,7 +61,7 @@ def enabled(environment):
     return environment
 
 
-def test_a_script_imports_rclpy_and_interfaces_in_any_order(enabled, tmp_path):
+def test_script_imports_rclpy_and_interfaces_in_any_order(enabled, tmp_path):
     folder = tmp_path / "course"
     (folder / "my_things" / "srv").mkdir(parents=True)
     (folder / "my_things" / "srv" / "Ask.srv").write_text("int64 a\n---\nint64 b\n")
@@ -79,7 +79,7 @@ def test_a_script_imports_rclpy_and_interfaces_in_any_order(enabled, tmp_path):
     assert enabled.run("-c", code) == (0, "rclpy.node\n", "")
 
 
-def test_a_file_of_a_workspace_finds_its_neighbours(enabled, tmp_path):
+def test_program_in_a_workspace_imports_the_other_packages(enabled, tmp_path):
     for name in ("first", "second"):
         package = tmp_path / "ws" / "src" / name / name
         package.mkdir(parents=True)
@@ -93,7 +93,7 @@ def test_a_file_of_a_workspace_finds_its_neighbours(enabled, tmp_path):
     assert enabled.run("-c", "import first, second; print(first.name)") == (0, "first\n", "")
 
 
-def test_taskrpc_run_finds_the_same_neighbours_there(enabled, tmp_path):
+def test_taskrpc_run_imports_the_same_packages(enabled, tmp_path):
     for package in ("demo", "demo_interfaces"):
         (tmp_path / "src" / package).mkdir(parents=True)
         manifest = tmp_path / "src" / package / "package.xml"
@@ -119,7 +119,7 @@ def test_pytest_runs_tests_of_nodes(enabled, tmp_path):
     assert (code, out.splitlines()[-1].split(" in ")[0]) == (0, "1 passed")
 
 
-def test_a_cell_of_a_notebook_spins_though_its_thread_runs_a_loop(enabled):
+def test_notebook_cell_can_spin_inside_a_running_event_loop(enabled):
     cell = """
 import rclpy
 from std_srvs.srv import Trigger
@@ -136,13 +136,13 @@ with rclpy.init():
     assert enabled.run("-c", kernel) == (0, "False\n", "")
 
 
-def test_nothing_else_is_changed_or_loaded(enabled):
+def test_programs_without_ros_load_nothing_of_taskrpc(enabled):
     code = "import sys, json\ntry: import nope_nope\nexcept ImportError as e: print(e)\n"
     code += "print([name for name in sys.modules if name.split('.')[0] in ('taskrpc', 'srvgen')])"
     assert enabled.run("-c", code) == (0, "No module named 'nope_nope'\n[]\n", "")
 
 
-def test_disable_removes_all_of_it(enabled):
+def test_disable_removes_everything(enabled):
     assert enabled.run("-c", "import rclpy") == (0, "", "")
     assert enabled.ros("status")[1].startswith("enabled: ")
     [module] = enabled.folder.rglob("_taskrpc_ros.py")
@@ -157,14 +157,14 @@ def test_disable_removes_all_of_it(enabled):
     assert enabled.ros("status")[1].startswith("not enabled: ")
 
 
-def test_where_taskrpc_was_removed_python_is_silent(enabled):
+def test_python_starts_silently_after_taskrpc_was_removed(enabled):
     enabled.path = ""
     assert enabled.run("-c", "print(1)") == (0, "1\n", "")
     code, _, error = enabled.run("-c", "import rclpy")
     assert (code, error.splitlines()[-1]) == (1, "ModuleNotFoundError: No module named 'rclpy'")
 
 
-def test_a_real_rclpy_is_left_alone(environment, tmp_path):
+def test_real_rclpy_takes_precedence(environment, tmp_path):
     real = tmp_path / "opt" / "rclpy"
     real.mkdir(parents=True)
     (real / "__init__.py").write_text("real = True\n")
@@ -172,7 +172,7 @@ def test_a_real_rclpy_is_left_alone(environment, tmp_path):
     environment.path = os.pathsep.join([alone, str(real.parent)])
     code, out, error = environment.ros("enable")
     assert (code, out, environment.written) == (1, "", [])
-    assert error.startswith("programs here import ROS 2's own rclpy already (")
+    assert error.startswith("programs here already import the rclpy of ROS 2 (")
     assert environment.ros("status")[1].startswith("ROS 2's own rclpy is what programs")
     environment.path = alone
     assert environment.ros("enable")[0] == 0
@@ -181,18 +181,16 @@ def test_a_real_rclpy_is_left_alone(environment, tmp_path):
     assert environment.run("-c", code) == (0, "True\n", "")
 
 
-def test_another_active_environment_and_one_that_cannot_be_written_are_refused(
-    environment, tmp_path, monkeypatch
-):
+def test_foreign_and_read_only_environments_are_refused(environment, tmp_path, monkeypatch):
     code, out, error = environment.ros("enable", VIRTUAL_ENV=str(tmp_path))
     assert (code, out, environment.written) == (1, "", [])
     assert f"but the active environment is {tmp_path}:" in error
 
     from taskrpc.errors import TaskRpcError
-    from taskrpc.ros import enabling
+    from taskrpc.ros import environment
 
     monkeypatch.delenv("VIRTUAL_ENV", raising=False)
     (tmp_path / "file").touch()
-    monkeypatch.setattr(enabling, "folder", lambda: tmp_path / "gone")
-    with pytest.raises(TaskRpcError, match=r"cannot write to .*: make an environment|own \(python"):
-        enabling.enable()
+    monkeypatch.setattr(environment, "folder", lambda: tmp_path / "gone")
+    with pytest.raises(TaskRpcError, match=r"cannot write to .*; create your own environment"):
+        environment.enable()

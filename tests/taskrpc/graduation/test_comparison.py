@@ -1,4 +1,4 @@
-"""`taskrpc graduate --run` runs a program with both, where there is another rclpy than ours."""
+"""`taskrpc graduate --run` runs a program with taskrpc and with a real rclpy, and compares."""
 
 import os
 import subprocess
@@ -57,7 +57,7 @@ def real(tmp_path, monkeypatch):
     return real
 
 
-def test_the_same_output_is_said_to_be_the_same(real, capsys):
+def test_same_output_is_reported_as_the_same(real, capsys):
     real()
     assert main(["graduate", "program.py", "--run", "a", "--b"]) == 0
     assert capsys.readouterr().out.splitlines() == [
@@ -66,7 +66,7 @@ def test_the_same_output_is_said_to_be_the_same(real, capsys):
     ]
 
 
-def test_another_output_and_another_end_are_shown(real, capsys):
+def test_different_output_and_exit_code_are_shown(real, capsys):
     real(name="m", end="raise SystemExit(3)")
     assert main(["graduate", "program.py", "--run"]) == 1
     assert capsys.readouterr().out.splitlines()[1:] == [
@@ -80,7 +80,7 @@ def test_another_output_and_another_end_are_shown(real, capsys):
 
 
 class Hanging(subprocess.Popen):
-    """Times out once the program hangs, however long its start takes on a busy machine."""
+    """Times out when the program hangs, however long its start takes on a busy machine."""
 
     def communicate(self, input=None, timeout=None):
         if timeout == LIMIT:
@@ -91,7 +91,7 @@ class Hanging(subprocess.Popen):
         return super().communicate(input, timeout)
 
 
-def test_one_that_hangs_on_real_ros_gets_ctrl_c(real, monkeypatch, capsys):
+def test_program_that_hangs_on_real_ros_is_interrupted(real, monkeypatch, capsys):
     real(end="import time; open('hangs', 'w').close(); time.sleep(60)")
     monkeypatch.setattr(subprocess, "Popen", Hanging)
     assert main(["graduate", "program.py", "--timeout", str(LIMIT), "--run"]) == 1
@@ -99,7 +99,7 @@ def test_one_that_hangs_on_real_ros_gets_ctrl_c(real, monkeypatch, capsys):
     assert out.endswith("taskrpc: exit code 0; ROS 2: did not end\n")
 
 
-def test_without_a_real_ros_it_says_so(real, monkeypatch, capsys):
+def test_missing_real_ros_is_reported(real, monkeypatch, capsys):
     monkeypatch.setenv("PYTHONPATH", str(ROOT))
     assert main(["graduate", "program.py", "--run"]) == 2
     assert capsys.readouterr().err == (
@@ -108,6 +108,6 @@ def test_without_a_real_ros_it_says_so(real, monkeypatch, capsys):
 
 
 @pytest.mark.parametrize("arguments", [[".", "--run"], ["program.py", "another.py"]])
-def test_a_wrong_use_is_one_sentence(real, capsys, arguments):
+def test_wrong_usage_is_one_line(real, capsys, arguments):
     assert main(["graduate", *arguments]) == 2
     assert capsys.readouterr().err.splitlines()[-1].endswith(("got .", "another.py"))

@@ -1,4 +1,4 @@
-"""Says in one line what of ROS is not here, when a program imports it."""
+"""Explains in one line the import of a ROS package that taskrpc does not have."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ if TYPE_CHECKING:
 else:  # slow to import, and not needed
     MetaPathFinder = object
 
-_LAUNCH = "there are no launch files; start each program by itself, with `taskrpc run`"
+_LAUNCH = "there are no launch files; start each program separately, with `taskrpc run`"
 _TF2 = "there are no transforms"
 _IMAGES = "`numpy.asarray(image.data)` views the bytes of an Image without copying"
-_COMMANDS = "`taskrpc service`, `topic`, `node`, `param` and `interface` are its commands"
+_COMMANDS = "use `taskrpc service`, `topic`, `node`, `param` and `interface`"
 _CHECKS = "it checks a package's style, in `colcon test` on a real ROS 2"
 _NONE = "only a real ROS 2 has it"
 
@@ -40,7 +40,7 @@ _PYTHON = {
         _NONE,
     ),
 }
-"""Python packages of ROS, with what to do instead."""
+"""Python packages of ROS 2, each with the advice for its users."""
 
 _INTERFACES = frozenset(
     "action_tutorials_interfaces actuator_msgs ackermann_msgs composition_interfaces control_msgs"
@@ -52,39 +52,45 @@ _INTERFACES = frozenset(
 _LIKE_INTERFACES = re.compile(r"\w+_(interfaces?|msgs?|srvs?)")
 
 
-def of_ros(name: str) -> str:
-    """What to say of a package that ROS has and taskrpc has not; "" for any other."""
+def explain_ros(name: str) -> str:
+    """The explanation for a ROS package that taskrpc does not have; "" for any other package."""
     if hint := _PYTHON.get(name):
         return f"it is a package of ROS 2 that taskrpc does not have: {hint}"
-    return _where_interfaces_are(name) if name in _INTERFACES else ""
+    return _place_for_interfaces(name) if name in _INTERFACES else ""
 
 
-def of_ros_or_interfaces(name: str) -> str:
-    """As `of_ros`, and what to say of a package that by its name has interfaces."""
-    return of_ros(name) or (_where_interfaces_are(name) if _LIKE_INTERFACES.fullmatch(name) else "")
+def explain_ros_or_interfaces(name: str) -> str:
+    """As `explain_ros`, also for packages whose names end like those of interface packages."""
+    return explain_ros(name) or (
+        _place_for_interfaces(name) if _LIKE_INTERFACES.fullmatch(name) else ""
+    )
 
 
-def _where_interfaces_are(name: str) -> str:
+def _place_for_interfaces(name: str) -> str:
     return (
         f"if it has interfaces, put its folder (with {name}/srv, {name}/msg) beside the program,"
         " or name the folder above it in TASKRPC_INTERFACE_PATH"
     )
 
 
-class AbsentFinder(MetaPathFinder):
-    """Finds nothing; but an `import` that nobody can serve learns why."""
+class ExplainingFinder(MetaPathFinder):
+    """Finds no module, but raises an `ImportError` with an explanation for some packages.
 
-    def __init__(self, reason: Callable[[str], str]) -> None:
-        self._reason = reason
+    Args:
+        explain: returns the explanation for a package, "" for none.
+    """
+
+    def __init__(self, explain: Callable[[str], str]) -> None:
+        self._explain = explain
 
     def find_spec(
         self, fullname: str, path: Sequence[str] | None, target: ModuleType | None = None
     ) -> ModuleSpec | None:
-        """Raise ModuleNotFoundError with the reason, where there is one; None otherwise."""
-        if "." in fullname or not (reason := self._reason(fullname)):
+        """Raise ModuleNotFoundError with the explanation; return None if there is none."""
+        if "." in fullname or not (reason := self._explain(fullname)):
             return None
-        # Not where another finder asks, which looks on.
-        asked_by_python = "importlib._bootstrap" in sys._getframe(1).f_code.co_filename
-        if asked_by_python and is_importing():
+        # Another finder may call this one and then look elsewhere, so only Python's import raises.
+        called_by_import = "importlib._bootstrap" in sys._getframe(1).f_code.co_filename
+        if called_by_import and is_importing():
             raise ModuleNotFoundError(f"No module named {fullname!r}; {reason}", name=fullname)
         return None

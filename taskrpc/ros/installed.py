@@ -1,4 +1,7 @@
-"""The executables and modules that a package installs, read without executing the package."""
+"""The executables and modules that a package installs, read from its build files.
+
+Nothing of the package is executed: `setup.py` is parsed, and CMake does not run.
+"""
 
 from __future__ import annotations
 
@@ -19,8 +22,13 @@ _SOURCE_FOLDERS = ("src", "python")
 _SCRIPT_FOLDERS = ("scripts", "nodes", "src", "bin", "")
 
 
+def executables(package: Path) -> set[str]:
+    """The names that `ros2 run` accepts for a package."""
+    return {*entry_points(package), *cmake.programs(package)}
+
+
 def entry_points(package: Path) -> dict[str, str]:
-    """The executables of a Python package: names, and `module:function` for each."""
+    """The executables of a Python package, by name, each with its `module:function`."""
     found: dict[str, str] = {}
     for read in (_of_setup_py, _of_setup_cfg, _of_pyproject):
         for name, target in read(package):
@@ -29,12 +37,12 @@ def entry_points(package: Path) -> dict[str, str]:
 
 
 def source_folder(package: Path) -> Path:
-    """The folder that a package's Python packages are in: its own, or one such as `src` in it."""
+    """The folder that contains a package's Python packages: its own, or one such as `src`."""
     for read in (_folder_of_setup_py, _folder_of_setup_cfg):
         folder = package / read(package)
         if folder != package and folder.is_dir():
             return folder
-    # CMake packages name it in CMakeLists.txt, ROS 1's in a setup.py that setuptools never sees.
+    # CMake packages name it in CMakeLists.txt; ROS 1 packages in a setup.py that only catkin reads.
     named = (package / each for each in _SOURCE_FOLDERS)
     found = (folder for folder in named if any(folder.glob("*/__init__.py")))
     is_plain = any(package.glob("*/__init__.py"))
@@ -42,7 +50,7 @@ def source_folder(package: Path) -> Path:
 
 
 def modules(package: Path, name: str) -> dict[str, Path]:
-    """The modules that a package of this name installs, with their files or folders.
+    """The modules that a package of this name installs, each with its file or folder.
 
     `a.b` is a module in a package `a`, which may have no folder of its own.
     """
@@ -62,7 +70,7 @@ def modules(package: Path, name: str) -> dict[str, Path]:
 
 
 def script(package: Path, name: str) -> Path | None:
-    """A file that a CMake package would install as an executable of this name."""
+    """The file that a CMake package installs as an executable of this name, or None."""
     if (installed := cmake.programs(package).get(name)) is not None:
         return installed
     folders = [package / folder for folder in _SCRIPT_FOLDERS] + [package / package.name]
@@ -86,7 +94,7 @@ def _folder_of_setup_py(package: Path) -> str:
 
 
 def _keywords(package: Path, name: str) -> Iterator[Any]:
-    """What `setup.py` gives for a keyword, as far as that is texts put together."""
+    """The values that `setup.py` passes for a keyword, as far as the source shows them."""
     try:
         tree = ast.parse((package / "setup.py").read_bytes())
     except (OSError, SyntaxError, ValueError):
@@ -133,7 +141,7 @@ def _of_pyproject(package: Path) -> Iterator[tuple[str, str]]:
 
 
 def _pairs(entry_points: Any) -> Iterator[tuple[str, str]]:
-    """`console_scripts` of setuptools: lines `name = module:function`, in a list or one text."""
+    """The pairs in `console_scripts`: lines `name = module:function`, in a list or one string."""
     if not isinstance(entry_points, dict):
         return
     lines = entry_points.get("console_scripts") or []
@@ -143,7 +151,7 @@ def _pairs(entry_points: Any) -> Iterator[tuple[str, str]]:
 
 
 def _value(node: ast.AST | None, known: Mapping[str, Any]) -> Any:
-    """What an expression of `setup.py` means, as far as it is texts put together; else None."""
+    """The value of an expression of strings, lists and dicts; None for any other expression."""
     found: Any = None
     match node:
         case ast.Constant(value):
