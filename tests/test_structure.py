@@ -323,8 +323,7 @@ def test_tests_mirror_the_packages():
 
 
 def test_large_modules_have_a_test_file_of_their_name():
-    assert_only(
-        set(untested_modules()),
-        "untested_modules",
-        "these modules have no test file of their name",
-    )
+    """Only their number is held: a merge or a new name would change a list without need."""
+    found, allowed = sorted(untested_modules()), LEFT["untested_modules"]
+    assert len(found) <= allowed, f"some of these modules need a test file of their name: {found}"
+    assert len(found) >= allowed, f"well done: lower untested_modules to {len(found)}"

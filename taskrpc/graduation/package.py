@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TypeAlias
 from xml.etree import ElementTree
 
-from srvgen.definitions.files import KINDS
+from srvgen.files.reading import KINDS
 from taskrpc.colcon.programs import main_function
 from taskrpc.graduation.program import Finding, Program, finding_at
 from taskrpc.ros import cmake, installed

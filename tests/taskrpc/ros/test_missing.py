@@ -14,7 +14,8 @@ def hooked(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
     monkeypatch.setattr(loader, "_base", loader._base)
     importer.uninstall_import_hook()
-    for finder in (hook._finder, hook._workspace, hook._explaining_ros, hook._explaining_interfaces):
+    explaining = (hook._explaining_ros, hook._explaining_interfaces)
+    for finder in (hook._finder, hook._workspace, *explaining):
         while finder in sys.meta_path:
             sys.meta_path.remove(finder)
     hook.install(tmp_path)
