@@ -72,14 +72,14 @@ def _programs(options: Namespace) -> Iterable[str]:
     """Packages of the workspace here, then the executables of the package."""
     from pathlib import Path
 
-    from taskrpc.ros import cmake, executables, workspace
+    from taskrpc.ros import installed, workspace
 
     found = workspace.packages(Path.cwd())
     given = getattr(options, "rest", None) or []
     if not given:
         return found
     folder = found.get(given[0]) if len(given) == 1 else None
-    return {*executables.entry_points(folder), *cmake.programs(folder)} if folder else ()
+    return installed.executables(folder) if folder else ()
 
 
 _FINDERS: dict[str, completion.Finder] = {
