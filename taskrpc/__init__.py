@@ -1,7 +1,8 @@
-"""ROS 2 services without ROS: typed services from .srv files over asyncio.
+"""ROS 2 services without ROS: typed services from .srv files, over asyncio.
 
-Names are loaded when they are first used, so that a command that needs one of them does not pay
-for all.
+Start with `taskrpc.Node` in `node.py`; `docs/explanation/architecture.md` shows what lives where.
+This module only exports the public names. It imports a name when a program first uses it, so that
+a command loads only what it needs.
 """
 
 from __future__ import annotations
