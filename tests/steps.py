@@ -23,7 +23,7 @@ from typing import Any, TypeAlias
 import srvgen
 import taskrpc
 from taskrpc.robot.protocol import Plan, Pose
-from taskrpc.tasks.manager import TaskManager
+from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.tasks.records.store import MemoryStore
 from taskrpc.testing import VirtualTimeLoop
 
@@ -135,7 +135,7 @@ async def creating() -> int:
 
 async def queueing() -> int:
     """Steps of submitting tasks in a paused queue, and of cancelling them."""
-    manager = TaskManager(StandingRobot(), MemoryStore(), wall_clock=lambda: 1e9)
+    manager = TaskManager(StandingRobot(), MemoryStore(), TaskSettings(wall_clock=lambda: 1e9))
     await manager.start()
     await manager.pause()
 

@@ -12,9 +12,9 @@ from benchmarks.growing import timing
 from benchmarks.growing.memory import memory_each
 from benchmarks.harness import usage
 from taskrpc.robot.protocol import Plan, Pose
-from taskrpc.tasks.manager import TaskManager
+from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.tasks.model import Task
-from taskrpc.tasks.queue.pages import PAGE, page
+from taskrpc.tasks.pages import PAGE, page
 from taskrpc.tasks.queue.task_queue import TaskQueue
 from taskrpc.tasks.records.store import MemoryStore
 
@@ -73,7 +73,7 @@ async def _queue(size: int) -> dict[str, float]:
         lambda task: list(islice(queue.ordered(task.key), PAGE)), some[:50]
     )
     found["queue_rerank"] = timing.microseconds(
-        lambda task: queue.rerank(task.task_id, chance.randint(1, 10)), some
+        lambda task: queue.reprioritise(task.task_id, chance.randint(1, 10)), some
     )
     found["queue_remove"] = timing.microseconds(lambda task: queue.remove(task.task_id), some)
 
@@ -87,7 +87,7 @@ async def _queue(size: int) -> dict[str, float]:
 async def _manager(size: int) -> dict[str, float]:
     chance = random.Random(2)
     before = usage.memory()
-    manager = TaskManager(InstantRobot(), MemoryStore(), queue_limit=size, settle=0.0)
+    manager = TaskManager(InstantRobot(), MemoryStore(), TaskSettings(queue_limit=size, settle=0.0))
     await manager.start()
     await manager.pause()
 

@@ -10,7 +10,7 @@ from taskrpc.metrics.families import Family, Histogram, Kind, Sample, by_label
 from taskrpc.metrics.stores import store_families
 from taskrpc.request_ids.ids import Client, Completion
 from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, State, Task
+from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, Task, TaskState
 from taskrpc.tasks.records.sqlite_store import SqliteStore
 from taskrpc.tasks.records.store import Stored, TaskStore
 
@@ -19,9 +19,9 @@ _ROBOT_STATES = ("idle", "working", "paused")
 
 def task_families(manager: TaskManager) -> list[Family]:
     """What a task manager has to do: `metrics.add(lambda: task_families(server.manager))`."""
-    tasks = list(manager.book.tasks())
+    tasks = list(manager.repository.tasks())
     states = Counter(task.state for task in tasks)
-    waiting = Counter(task.priority for task in tasks if task.state is State.QUEUED)
+    waiting = Counter(task.priority for task in tasks if task.state is TaskState.QUEUED)
     priorities = range(PRIORITY_MIN, PRIORITY_MAX + 1)
     robot = _robot_state(manager)
     return [
@@ -33,7 +33,7 @@ def task_families(manager: TaskManager) -> list[Family]:
         _gauge(
             "taskrpc_tasks",
             "Tasks that are remembered, by state; the oldest ended ones are forgotten.",
-            [Sample(states[state], {"state": state.value}) for state in State],
+            [Sample(states[state], {"state": state.value}) for state in TaskState],
         ),
         _gauge(
             "taskrpc_robot_state",

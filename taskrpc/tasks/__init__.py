@@ -1,11 +1,21 @@
-"""The robot's tasks: a durable priority queue, its worker, and the services in front of them."""
+"""The robot's tasks: a durable priority queue, its worker, and the services that offer them.
 
-from taskrpc.tasks.answers import Answer, Resumed
-from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.model import EstimateChange, State, Task
+Start reading with `manager`, which has every operation on tasks; `server` offers it to the network.
+`queue` holds the order and the estimates, `records` what survives a restart. Nothing here knows
+how a robot moves.
+"""
+
+from taskrpc.tasks.manager import TaskManager, TaskSettings
+from taskrpc.tasks.model import EstimateChange, Task, TaskState
 from taskrpc.tasks.records.sqlite_store import SqliteStore
 from taskrpc.tasks.records.store import MemoryStore, Stored, TaskStore
+from taskrpc.tasks.responses import Resumed, TaskResponse
 from taskrpc.tasks.server import TaskServer
+
+Answer = TaskResponse
+"""The earlier name of `TaskResponse`."""
+State = TaskState
+"""The earlier name of `TaskState`."""
 
 __all__ = [
     "Answer",
@@ -17,6 +27,9 @@ __all__ = [
     "Stored",
     "Task",
     "TaskManager",
+    "TaskResponse",
     "TaskServer",
+    "TaskSettings",
+    "TaskState",
     "TaskStore",
 ]

@@ -1,4 +1,4 @@
-"""A task and the states that it goes through: plain values, no clock and no I/O."""
+"""A task, its states and its order: plain values, no clock and no I/O."""
 
 from __future__ import annotations
 
@@ -12,123 +12,136 @@ import msgspec
 PRIORITY_MIN = 1
 """The lowest priority."""
 PRIORITY_MAX = 10
-"""The priority that runs first."""
+"""The highest priority: its tasks run first."""
 
-Key: TypeAlias = tuple[int, int]
-"""The place in the order of run: (-priority, arrival). What is smaller runs earlier."""
+OrderKey: TypeAlias = tuple[int, int]
+"""A task's place in the order of execution: `(level, arrival)`. The smaller key runs earlier.
+
+`Task.order_key` is the only definition of that order. The heap, the schedule, the estimates and
+the pages of a listing all compare its keys.
+"""
+
+LEVELS = range(-PRIORITY_MAX, -PRIORITY_MIN + 1)
+"""The first component of the queued tasks' keys, in the order of execution."""
+RUNNING_KEY: OrderKey = (LEVELS[0] - 1, 0)
+"""The key of the running task: before every queued task."""
+BEFORE_RUNNING_KEY: OrderKey = (LEVELS[0] - 2, 0)
+"""A key before the running task."""
 
 
-class State(Enum):
-    """Where a task is in its life; the value is the name that users see."""
+class TaskState(Enum):
+    """The state of a task; the value is the name that users see."""
 
     QUEUED = "QUEUED"
-    """Waits for its turn."""
+    """It waits in the queue."""
     RUNNING = "RUNNING"
-    """The robot works on it."""
+    """The robot executes it."""
     PAUSED = "PAUSED"
-    """Begun; the robot halts until the queue is resumed."""
+    """It has begun; the robot stands still until the queue is resumed."""
     CANCELING = "CANCELING"
-    """Begun; the robot is being halted."""
+    """It has begun; the robot is about to halt."""
     SUCCEEDED = "SUCCEEDED"
-    """Done."""
+    """The robot has completed it."""
     FAILED = "FAILED"
-    """The robot gave up."""
+    """The robot could not complete it."""
     CANCELED = "CANCELED"
-    """Somebody called it off."""
+    """A client cancelled it."""
     INTERRUPTED = "INTERRUPTED"
-    """It ran when the server ended; nobody knows how far it came."""
+    """It was running when the server ended, so its progress is unknown."""
 
     @property
     def is_begun(self) -> bool:
-        """Whether the robot has it in hand."""
+        """Whether the robot has begun it and not ended it."""
         return self in BEGUN
 
     @property
     def is_ended(self) -> bool:
-        """Whether nothing more will happen to it unless it is queued once more."""
-        return self is not State.QUEUED and self not in BEGUN
+        """Whether it has ended; only a requeue changes it again."""
+        return self is not TaskState.QUEUED and self not in BEGUN
 
 
-BEGUN = frozenset({State.RUNNING, State.PAUSED, State.CANCELING})
-"""The states of the one task that the robot has in hand."""
+BEGUN = frozenset({TaskState.RUNNING, TaskState.PAUSED, TaskState.CANCELING})
+"""The states of the one task that the robot executes."""
 
-_ENDINGS = {State.SUCCEEDED, State.FAILED, State.CANCELED, State.INTERRUPTED}
+_ENDINGS = {TaskState.SUCCEEDED, TaskState.FAILED, TaskState.CANCELED, TaskState.INTERRUPTED}
 
-MOVES: Mapping[State, frozenset[State]] = MappingProxyType(
+TRANSITIONS: Mapping[TaskState, frozenset[TaskState]] = MappingProxyType(
     {
-        State.QUEUED: frozenset({State.RUNNING, State.CANCELED}),
-        State.RUNNING: frozenset({State.PAUSED, State.CANCELING} | _ENDINGS),
-        State.PAUSED: frozenset({State.RUNNING, State.CANCELING} | _ENDINGS),
-        State.CANCELING: frozenset(_ENDINGS),  # the robot may be done before it could be halted
-        State.SUCCEEDED: frozenset(),
-        State.FAILED: frozenset({State.QUEUED}),
-        State.CANCELED: frozenset({State.QUEUED}),
-        State.INTERRUPTED: frozenset({State.QUEUED, State.CANCELED}),
+        TaskState.QUEUED: frozenset({TaskState.RUNNING, TaskState.CANCELED}),
+        TaskState.RUNNING: frozenset({TaskState.PAUSED, TaskState.CANCELING} | _ENDINGS),
+        TaskState.PAUSED: frozenset({TaskState.RUNNING, TaskState.CANCELING} | _ENDINGS),
+        TaskState.CANCELING: frozenset(_ENDINGS),  # it may complete before the robot halts
+        TaskState.SUCCEEDED: frozenset(),
+        TaskState.FAILED: frozenset({TaskState.QUEUED}),
+        TaskState.CANCELED: frozenset({TaskState.QUEUED}),
+        TaskState.INTERRUPTED: frozenset({TaskState.QUEUED, TaskState.CANCELED}),
     }
 )
-"""Every move from one state to another that a task may make."""
+"""The states that may follow each state."""
 
 
 class EstimateChange(msgspec.Struct, frozen=True, gc=False):
-    """One reason why a task will be done at another time than was promised."""
+    """One reason why a task ends later or earlier than its accepted estimate says."""
 
     seconds: float
-    """Robot seconds by which it will be done later; negative: earlier."""
+    """Robot seconds by which the task ends later; negative: earlier."""
     cause: str
-    """What happened, as a user reads it."""
+    """What happened, as users read it."""
 
 
 class Task(msgspec.Struct, frozen=True, kw_only=True, gc=False):
-    """One task as it was at one moment; a change makes a new value.
+    """An immutable snapshot of one task; each change makes a new value.
 
-    Instants are seconds since 1970 (the wall clock's), estimates are robot seconds.
+    Instants are seconds since 1970 on the wall clock. Estimates are robot seconds.
     """
 
     task_id: int
-    """From 1 upwards, never used twice."""
+    """Counts up from 1; no id is used twice."""
     task_type: str
     """One of the robot's task types."""
     target: str
-    """As it was submitted."""
+    """The target as the client wrote it."""
     priority: int
     """`PRIORITY_MIN` to `PRIORITY_MAX`."""
     arrival: int
-    """Counts what entered the queue; among equal priorities the smaller one runs first."""
+    """Counts the tasks that entered the queue; among equal priorities the smaller runs first."""
     submitted_at: float
-    """When it was queued, the last time if more than once."""
-    state: State = State.QUEUED
+    """When it was queued; after a requeue, when that happened."""
+    state: TaskState = TaskState.QUEUED
     started_at: float | None = None
+    """When the robot began it; None before."""
     ended_at: float | None = None
+    """When it ended; None before."""
     accepted_estimate: float = 0.0
-    """What was promised when it was queued: seconds from then until it is done."""
+    """The estimate that the client got: robot seconds from `submitted_at` to its end."""
     progress: float = 0.0
-    """0.0 to 1.0."""
+    """The completed part, 0.0 to 1.0."""
     message: str = ""
-    """Why it ended as it did."""
+    """Why it ended in its state."""
     result: str = ""
-    """What the robot found, as JSON text; empty until it succeeded."""
+    """The robot's result as JSON text; empty unless it SUCCEEDED."""
     client: str = ""
-    """Who submitted it."""
+    """The client that submitted it: an account or a node."""
     machine: str = ""
-    """The address from which it came, where one account may have many machines."""
+    """The address that an account submitted it from; empty without an account."""
     changes: tuple[EstimateChange, ...] = ()
-    """Why the promise was not kept to the second; filled in when it ends."""
+    """Why it did not end at its accepted estimate; filled in when it ends."""
 
     @property
-    def key(self) -> Key:
-        """Its place in the order of run."""
+    def order_key(self) -> OrderKey:
+        """Its place in the order of execution: priority 10 first, equal priorities by arrival."""
         return (-self.priority, self.arrival)
 
     @property
-    def may_become(self) -> frozenset[State]:
-        """The states into which it may move."""
-        return MOVES[self.state]
+    def may_become(self) -> frozenset[TaskState]:
+        """The states that may follow its own."""
+        return TRANSITIONS[self.state]
 
-    def moved_to(self, state: State, *, message: str = "") -> Task:
-        """The same task in another state.
+    def moved_to(self, state: TaskState, *, message: str = "") -> Task:
+        """Return the same task in another state.
 
         Raises:
-            ValueError: a task never moves so.
+            ValueError: `TRANSITIONS` does not allow it.
         """
         if state not in self.may_become:
             raise ValueError(
@@ -137,19 +150,20 @@ class Task(msgspec.Struct, frozen=True, kw_only=True, gc=False):
         return msgspec.structs.replace(self, state=state, message=message)
 
     def started(self, at: float) -> Task:
-        """The same task, RUNNING since `at`."""
-        return msgspec.structs.replace(self.moved_to(State.RUNNING), started_at=at, progress=0.0)
+        """Return the same task, RUNNING since `at`."""
+        running = self.moved_to(TaskState.RUNNING)
+        return msgspec.structs.replace(running, started_at=at, progress=0.0)
 
-    def ended(self, state: State, at: float, *, message: str = "", result: str = "") -> Task:
-        """The same task, ended in `state` at `at`."""
+    def ended(self, state: TaskState, at: float, *, message: str = "", result: str = "") -> Task:
+        """Return the same task, ended in `state` at `at`."""
         moved = self.moved_to(state, message=message)
-        progress = 1.0 if state is State.SUCCEEDED else self.progress
+        progress = 1.0 if state is TaskState.SUCCEEDED else self.progress
         return msgspec.structs.replace(moved, ended_at=at, result=result, progress=progress)
 
     def requeued(self, at: float, arrival: int) -> Task:
-        """The same task at the place of `arrival` in its priority, as if submitted at `at`."""
+        """Return the same task, QUEUED at `at` in the place that `arrival` gives it."""
         return msgspec.structs.replace(
-            self.moved_to(State.QUEUED),
+            self.moved_to(TaskState.QUEUED),
             arrival=arrival,
             submitted_at=at,
             started_at=None,

@@ -1,4 +1,7 @@
-"""Who asks the task server, and what he may do to whose tasks."""
+"""Permissions: which client calls the task server, and what it may do to which tasks.
+
+All of it is separate from the services, so that a security review finds it in one place.
+"""
 
 from __future__ import annotations
 
@@ -19,30 +22,32 @@ ROLES = {
     "requeue": Role.OPERATE,
     "stop": Role.OPERATE,
 }
-"""The least role for each service below `/robot_task`."""
+"""The role that each service below `/robot_task` requires at least."""
 
 
 def client_name() -> str:
-    """Whose task the running call submits: the account's, else the calling node's."""
+    """Return the name of the running call's client: its account, otherwise its node."""
     return submitter()[0]
 
 
 def submitter() -> tuple[str, str, str]:
-    """The same; the call's account, "" for whoever has the server's own token; and its machine.
+    """Return the running call's client name, account and machine.
 
-    The last is an address, "" for this one.
+    The account is "" for a client that has the server's own token. The machine is an address, ""
+    for this machine. All three are "" outside a call.
     """
     try:
         call = current_call()
-    except LookupError:  # called without a network
+    except LookupError:  # a method of `TaskServer` was called directly
         return "", "", ""
     return call.principal or call.caller, call.principal, call.machine
 
 
 def refuse_others_task(task: Task | None) -> None:
-    """Let nobody below OPERATE touch what another client has submitted.
+    """Refuse a task that another client submitted, unless the caller has the role OPERATE.
 
-    Raises Denied.
+    Raises:
+        Denied: the caller may not change this task.
     """
     try:
         call = current_call()
@@ -51,6 +56,6 @@ def refuse_others_task(task: Task | None) -> None:
     if task is None or call.role >= Role.OPERATE or task.client == call.principal:
         return
     raise Denied(
-        f"task {task.task_id} is not the account {call.principal}'s: what others submitted needs"
-        f" the role operate; the account has {call.role.name.lower()}",
+        f"task {task.task_id} was submitted by another client: to change it, the account"
+        f" {call.principal} needs the role operate, but it has {call.role.name.lower()}",
     )

@@ -1,4 +1,8 @@
-"""A robot class written by others, held at arm's length: it may fail, the queue may not."""
+"""The guard around a robot class: the robot may fail, the task queue must not.
+
+Every call of the robot's methods goes through here, except `Robot.execute`, which a
+`TaskExecution` awaits.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +17,7 @@ _log = logging.getLogger("taskrpc.tasks")
 
 
 class RobotGuard:
-    """Asks a robot what the task server wants to know and survives every answer.
+    """Calls a robot's methods; logs what they raise and returns a usable value instead.
 
     Args:
         robot: any object that follows the `Robot` protocol.
@@ -24,63 +28,69 @@ class RobotGuard:
 
     def __init__(self, robot: Robot) -> None:
         self.robot = robot
+        """The robot itself."""
         self.speed = float(robot.speed)
+        """Robot seconds in a real second."""
         if not 0.0 < self.speed < math.inf:
             raise ValueError(f"expected a robot with a positive speed, got {robot.speed!r}")
         self._last_pose = Pose(0.0, 0.0, 0.0)
-        self._pose_problem = ""
+        self._pose_problem = ""  # the last logged one, so that it is logged once
 
     def plan(self, task: Task, start: Pose) -> Plan:
-        """Plan an accepted task; a robot that cannot say takes no time and stays where it is."""
+        """Return the plan of an accepted task; 0 seconds at `start` if the robot fails."""
         try:
             return checked_plan(self.robot, task.task_type, task.target, start)
         except Exception as error:
-            number, why = task.task_id, sentence(error)
             text = "task %d: the robot cannot plan it: %s"
-            _log.warning(text, number, why, extra={"task": number})
+            _log.warning(text, task.task_id, error_text(error), extra={"task": task.task_id})
             return Plan(0.0, start)
 
     def pose(self) -> Pose:
-        """Where the robot is, or was when it last said."""
+        """Return the robot's pose; the last known one if the robot fails."""
         try:
             self._last_pose = self.robot.pose()
             self._pose_problem = ""
         except Exception as error:
-            problem = sentence(error)
-            if problem != self._pose_problem:  # it is asked ten times a second
+            problem = error_text(error)
+            if problem != self._pose_problem:  # the pose is read ten times a second
                 self._pose_problem = problem
-                _log.warning("the robot does not say where it is: %s", problem)
+                _log.warning("the robot's pose is unknown: %s", problem)
         return self._last_pose
 
     def remaining(self, otherwise: float) -> float:
-        """Robot seconds until the running task ends, or a guess where the robot has no idea."""
+        """Return the robot seconds that the execution still takes, `otherwise` if it fails."""
         try:
             seconds = float(self.robot.remaining())
         except Exception as error:
-            _log.warning("the robot does not say how long it takes: %s", sentence(error))
+            _log.warning("the robot's remaining time is unknown: %s", error_text(error))
             return otherwise
         return max(0.0, seconds) if math.isfinite(seconds) else otherwise
 
-    def order(self, order: Callable[[], None]) -> str:
-        """Give the robot an order and return why it did not obey, empty if it did."""
+    def command(self, command: Callable[[], None]) -> str:
+        """Call a command of the robot; returns why it failed, "" if it did not."""
         try:
-            order()
+            command()
         except Exception as error:
             _log.exception("the robot failed")
-            return f"the robot failed: {sentence(error)}"
+            return f"the robot failed: {error_text(error)}"
         return ""
 
 
 def checked_plan(robot: Robot, task_type: str, target: str, start: Pose) -> Plan:
-    """Ask the robot for a plan; raises what it raises, and ValueError if the plan is none."""
+    """Return the robot's plan.
+
+    Raises:
+        ValueError: the plan's seconds are not a finite number of 0 or more.
+        Exception: whatever the robot's `plan` raises.
+    """
     plan = robot.plan(task_type, target, start)
     if not 0.0 <= plan.seconds < math.inf:
         raise ValueError(f"expected a plan of 0 or more seconds, got {plan.seconds!r}")
     return plan
 
 
-def sentence(error: BaseException) -> str:
-    """What went wrong, in one line that can be shown, stored and sent."""
+def error_text(error: BaseException) -> str:
+    """Return an error as one line of valid Unicode that can be shown, stored and sent."""
     text = " ".join(str(error).split()) or "no reason given"
     text = text.encode(errors="replace").decode()
     name = type(error).__name__

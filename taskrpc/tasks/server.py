@@ -1,4 +1,4 @@
-"""The task server: a task manager behind the services of a node."""
+"""The task server: offers a task manager as services of a node."""
 
 from __future__ import annotations
 
@@ -19,24 +19,23 @@ from taskrpc.node import Node
 from taskrpc.request_ids.ids import Completion
 from taskrpc.robot.protocol import Robot
 from taskrpc.service import Service
-from taskrpc.tasks.answers import Answer, Resumed
-from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.messages import Messages
+from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.tasks.model import Task
+from taskrpc.tasks.pages import page
 from taskrpc.tasks.permissions import ROLES, client_name, refuse_others_task, submitter
-from taskrpc.tasks.queue.pages import page
-from taskrpc.tasks.records.completions import TaskCompletions
+from taskrpc.tasks.records.repository import TaskCompletions
 from taskrpc.tasks.records.store import TaskStore
-from taskrpc.tasks.topics import TaskNews
+from taskrpc.tasks.responses import Resumed, TaskMessages, TaskResponse
+from taskrpc.tasks.topics import TaskTopics
 
 _log = logging.getLogger("taskrpc.tasks")
 
-_CONCURRENCY = 64  # so many calls of one service may wait for the disk together
+_CONCURRENCY = 64  # calls of one service that may wait for the disk at the same time
 _WATCHERS = 1000
-_WATCH_SECONDS = 10.0  # how long a watcher that does not say waits
+_WATCH_SECONDS = 10.0  # how long a watcher without a timeout waits
 _WATCH_AT_MOST = 60.0
-_WATCH_SHARE = 0.9  # of the time that the caller waits; the rest is for the way back
-_WATCHED_TASKS = 100  # more changes at once are told as "list them afresh"
+_WATCH_SHARE = 0.9  # of the call's time left; the rest is for sending the response
+_WATCHED_TASKS = 100  # with more changes the response is incomplete: the client lists them
 
 _TYPES = {
     "submit": "my_robot_interfaces/srv/RobotTask",
@@ -52,13 +51,13 @@ _TYPES = {
     "stop": "taskrpc_interfaces/srv/StopRobot",
     "health": "std_srvs/srv/Trigger",
 }
-"""What each service's requests and answers are."""
+"""The type of each service."""
 
 _Handler: TypeAlias = Callable[[Any, Any], Awaitable[Any]]
 
 
 def load_types() -> dict[str, Any]:
-    """The types of all services; loading them is most of the work of a task server's start."""
+    """Load the types of all services; this takes most of a task server's start time."""
     return {verb: srvgen.load(name) for verb, name in _TYPES.items()}
 
 
@@ -68,17 +67,14 @@ class TaskServer:
     Use it as `async with TaskServer(node, robot, store):`, or call `start` and `close`.
 
     Args:
-        node: a started node; it stays the caller's.
+        node: a started node; `close` does not close it.
         robot: the robot, an object that follows the `Robot` protocol.
-        store: where tasks survive; `close` closes it.
-        queue_limit: how many tasks may wait.
-        share: how many of them may be of one account at one machine; None for all.
-        settle: real seconds that an idle robot waits for company before it takes the first task.
-        service_name: the name of the service that takes tasks.
-        keep_ended: how many ended tasks are remembered, besides the interrupted ones.
-        join: whether to start although another server has the name.
-        introspection: what the services tell of their calls; see `Node.configure_introspection`.
-        wall_clock: the time of day, in seconds since 1970.
+        store: keeps the tasks for the next server; `close` closes it.
+        service_name: the name of the service that accepts tasks.
+        join: whether to start although another server offers the same service.
+        introspection: what the services publish about their calls; see
+            `Node.configure_introspection`.
+        queue_limit, share, settle, keep_ended, wall_clock: see `TaskSettings`.
     """
 
     def __init__(
@@ -99,22 +95,22 @@ class TaskServer:
         self._join = join
         self._introspection = introspection
         self._store = store
-        self.manager = TaskManager(
-            robot,
-            store,
+        settings = TaskSettings(
             queue_limit=queue_limit,
             share=share,
             settle=settle,
             keep_ended=keep_ended,
             wall_clock=wall_clock,
         )
-        self._completions = TaskCompletions(store, self.manager.book)
+        self.manager = TaskManager(robot, store, settings)
+        """The tasks; for programs that work with them without a network."""
+        self._completions = TaskCompletions(store, self.manager.repository)
         self._node = node
         self._service_name = service_name
-        self._messages = Messages()
+        self._messages = TaskMessages()
         self._types = load_types()
         self._services: list[Service] = []
-        self._news: TaskNews | None = None
+        self._topics: TaskTopics | None = None
         self._started = asyncio.Event()
 
     async def __aenter__(self) -> Self:
@@ -130,20 +126,20 @@ class TaskServer:
         await self.close()
 
     async def start(self, *, fresh: bool = False) -> Resumed:
-        """Take up the tasks of the server before, begin to work and offer the services.
+        """Offer the services, queue the earlier server's tasks again and start the robot.
 
-        With `fresh` the tasks of the server before are forgotten instead. Returns what was taken
-        up; its `str` is a sentence for the user.
+        With `fresh` the tasks of the earlier server are forgotten instead. Returns the resumed
+        tasks; the `str` of that is a sentence for the user.
 
         Raises:
             StoreError: the store cannot be used.
-            NameInUse: somebody else offers the service.
+            NameInUse: another server offers the service.
         """
-        # Offered first: a second server must not touch the store of the one that has the name.
-        # Whoever calls before the store is read waits for it.
+        # Offer the services first: a second server must not touch the store of the server that
+        # has the name. Calls that arrive before the store is read wait for it.
         try:
             self._offer()
-            self._news = TaskNews(self._node, self.manager, self._messages, self._service_name)
+            self._topics = TaskTopics(self._node, self.manager, self._messages, self._service_name)
             if fresh:
                 await self._store.clear()
             resumed = await self.manager.start()
@@ -151,35 +147,37 @@ class TaskServer:
             for service in self._services:
                 service.destroy()
             self._services.clear()
-            self._close_news()
+            self._close_topics()
             raise
         self._started.set()
         self._completions.opened()
         return resumed
 
-    async def health(self) -> Answer:
-        """Whether tasks are taken now: `success`, and one sentence that says why not."""
+    async def health(self) -> TaskResponse:
+        """Return whether the server accepts tasks: `success`, and why not in `message`."""
         if not self._started.is_set():
-            return Answer(False, "not ready: starting, the tasks of earlier runs are being read")
-        if self.manager.board.is_closed:
-            return Answer(False, "not ready: ending")
-        if problem := await self.manager.book.problem():
-            return Answer(False, f"not ready: {problem}")
-        return Answer(True, f"ready: {self.manager}")
+            return TaskResponse(
+                False, "not ready: starting, reading the tasks of the earlier server"
+            )
+        if self.manager.change_feed.is_closed:
+            return TaskResponse(False, "not ready: ending")
+        if problem := await self.manager.repository.problem():
+            return TaskResponse(False, f"not ready: {problem}")
+        return TaskResponse(True, f"ready: {self.manager}")
 
     def dismiss_watchers(self) -> None:
-        """Answer everybody who waits for a change, so that a node may drain without them."""
-        self.manager.board.close()
+        """Respond to all watchers, so that the node can drain without waiting for them."""
+        self.manager.change_feed.close()
 
     async def close(self) -> None:
         """Halt the robot, store the running task as INTERRUPTED and close the store."""
-        self._close_news()
+        self._close_topics()
         await self.manager.close()
 
-    def _close_news(self) -> None:
-        if self._news is not None:
-            self._news.close()
-            self._news = None
+    def _close_topics(self) -> None:
+        if self._topics is not None:
+            self._topics.close()
+            self._topics = None
 
     def _offer(self) -> None:
         submit = self._node.create_service(
@@ -190,8 +188,8 @@ class TaskServer:
             join=self._join,
         )
         self._services.append(submit)
-        # A call that looks or halts may be repeated when its answer is lost. One that sets things
-        # going may not: somebody else may have halted them meanwhile.
+        # A client may repeat a call that reads or halts when its response was lost. It must not
+        # repeat a call that starts something: another client may have halted it meanwhile.
         for verb, handler, may_repeat in (
             ("list", self.list_tasks, True),
             ("show", self.show, True),
@@ -217,7 +215,7 @@ class TaskServer:
         health = self._node.create_service(
             self._types["health"],
             f"{self._service_name}/health",
-            self.tell_health,  # unguarded: it says what the others wait for
+            self.tell_health,  # unguarded: it reports why the other services wait
             concurrency=_CONCURRENCY,
             idempotent=True,
             join=self._join,
@@ -229,13 +227,13 @@ class TaskServer:
                 self._node.configure_introspection(service, self._introspection)
 
     def _guarded(self, handler: _Handler) -> _Handler:
-        """The handler, which tells its caller when the server ends or what the store lacks."""
+        """Return the handler with errors for a server that ends and a store that fails."""
 
         @wraps(handler)
         async def guarded(request: Any, response: Any) -> Any:
             if not self._started.is_set():
                 await self._started.wait()
-            self._refuse_at_end()
+            self._refuse_when_closed()
             try:
                 return await handler(request, response)
             except (StoreError, OutcomeUnknown) as error:
@@ -243,49 +241,49 @@ class TaskServer:
 
         return guarded
 
-    def _refuse_at_end(self) -> None:
-        if self.manager.is_closed:  # the store is, too; and nothing was done
+    def _refuse_when_closed(self) -> None:
+        if self.manager.is_closed:  # so is the store; nothing was done
             raise HandlerError(Code.UNAVAILABLE, "the task server is ending")
 
-    # The handlers: `request` and `response` are the service's own messages
+    # The handlers: `request` and `response` are messages of the service's type
 
     async def submit(self, request: Any, response: Any) -> Any:
         """Queue a task; see RobotTask.srv."""
-        answer = self._begin_submit(request, response)
-        return await answer if isinstance(answer, asyncio.Future) else answer
+        begun = self._begin_submit(request, response)
+        return await begun if isinstance(begun, asyncio.Future) else begun
 
     def _submitted(self, request: Any, response: Any) -> Any:
         if self._started.is_set():
-            self._refuse_at_end()
+            self._refuse_when_closed()
             return self._begin_submit(request, response)
         return self._guarded(self.submit)(request, response)
 
     def _begin_submit(self, request: Any, response: Any) -> Any:
-        """Queue a task; returns the response, or a future of it while the task is being stored."""
+        """Queue a task; returns the response, or its future while the task is being stored."""
         client, account, machine = submitter()
-        # No coroutine: for each that waits for the disk a task would be made.
+        # A future and no coroutine: the node would make an asyncio task for each waiting coroutine.
         queued = asyncio.get_running_loop().create_future()
         try:
-            answer = self.manager.submit_then(
-                partial(_tell_queued, queued, response),
+            result = self.manager.submit_with_callback(
+                partial(_resolve_response, queued, response),
                 request.task_type,
                 request.target,
                 request.priority,
                 client=client,
                 account=account,
                 machine=machine,
-                completing=lambda answer: _completed(_answered(response, answer)),
+                completing=lambda result: _completed(_filled(response, result)),
             )
         except (StoreError, OutcomeUnknown) as error:
             raise _failed(Code.UNAVAILABLE, error) from error
-        if answer.success:
+        if result.success:
             return queued
         _nothing_done()
-        return _answered(response, answer)
+        return _filled(response, result)
 
     async def list_tasks(self, request: Any, response: Any) -> Any:
-        """List tasks in the order of run; see ListTasks.srv."""
-        response.revision = self.manager.board.revision
+        """List tasks in the order of execution; see ListTasks.srv."""
+        response.revision = self.manager.change_feed.revision
         try:
             found = page(self.manager, request.page, limit=request.limit, ended=request.all)
         except ValueError as error:
@@ -300,12 +298,12 @@ class TaskServer:
 
     async def show(self, request: Any, response: Any) -> Any:
         """Show one task; see ShowTask.srv."""
-        task = self.manager.book.find(request.task_id)
+        task = self.manager.repository.find(request.task_id)
         response.success = task is not None
         if task is None:
             response.message = f"There is no task {request.task_id}"
             return response
-        self.manager.reckon()
+        self.manager.update_estimates()
         response.task = self._messages.whole_task_info(
             task, self.manager.estimate(task.task_id), self.manager.changes(task)
         )
@@ -313,64 +311,63 @@ class TaskServer:
 
     async def watch(self, request: Any, response: Any) -> Any:
         """Wait for changes; see WatchTasks.srv."""
-        board, only = self.manager.board, request.task_id
-        response.success = not only or self.manager.book.find(only) is not None
+        feed, only = self.manager.change_feed, request.task_id
+        response.success = not only or self.manager.repository.find(only) is not None
         if not response.success:
             response.message = f"There is no task {only}"
             return response
-        await board.wait_for_change(request.revision, _patience(request.timeout), task_id=only)
-        changed = board.changed_since(request.revision)
+        await feed.wait_for_change(request.revision, _watch_timeout(request.timeout), task_id=only)
+        changed = feed.changed_since(request.revision)
         response.complete = changed is not None and len(changed) <= _WATCHED_TASKS
         if only and (changed is None or only in changed):
             response.complete, changed = True, [only]
         elif only:
             changed = []
-        response.revision = board.revision
+        response.revision = feed.revision
         response.paused = self.manager.is_paused
         if response.complete and changed:
             self._fill(response, changed)
         return response
 
     async def cancel(self, request: Any, response: Any) -> Any:
-        """Call a task off; see CancelTask.srv."""
-        refuse_others_task(self.manager.book.find(request.task_id))
-        return _answered(response, await self.manager.cancel(request.task_id, client=client_name()))
+        """Cancel a task; see CancelTask.srv."""
+        refuse_others_task(self.manager.repository.find(request.task_id))
+        return _filled(response, await self.manager.cancel(request.task_id, client=client_name()))
 
     async def pause(self, request: Any, response: Any) -> Any:
-        """Halt the robot and the queue; see PauseTasks.srv."""
-        return _answered(response, await self.manager.pause())
+        """Halt the robot and pause the queue; see PauseTasks.srv."""
+        return _filled(response, await self.manager.pause())
 
     async def resume(self, request: Any, response: Any) -> Any:
-        """Go on; see ResumeTasks.srv."""
-        return _answered(response, await self.manager.resume())
+        """Continue after a pause; see ResumeTasks.srv."""
+        return _filled(response, await self.manager.resume())
 
     async def reprioritise(self, request: Any, response: Any) -> Any:
-        """Move a task to another priority; see ReprioritiseTask.srv."""
-        answer = await self.manager.reprioritise(request.task_id, request.priority)
-        return _answered(response, answer)
+        """Change a task's priority; see ReprioritiseTask.srv."""
+        result = await self.manager.reprioritise(request.task_id, request.priority)
+        return _filled(response, result)
 
     async def requeue(self, request: Any, response: Any) -> Any:
-        """Queue a task once more; see RequeueTask.srv."""
-        return _answered(
-            response, await self.manager.requeue(request.task_id, resume=request.resume)
-        )
+        """Queue an ended task again; see RequeueTask.srv."""
+        result = await self.manager.requeue(request.task_id, resume=request.resume)
+        return _filled(response, result)
 
     async def drop(self, request: Any, response: Any) -> Any:
-        """Give a task up; see DropTask.srv."""
-        refuse_others_task(self.manager.book.find(request.task_id))
-        return _answered(response, await self.manager.drop(request.task_id, client=client_name()))
+        """Cancel a queued or interrupted task; see DropTask.srv."""
+        refuse_others_task(self.manager.repository.find(request.task_id))
+        return _filled(response, await self.manager.drop(request.task_id, client=client_name()))
 
     async def stop(self, request: Any, response: Any) -> Any:
-        """Halt the robot at once; see StopRobot.srv."""
-        return _answered(response, await self.manager.stop(client=client_name()))
+        """Halt the robot at once and pause the queue; see StopRobot.srv."""
+        return _filled(response, await self.manager.stop(client=client_name()))
 
     async def tell_health(self, request: Any, response: Any) -> Any:
-        """Say whether tasks are taken now; a std_srvs/srv/Trigger."""
-        return _answered(response, await self.health())
+        """Report whether the server accepts tasks now; a std_srvs/srv/Trigger."""
+        return _filled(response, await self.health())
 
     def _fill(self, response: Any, changed: list[int]) -> None:
-        self.manager.reckon()
-        found = (self.manager.book.find(task_id) for task_id in changed)
+        self.manager.update_estimates()
+        found = (self.manager.repository.find(task_id) for task_id in changed)
         response.tasks = [self._info(task) for task in found if task is not None]
 
     def _info(self, task: Task) -> Any:
@@ -378,53 +375,56 @@ class TaskServer:
 
 
 def _failed(unstored: Code, error: TaskRpcError) -> HandlerError:
-    """What the caller is told of a store that failed; the log has the whole of it."""
+    """Return the error for the caller when the store failed; the log gets the full text."""
     _log.error("%s", error)
     code = Code.OUTCOME_UNKNOWN if isinstance(error, OutcomeUnknown) else unstored
     return HandlerError(code, told(error))
 
 
-def _tell_queued(queued: asyncio.Future[Any], response: Any, error: BaseException | None) -> None:
-    """A task is stored, for which the response was filled in, or is not."""
+def _resolve_response(
+    queued: asyncio.Future[Any], response: Any, error: BaseException | None
+) -> None:
+    """Resolve the future of a filled response when its task is stored, or is not."""
     if queued.done():
-        return  # nobody waits any more
+        return  # the call was cancelled
     if error is None:
         queued.set_result(response)
     elif isinstance(error, StoreError | OutcomeUnknown):
-        queued.set_exception(_failed(Code.UNAVAILABLE, error))  # nothing was done, or who knows
+        queued.set_exception(_failed(Code.UNAVAILABLE, error))  # not done, or outcome unknown
     elif isinstance(error, asyncio.CancelledError):
         queued.cancel()
     else:
         queued.set_exception(error)
 
 
-def _answered(response: Any, answer: Answer) -> Any:
-    response.success = answer.success
-    response.message = answer.message
+def _filled(response: Any, result: TaskResponse) -> Any:
+    """Return the response message, filled with the manager's result."""
+    response.success = result.success
+    response.message = result.message
     if hasattr(response, "task_id"):
-        response.task_id = answer.task_id
+        response.task_id = result.task_id
     if hasattr(response, "estimated_time"):
-        response.estimated_time = answer.estimated_time
+        response.estimated_time = result.estimated_time
     return response
 
 
 def _completed(response: Any) -> Completion | None:
     try:
         return current_call().completed_by(response)
-    except LookupError:  # called without a network
+    except LookupError:  # a handler was called directly
         return None
 
 
 def _nothing_done() -> None:
-    with contextlib.suppress(LookupError):  # called without a network
+    with contextlib.suppress(LookupError):  # a handler was called directly
         current_call().nothing_done()
 
 
-def _patience(asked: float) -> float:
-    """Seconds that a watcher may wait, so that its answer comes before it gives up."""
-    patience = min(asked if asked > 0 else _WATCH_SECONDS, _WATCH_AT_MOST)
+def _watch_timeout(requested: float) -> float:
+    """Return how many seconds a watcher may wait to get its response before its deadline."""
+    timeout = min(requested if requested > 0 else _WATCH_SECONDS, _WATCH_AT_MOST)
     try:
         left = current_call().time_left()
     except LookupError:
         left = None
-    return patience if left is None else min(patience, left * _WATCH_SHARE)
+    return timeout if left is None else min(timeout, left * _WATCH_SHARE)

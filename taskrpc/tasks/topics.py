@@ -1,6 +1,6 @@
-"""The task server's topics: what changes among the tasks, and where the robot is.
+"""The task server's topics: changes of the tasks, and the robot's pose.
 
-Nothing is done for them as long as nobody subscribes.
+The server publishes only while a topic has subscribers.
 """
 
 from __future__ import annotations
@@ -16,55 +16,55 @@ from taskrpc.node import Node
 from taskrpc.qos import QoS
 from taskrpc.robot.protocol import Pose
 from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.messages import Messages
+from taskrpc.tasks.responses import TaskMessages
 from taskrpc.topic import Publisher
 
 POSE_PERIOD = 0.1
-"""Seconds between two poses of a robot that moves."""
+"""Seconds between two poses of a moving robot."""
 EVENT_PERIOD = 0.02
-"""Seconds between two messages about tasks, at least; what changes meanwhile goes together."""
+"""Minimum seconds between two events messages; changes within it share one message."""
 MOST_TASKS = 100
-"""Tasks that one message tells of; of more it says so."""
+"""The most tasks in one events message; after more changes it says that it is incomplete."""
 _FRAME = "map"
 _LATEST = QoS(1, durability="transient_local")
-_FOR_EVER = 86_400.0
+_NO_TIMEOUT = 86_400.0
 
 
-class TaskNews:
+class TaskTopics:
     """Publishes `SERVICE/events` and `SERVICE/pose`."""
 
     def __init__(
-        self, node: Node, manager: TaskManager, messages: Messages, service_name: str
+        self, node: Node, manager: TaskManager, messages: TaskMessages, service_name: str
     ) -> None:
         self._manager = manager
         self._messages = messages
         self._events_type = srvgen.load("taskrpc_interfaces/msg/TaskEvents")
         self._pose_type = srvgen.load("geometry_msgs/msg/PoseStamped")
-        self._parts = [
-            _Part(node, self._events_type, f"{service_name}/events", self._tell_events),
-            _Part(node, self._pose_type, f"{service_name}/pose", self._tell_pose),
+        self._topics = [
+            _OnDemandTopic(node, self._events_type, f"{service_name}/events", self._publish_events),
+            _OnDemandTopic(node, self._pose_type, f"{service_name}/pose", self._publish_pose),
         ]
 
     def close(self) -> None:
-        """Publish no more."""
-        for part in self._parts:
-            part.close()
+        """Stop publishing and destroy the publishers."""
+        for topic in self._topics:
+            topic.close()
 
-    async def _tell_events(self, publisher: Publisher[Any]) -> None:
-        board, running = self._manager.board, self._manager.running
-        revision = board.revision
+    async def _publish_events(self, publisher: Publisher[Any]) -> None:
+        feed, running = self._manager.change_feed, self._manager.running
+        revision = feed.revision
         publisher.publish(self._events([] if running is None else [running.task_id], revision))
-        while not board.is_closed:
-            await board.wait_for_change(revision, _FOR_EVER)
+        while not feed.is_closed:
+            await feed.wait_for_change(revision, _NO_TIMEOUT)
             await asyncio.sleep(EVENT_PERIOD)
-            changed, revision = board.changed_since(revision), board.revision
+            changed, revision = feed.changed_since(revision), feed.revision
             publisher.publish(self._events(changed, revision))
 
     def _events(self, changed: list[int] | None, revision: int) -> Any:
         manager = self._manager
         complete = changed is not None and len(changed) <= MOST_TASKS
-        manager.reckon()
-        found = [manager.book.find(task_id) for task_id in changed or () if complete]
+        manager.update_estimates()
+        found = [manager.repository.find(task_id) for task_id in changed or () if complete]
         return self._events_type(
             revision=revision,
             complete=complete,
@@ -78,14 +78,14 @@ class TaskNews:
             ],
         )
 
-    async def _tell_pose(self, publisher: Publisher[Any]) -> None:
-        board, last = self._manager.board, None
-        while not board.is_closed:
-            pose, revision = self._manager.pose(), board.revision
+    async def _publish_pose(self, publisher: Publisher[Any]) -> None:
+        feed, last = self._manager.change_feed, None
+        while not feed.is_closed:
+            pose, revision = self._manager.pose(), feed.revision
             if pose != last:
                 publisher.publish(self._stamped(pose))
-            elif self._manager.running is None:  # it moves again only with a task
-                await board.wait_for_change(revision, _FOR_EVER)
+            elif self._manager.running is None:  # the robot moves again only with a task
+                await feed.wait_for_change(revision, _NO_TIMEOUT)
             last = pose
             await asyncio.sleep(POSE_PERIOD)
 
@@ -100,33 +100,33 @@ class TaskNews:
         return message
 
 
-class _Part:
-    """One publisher, and the task that feeds it while somebody subscribes."""
+class _OnDemandTopic:
+    """A publisher, and an asyncio task that publishes while the topic has subscribers."""
 
     def __init__(
         self,
         node: Node,
         msg_type: Any,
         topic: str,
-        tell: Callable[[Publisher[Any]], Coroutine[Any, Any, None]],
+        publish: Callable[[Publisher[Any]], Coroutine[Any, Any, None]],
     ) -> None:
-        self._tell = tell
+        self._publish = publish
         self._task: asyncio.Task[None] | None = None
         self._publisher = node.create_publisher(msg_type, topic, _LATEST)
-        self._publisher.on_matched = self._matched
+        self._publisher.on_matched = self._subscriptions_changed
 
     def close(self) -> None:
-        """Publish no more."""
+        """Stop publishing and destroy the publisher."""
         self._stop()
         self._publisher.destroy()
 
-    def _matched(self) -> None:
+    def _subscriptions_changed(self) -> None:
         if not self._publisher.get_subscription_count():
             self._stop()
         elif self._task is None:
-            # What was kept for latecomers is of before nobody looked.
+            # The latched message is from before the last subscriber left: it is out of date.
             self._publisher.forget_latched()
-            self._task = asyncio.get_running_loop().create_task(self._tell(self._publisher))
+            self._task = asyncio.get_running_loop().create_task(self._publish(self._publisher))
 
     def _stop(self) -> None:
         if self._task is not None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from types import TracebackType
 from typing import Self
 
-from taskrpc.testing.wires import Links
+from taskrpc.testing.faulty_connections import Links
 from taskrpc.transport.memory import hub_of
 from taskrpc.transport.tcp.tcp_network import domain_id
 

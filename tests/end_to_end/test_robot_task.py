@@ -268,7 +268,7 @@ def test_tasks_are_cancelled_moved_dropped_and_queued_again(start, task, listed)
     assert task("drop", 2)[:2] == (0, "Task 2 was cancelled\n")
     assert task("requeue", 3)[0] == 0
     assert ids(listed()) == [1, 3]
-    assert task("resume")[:2] == (0, "The queue goes on\n")
+    assert task("resume")[:2] == (0, "The queue is resumed\n")
     code, out, _ = task("submit", "report", "dock", 1, "--wait", "--json")
     assert code == 0
     assert json.loads(out)["result"].keys() == {"pose", "battery", "odometer"}

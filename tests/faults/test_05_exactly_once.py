@@ -7,14 +7,14 @@ import random
 import sqlite3
 
 import pytest
+from taskrpc.tasks.records.completions import TaskCompletions
 
 import srvgen
 import taskrpc
 from taskrpc.attempts import Attempts
 from taskrpc.request_ids.ids import Remembered
 from taskrpc.request_ids.ledger import Ledger, Verdict
-from taskrpc.tasks.records.completions import TaskCompletions
-from taskrpc.tasks.records.repository import TaskBook
+from taskrpc.tasks.records.repository import TaskRepository
 from tests.faults.harness import Bug
 from tests.faults.programs import TASK_SERVER, kill
 
@@ -36,14 +36,14 @@ def forget_what_was_done(patch):
 
 
 def acknowledge_before_it_is_stored(patch):
-    save = TaskBook.save_then
+    save = TaskRepository.save_with_callback
 
     def early(self, then, *tasks, **options):
         loop = asyncio.get_running_loop()
         loop.call_later(0.05, lambda: save(self, lambda error: None, *tasks, **options))
         then(None)
 
-    patch(TaskBook, "save_then", early)
+    patch(TaskRepository, "save_with_callback", early)
 
 
 def lose_the_completions(patch):

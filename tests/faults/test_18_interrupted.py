@@ -12,9 +12,9 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.tasks.answers import Resumed
-from taskrpc.tasks.model import State
-from taskrpc.tasks.records.repository import TaskBook
+from taskrpc.tasks.model import TaskState
+from taskrpc.tasks.records.repository import TaskRepository
+from taskrpc.tasks.responses import Resumed
 from tests.faults.harness import Bug
 from tests.faults.programs import TASK_SERVER, kill
 
@@ -35,15 +35,17 @@ BROKEN = (
 
 
 def runs_it_again(patch):
-    open_book = TaskBook.open
+    open_book = TaskRepository.open
 
     def queued(task):
-        return msgspec.structs.replace(task, state=State.QUEUED) if task.state.is_begun else task
+        return (
+            msgspec.structs.replace(task, state=TaskState.QUEUED) if task.state.is_begun else task
+        )
 
     async def reopened(book):
         return [queued(task) for task in await open_book(book)]
 
-    patch(TaskBook, "open", reopened)
+    patch(TaskRepository, "open", reopened)
 
 
 def says_nothing_of_it(patch):

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 
 import pytest
 
-from taskrpc.tasks.manager import TaskManager
+from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.queue.task_queue import TaskQueue
 from taskrpc.tasks.worker import Worker
@@ -35,7 +35,7 @@ def moves_only_in_the_list(patch):
     def moved(queue, task_id, priority):
         return []
 
-    patch(TaskQueue, "rerank", moved)
+    patch(TaskQueue, "reprioritise", moved)
 
 
 def begins_while_paused(patch):
@@ -182,7 +182,7 @@ async def one_history(chance, counts):
     """Four callers at once; returns whether what happened is linearizable, and all of it."""
     robot, store = LineRobot(speed=chance.choice([1, 5])), FullStore()
     store.delay = chance.choice([0, 0.01, 0.5])
-    manager = TaskManager(robot, store, settle=chance.choice([0, 0.1]))
+    manager = TaskManager(robot, store, TaskSettings(settle=chance.choice([0, 0.1])))
     recorder = Recorder(manager, robot, chance, counts)
     await manager.start()
     await asyncio.gather(*[recorder.caller(8) for _ in range(4)])

@@ -17,8 +17,8 @@ from taskrpc.exactly_once import OnceDesk, Run
 from taskrpc.exactly_once.store_state import LeaseClock, Shared
 from taskrpc.request_ids.ledger import Ledger, Verdict
 from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.model import State, Task
-from taskrpc.tasks.records.repository import TaskBook
+from taskrpc.tasks.model import Task, TaskState
+from taskrpc.tasks.records.repository import TaskRepository
 from taskrpc.tasks.server import TaskServer
 from taskrpc.tasks.worker import Worker
 from taskrpc.transport import endpoint
@@ -84,7 +84,7 @@ def forget_what_was_done(patch):
 
 
 def accept_tasks_before_the_commit(patch):
-    save = TaskBook.save_then
+    save = TaskRepository.save_with_callback
 
     def early(self, then, *tasks, completion=None, **options):
         late = then if completion is None else lambda error: None
@@ -92,7 +92,7 @@ def accept_tasks_before_the_commit(patch):
         if completion is not None:
             then(None)
 
-    patch(TaskBook, "save_then", early)
+    patch(TaskRepository, "save_with_callback", early)
 
 
 def answer_before_the_effect(patch):
@@ -140,15 +140,15 @@ def run_on_for_nobody(patch):
 
 
 def drive_again_what_was_interrupted(patch):
-    opened = TaskBook.open
+    opened = TaskRepository.open
 
     async def eager(self):
         tasks = await opened(self)
-        again = {task.task_id: replace(task, state=State.QUEUED) for task in tasks}
+        again = {task.task_id: replace(task, state=TaskState.QUEUED) for task in tasks}
         return [again[task.task_id] if task.state.is_begun else task for task in tasks]
 
-    patch(TaskBook, "open", eager)
-    patch(TaskManager, "_interrupted", lambda self, task: replace(task, state=State.QUEUED))
+    patch(TaskRepository, "open", eager)
+    patch(TaskManager, "_interrupted", lambda self, task: replace(task, state=TaskState.QUEUED))
 
 
 def let_calls_wait_beyond_their_deadline(patch):
@@ -178,7 +178,7 @@ def take_an_unknown_commit_for_a_refused_one(patch):
 
 
 def accept_tasks_for_which_there_is_no_room(patch):
-    save = TaskBook.save_then
+    save = TaskRepository.save_with_callback
 
     def careless(self, then, *tasks, **options):
         def told(error):
@@ -186,7 +186,7 @@ def accept_tasks_for_which_there_is_no_room(patch):
 
         save(self, told, *tasks, **options)
 
-    patch(TaskBook, "save_then", careless)
+    patch(TaskRepository, "save_with_callback", careless)
 
 
 def read_a_store_only_once(patch):
@@ -217,7 +217,7 @@ def forget_a_pause_at_the_restart(patch):
     async def remember(book, paused):
         pass
 
-    patch(TaskBook, "remember_pause", remember)
+    patch(TaskRepository, "remember_pause", remember)
 
 
 def begin_while_paused(patch):
@@ -229,17 +229,17 @@ def begin_while_paused(patch):
 
 def call_off_only_in_memory(patch):
     async def call_off(manager, task_id, reason):
-        task = manager._timetable.remove(task_id, "was cancelled").task
+        task = manager._estimated_queue.remove(task_id, "was cancelled").task
         return manager._done(f"Task {task_id} was cancelled", task)
 
-    patch(TaskManager, "_call_off", call_off)
+    patch(TaskManager, "_cancel_queued", call_off)
 
 
 def move_only_in_memory(patch):
     async def reprioritise(manager, task_id, priority):
         if task_id not in manager.queue:
             return manager._refuse(task_id, "only a queued task can be moved")
-        return manager._done("moved", manager._timetable.rerank(task_id, priority))
+        return manager._done("moved", manager._estimated_queue.reprioritise(task_id, priority))
 
     patch(TaskManager, "reprioritise", reprioritise)
 

@@ -7,7 +7,7 @@ import collections
 
 from taskrpc import OutcomeUnknown, StoreError
 from taskrpc.exactly_once.stores import MemoryCompletions
-from taskrpc.tasks.model import State
+from taskrpc.tasks.model import TaskState
 from taskrpc.tasks.records.store import MemoryStore
 
 
@@ -40,15 +40,15 @@ class Disk(MemoryStore):
     def _check(self, begun, before, task):
         number = task.task_id
         if before is None:
-            allowed = task.state is State.QUEUED
+            allowed = task.state is TaskState.QUEUED
         elif task.state is before.state:
             allowed = True
         elif before.state.is_begun and number not in begun:
-            allowed = task.state is State.INTERRUPTED
+            allowed = task.state is TaskState.INTERRUPTED
         else:
             # One whose end found no room is queued once more from where the disk left it.
-            allowed = task.state in before.may_become or task.state is State.QUEUED
-            self.requeues[number] += task.state is State.QUEUED
+            allowed = task.state in before.may_become or task.state is TaskState.QUEUED
+            self.requeues[number] += task.state is TaskState.QUEUED
         if not allowed:
             was = before.state.value if before else "not there"
             self._ledger.broke("forbidden move", f"{number} was {was}, is {task.state.value}")
@@ -164,7 +164,7 @@ class TaskDisk:
 
     def _asked_for(self, task):
         before = self._newest(task.task_id)
-        if task.state is State.RUNNING and before and before.state is State.QUEUED:
+        if task.state is TaskState.RUNNING and before and before.state is TaskState.QUEUED:
             self._begun.add(task.task_id)
             # What changed in this very instant may be seen or not.
             now = self._loop.time()
@@ -172,7 +172,9 @@ class TaskDisk:
             waiting = [
                 each
                 for each in others
-                if each and each.state is State.QUEUED and self._since.get(each.task_id, -1.0) < now
+                if each
+                and each.state is TaskState.QUEUED
+                and self._since.get(each.task_id, -1.0) < now
             ]
             self._ledger.chosen(self._file.disk, task, waiting)
         self._on_their_way[task.task_id].append(task)

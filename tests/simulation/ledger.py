@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass, field
 
 import taskrpc
-from taskrpc.tasks.model import State
+from taskrpc.tasks.model import TaskState
 from tests.simulation.orders import Orders
 
 LATE = 0.02
@@ -303,9 +303,9 @@ class Ledger:
         if request.outcome == ANSWERED and request.task_id not in numbers:
             self.broke("lost", f"{request.number}: told {request.task_id}, there is {numbers}")
         for disk, task in tasks:
-            if task.state is State.SUCCEEDED and not self.runs[disk, task.target]:
+            if task.state is TaskState.SUCCEEDED and not self.runs[disk, task.target]:
                 self.broke("lost", f"task {task.task_id} was never done")
-            if task.state is State.QUEUED and disk == self.disks[-1].number:
+            if task.state is TaskState.QUEUED and disk == self.disks[-1].number:
                 self.broke("lost", f"task {task.task_id} still waits")
-            self.counts["interrupted tasks"] += task.state is State.INTERRUPTED
-            self.counts["finished tasks"] += task.state is State.SUCCEEDED
+            self.counts["interrupted tasks"] += task.state is TaskState.INTERRUPTED
+            self.counts["finished tasks"] += task.state is TaskState.SUCCEEDED

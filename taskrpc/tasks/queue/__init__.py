@@ -1,4 +1,4 @@
-"""The order of the tasks, and when each of them will be done.
+"""The order of the tasks and the estimate for each of them.
 
-Start with `task_queue`; `timetable` keeps the estimates of all waiting tasks. Nothing here does
-I/O or reads a clock."""
+Start reading with `task_queue`; `estimated_queue` adds the estimates, and `schedule` the plans that
+both need. Nothing here does I/O or reads a clock."""

@@ -1,8 +1,8 @@
-"""The queued tasks as one journey: how long each takes from where the one before it leaves off.
+"""The queued tasks as one schedule: each plan starts at the pose where the plan before it ends.
 
-Each priority is a level: its tasks by arrival, weighed by their seconds. So what lies ahead of a
-task is a sum over some levels and a part of one, not over the tasks, and a task that leaves from
-the middle changes the plan of the one behind it, not of all.
+The tasks of one priority form a level, sorted by arrival and weighed by their planned seconds. The
+seconds ahead of a task are therefore a sum over whole levels and a part of one level. A task that
+leaves from the middle changes only the plans that follow it directly, not all plans.
 """
 
 from __future__ import annotations
@@ -12,134 +12,146 @@ from itertools import chain
 from typing import NamedTuple, TypeAlias
 
 from taskrpc.robot.protocol import Plan, Pose
-from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, Key, Task
+from taskrpc.tasks.model import LEVELS, RUNNING_KEY, OrderKey, Task
 from taskrpc.tasks.queue.sum_tree import SumTree
 
 Planner: TypeAlias = Callable[[Task, Pose], Plan]
-"""How long a task takes from a pose, and where it ends; must not raise."""
-
-RUNNING_KEY: Key = (-(PRIORITY_MAX + 1), 0)
-"""The place of the task that the robot has in hand: before all that wait."""
+"""Plans a task from a pose: its duration and the pose where it ends. Must not raise."""
 
 
 class Shift(NamedTuple):
-    """All tasks behind a place in the order will be done later (or earlier) by some seconds."""
+    """All tasks behind a place in the order end later by some seconds."""
 
-    after: Key
+    after: OrderKey
+    """The tasks with a greater key are shifted."""
     seconds: float
+    """Robot seconds; negative: they end earlier."""
 
 
-class _Link:
-    """One task with its plan."""
+class _PlannedTask:
+    """A queued task with its plan."""
 
-    __slots__ = ("plan", "start", "task")
+    __slots__ = ("key", "plan", "start", "task")
 
-    def __init__(self, task: Task, start: Pose, plan: Plan) -> None:
+    def __init__(self, task: Task, key: OrderKey, start: Pose, plan: Plan) -> None:
         self.task = task
-        self.start = start
+        self.key = key
+        self.start = start  # the pose that `plan` was made for
         self.plan = plan
 
 
-class Chain:
-    """The queued tasks in the order of run, each planned from the end of the one before it.
+class Schedule:
+    """The queued tasks in the order of execution, with a plan for each.
 
     Args:
         plan: see `Planner`.
-        base: where the robot will be when the first queued task begins.
+        start_pose: where the robot will be when the first queued task begins.
     """
 
-    def __init__(self, plan: Planner, base: Pose) -> None:
+    def __init__(self, plan: Planner, start_pose: Pose) -> None:
         self._plan = plan
-        self._base = base
-        self._levels: dict[int, SumTree[_Link]] = {
-            p: SumTree() for p in range(PRIORITY_MAX, PRIORITY_MIN - 1, -1)
-        }
-        self._links: dict[int, _Link] = {}  # by arrival
+        self._start_pose = start_pose
+        self._levels: dict[int, SumTree[_PlannedTask]] = {level: SumTree() for level in LEVELS}
+        self._planned: dict[int, _PlannedTask] = {}  # by arrival
 
     def insert(self, task: Task) -> list[Shift]:
-        """Add a task at its place and return by how much those behind it shift."""
-        before = self._before(task.priority, task.arrival)
-        start = before.plan.end if before else self._base
-        link = _Link(task, start, self._plan(task, start))
-        self._levels[task.priority].insert(task.arrival, link, link.plan.seconds)
-        self._links[task.arrival] = link
-        return self._shifts(task, link.plan.seconds, link)
+        """Add a task at its place; returns the shifts of the tasks behind it."""
+        level, arrival = key = task.order_key
+        before = self._before(level, arrival)
+        start = before.plan.end if before else self._start_pose
+        added = _PlannedTask(task, key, start, self._plan(task, start))
+        self._levels[level].insert(arrival, added, added.plan.seconds)
+        self._planned[arrival] = added
+        return self._shifts(key, added.plan.seconds, added)
 
-    def amend(self, task: Task) -> None:
-        """Write a task anew that stands here, at the same place and with the same plan."""
-        self._links[task.arrival].task = task
+    def replace(self, task: Task) -> None:
+        """Replace a scheduled task by a newer value that has the same place and plan."""
+        self._planned[task.arrival].task = task
 
     def remove(self, task: Task) -> list[Shift]:
-        """Take a task out and return by how much those behind it shift."""
-        link = self._levels[task.priority].remove(task.arrival)
-        del self._links[task.arrival]
-        return self._shifts(task, -link.plan.seconds, self._before(task.priority, task.arrival))
+        """Take a task out; returns the shifts of the tasks behind it."""
+        removed = self._planned.pop(task.arrival)
+        level, arrival = removed.key
+        self._levels[level].remove(arrival)
+        return self._shifts(removed.key, -removed.plan.seconds, self._before(level, arrival))
 
     def take_first(self) -> Plan:
-        """Take the first task out, since its run begins, and return its plan.
+        """Take the first task out because its execution begins; returns its plan.
 
-        Nobody shifts: its seconds are still ahead of all others, as the running task's.
+        No task is shifted: the seconds of this task are still ahead of all others.
         """
-        first = next(self._links_behind(RUNNING_KEY))
-        self._levels[first.task.priority].remove(first.task.arrival)
-        del self._links[first.task.arrival]
-        self._base = first.plan.end
+        first = next(self._planned_after(RUNNING_KEY))
+        level, arrival = first.key
+        self._levels[level].remove(arrival)
+        del self._planned[arrival]
+        self._start_pose = first.plan.end
         return first.plan
 
-    def rebase(self, base: Pose) -> list[Shift]:
-        """Say anew where the robot will be when the first task begins."""
-        if base == self._base:
+    def set_start_pose(self, pose: Pose) -> list[Shift]:
+        """Set where the robot will be when the first task begins; returns the shifts."""
+        if pose == self._start_pose:
             return []
-        self._base = base
-        return list(self._relink(self._links_behind(RUNNING_KEY), None))
+        self._start_pose = pose
+        return list(self._plan_again(self._planned_after(RUNNING_KEY), None))
 
     def seconds_through(self, task: Task) -> float:
-        """Seconds from the start of the first queued task to the end of this one."""
-        higher = 0.0
-        for priority, level in self._levels.items():
-            if priority <= task.priority:
+        """Return the robot seconds from the start of the first task to the end of this one."""
+        own_level, arrival = self._planned[task.arrival].key
+        ahead = 0.0
+        for level, tasks in self._levels.items():
+            if level >= own_level:
                 break
-            higher += level.weight
-        return higher + self._levels[task.priority].weight_through(task.arrival)
+            ahead += tasks.weight
+        return ahead + self._levels[own_level].weight_through(arrival)
 
-    def walk(self, after: Key = RUNNING_KEY) -> Iterator[tuple[Task, float]]:
+    def tasks_after(self, key: OrderKey = RUNNING_KEY) -> Iterator[tuple[Task, float]]:
         """Iterate over the tasks behind a place, each with its `seconds_through`."""
+        own_level, arrival = key
         seconds = 0.0
-        for priority, level in self._levels.items():
-            if -priority < after[0]:
-                seconds += level.weight
-            elif -priority == after[0]:
-                seconds += level.weight_through(after[1])
-        for link in self._links_behind(after):
-            seconds += link.plan.seconds
-            yield link.task, seconds
+        for level, tasks in self._levels.items():
+            if level < own_level:
+                seconds += tasks.weight
+            elif level == own_level:
+                seconds += tasks.weight_through(arrival)
+        for planned in self._planned_after(key):
+            seconds += planned.plan.seconds
+            yield planned.task, seconds
 
-    def _before(self, priority: int, arrival: int) -> _Link | None:
-        """The link that stands before a place, None if that is the first."""
-        if before := self._levels[priority].before(arrival):
+    def _before(self, level: int, arrival: int) -> _PlannedTask | None:
+        """Return the task directly before a place, None if that place is the first."""
+        if before := self._levels[level].before(arrival):
             return before
-        higher = range(priority + 1, PRIORITY_MAX + 1)
-        return next((self._levels[p].last() for p in higher if self._levels[p]), None)
+        earlier = range(level - 1, LEVELS[0] - 1, -1)  # the nearest first
+        return next((self._levels[each].last() for each in earlier if self._levels[each]), None)
 
-    def _links_behind(self, key: Key) -> Iterator[_Link]:
-        for priority, level in self._levels.items():
-            if -priority >= key[0] and level:
-                yield from level.behind(key[1] if -priority == key[0] else -1)
+    def _planned_after(self, key: OrderKey) -> Iterator[_PlannedTask]:
+        own_level, arrival = key
+        for level, tasks in self._levels.items():
+            if level >= own_level and tasks:
+                yield from tasks.behind(arrival if level == own_level else -1)
 
-    def _shifts(self, task: Task, seconds: float, before: _Link | None) -> list[Shift]:
-        """What a task that came or went means for those behind it, whom now a link precedes."""
-        behind = self._links_behind(task.key)
+    def _shifts(self, key: OrderKey, seconds: float, before: _PlannedTask | None) -> list[Shift]:
+        """Return the shifts behind a place where a task came or went.
+
+        `before` is the task that now precedes the tasks behind that place.
+        """
+        behind = self._planned_after(key)
         if (first := next(behind, None)) is None:
             return []
-        return [Shift(task.key, seconds), *self._relink(chain((first,), behind), before)]
+        return [Shift(key, seconds), *self._plan_again(chain((first,), behind), before)]
 
-    def _relink(self, links: Iterable[_Link], before: _Link | None) -> Iterator[Shift]:
-        """Plan anew from a place on, until a task ends where it ended before."""
-        for link in links:
-            start = before.plan.end if before else self._base
-            if link.start == start:
+    def _plan_again(
+        self, behind: Iterable[_PlannedTask], before: _PlannedTask | None
+    ) -> Iterator[Shift]:
+        """Plan tasks again, up to the first task that starts where it started before."""
+        for planned in behind:
+            start = before.plan.end if before else self._start_pose
+            if planned.start == start:
                 return
-            old, link.start, link.plan = link.plan, start, self._plan(link.task, start)
-            self._levels[link.task.priority].weigh(link.task.arrival, link.plan.seconds)
-            yield Shift(before.task.key if before else RUNNING_KEY, link.plan.seconds - old.seconds)
-            before = link
+            old_seconds = planned.plan.seconds
+            planned.start, planned.plan = start, self._plan(planned.task, start)
+            level, arrival = planned.key
+            self._levels[level].weigh(arrival, planned.plan.seconds)
+            after = before.key if before else RUNNING_KEY
+            yield Shift(after, planned.plan.seconds - old_seconds)
+            before = planned

@@ -1,4 +1,4 @@
-"""What the task server remembers: every change is stored before it is announced.
+"""What the task server remembers: it stores every change before it announces it.
 
-Start with `repository`, which all changes go through; `store` is the seam to the disk and
-`sqlite_store` the file. `change_feed` wakes those who watch."""
+Start reading with `repository`, which makes all changes. `store` is the interface to the disk and
+`sqlite_store` the file; `change_feed` wakes watchers. Nothing here decides about tasks."""

@@ -1,4 +1,4 @@
-"""The notice board: a revision for every change, and watchers that wait for the next one."""
+"""The change feed: a revision number for every change, and watchers that wait for the next one."""
 
 from __future__ import annotations
 
@@ -7,36 +7,36 @@ import contextlib
 from itertools import takewhile
 
 
-class Board:
-    """Tells those who wait what has changed since they last looked.
+class ChangeFeed:
+    """Wakes watchers, and lists the tasks that changed since a revision.
 
     Args:
-        revision: the first one. Those of the server before should be lower, so that a watcher
-            notices that it talks to another one.
-        capacity: of how many tasks the latest change is remembered.
+        revision: the first revision. It should be higher than the revisions of an earlier server,
+            so that a watcher notices the new server.
+        capacity: how many changed tasks the feed remembers.
     """
 
     def __init__(self, revision: int = 1, *, capacity: int = 4096) -> None:
         self.revision = revision
-        """Grows with each announcement; 0 is older than everything."""
+        """Grows by one with each announcement; 0 is older than every revision."""
         self._capacity = capacity
         self._changed_at: dict[int, int] = {}  # task_id -> revision, in the order of change
-        self._known_from = revision  # what changed at this one or before may have been forgotten
-        self._next: asyncio.Future[None] | None = None
+        self._known_from = revision  # changes up to this revision may have been forgotten
+        self._next: asyncio.Future[None] | None = None  # resolved by the next announcement
         self._is_closed = False
 
     @property
     def is_closed(self) -> bool:
-        """Whether nobody may wait any more."""
+        """Whether watchers are not allowed to wait any more."""
         return self._is_closed
 
     def close(self) -> None:
-        """Let all who wait go, and let nobody wait any more: the server ends."""
+        """Wake all watchers and let no watcher wait any more, because the server ends."""
         self._is_closed = True
         self._wake()
 
     def announce(self, task_id: int | None = None) -> None:
-        """Wake the watchers: this task has changed, or the queue as a whole."""
+        """Wake the watchers: this task has changed, or without `task_id` the whole queue."""
         self.revision += 1
         if task_id is not None:
             self._changed_at.pop(task_id, None)
@@ -46,7 +46,7 @@ class Board:
         self._wake()
 
     def changed_since(self, revision: int) -> list[int] | None:
-        """The tasks that changed since, oldest change first; None if that is no longer known."""
+        """Return the tasks that changed since, oldest change first; None if it has forgotten."""
         if not self._known_from <= revision <= self.revision:
             return None
         newest_first = takewhile(
@@ -55,18 +55,18 @@ class Board:
         return list(newest_first)[::-1]
 
     async def wait_for_change(self, revision: int, timeout: float, *, task_id: int = 0) -> bool:
-        """Wait until something is newer than `revision`; with `task_id`, something about it.
+        """Wait for a change after `revision`; with `task_id`, for a change of that task.
 
-        Returns False when `timeout` seconds have passed without.
+        Returns False if there was none within `timeout` seconds.
         """
         with contextlib.suppress(TimeoutError):
             async with asyncio.timeout(timeout):
-                while not (self._is_closed or self._is_news(revision, task_id)):
+                while not (self._is_closed or self._has_changed(revision, task_id)):
                     await self._next_announcement()
-        return self._is_news(revision, task_id)
+        return self._has_changed(revision, task_id)
 
-    def _is_news(self, revision: int, task_id: int) -> bool:
-        if not task_id or revision > self.revision:  # beyond ours: it is another server's revision
+    def _has_changed(self, revision: int, task_id: int) -> bool:
+        if not task_id or revision > self.revision:  # a higher revision is another server's
             return self.revision != revision
         return revision < self._known_from or self._changed_at.get(task_id, 0) > revision
 

@@ -1,4 +1,4 @@
-"""Tasks in an SQLite file: what was acknowledged is on the disk."""
+"""Tasks in an SQLite file: a change is on the disk before its call returns."""
 
 from __future__ import annotations
 
@@ -18,33 +18,34 @@ from taskrpc.tasks.records.task_tables import Change
 
 
 class SqliteStore:
-    """A `TaskStore` in one file, which it keeps for itself from the first use until `close`.
+    """A `TaskStore` in one file, which it locks from its first use until `close`.
 
-    Everything happens in one thread of its own, in the order of the calls; calls of one moment
-    share one transaction, and wait for the disk together.
+    A thread of its own makes all changes, in the order of the calls. Calls that wait at the same
+    time share one transaction.
 
     Args:
-        path: the database file; made if it is not there. A file `<path>.lock` beside it says
-            which server uses it.
+        path: the database file; it is made if it does not exist. The file `<path>.lock` beside it
+            says which server uses the database.
     """
 
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._path = Path(path).absolute()
         self._writer: Writer[Change] = Writer(self._open_file, task_tables.write)
         self._anew = False
-        """Whether a missing or incomplete file is accepted, because it is being cleared."""
+        """Whether to accept a missing or incomplete file, because `clear` is running."""
 
     async def claim(self, waiting: Callable[[FileInUse], object] | None = None) -> None:
-        """Wait until no other process uses the file, and keep it from then on.
+        """Wait until no other process uses the file, then lock it.
 
-        `waiting` is called once, with the error that says by whom, where it is in use.
+        `waiting` is called once if the file is in use, with the error that names the other process.
 
-        Raises StoreError.
+        Raises:
+            StoreError: the file cannot be locked.
         """
         await self._writer.claim(waiting or (lambda error: None))
 
     async def load(self) -> Stored:
-        """Return everything that is remembered; see `TaskStore.load`."""
+        """Return everything that the store remembers; see `TaskStore.load`."""
         return await self._writer.read(task_tables.load)
 
     def apply(
@@ -54,16 +55,16 @@ class SqliteStore:
         completion: Completion | None = None,
         clients: Sequence[Client] = (),
     ) -> asyncio.Future[None]:
-        """Remember and forget in one transaction; what it returns is done once it is on disk."""
+        """Remember and forget in one transaction; the future resolves once that is on the disk."""
         rows = [task_tables.row_of(task) for task in saved]
         return self._writer.change(Change(rows, forgotten, completion, clients))
 
     async def remember_pause(self, paused: bool) -> None:
-        """Remember whether the queue stands still, on disk when it returns."""
+        """Remember whether the queue is paused; it is on the disk when this returns."""
         await self._writer.change(Change(paused=paused))
 
     async def clear(self) -> None:
-        """Forget everything and begin again with number 1, as another store."""
+        """Forget everything and begin again with task 1, as another store."""
         self._anew = True
         try:
             await self._writer.change_alone(task_tables.clear)
@@ -72,11 +73,11 @@ class SqliteStore:
 
     @property
     def transactions(self) -> Mapping[int, int]:
-        """How many transactions there were, by how many calls shared one."""
+        """The number of transactions for each number of calls that shared one."""
         return self._writer.transactions
 
     async def close(self) -> None:
-        """Write everything into the one file and let others use it."""
+        """Write everything into the one file and unlock it."""
         await self._writer.close()
 
     def _open_file(self) -> Database:

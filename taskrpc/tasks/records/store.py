@@ -1,4 +1,4 @@
-"""What must survive the server: the seam to a disk, and its twin in memory."""
+"""The store of the task server: the interface to a disk, and a store in memory."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from taskrpc.tasks.model import Task
 
 
 class Stored(msgspec.Struct, frozen=True):
-    """What a store remembers."""
+    """Everything that a store remembers."""
 
     tasks: tuple[Task, ...]
-    """Every task, by number."""
+    """Every task, sorted by id."""
     next_id: int
-    """The number of the next task: higher than any that was ever given, also to a forgotten one."""
+    """The id of the next task: higher than every id that was given, forgotten tasks included."""
     store_id: bytes
-    """16 bytes, drawn at random when the store was made, and anew when it was cleared."""
+    """16 random bytes, drawn when the store was made and again whenever it was cleared."""
     paused: bool = False
-    """Whether somebody halted the queue and nobody let it go on."""
+    """Whether the queue is paused."""
     completions: tuple[Completion, ...] = ()
-    """The requests that are done, and may be answered once more."""
+    """The completed requests: the server repeats their responses when clients retry them."""
 
 
 class TaskStore(Protocol):
     """Keeps tasks for the next server. Calls take effect in the order in which they are made.
 
-    It opens itself when it is first asked for something.
+    A store opens itself at its first call.
     """
 
     async def load(self) -> Stored:
-        """Return everything that is remembered.
+        """Return everything that the store remembers.
 
         Raises:
-            StoreError: there is something that cannot be read, or another server uses it.
+            StoreError: the store cannot be read, or another server uses it.
         """
 
     def apply(
@@ -48,41 +48,41 @@ class TaskStore(Protocol):
         completion: Completion | None = None,
         clients: Sequence[Client] = (),
     ) -> Awaitable[None]:
-        """Remember these tasks as they are now and forget those numbers; all of it or nothing.
+        """Remember the tasks `saved` and forget the task ids `forgotten`: all of it or nothing.
 
-        May be `async`. Whoever stops waiting does not stop it.
+        May be `async`. A caller that stops waiting does not stop it.
 
-        With them it forgets all completions of `clients` and remembers `completion`; what the same
-        client has completed below `completion.first_incomplete` is forgotten too.
+        In the same step it forgets all completions of `clients` and remembers `completion`. It
+        also forgets what the client of `completion` completed below `completion.first_incomplete`.
 
-        When it returns, all this survives the end of this process, and of the machine if the
-        store is one on disk.
+        When it is done, all this survives the end of this process; a store on disk also survives
+        a crash of the machine.
 
         Raises:
             StoreError: nothing was changed.
-            OutcomeUnknown: only the next server will know whether it was.
+            OutcomeUnknown: it may have been changed or not; the next server will know.
         """
 
     async def remember_pause(self, paused: bool) -> None:
-        """Remember whether the queue stands still; when it returns, this survives as tasks do.
+        """Remember whether the queue is paused; when it returns, this survives as tasks do.
 
         Raises:
             StoreError: nothing was changed.
         """
 
     async def clear(self) -> None:
-        """Forget everything and begin again with number 1, as another store with another id.
+        """Forget everything and begin again with task 1, as another store with another id.
 
         Raises:
             StoreError: nothing was changed.
         """
 
     async def close(self) -> None:
-        """Let others use what this store used; a second close does nothing."""
+        """Release what the store uses; a second close does nothing."""
 
 
 class MemoryStore:
-    """A store that lasts as long as the object itself."""
+    """A store in memory: it lasts as long as the object itself."""
 
     def __init__(self) -> None:
         self._tasks: dict[int, Task] = {}
@@ -92,8 +92,8 @@ class MemoryStore:
         self._completions = KeptCompletions()
 
     async def load(self) -> Stored:
-        """Return everything that is remembered."""
-        tasks = tuple(self._tasks[number] for number in sorted(self._tasks))
+        """Return everything that the store remembers."""
+        tasks = tuple(self._tasks[task_id] for task_id in sorted(self._tasks))
         completions = self._completions.all()
         return Stored(tasks, self._next_id, self._store_id, self._paused, completions)
 
@@ -104,20 +104,20 @@ class MemoryStore:
         completion: Completion | None = None,
         clients: Sequence[Client] = (),
     ) -> None:
-        """Remember these tasks as they are now and forget those numbers; see `TaskStore.apply`."""
+        """Remember and forget tasks and completions; see `TaskStore.apply`."""
         for task in saved:
             self._tasks[task.task_id] = task
             self._next_id = max(self._next_id, task.task_id + 1)
-        for number in forgotten:
-            self._tasks.pop(number, None)
+        for task_id in forgotten:
+            self._tasks.pop(task_id, None)
         self._completions.keep(completion, clients)
 
     async def remember_pause(self, paused: bool) -> None:
-        """Remember whether the queue stands still."""
+        """Remember whether the queue is paused."""
         self._paused = paused
 
     async def clear(self) -> None:
-        """Forget everything and begin again with number 1, as another store with another id."""
+        """Forget everything and begin again with task 1, as another store with another id."""
         self._tasks.clear()
         self._next_id = 1
         self._paused = False
@@ -125,4 +125,4 @@ class MemoryStore:
         self._completions = KeptCompletions()
 
     async def close(self) -> None:
-        """Keep everything: the same object can be opened again."""
+        """Keep everything: the same object can be used again."""

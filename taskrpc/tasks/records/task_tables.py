@@ -1,4 +1,4 @@
-"""The tables of a task server's file: made, brought up to date, read and written."""
+"""The tables of the task server's SQLite file: create, upgrade, read and write them."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ from taskrpc.tasks.records.store import Stored
 
 FORMAT = 2
 """The version of the file's layout, kept in `PRAGMA user_version`."""
-_APPLICATION_ID = 0x54525043  # "TRPC"; tells our files from other programs' databases
+_APPLICATION_ID = 0x54525043  # "TRPC"; marks our files among other SQLite databases
 
 _TABLES = (
     """
@@ -46,7 +46,8 @@ _SAVE = """
     SELECT json_extract(value, '$[0]'), json_extract(value, '$[1]'), json_extract(value, '$[2]')
     FROM json_each(NEW.saved)
 """
-# One statement for all: each step of a statement takes the interpreter's lock from the event loop.
+# One statement for the whole batch: each step of a statement takes the interpreter's lock away from
+# the event loop.
 _EQUIPMENT = (
     """
     CREATE TEMP VIEW IF NOT EXISTS batch AS
@@ -69,14 +70,14 @@ _EQUIPMENT = (
 _WRITE = "INSERT INTO batch VALUES (?, ?, ?, ?, ?, ?, ?, ?)"
 
 Row: TypeAlias = tuple[int, int, str]
-"""A task as it stands in its table: number, checksum, record."""
+"""A row of the task table: task id, checksum, record."""
 
 
 def prepare(connection: sqlite3.Connection) -> None:
-    """Make the tables of a new file, bring those of an older one up to date, refuse any other.
+    """Create the tables of a new file or upgrade an older file; refuse any other file.
 
     Raises:
-        StoreError: it is not a file of this program, or a newer one's.
+        StoreError: it is another program's database, or a newer taskrpc wrote it.
     """
     is_new = connection.execute("SELECT 1 FROM sqlite_master").fetchone() is None
     if is_new and pragma(connection, "application_id") == 0:
@@ -96,14 +97,14 @@ def prepare(connection: sqlite3.Connection) -> None:
 
 
 def equip(connection: sqlite3.Connection) -> None:
-    """Give a connection what `write` needs."""
+    """Create the temporary view and trigger that `write` needs."""
     for statement in _EQUIPMENT:
         connection.execute(statement)
 
 
 def load(connection: sqlite3.Connection) -> Stored:
-    """Read everything. Raises Damaged."""
-    # A tree that is damaged may lose rows without a word; the checksums are only of those there.
+    """Read everything; raises Damaged if a row or a table is damaged."""
+    # A damaged tree may lose whole rows silently. Checksums only protect the rows that are found.
     found = connection.execute("PRAGMA quick_check(1)").fetchone()[0]
     if found != b"ok":
         raise Damaged("task", " ".join(found.decode(errors="replace").split()))
@@ -118,22 +119,24 @@ def load(connection: sqlite3.Connection) -> Stored:
 
 
 def row_of(task: Task) -> Row:
-    """A task's row."""
+    """Return the row of a task."""
     return task.task_id, *with_checksum(msgspec.json.encode(task), task.task_id)
 
 
 class Change(msgspec.Struct):
-    """What one call changes; rows are encoded on the caller's side, where nobody waits for it."""
+    """The changes of one call; the caller's thread encodes the rows, not the writer's."""
 
     saved: Sequence[Row] = ()
     forgotten: Sequence[int] = ()
+    """Task ids."""
     completion: Completion | None = None
     clients: Sequence[Client] = ()
     paused: bool | None = None
+    """Whether the queue is paused; None: no change."""
 
 
 def write(database: Database, changes: Sequence[Change]) -> None:
-    """Write changes, in their order, in one transaction."""
+    """Write changes, in order, in one transaction."""
     tasks: dict[int, Row | None] = {}
     completions = CompletionBatch()
     paused = None
@@ -148,7 +151,7 @@ def write(database: Database, changes: Sequence[Change]) -> None:
 def _values(
     tasks: Mapping[int, Row | None], completions: CompletionBatch, paused: bool | None
 ) -> Sequence[object]:
-    """What `_WRITE` is given: numbers without a row are forgotten."""
+    """Return the parameters of `_WRITE`; task ids without a row are forgotten."""
     saved = [row for row in tasks.values() if row is not None]
     gone = [number for number, row in tasks.items() if row is None]
     next_id = 1 + max((number for number, *_ in saved), default=0)
@@ -156,7 +159,7 @@ def _values(
 
 
 def clear(connection: sqlite3.Connection) -> None:
-    """Forget everything, in the transaction that is open."""
+    """Forget everything, in the open transaction."""
     connection.execute("DELETE FROM task")
     connection.execute("DELETE FROM server")
     connection.execute("INSERT INTO server VALUES (1, 0)")
@@ -164,7 +167,7 @@ def clear(connection: sqlite3.Connection) -> None:
 
 
 def _upgrade(connection: sqlite3.Connection) -> None:
-    """From format 1, which had no checksums, no completions and no id."""
+    """Upgrade from format 1, which had no checksums, no completions and no store id."""
     tasks = {}
     for number, record in connection.execute("SELECT task_id, record FROM task"):
         try:

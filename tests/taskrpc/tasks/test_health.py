@@ -59,9 +59,9 @@ async def test_a_server_at_work_is_ready_and_says_what_it_has_to_do(node, server
         for target in ("3", "5", "7"):
             await server.manager.submit("move", target, 5)
         await asyncio.sleep(1)
-        assert await asked(node) == (True, "ready: 2 tasks in the queue, task 1 in hand")
+        assert await asked(node) == (True, "ready: 2 tasks in the queue, task 1 is running")
         await server.manager.pause()
-        told = "ready: 2 tasks in the queue, task 1 in hand, the queue is paused"
+        told = "ready: 2 tasks in the queue, task 1 is running, the queue is paused"
         assert await asked(node) == (True, told)
 
 
@@ -71,7 +71,7 @@ async def test_health_counts_the_interrupted_tasks(node, disk):
             await server.manager.submit("move", "3", 5)
             await asyncio.sleep(1)
             count = "" if name == "first" else ", 1 interrupted task waits for a decision"
-            told = f"ready: no tasks in the queue, task {server.manager.running.task_id} in hand"
+            told = f"ready: no tasks in the queue, task {server.manager.running.task_id} is running"
             assert (await server.health()).message.partition(" (")[0] == told + count
     async with TaskServer(node, LineRobot(), disk) as server:
         told = "2 interrupted tasks wait for a decision (taskrpc task list --all)"

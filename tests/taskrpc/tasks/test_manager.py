@@ -7,18 +7,18 @@ import pytest
 from taskrpc.errors import StoreError
 from taskrpc.request_ids.ids import Completion
 from taskrpc.robot.protocol import TargetError
-from taskrpc.tasks.answers import Resumed
-from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.model import State
-from taskrpc.tasks.queue.pages import page
+from taskrpc.tasks.manager import TaskManager, TaskSettings
+from taskrpc.tasks.model import TaskState
+from taskrpc.tasks.pages import page
 from taskrpc.tasks.records.sqlite_store import SqliteStore
 from taskrpc.tasks.records.store import MemoryStore
+from taskrpc.tasks.responses import Resumed
 from tests.taskrpc.tasks.fakes import LineRobot
 
 
 @pytest.fixture
 async def manager():
-    manager = TaskManager(LineRobot(), MemoryStore(), queue_limit=20)
+    manager = TaskManager(LineRobot(), MemoryStore(), TaskSettings(queue_limit=20))
     await manager.start()
     yield manager
     await manager.close()
@@ -43,7 +43,7 @@ async def test_an_accepted_task_is_answered_with_its_number_and_time(manager):
 
 
 async def test_settling_is_counted_in_the_robots_seconds():
-    manager = TaskManager(LineRobot(speed=10.0), MemoryStore(), settle=0.5)
+    manager = TaskManager(LineRobot(speed=10.0), MemoryStore(), TaskSettings(settle=0.5))
     await manager.start()
     assert (await manager.submit("move", "0", 5)).estimated_time == pytest.approx(5.0 + 1.0)
     await manager.close()
@@ -74,7 +74,7 @@ async def test_a_full_queue_refuses_and_takes_more_when_there_is_room(manager):
     await manager.pause()
     answers = await submit(manager, *[("1", 5)] * 21)
     assert [answer.success for answer in answers] == [True] * 20 + [False]
-    assert answers[-1].message == "Queue full: 20 tasks wait, and no more may"
+    assert answers[-1].message == "Queue full: 20 tasks are waiting, and the limit is 20"
     await manager.cancel(7)
     assert [answer.task_id for answer in await submit(manager, ("1", 5))] == [21]
 
@@ -127,8 +127,7 @@ async def test_a_cancelled_task_runs_again_under_its_number_behind_its_equals(ma
     await manager.resume()
     await idle(manager)
     assert (await manager.requeue(1)).message == (
-        "Task 1 is SUCCEEDED: "
-        "only one that was interrupted, failed or cancelled can be queued again"
+        "Task 1 is SUCCEEDED: only an interrupted, failed or cancelled task can be queued again"
     )
 
 
@@ -187,7 +186,8 @@ async def test_an_interrupted_task_goes_on_before_its_later_equals_or_waits_behi
     assert [row.task.task_id for row in page(new, "").rows] == [1, 2, 3]
     await new.cancel(1)
     assert (await new.requeue(1, resume=True)).message == (
-        "Task 1 is CANCELED: only an interrupted task goes on; taskrpc task requeue 1 runs it again"
+        "Task 1 is CANCELED: only an interrupted task can be resumed;"
+        " taskrpc task requeue 1 runs it again"
     )
     await new.close()
 
@@ -213,26 +213,26 @@ async def test_a_queue_that_was_halted_stands_still_after_a_restart(store, order
     await again.close()
 
 
-@pytest.mark.parametrize("begun", [State.RUNNING, State.PAUSED, State.CANCELING])
+@pytest.mark.parametrize("begun", [TaskState.RUNNING, TaskState.PAUSED, TaskState.CANCELING])
 async def test_what_had_begun_when_the_server_was_killed_is_interrupted(begun):
     store = MemoryStore()
     old = TaskManager(LineRobot(), store)
     await old.start()
     await submit(old, ("50", 5))
     await asyncio.sleep(5)
-    if begun is State.PAUSED:
+    if begun is TaskState.PAUSED:
         await old.pause()
-    elif begun is State.CANCELING:
-        old.book._tasks[1] = old.book.find(1).moved_to(begun)
-        await store.apply([old.book.find(1)])
+    elif begun is TaskState.CANCELING:
+        old.repository._tasks[1] = old.repository.find(1).moved_to(begun)
+        await store.apply([old.repository.find(1)])
     assert (await store.load()).tasks[0].state is begun
     new = TaskManager(LineRobot(), store)  # the old one is simply gone
-    assert await new.start() == Resumed(0, (1,), paused=begun is State.PAUSED)
-    assert (await store.load()).tasks[0].state is State.INTERRUPTED
+    assert await new.start() == Resumed(0, (1,), paused=begun is TaskState.PAUSED)
+    assert (await store.load()).tasks[0].state is TaskState.INTERRUPTED
     assert (await new.requeue(1)).success
     await new.resume()
     await idle(new)
-    assert new.book.find(1).state is State.SUCCEEDED
+    assert new.repository.find(1).state is TaskState.SUCCEEDED
     await new.close()
     await old.close()
 
@@ -240,16 +240,16 @@ async def test_what_had_begun_when_the_server_was_killed_is_interrupted(begun):
 async def test_a_promise_survives_a_restart_and_names_it():
     wall = 1000.0
     store = MemoryStore()
-    old = TaskManager(LineRobot(), store, wall_clock=lambda: wall)
+    old = TaskManager(LineRobot(), store, TaskSettings(wall_clock=lambda: wall))
     await old.start()
     await old.pause()
     await submit(old, ("50", 5), ("1", 5))
-    promised = old.book.find(2).accepted_estimate
+    promised = old.repository.find(2).accepted_estimate
     await old.close()
     wall += 60.0
-    new = TaskManager(LineRobot(), store, wall_clock=lambda: wall)
+    new = TaskManager(LineRobot(), store, TaskSettings(wall_clock=lambda: wall))
     await new.start()
-    task = new.book.find(2)
+    task = new.repository.find(2)
     assert task.accepted_estimate == promised
     (change,) = new.changes(task)
     assert change.cause == "the server was restarted"
@@ -261,18 +261,18 @@ async def test_resumed_tasks_do_not_delay_one_another():
     """Each promise is moved by the restart alone, whatever the order of the priorities."""
     wall = 1000.0
     store = MemoryStore()
-    old = TaskManager(LineRobot(speed=4.0), store, wall_clock=lambda: wall)
+    old = TaskManager(LineRobot(speed=4.0), store, TaskSettings(wall_clock=lambda: wall))
     await old.start()
     await old.pause()
     await submit(old, ("1", 3), ("20", 9), ("7", 3), ("40", 5))
-    promised = {number: old.book.find(number).accepted_estimate for number in range(1, 5)}
+    promised = {number: old.repository.find(number).accepted_estimate for number in range(1, 5)}
     await old.close()
     wall += 60.0
     robot = LineRobot(speed=4.0)
-    new = TaskManager(robot, store, wall_clock=lambda: wall)
+    new = TaskManager(robot, store, TaskSettings(wall_clock=lambda: wall))
     await new.start()
     for number in range(1, 5):
-        task = new.book.find(number)
+        task = new.repository.find(number)
         assert task.accepted_estimate == promised[number]
         (change,) = new.changes(task)
         assert change.cause == "the server was restarted"
@@ -281,7 +281,7 @@ async def test_resumed_tasks_do_not_delay_one_another():
     await new.resume()
     await idle(new)
     assert [target for _, target in robot.log] == ["20", "40", "1", "7"]
-    assert {task.task_id: task.accepted_estimate for task in new.book.ended()} == promised
+    assert {task.task_id: task.accepted_estimate for task in new.repository.ended()} == promised
     await new.close()
 
 
@@ -409,7 +409,7 @@ async def test_whatever_a_store_fails_with_the_queue_stays_as_it_is_stored(apply
 
 async def test_what_was_interrupted_stays_so_when_neither_its_requeue_nor_its_drop_is_stored():
     store = MemoryStore()
-    first = TaskManager(LineRobot(), store, settle=0)
+    first = TaskManager(LineRobot(), store, TaskSettings(settle=0))
     await first.start()
     await submit(first, ("3", 5))
     await asyncio.sleep(1)
@@ -417,7 +417,7 @@ async def test_what_was_interrupted_stays_so_when_neither_its_requeue_nor_its_dr
     refusing = Refusing(1, 2)
     await MemoryStore.apply(refusing, (await store.load()).tasks)
     robot = LineRobot()
-    manager = TaskManager(robot, refusing, settle=0)
+    manager = TaskManager(robot, refusing, TaskSettings(settle=0))
     await manager.start()
     requeued = asyncio.ensure_future(manager.requeue(1))
     await asyncio.sleep(0.5)
@@ -433,7 +433,7 @@ async def test_what_was_interrupted_stays_so_when_neither_its_requeue_nor_its_dr
 @pytest.mark.parametrize(("order", "state"), [("requeue", "CANCELED"), ("cancel", "QUEUED")])
 async def test_what_nobody_waits_for_any_more_is_undone_when_it_cannot_be_stored(order, state):
     robot, store = LineRobot(), Refusing(3 if order == "requeue" else 2)
-    manager = TaskManager(robot, store, settle=0)
+    manager = TaskManager(robot, store, TaskSettings(settle=0))
     await manager.start()
     await manager.pause()
     await submit(manager, ("3", 5))
@@ -443,7 +443,7 @@ async def test_what_nobody_waits_for_any_more_is_undone_when_it_cannot_be_stored
     await asyncio.sleep(0.5)
     asked.cancel()
     await asyncio.sleep(1)
-    assert manager.book.find(1).state.value == state
+    assert manager.repository.find(1).state.value == state
     assert (1 in manager.queue) == (state == "QUEUED")
     await manager.resume()
     await asyncio.sleep(20)
@@ -455,10 +455,10 @@ async def test_manager_describes_its_queue(manager):
     assert str(manager) == "no tasks in the queue"
     await submit(manager, ("50", 5), ("1", 5))
     await asyncio.sleep(5)
-    assert str(manager) == "1 task in the queue, task 1 in hand"
+    assert str(manager) == "1 task in the queue, task 1 is running"
     await submit(manager, ("2", 5))
     await manager.pause()
-    assert str(manager) == "2 tasks in the queue, task 1 in hand, the queue is paused"
+    assert str(manager) == "2 tasks in the queue, task 1 is running, the queue is paused"
 
 
 @pytest.mark.parametrize("error", [TargetError, RuntimeError])
@@ -494,14 +494,14 @@ async def test_task_that_was_dropped_is_dropped_already(manager):
 
 async def test_restart_that_takes_no_time_moves_no_promise():
     store = MemoryStore()
-    old = TaskManager(LineRobot(), store, wall_clock=lambda: 1000.0)
+    old = TaskManager(LineRobot(), store, TaskSettings(wall_clock=lambda: 1000.0))
     await old.start()
     await old.pause()
     await submit(old, ("50", 5))
     await old.close()
-    new = TaskManager(LineRobot(), store, wall_clock=lambda: 1000.0)
+    new = TaskManager(LineRobot(), store, TaskSettings(wall_clock=lambda: 1000.0))
     await new.start()
-    assert not new.changes(new.book.find(1))
+    assert not new.changes(new.repository.find(1))
     await new.close()
 
 

@@ -5,7 +5,7 @@ import itertools
 import msgspec
 import pytest
 
-from taskrpc.tasks.model import BEGUN, MOVES, State, Task
+from taskrpc.tasks.model import BEGUN, TRANSITIONS, Task, TaskState
 
 
 def make(**changes):
@@ -20,10 +20,10 @@ def make(**changes):
     return Task(**(fields | changes))
 
 
-@pytest.mark.parametrize(("old", "new"), list(itertools.product(State, State)))
+@pytest.mark.parametrize(("old", "new"), list(itertools.product(TaskState, TaskState)))
 def test_a_move_that_the_table_does_not_name_is_refused(old, new):
     task = make(state=old)
-    if new in MOVES[old]:
+    if new in TRANSITIONS[old]:
         assert task.moved_to(new).state is new
     else:
         with pytest.raises(ValueError, match=f"task 1 is {old.value} and cannot become"):
@@ -31,33 +31,33 @@ def test_a_move_that_the_table_does_not_name_is_refused(old, new):
 
 
 def test_every_state_can_be_reached_and_every_state_but_success_can_be_left():
-    assert set().union(*MOVES.values()) == set(State)
-    assert {state for state, moves in MOVES.items() if not moves} == {State.SUCCEEDED}
+    assert set().union(*TRANSITIONS.values()) == set(TaskState)
+    assert {state for state, moves in TRANSITIONS.items() if not moves} == {TaskState.SUCCEEDED}
 
 
 def test_each_state_is_queued_begun_or_ended():
-    for state in State:
-        assert [state is State.QUEUED, state in BEGUN, state.is_ended].count(True) == 1
+    for state in TaskState:
+        assert [state is TaskState.QUEUED, state in BEGUN, state.is_ended].count(True) == 1
 
 
 def test_higher_priority_runs_first_then_earlier_arrival():
     tasks = [make(priority=p, arrival=a) for p, a in [(5, 2), (9, 3), (5, 1), (1, 0)]]
-    in_order = sorted(tasks, key=lambda task: task.key)
+    in_order = sorted(tasks, key=lambda task: task.order_key)
     assert [(task.priority, task.arrival) for task in in_order] == [(9, 3), (5, 1), (5, 2), (1, 0)]
 
 
 def test_a_task_that_is_queued_once_more_forgets_its_first_run():
-    failed = make().started(11.0).ended(State.FAILED, 12.0, message="wheel lost")
+    failed = make().started(11.0).ended(TaskState.FAILED, 12.0, message="wheel lost")
     assert (failed.started_at, failed.ended_at, failed.message) == (11.0, 12.0, "wheel lost")
     assert failed.requeued(20.0, arrival=9) == make(submitted_at=20.0, arrival=9)
 
 
 def test_success_is_whole_progress_and_a_cancelled_task_keeps_what_it_had():
     running = msgspec.structs.replace(make().started(11.0), progress=0.4)
-    assert running.ended(State.SUCCEEDED, 12.0, result="{}").progress == 1.0
-    assert running.ended(State.CANCELED, 12.0).progress == 0.4
+    assert running.ended(TaskState.SUCCEEDED, 12.0, result="{}").progress == 1.0
+    assert running.ended(TaskState.CANCELED, 12.0).progress == 0.4
 
 
 def test_a_task_survives_its_way_through_json():
-    task = make(state=State.PAUSED, started_at=1.5, client="ü")
+    task = make(state=TaskState.PAUSED, started_at=1.5, client="ü")
     assert msgspec.json.decode(msgspec.json.encode(task), type=Task) == task

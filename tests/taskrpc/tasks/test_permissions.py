@@ -88,8 +88,8 @@ async def test_ones_own_task_is_ones_own_and_operators_touch_all(people, verb):
         assert (answer is True) is allowed, answer
         if who == "other":
             assert answer == (
-                f"task {task_id} is not the account other's: what others"
-                " submitted needs the role operate; the account has submit"
+                f"task {task_id} was submitted by another client: to change it, the account"
+                " other needs the role operate, but it has submit"
             )
 
 

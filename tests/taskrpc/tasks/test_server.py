@@ -76,7 +76,7 @@ async def test_the_lectures_four_tasks_run_in_the_order_two_one_three_four():
         answers = [await client.submit(*row) for row in rows]
         assert [answer.message for answer in answers] == [f"Task queued: {row[0]}" for row in rows]
         assert ids(await client("ListTasks")) == [2, 1, 3, 4]
-        last = server.manager.book.find(4)
+        last = server.manager.repository.find(4)
         assert answers[3].estimated_time == pytest.approx(last.accepted_estimate)
         await asyncio.sleep(last.accepted_estimate - 0.05)
         assert ids(await client("ListTasks")) == [4]
@@ -220,7 +220,7 @@ async def test_a_server_that_ends_says_that_nothing_was_done(client, server):
     with pytest.raises(taskrpc.TaskRpcError, match="the task server is ending") as error:
         await client.submit("move", "1", 5)
     assert error.value.not_executed
-    assert (await server.manager.book._store.load()).tasks == ()
+    assert (await server.manager.repository._store.load()).tasks == ()
 
 
 async def test_tasks_are_steered_through_the_services(client, robot):
@@ -237,7 +237,7 @@ async def test_tasks_are_steered_through_the_services(client, robot):
     assert ids(await client("ListTasks")) == [3, 2, 1]
     assert again.estimated_time > 50
     assert (await client("DropTask", task_id=2)).success
-    assert (await client("ResumeTasks")).message == "The queue goes on"
+    assert (await client("ResumeTasks")).message == "The queue is resumed"
     await asyncio.sleep(20)
     assert (await client("StopRobot")).message.startswith("The robot is stopped")
     assert ids(await client("ListTasks", all=True)) == [1, 3, 2]
@@ -245,10 +245,10 @@ async def test_tasks_are_steered_through_the_services(client, robot):
 
 
 async def test_a_store_that_fails_is_told_to_the_caller(client, server):
-    server.manager.book._store.is_full = True
+    server.manager.repository._store.is_full = True
     with pytest.raises(taskrpc.HandlerFailed, match="the disk is full"):
         await client.submit("move", "1", 5)
-    server.manager.book._store.is_full = False
+    server.manager.repository._store.is_full = False
     assert (await client.submit("move", "1", 5)).success
 
 

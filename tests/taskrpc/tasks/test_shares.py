@@ -2,14 +2,14 @@
 
 import pytest
 
-from taskrpc.tasks.manager import TaskManager
+from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.tasks.records.store import MemoryStore
 from tests.taskrpc.tasks.fakes import LineRobot
 
 
 @pytest.fixture
 async def manager():
-    manager = TaskManager(LineRobot(), MemoryStore(), queue_limit=20, share=3)
+    manager = TaskManager(LineRobot(), MemoryStore(), TaskSettings(queue_limit=20, share=3))
     await manager.start()
     await manager.pause()
     yield manager
@@ -26,7 +26,10 @@ async def test_a_full_share_is_refused_with_how_many_wait(manager):
         assert (await submit(manager, "ada")).success
     refused = await submit(manager, "ada")
     assert not refused.success
-    assert refused.message == "Share full: 3 tasks of ada wait, and no more of one account may"
+    assert (
+        refused.message
+        == "Share full: 3 tasks of ada are waiting, and the limit for one account is 3"
+    )
     assert refused.task_id == -1
 
 
@@ -56,7 +59,7 @@ async def test_priority_and_arrival_decide_alone_who_is_next(manager):
 async def test_the_tasks_of_the_server_before_count(manager):
     store = MemoryStore()
     for expected in (True, False):
-        server = TaskManager(LineRobot(), store, share=1)
+        server = TaskManager(LineRobot(), store, TaskSettings(share=1))
         await server.start()
         await server.pause()
         assert (await submit(server, "ada")).success is expected
@@ -70,5 +73,5 @@ async def test_machines_of_one_account_have_a_share_each(manager):
                 "move", "3", 5, client="class", account="class", machine=machine
             )
             assert answer.success is expected
-    whose = "3 tasks of class at 192.0.2.2 wait"
-    assert answer.message == f"Share full: {whose}, and no more of one account may"
+    waiting = "3 tasks of class at 192.0.2.2 are waiting"
+    assert answer.message == f"Share full: {waiting}, and the limit for one account is 3"

@@ -119,9 +119,9 @@ async def test_nobody_who_subscribes_means_nothing_to_do(server, node):
     await asyncio.sleep(0.5)
     subscription.destroy()
     await asyncio.sleep(0.5)
-    own = {task for task in asyncio.all_tasks() if "_tell" in repr(task.get_coro())}
+    own = {task for task in asyncio.all_tasks() if "_publish" in repr(task.get_coro())}
     assert not own
-    events = server._news._parts[0]._publisher
+    events = server._topics._topics[0]._publisher
     await submit(node, ("report", "central", 5))
     await asyncio.sleep(10)
     assert events.sent == 0

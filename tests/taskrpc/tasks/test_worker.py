@@ -6,8 +6,8 @@ import pytest
 
 from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.robot.protocol import RobotStopped
-from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.model import State
+from taskrpc.tasks.manager import TaskManager, TaskSettings
+from taskrpc.tasks.model import TaskState
 from tests.taskrpc.tasks.fakes import FullStore, LineRobot
 
 
@@ -16,7 +16,7 @@ class Scene:
 
     def __init__(self, settle):
         self.robot, self.store = LineRobot(), FullStore()
-        self.manager = TaskManager(self.robot, self.store, settle=settle)
+        self.manager = TaskManager(self.robot, self.store, TaskSettings(settle=settle))
         self.seen = []
         self._watcher = None
 
@@ -24,7 +24,7 @@ class Scene:
         return [(await self.manager.submit("move", t, priority)).task_id for t in targets]
 
     def state(self, task_id):
-        return self.manager.book.find(task_id).state
+        return self.manager.repository.find(task_id).state
 
     def states(self, task_id):
         """The states of one task in the order in which a watcher saw them."""
@@ -33,19 +33,19 @@ class Scene:
     async def until(self, task_id, state):
         async with asyncio.timeout(1000):
             while self.state(task_id) is not state:
-                await self.manager.board.wait_for_change(self.manager.board.revision, 1)
+                await self.manager.change_feed.wait_for_change(self.manager.change_feed.revision, 1)
 
     async def watch(self):
-        original = self.manager.board.announce
+        original = self.manager.change_feed.announce
 
         def announce(task_id=None):
             if task_id is not None:
-                state = self.manager.book.find(task_id).state
+                state = self.manager.repository.find(task_id).state
                 if (task_id, state) != (self.seen or [None])[-1]:
                     self.seen.append((task_id, state))
             original(task_id)
 
-        self.manager.board.announce = announce
+        self.manager.change_feed.announce = announce
         await self.manager.start()
 
 
@@ -60,9 +60,9 @@ async def scene():
 
 async def test_a_task_is_queued_runs_and_succeeds(scene):
     (task_id,) = await scene.submit("3")
-    await scene.until(task_id, State.SUCCEEDED)
+    await scene.until(task_id, TaskState.SUCCEEDED)
     assert scene.states(task_id) == ["QUEUED", "RUNNING", "SUCCEEDED"]
-    task = scene.manager.book.find(task_id)
+    task = scene.manager.repository.find(task_id)
     assert (task.result, task.progress) == ('{"x":3.0}', 1.0)
     assert task.started_at <= task.ended_at
 
@@ -70,8 +70,8 @@ async def test_a_task_is_queued_runs_and_succeeds(scene):
 async def test_progress_is_announced_and_never_falls(scene):
     (task_id,) = await scene.submit("9")
     noted = []
-    while scene.state(task_id) is not State.SUCCEEDED:
-        noted.append(scene.manager.book.find(task_id).progress)
+    while scene.state(task_id) is not TaskState.SUCCEEDED:
+        noted.append(scene.manager.repository.find(task_id).progress)
         await asyncio.sleep(0.5)
     assert len(set(noted)) > 5
     assert noted == sorted(noted)
@@ -85,12 +85,12 @@ async def test_an_idle_robot_waits_for_company_and_then_takes_the_first():
     await scene.submit("2", priority=9)
     await asyncio.sleep(0.05)
     assert scene.robot.log == []
-    await scene.until(1, State.SUCCEEDED)
+    await scene.until(1, TaskState.SUCCEEDED)
     assert scene.robot.log == [("move", "2"), ("move", "1")]
     await asyncio.sleep(1)
     began = asyncio.get_running_loop().time()
     (third,) = await scene.submit("1")
-    await scene.until(third, State.RUNNING)
+    await scene.until(third, TaskState.RUNNING)
     assert asyncio.get_running_loop().time() - began == pytest.approx(2.0), "idle once more"
     await scene.manager.close()
 
@@ -99,7 +99,7 @@ async def test_a_running_task_is_not_interrupted_by_priority(scene):
     await scene.submit("5", priority=1)
     await asyncio.sleep(1)
     await scene.submit("6", priority=10)
-    await scene.until(1, State.SUCCEEDED)
+    await scene.until(1, TaskState.SUCCEEDED)
     assert scene.robot.log == [("move", "5")]
 
 
@@ -107,13 +107,13 @@ async def test_a_paused_task_goes_on_where_it_was(scene):
     await scene.submit("10")
     await asyncio.sleep(4)
     await scene.manager.pause()
-    assert scene.state(1) is State.PAUSED
+    assert scene.state(1) is TaskState.PAUSED
     pose = scene.robot.pose()
     await asyncio.sleep(100)
     assert scene.robot.pose() == pose
     assert (await scene.manager.pause()).success, "a second pause does no harm"
     await scene.manager.resume()
-    await scene.until(1, State.SUCCEEDED)
+    await scene.until(1, TaskState.SUCCEEDED)
     assert scene.states(1) == ["QUEUED", "RUNNING", "PAUSED", "RUNNING", "SUCCEEDED"]
     assert scene.robot.log == [("move", "10")]
 
@@ -127,10 +127,10 @@ async def test_whoever_halts_the_robot_is_told_that_it_halts_whatever_the_disk_s
     answer = await what
     assert answer.success
     expected = {
-        "pause": "The queue is paused, but a restart would not know it: the disk is full",
+        "pause": "The queue is paused, but this could not be stored: the disk is full",
         "stop": "The robot is stopped and the queue is paused; task 1 was cancelled (taskrpc task"
-        " requeue 1 runs it again), but a restart would not know it: the disk is full",
-        "cancel": "Task 1 is being cancelled, but a restart would not know it: the disk is full",
+        " requeue 1 runs it again), but this could not be stored: the disk is full",
+        "cancel": "Task 1 is being cancelled, but this could not be stored: the disk is full",
     }
     assert answer.message == expected[order]
     pose = scene.robot.pose()
@@ -144,9 +144,9 @@ async def test_a_paused_queue_accepts_and_begins_nothing(scene):
     await scene.submit("1", "2")
     await asyncio.sleep(100)
     assert scene.robot.log == []
-    assert [scene.state(number) for number in (1, 2)] == [State.QUEUED] * 2
+    assert [scene.state(number) for number in (1, 2)] == [TaskState.QUEUED] * 2
     await scene.manager.resume()
-    await scene.until(2, State.SUCCEEDED)
+    await scene.until(2, TaskState.SUCCEEDED)
     assert scene.robot.log == [("move", "1"), ("move", "2")]
 
 
@@ -159,7 +159,7 @@ async def test_a_pause_in_the_midst_of_settling_loses_no_task_and_no_time():
     await asyncio.sleep(10)
     await scene.manager.resume()
     resumed = asyncio.get_running_loop().time()
-    await scene.until(1, State.RUNNING)
+    await scene.until(1, TaskState.RUNNING)
     assert asyncio.get_running_loop().time() - resumed == pytest.approx(0.5)
     await scene.manager.close()
 
@@ -167,7 +167,7 @@ async def test_a_pause_in_the_midst_of_settling_loses_no_task_and_no_time():
 async def test_a_queued_task_is_cancelled_without_the_robot(scene):
     await scene.submit("5", "6")
     await scene.manager.cancel(2)
-    await scene.until(1, State.SUCCEEDED)
+    await scene.until(1, TaskState.SUCCEEDED)
     await asyncio.sleep(100)
     assert scene.states(2) == ["QUEUED", "CANCELED"]
     assert scene.robot.log == [("move", "5")]
@@ -182,9 +182,9 @@ async def test_a_begun_task_is_cancelled_by_halting_the_robot(scene, paused):
     answer = await scene.manager.cancel(1, client="/alice")
     assert (answer.success, answer.message) == (True, "Task 1 was cancelled")
     assert scene.states(1)[-2:] == ["CANCELING", "CANCELED"]
-    assert scene.manager.book.find(1).message == "cancelled by /alice"
+    assert scene.manager.repository.find(1).message == "cancelled by /alice"
     await scene.manager.resume()
-    await scene.until(2, State.SUCCEEDED)
+    await scene.until(2, TaskState.SUCCEEDED)
     assert scene.robot.pose().x == 50
 
 
@@ -196,7 +196,7 @@ async def test_a_task_is_cancelled_while_its_start_is_being_stored(scene):
     await submitted
     assert (await scene.manager.cancel(1)).success
     await asyncio.sleep(10)
-    assert scene.state(1) is State.CANCELED
+    assert scene.state(1) is TaskState.CANCELED
     assert scene.robot.log == [], "the robot never moved"
 
 
@@ -214,7 +214,7 @@ async def test_stop_halts_the_robot_cancels_its_task_and_pauses_the_queue(scene)
     assert scene.states(1) == ["QUEUED", "RUNNING", "CANCELED"]
     assert (await scene.manager.stop()).success, "a second stop does no harm"
     await scene.manager.resume()
-    await scene.until(2, State.SUCCEEDED)
+    await scene.until(2, TaskState.SUCCEEDED)
 
 
 @pytest.mark.parametrize(
@@ -229,19 +229,19 @@ async def test_stop_halts_the_robot_cancels_its_task_and_pauses_the_queue(scene)
 async def test_a_robot_that_fails_fails_one_task_and_the_worker_goes_on(scene, failure, message):
     await scene.submit("5", "6")
     scene.robot.fail_with = failure
-    await scene.until(1, State.FAILED)
+    await scene.until(1, TaskState.FAILED)
     scene.robot.fail_with = None
-    assert scene.manager.book.find(1).message == message
-    await scene.until(2, State.SUCCEEDED)
+    assert scene.manager.repository.find(1).message == message
+    await scene.until(2, TaskState.SUCCEEDED)
 
 
 async def test_a_robot_that_cancels_itself_fails_its_task(scene):
     await scene.submit("5", "6")
     scene.robot.fail_with = asyncio.CancelledError()
-    await scene.until(1, State.FAILED)
+    await scene.until(1, TaskState.FAILED)
     scene.robot.fail_with = None
-    assert scene.manager.book.find(1).message == "the robot gave it up without a reason"
-    await scene.until(2, State.SUCCEEDED)
+    assert scene.manager.repository.find(1).message == "the robot ended the task without a reason"
+    await scene.until(2, TaskState.SUCCEEDED)
 
 
 async def test_a_robot_that_answers_nonsense_cannot_break_the_queue(scene):
@@ -253,10 +253,10 @@ async def test_a_robot_that_answers_nonsense_cannot_break_the_queue(scene):
     await asyncio.sleep(1)
     answer = await scene.manager.pause()
     assert answer.message == "The queue is paused, but the robot failed: OSError: no battery"
-    assert scene.state(1) is State.RUNNING, "it goes on, and nobody claims otherwise"
+    assert scene.state(1) is TaskState.RUNNING, "it goes on, and nobody claims otherwise"
     del scene.robot.remaining, scene.robot.pose, scene.robot.pause
     await scene.manager.resume()
-    await scene.until(2, State.SUCCEEDED)
+    await scene.until(2, TaskState.SUCCEEDED)
 
 
 @pytest.mark.parametrize(
@@ -269,8 +269,8 @@ async def test_a_result_that_is_no_json_fails_nothing(scene, result, text):
 
     scene.robot.execute = execute
     await scene.submit("5")
-    await scene.until(1, State.SUCCEEDED)
-    assert text in scene.manager.book.find(1).result
+    await scene.until(1, TaskState.SUCCEEDED)
+    assert text in scene.manager.repository.find(1).result
 
 
 async def test_a_robot_that_ignores_a_cancel_is_waited_for_and_then_said_to_be_busy(scene):
@@ -279,9 +279,9 @@ async def test_a_robot_that_ignores_a_cancel_is_waited_for_and_then_said_to_be_b
     await asyncio.sleep(1)
     answer = await scene.manager.cancel(1)
     assert answer.message == "Task 1 is being cancelled"
-    assert scene.state(1) is State.CANCELING
-    await scene.until(2, State.SUCCEEDED)
-    assert scene.state(1) is State.SUCCEEDED, "it was done before it could be halted"
+    assert scene.state(1) is TaskState.CANCELING
+    await scene.until(2, TaskState.SUCCEEDED)
+    assert scene.state(1) is TaskState.SUCCEEDED, "it was done before it could be halted"
 
 
 async def test_the_robot_does_not_move_before_its_start_is_stored(scene):
@@ -291,17 +291,17 @@ async def test_the_robot_does_not_move_before_its_start_is_stored(scene):
     assert scene.robot.log == []
     await asyncio.sleep(0.2)
     assert scene.robot.log == [("move", "5")]
-    assert (await scene.store.load()).tasks[0].state is State.RUNNING
+    assert (await scene.store.load()).tasks[0].state is TaskState.RUNNING
 
 
 async def test_a_full_disk_pauses_the_queue_and_loses_nothing(scene, caplog):
     await scene.manager.pause()
     await scene.submit("5", "6")
-    estimate = scene.manager.book.find(2).accepted_estimate
+    estimate = scene.manager.repository.find(2).accepted_estimate
     scene.store.is_full = True
     with pytest.raises(StoreError):
         await scene.manager.resume()
-    scene.manager._worker._may_go.set()
+    scene.manager._worker._resumed.set()
     await asyncio.sleep(1)
     assert scene.manager.is_paused
     assert "the queue is paused: the disk is full" in caplog.text
@@ -312,7 +312,7 @@ async def test_a_full_disk_pauses_the_queue_and_loses_nothing(scene, caplog):
     assert scene.manager.estimate(2) == pytest.approx(estimate)
     scene.store.is_full = False
     await scene.manager.resume()
-    await scene.until(2, State.SUCCEEDED)
+    await scene.until(2, TaskState.SUCCEEDED)
 
 
 @pytest.mark.parametrize("verb", ["cancel", "drop", "reprioritise"])
@@ -325,12 +325,12 @@ async def test_what_the_disk_refuses_leaves_the_task_in_the_queue(scene, verb):
     with pytest.raises(StoreError):
         await getattr(scene.manager, verb)(2, *more)
     assert [task.task_id for task, _ in scene.manager.queue.ordered()] == [1, 2, 3]
-    assert scene.state(2) is State.QUEUED
+    assert scene.state(2) is TaskState.QUEUED
     estimates = [scene.manager.estimate(number) for number in (1, 2, 3)]
     assert estimates == [pytest.approx(each) for each in promised]
     scene.store.is_full = False
     await scene.manager.resume()
-    await scene.until(3, State.SUCCEEDED)
+    await scene.until(3, TaskState.SUCCEEDED)
     assert [target for _, target in scene.robot.log] == ["5", "6", "7"]
 
 
@@ -341,22 +341,22 @@ async def test_an_unknown_outcome_starts_nothing_and_pauses_the_queue(scene, cap
     with pytest.raises(OutcomeUnknown):
         await scene.submit("6")
     assert [task.task_id for task, _ in scene.manager.queue.ordered()] == [1]
-    scene.manager._worker._may_go.set()
+    scene.manager._worker._resumed.set()
     await asyncio.sleep(10)
     assert scene.robot.log == []
     assert "the queue is paused: nobody knows" in caplog.text
-    assert scene.state(1) is State.QUEUED
+    assert scene.state(1) is TaskState.QUEUED
 
 
 async def test_an_end_that_cannot_be_stored_is_still_shown(scene):
     await scene.submit("5", "6")
     await asyncio.sleep(1)
     scene.store.is_full = True
-    await scene.until(1, State.SUCCEEDED)
+    await scene.until(1, TaskState.SUCCEEDED)
     await asyncio.sleep(100)
     assert scene.manager.is_paused
-    assert scene.state(2) is State.QUEUED
-    assert (await scene.store.load()).tasks[0].state is State.RUNNING
+    assert scene.state(2) is TaskState.QUEUED
+    assert (await scene.store.load()).tasks[0].state is TaskState.RUNNING
 
 
 async def test_the_running_task_is_interrupted_when_the_server_ends(scene):
@@ -364,7 +364,7 @@ async def test_the_running_task_is_interrupted_when_the_server_ends(scene):
     await asyncio.sleep(1)
     await scene.manager.close()
     tasks = (await scene.store.load()).tasks
-    assert [task.state for task in tasks] == [State.INTERRUPTED, State.QUEUED]
+    assert [task.state for task in tasks] == [TaskState.INTERRUPTED, TaskState.QUEUED]
     assert tasks[0].message == "the server ended while it ran"
     assert scene.robot.remaining() == 0.0
 
@@ -384,7 +384,7 @@ async def test_a_robot_that_does_not_let_go_cannot_keep_the_server_from_ending(s
     began = asyncio.get_running_loop().time()
     await scene.manager.close()
     assert asyncio.get_running_loop().time() - began < 2.0
-    assert (await scene.store.load()).tasks[0].state is State.INTERRUPTED
+    assert (await scene.store.load()).tasks[0].state is TaskState.INTERRUPTED
     await asyncio.sleep(100)
 
 
@@ -415,22 +415,22 @@ async def test_a_robot_whose_execute_is_no_coroutine_fails_its_task_and_not_the_
     good = scene.robot.execute
     scene.robot.execute = execute
     first, second = await scene.submit("1", "2")
-    await scene.until(first, State.FAILED)
-    assert scene.manager.book.find(first).message == message
+    await scene.until(first, TaskState.FAILED)
+    assert scene.manager.repository.find(first).message == message
     scene.robot.execute = good
-    await scene.until(second, State.SUCCEEDED)
+    await scene.until(second, TaskState.SUCCEEDED)
     assert not scene.manager.is_paused
 
 
 def kept(manager, task_id, accepted_at, ended_at):
     """What a task was promised plus its changes, less the time that it really took."""
-    task = manager.book.find(task_id)
+    task = manager.repository.find(task_id)
     promised = task.accepted_estimate + sum(change.seconds for change in task.changes)
     return promised - (ended_at - accepted_at)
 
 
 def causes(manager, task_id):
-    return [change.cause for change in manager.changes(manager.book.find(task_id))]
+    return [change.cause for change in manager.changes(manager.repository.find(task_id))]
 
 
 async def test_promises_hold_after_a_start_that_could_not_be_stored():
@@ -444,14 +444,14 @@ async def test_promises_hold_after_a_start_that_could_not_be_stored():
     await asyncio.sleep(2)
     assert scene.manager.is_paused
     assert scene.robot.log == []
-    scene.manager.reckon()
+    scene.manager.update_estimates()
     # The second that it settled is over; the queue stands still for as long as it is paused.
     after = [scene.manager.estimate(task_id) for task_id in (1, 2)]
     assert after == pytest.approx([seconds - 1.0 for seconds in before])
     scene.store.is_full = False
     await scene.manager.resume()
     for task_id in (1, 2):
-        await scene.until(task_id, State.SUCCEEDED)
+        await scene.until(task_id, TaskState.SUCCEEDED)
         ended[task_id] = loop.time()
     for task_id in (1, 2):
         assert kept(scene.manager, task_id, accepted_at, ended[task_id]) == pytest.approx(
@@ -472,7 +472,7 @@ async def test_run_that_does_not_take_the_planned_time_is_named(scene, slowness,
     await scene.submit("10", "12")
     await asyncio.sleep(2)
     scene.robot.slowness = slowness
-    await scene.until(1, State.SUCCEEDED)
+    await scene.until(1, TaskState.SUCCEEDED)
     assert causes(scene.manager, 2) == [f"task 1 took {text} than planned"]
 
 
@@ -484,7 +484,7 @@ async def test_delay_before_a_pause_is_not_the_pause(scene):
     await scene.manager.pause()
     await asyncio.sleep(30)
     await scene.manager.resume()
-    found = scene.manager.changes(scene.manager.book.find(2))
+    found = scene.manager.changes(scene.manager.repository.find(2))
     assert [change.cause for change in found] == [
         "task 1 took longer than planned",
         "the queue was paused",
@@ -500,19 +500,19 @@ async def test_task_that_could_not_be_stored_while_the_worker_waited_pauses_noth
     await asyncio.sleep(1)
     assert not scene.manager.is_paused
     (task_id,) = await scene.submit("3")
-    await scene.until(task_id, State.SUCCEEDED)
+    await scene.until(task_id, TaskState.SUCCEEDED)
 
 
 async def test_resuming_tells_the_robot_and_wakes_watchers(scene):
     told = []
     scene.robot.resume = lambda: told.append("resume")
     await scene.manager.pause()
-    revision = scene.manager.board.revision
-    watching = asyncio.ensure_future(scene.manager.board.wait_for_change(revision, 1000))
+    revision = scene.manager.change_feed.revision
+    watching = asyncio.ensure_future(scene.manager.change_feed.wait_for_change(revision, 1000))
     await asyncio.sleep(1)
     assert not watching.done()
     answer = await scene.manager.resume()
-    assert (answer.success, answer.message) == (True, "The queue goes on")
+    assert (answer.success, answer.message) == (True, "The queue is resumed")
     assert told == ["resume"]
     began = asyncio.get_running_loop().time()
     await watching
@@ -523,7 +523,7 @@ async def test_stopped_task_names_the_client_that_stopped_the_robot(scene):
     await scene.submit("10")
     await asyncio.sleep(4)
     await scene.manager.stop(client="ann")
-    assert scene.manager.book.find(1).message == "the robot was stopped by ann"
+    assert scene.manager.repository.find(1).message == "the robot was stopped by ann"
 
 
 async def test_server_that_was_never_started_ends_at_once():

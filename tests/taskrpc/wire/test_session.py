@@ -63,7 +63,7 @@ def test_a_call_is_answered(piece):
     assert pair.client.in_flight == pair.server.in_flight == 0
 
 
-def test_an_answer_may_go_out_beside_what_the_session_says():
+def test_an_answer_resumed_out_beside_what_the_session_says():
     pair = open_pair()
     call_id = pair.client.request("ticket", 3, b"question", NO_DEADLINE)
     pair.deliver(pair.server)

@@ -233,7 +233,7 @@ async def test_pause_resume_and_stop_say_what_became_of_the_robot(lab, lines):
         await task(verb)
     assert lines()[1:] == [
         "The queue is paused",
-        "The queue goes on",
+        "The queue is resumed",
         "The robot is stopped and the queue is paused; task 1 was cancelled"
         " (taskrpc task requeue 1 runs it again)",
     ]

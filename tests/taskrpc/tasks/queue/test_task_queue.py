@@ -95,7 +95,7 @@ class QueueAgainstSortedList(RuleBasedStateMachine):
     @rule(task_id=waiting, priority=st.integers(1, 10))
     def rerank(self, task_id, priority):
         if task_id in self.model:
-            self.queue.rerank(task_id, priority)
+            self.queue.reprioritise(task_id, priority)
             task = msgspec.structs.replace(self.model[task_id], priority=priority)
             self.model[task_id] = task
 
@@ -104,7 +104,7 @@ class QueueAgainstSortedList(RuleBasedStateMachine):
         if not self.model:
             return
         task = first(self.queue)
-        assert task == min(self.model.values(), key=lambda task: task.key)
+        assert task == min(self.model.values(), key=lambda task: task.order_key)
         if not keep:
             self.queue.put_back(task)
             return
@@ -116,7 +116,7 @@ class QueueAgainstSortedList(RuleBasedStateMachine):
     @rule(x=st.integers(0, 3), theta=st.sampled_from([-1.0, 0.0, 1.0]))
     def rebase(self, x, theta):
         self.base = Pose(float(x), 0.0, theta)
-        self.shifted(lambda: self.queue.rebase(self.base))
+        self.shifted(lambda: self.queue.set_start_pose(self.base))
 
     def shifted(self, change):
         """What a change says about those behind is what happens to them."""
@@ -124,7 +124,7 @@ class QueueAgainstSortedList(RuleBasedStateMachine):
         shifts = change()
         for task, seconds in self.queue.ordered():
             if task.task_id in before:
-                said = sum(shift.seconds for shift in shifts if shift.after < task.key)
+                said = sum(shift.seconds for shift in shifts if shift.after < task.order_key)
                 assert seconds - before[task.task_id] == pytest.approx(said, abs=1e-9)
 
     @invariant()
@@ -162,8 +162,8 @@ async def test_get_skips_what_was_cancelled_and_finds_what_was_moved_once():
     for number in range(1, 5):
         queue.put(make(number))
     queue.remove(1)
-    queue.rerank(4, 10)
-    queue.rerank(4, 2)
+    queue.reprioritise(4, 10)
+    queue.reprioritise(4, 2)
     assert drain(queue) == [2, 3, 4]
     getter = asyncio.ensure_future(queue.get())
     await asyncio.sleep(1)
@@ -188,10 +188,10 @@ async def test_a_page_begins_behind_any_key_also_of_a_task_that_has_gone():
         queue.put(task)
     rows = list(queue.ordered())
     for place, (task, _) in enumerate(rows):
-        assert list(queue.ordered(after=task.key)) == rows[place + 1 :]
+        assert list(queue.ordered(after=task.order_key)) == rows[place + 1 :]
     gone, _ = rows[12]
     queue.remove(gone.task_id)
-    behind = [task.task_id for task, _ in queue.ordered(after=gone.key)]
+    behind = [task.task_id for task, _ in queue.ordered(after=gone.order_key)]
     assert behind == [task.task_id for task, _ in rows[13:]]
 
 
@@ -211,7 +211,7 @@ async def test_cancelled_tasks_leave_nothing_behind():
     assert queue._heap.qsize() <= 2
 
 
-@pytest.mark.parametrize("step", ["put", "put_first", "remove", "rerank", "take", "estimate"])
+@pytest.mark.parametrize("step", ["put", "put_first", "remove", "reprioritise", "take", "estimate"])
 async def test_the_work_of_a_step_does_not_grow_with_the_queue(step):
     """Counted in plans made, which is where the time goes; one step among 52 and among 2,000."""
     assert max(count_plans(step, size) for size in (52, 2_000)) <= 5
@@ -233,7 +233,7 @@ def count_plans(step, size):
         "put": lambda: queue.put(make(size + 1)),
         "put_first": lambda: queue.put(make(size + 1, priority=10)),
         "remove": lambda: queue.remove(size // 2),
-        "rerank": lambda: queue.rerank(size // 2, 9),
+        "reprioritise": lambda: queue.reprioritise(size // 2, 9),
         "take": lambda: queue.begin(first(queue)),
         "estimate": lambda: queue.seconds_through(queue.find(size)),
     }
@@ -245,7 +245,7 @@ def test_amended_task_is_listed_as_it_is_now():
     queue = TaskQueue(journey, HOME)
     queue.put(make(1))
     amended = msgspec.structs.replace(make(1), message="amended")
-    queue.amend(amended)
+    queue.replace(amended)
     assert [task for task, _ in queue.ordered()] == [amended]
     assert queue.find(1) == first(queue) == amended
 
@@ -284,5 +284,5 @@ def test_waiting_tasks_are_counted_by_account_and_machine():
     callers = [("ann", "a"), ("ann", "b"), ("bob", "a"), ("ann", "a")]
     for number, (client, machine) in enumerate(callers, 1):
         queue.put(msgspec.structs.replace(make(number), client=client, machine=machine))
-    counts = [queue.waiting_of(*who) for who in (("ann", "a"), ("ann", "b"), ("bob", "b"))]
+    counts = [queue.count_waiting(*who) for who in (("ann", "a"), ("ann", "b"), ("bob", "b"))]
     assert counts == [2, 1, 0]

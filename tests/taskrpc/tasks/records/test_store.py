@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from taskrpc.errors import StoreError
 from taskrpc.request_ids.ids import Completion
-from taskrpc.tasks.model import EstimateChange, State, Task
+from taskrpc.tasks.model import EstimateChange, Task, TaskState
 from taskrpc.tasks.records.sqlite_store import SqliteStore
 from taskrpc.tasks.records.store import MemoryStore
 
@@ -34,7 +34,7 @@ async def test_a_new_store_is_empty_and_begins_with_number_one(store):
 async def test_what_was_saved_is_loaded_as_it_was(store):
     full = make(
         2,
-        state=State.FAILED,
+        state=TaskState.FAILED,
         started_at=1.0,
         ended_at=2.5,
         accepted_estimate=12.75,
@@ -50,8 +50,8 @@ async def test_what_was_saved_is_loaded_as_it_was(store):
 
 async def test_the_last_word_about_a_task_counts(store):
     await store.apply([make(1)])
-    await store.apply([make(1, state=State.CANCELED)])
-    assert [task.state for task in (await store.load()).tasks] == [State.CANCELED]
+    await store.apply([make(1, state=TaskState.CANCELED)])
+    assert [task.state for task in (await store.load()).tasks] == [TaskState.CANCELED]
 
 
 async def test_the_number_of_a_forgotten_task_is_never_given_again(store):

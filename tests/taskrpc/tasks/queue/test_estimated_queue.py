@@ -8,8 +8,8 @@ from hypothesis import strategies as st
 
 from taskrpc.errors import StoreError
 from taskrpc.robot import KinematicRobot, default_world
-from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.model import State
+from taskrpc.tasks.manager import TaskManager, TaskSettings
+from taskrpc.tasks.model import TaskState
 from taskrpc.tasks.records.store import MemoryStore
 from taskrpc.testing import VirtualTimeLoop
 from tests.taskrpc.tasks.fakes import LineRobot
@@ -57,14 +57,14 @@ class Witness:
         return asyncio.get_running_loop().time() * self.robot.speed
 
     async def watch(self):
-        revision = self.manager.board.revision
+        revision = self.manager.change_feed.revision
         while True:
-            await self.manager.board.wait_for_change(revision, 1e9)
-            for task_id in self.manager.board.changed_since(revision):
-                task = self.manager.book.find(task_id)
+            await self.manager.change_feed.wait_for_change(revision, 1e9)
+            for task_id in self.manager.change_feed.changed_since(revision):
+                task = self.manager.repository.find(task_id)
                 if task.state.is_ended:
                     self.ended[task_id] = self.now()
-            revision = self.manager.board.revision
+            revision = self.manager.change_feed.revision
 
     async def do(self, action, a, b):
         manager = self.manager
@@ -92,17 +92,17 @@ class Witness:
     async def be_refused(self, number, priority):
         """Cancel or move a task while the disk is full; then all is as it was."""
         before = self.manager.queue.find(number)
-        self.manager.book._store.stubborn = number
+        self.manager.repository._store.stubborn = number
         manager = self.manager
         asked = manager.reprioritise(number, priority) if priority else manager.cancel(number)
         with pytest.raises(StoreError):
             await asked
-        self.manager.book._store.stubborn = 0
+        self.manager.repository._store.stubborn = 0
         assert self.manager.queue.find(number) == before
 
     def check_succeeded(self):
         """Compare for every task that ran to its end; return their number."""
-        done = [t for t in self.manager.book.ended() if t.state is State.SUCCEEDED]
+        done = [t for t in self.manager.repository.ended() if t.state is TaskState.SUCCEEDED]
         for task in done:
             took = self.ended[task.task_id] - self.accepted[task.task_id]
             said = task.accepted_estimate + sum(change.seconds for change in task.changes)
@@ -112,7 +112,7 @@ class Witness:
 
 async def rehearse(robot, actions):
     """Do the actions, let the queue run empty, and compare promises with what came."""
-    manager = TaskManager(robot, StubbornStore(), settle=0.1)
+    manager = TaskManager(robot, StubbornStore(), TaskSettings(settle=0.1))
     await manager.start()
     witness = Witness(manager, robot)
     watcher = asyncio.ensure_future(witness.watch())
@@ -141,7 +141,7 @@ def test_where_nobody_interferes_equal_tasks_are_done_when_it_was_said(actions, 
     equal = [(name, a, 5 if name == "submit" else b) for name, a, b in actions]
     manager, witness = virtually(rehearse(LineRobot(speed=speed), equal))
     assert witness.check_succeeded() == sum(name == "submit" for name, *_ in actions)
-    assert not any(task.changes for task in manager.book.ended())
+    assert not any(task.changes for task in manager.repository.ended())
 
 
 @settings(max_examples=150)
@@ -153,7 +153,7 @@ def test_where_nobody_interferes_equal_tasks_are_done_when_it_was_said(actions, 
 def test_every_second_of_delay_has_a_named_cause(actions, speed, slowness):
     manager, witness = virtually(rehearse(LineRobot(speed=speed, slowness=slowness), actions))
     witness.check_succeeded()
-    assert not manager._timetable._promises, "a promise outlived its task"
+    assert not manager._estimated_queue._accepted, "a promise outlived its task"
 
 
 @settings(max_examples=10)
@@ -174,7 +174,7 @@ def test_the_same_is_true_of_the_kinematic_robot(actions):
 
 async def test_the_causes_are_named_as_a_user_would():
     robot = LineRobot()
-    manager = TaskManager(robot, MemoryStore(), settle=0.5)
+    manager = TaskManager(robot, MemoryStore(), TaskSettings(settle=0.5))
     await manager.start()
     await manager.submit("move", "10", 5)
     await manager.submit("move", "0", 5)
@@ -193,8 +193,8 @@ async def test_the_causes_are_named_as_a_user_would():
     await until(lambda: manager.running and manager.running.task_id == late)
     await asyncio.sleep(1)
     robot.slowness = 1.0
-    await until(lambda: manager.book.find(late).state.is_ended)
-    assert [change.cause for change in manager.book.find(late).changes] == [
+    await until(lambda: manager.repository.find(late).state.is_ended)
+    assert [change.cause for change in manager.repository.find(late).changes] == [
         "task 5, priority 7, went ahead",
         "task 2 was cancelled",
         "it was moved to priority 4",
@@ -213,13 +213,13 @@ async def test_an_estimate_that_is_asked_for_again_agrees_with_the_promise():
     for target in ("3", "9", "1"):
         await manager.submit("move", target, 5)
     loop = asyncio.get_running_loop()
-    accepted = manager.book.find(3).accepted_estimate
+    accepted = manager.repository.find(3).accepted_estimate
     await asyncio.sleep(2)
     await manager.pause()
     for _ in range(5):
         await asyncio.sleep(1.5)
-        manager.reckon()
-        said = accepted + sum(c.seconds for c in manager.changes(manager.book.find(3)))
+        manager.update_estimates()
+        said = accepted + sum(c.seconds for c in manager.changes(manager.repository.find(3)))
         assert manager.estimate(3) == pytest.approx(said - loop.time(), abs=0.01)
     await manager.close()
 
@@ -236,19 +236,19 @@ async def test_so_many_changes_that_some_are_forgotten_still_add_up():
         await manager.submit("move", str(number % 7), 6)
         await manager.cancel(number)
     await manager.submit("move", "50", 6)
-    changes = manager.changes(manager.book.find(2))
+    changes = manager.changes(manager.repository.find(2))
     assert changes[0].cause.endswith("earlier changes")
     assert len(changes) <= 101
-    await until(lambda: manager.book.find(2).state.is_ended)
+    await until(lambda: manager.repository.find(2).state.is_ended)
     took = asyncio.get_running_loop().time() - accepted_at
-    total = sum(change.seconds for change in manager.book.find(2).changes)
+    total = sum(change.seconds for change in manager.repository.find(2).changes)
     assert first.estimated_time + total == pytest.approx(took, rel=0.01)
     await manager.close()
 
 
 async def test_resumed_promise_adds_up_after_changes_are_forgotten():
     wall, store = 1000.0, MemoryStore()
-    old = TaskManager(LineRobot(), store, wall_clock=lambda: wall)
+    old = TaskManager(LineRobot(), store, TaskSettings(wall_clock=lambda: wall))
     await old.start()
     await old.submit("move", "50", 5)
     await asyncio.sleep(5)
@@ -258,7 +258,7 @@ async def test_resumed_promise_adds_up_after_changes_are_forgotten():
     await old.pause()
     await old.close()
     wall += 30.0
-    manager = TaskManager(LineRobot(), store, wall_clock=lambda: wall)
+    manager = TaskManager(LineRobot(), store, TaskSettings(wall_clock=lambda: wall))
     await manager.start()
     loop = asyncio.get_running_loop()
     restarted_at = loop.time()
@@ -266,8 +266,8 @@ async def test_resumed_promise_adds_up_after_changes_are_forgotten():
     for number in range(3, 2_300):
         await manager.submit("move", "7", 6)
         await manager.cancel(number)
-    manager.reckon()
-    task = manager.book.find(2)
+    manager.update_estimates()
+    task = manager.repository.find(2)
     changes = manager.changes(task)
     assert changes[0].cause.endswith("earlier changes")
     passed = 30.0 + loop.time() - restarted_at
@@ -284,17 +284,17 @@ async def test_cancel_that_is_refused_late_delays_only_its_own_task():
     for target in ("3", "9", "1"):
         await manager.submit("move", target, 5)
     began = asyncio.get_running_loop().time()
-    manager.book._store.stubborn = 2
+    manager.repository._store.stubborn = 2
     refused = asyncio.ensure_future(manager.cancel(2))
     await asyncio.sleep(0.5)
     await manager.submit("move", "20", 9)
     with pytest.raises(StoreError):
         await refused
     await asyncio.sleep(1)
-    manager.reckon()
+    manager.update_estimates()
     passed = asyncio.get_running_loop().time() - began
     for number in (1, 2, 3):
-        task = manager.book.find(number)
+        task = manager.repository.find(number)
         said = task.accepted_estimate + sum(change.seconds for change in manager.changes(task))
         assert said == pytest.approx(passed + manager.estimate(number), abs=0.01), number
     await manager.close()

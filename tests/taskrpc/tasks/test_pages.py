@@ -5,8 +5,8 @@ import asyncio
 import pytest
 
 from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.model import State
-from taskrpc.tasks.queue.pages import PAGE, page
+from taskrpc.tasks.model import TaskState
+from taskrpc.tasks.pages import PAGE, page
 from taskrpc.tasks.records.store import MemoryStore
 from tests.taskrpc.tasks.fakes import LineRobot
 
@@ -43,9 +43,9 @@ async def test_pages_of_any_size_join_to_the_same_list(manager, limit):
     await asyncio.sleep(5)
     await manager.cancel(5)
     whole = page(manager, "", ended=True).rows
-    assert [row.task.state for row in whole[:2]] == [State.RUNNING, State.QUEUED]
+    assert [row.task.state for row in whole[:2]] == [TaskState.RUNNING, TaskState.QUEUED]
     assert whole[-1].task.state.is_ended
-    keys = [row.task.key for row in whole if row.task.state is State.QUEUED]
+    keys = [row.task.order_key for row in whole if row.task.state is TaskState.QUEUED]
     assert keys == sorted(keys)
     times = [row.estimated_time for row in whole if not row.task.state.is_ended]
     assert times == sorted(times)
@@ -80,7 +80,7 @@ async def test_nothing_is_doubled_or_lost_while_tasks_come_and_go(manager):
     def meddle():
         number = next(gone, None)
         if number is not None:
-            manager._timetable.remove(number, "was cancelled")
+            manager._estimated_queue.remove(number, "was cancelled")
             removed.add(number)
 
     rows = [row.task.task_id for row in pages(manager, 3, between=meddle)]
@@ -96,5 +96,5 @@ async def test_a_page_is_never_longer_than_the_server_likes(manager):
 
 @pytest.mark.parametrize("cursor", ["x", "w5", "w-5:x", "e1:", "w-5:1 ", "e1.5:2;drop", "w" * 999])
 async def test_an_invented_cursor_is_refused_in_one_sentence(manager, cursor):
-    with pytest.raises(ValueError, match="page: expected `next_page` of an earlier answer, got"):
+    with pytest.raises(ValueError, match="page: expected `next_page` of an earlier response, got"):
         page(manager, cursor)

@@ -1,0 +1,128 @@
+"""Responses of the task server: their texts, as sentences for users, and tasks as ROS messages."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import msgspec
+
+import srvgen
+from taskrpc.errors import TaskRpcError, told
+from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, EstimateChange, Task
+
+_EARLIEST, _LATEST = -(2.0**31), 2.0**31 - 1  # the range of builtin_interfaces/msg/Time
+
+
+class TaskResponse(msgspec.Struct, frozen=True):
+    """The response to a request that changes tasks."""
+
+    success: bool
+    message: str
+    """One sentence for the user, also after a success."""
+    task_id: int = -1
+    """The id of the task; -1 if the request was refused."""
+    estimated_time: float = 0.0
+    """Robot seconds from now to the task's end."""
+
+
+class Resumed(msgspec.Struct, frozen=True):
+    """The tasks that a new server found in the store; its `str` is a sentence for the user."""
+
+    queued: int
+    """The number of tasks that are queued again."""
+    interrupted: tuple[int, ...]
+    """The interrupted tasks that no operator has requeued or dropped yet."""
+    paused: bool = False
+    """Whether the queue is paused, as it was when the earlier server ended."""
+
+    def __str__(self) -> str:
+        if self == Resumed(0, ()):
+            return "no earlier tasks wait"
+        count = f"{self.queued or 'no'} queued task{'' if self.queued == 1 else 's'}"
+        notes = [
+            f"task {task_id} was interrupted ({_decision_hint(task_id)})"
+            for task_id in self.interrupted
+        ]
+        listed, hidden = notes[:3], len(notes) - 3
+        more = [f"{hidden} more were interrupted (taskrpc task list --all)"] if hidden > 0 else []
+        if self.paused:
+            more.append("the queue is still paused (taskrpc task resume continues it)")
+        return "; ".join([f"resumed {count}", *listed, *more])
+
+
+def priority_refusal(priority: int) -> str:
+    """Return what is wrong with a priority, "" if it is valid."""
+    if PRIORITY_MIN <= priority <= PRIORITY_MAX:
+        return ""
+    allowed = f"{PRIORITY_MIN} to {PRIORITY_MAX}, {PRIORITY_MAX} runs first"
+    return f"Invalid priority: {priority} (expected {allowed})"
+
+
+def _decision_hint(task_id: int) -> str:
+    return f"decide with taskrpc task resume {task_id}, requeue {task_id} or drop {task_id}"
+
+
+def requeue_hint(task_id: int) -> str:
+    """Return how to run an ended task again."""
+    return f"taskrpc task requeue {task_id} runs it again"
+
+
+def unstored_note(error: TaskRpcError) -> str:
+    """Return what to add about a change that was made although the store refused it."""
+    return f", but this could not be stored: {told(error)}"
+
+
+def by_client(action: str, client: str) -> str:
+    """Return an action with the client that requested it, if that is known."""
+    return f"{action} by {client}" if client else action
+
+
+def printable(text: str) -> str:
+    """Return a client's text, cleaned and cut for one line of a terminal."""
+    clean = "".join(letter if letter.isprintable() else "?" for letter in text)
+    return clean if len(clean) <= 60 else clean[:59] + "…"
+
+
+class TaskMessages:
+    """Converts tasks to messages of taskrpc_interfaces; loads their classes when constructed."""
+
+    def __init__(self) -> None:
+        self._task_info = srvgen.load("taskrpc_interfaces/msg/TaskInfo")
+        self._estimate_change = srvgen.load("taskrpc_interfaces/msg/EstimateChange")
+        self._time = srvgen.load("builtin_interfaces/msg/Time")
+
+    def task_info(self, task: Task, estimated_time: float) -> Any:
+        """Return a TaskInfo for a list: without the result and the estimate's changes."""
+        return self._task_info(
+            task_id=task.task_id,
+            task_type=task.task_type,
+            target=task.target,
+            priority=task.priority,
+            state=task.state.value,
+            estimated_time=estimated_time,
+            accepted_estimate=task.accepted_estimate,
+            progress=task.progress,
+            message=task.message,
+            client=task.client,
+            submitted=self._instant(task.submitted_at),
+            started=self._instant(task.started_at),
+            ended=self._instant(task.ended_at),
+        )
+
+    def whole_task_info(
+        self, task: Task, estimated_time: float, changes: Iterable[EstimateChange]
+    ) -> Any:
+        """Return a TaskInfo with the result and the estimate's changes."""
+        info = self.task_info(task, estimated_time)
+        info.result = task.result
+        info.estimate_changes = [
+            self._estimate_change(**msgspec.structs.asdict(change)) for change in changes
+        ]
+        return info
+
+    def _instant(self, seconds: float | None) -> Any:
+        # A wall clock may have been wrong by decades. One such task must not make the whole list
+        # impossible to send.
+        whole, fraction = divmod(min(max(seconds or 0.0, _EARLIEST), _LATEST), 1)
+        return self._time(sec=int(whole), nanosec=int(fraction * 1e9))
