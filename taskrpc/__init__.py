@@ -42,7 +42,7 @@ if TYPE_CHECKING:
     )
     from taskrpc.exactly_once import Effect
     from taskrpc.exactly_once.stores import MemoryCompletions, SqliteCompletions
-    from taskrpc.given_types import Msg, Srv
+    from taskrpc.message_types import Msg, Srv
     from taskrpc.metrics import Metrics
     from taskrpc.node import Node, run
     from taskrpc.observer import NodeStatus, Observer, Observers
@@ -77,7 +77,7 @@ _HOMES = {
         " ProtocolError RequestIdReused ServerBusy ServiceUnavailable SessionExpired StoreError"
         " TaskRpcError TypeMismatch WouldDeadlock"
     ),
-    "given_types": "Msg Srv",
+    "message_types": "Msg Srv",
     "metrics": "Metrics",
     "node": "Node run",
     "observer": "NodeStatus Observer Observers",

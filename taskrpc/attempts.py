@@ -1,9 +1,9 @@
-"""One call until its answer: found, sent, and sent again where that is safe.
+"""One call until its response: find the service, send the request, and retry where that is safe.
 
-Safe is what certainly did not run, what the server declared idempotent, and what it runs exactly
-once: such a request keeps its number and its store through every sending. Whoever was sent
-something that may have run is in doubt; from then on only an answer, or the same store's word, may
-say that it did not.
+A retry is safe if the request certainly did not run, if the service is idempotent, or if it is
+exactly-once: then the request keeps its request id and its store in every attempt. After an attempt
+that may have run, the call is in doubt. From then on only a response, or the same store, can say
+that the request did not run.
 """
 
 from __future__ import annotations
@@ -29,76 +29,83 @@ from taskrpc.errors import (
     SessionExpired,
     TaskRpcError,
 )
-from taskrpc.request_ids.ids import Number, Numbers, number_of_id
+from taskrpc.request_ids.ids import RequestCounter, RequestId, named_request_id
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Channel, Mode, SentCall
 
-FREE_SENDINGS = 8
-"""Sendings of one exactly-once request over new connections that take nothing from the budget: a
-server that was restarted must get back all that was in flight, not three calls a second."""
+FREE_RETRIES = 8
+"""Retries of one exactly-once request after lost connections that take nothing from the retry
+budget: a restarted server must get back all calls in flight at once, not three a second."""
 
 _UNTIL_THE_DEADLINE = RetryPolicy()
 
 
 class Attempts(msgspec.Struct, eq=False):
-    """The sendings of one call; await `result()` once."""
+    """The attempts of one call; await `result()` once."""
 
     channel: Channel
     request: Any
     deadline: float | None
     """Instant on the loop's clock, None for none."""
     policy: RetryPolicy | None
-    """None: send once; what is exactly-once, again while connections are lost."""
+    """None: one attempt; for an exactly-once service, retries after lost connections."""
     budget: RetryBudget
     now: Callable[[], float]
     """The loop's clock."""
-    request_id: str = ""
-    """The user's own name for the request, "" for none."""
-    _only_what_is_lost: bool = False
+    name: str = ""
+    """The user's own request id, "" for none."""
+    _only_lost_connections: bool = False
+    """Whether to retry only after lost connections: the user gave no retry policy."""
     _made: int = 0
+    """How many attempts there were, with the present one."""
     _in_doubt: bool = False
+    """Whether an earlier attempt may have run."""
     _in_doubt_since: tuple[float, float] = (0.0, 0.0)
     """The time of day, and the loop's time."""
-    _is_over: bool = False
-    _counts_anew: bool = False
-    _numbers: Numbers | None = None
+    _has_ended: bool = False
+    """Whether no retry can be safe any more."""
+    _has_new_client: bool = False
+    """Whether the call has replaced a client id that the server had forgotten."""
+    _counter: RequestCounter | None = None
+    """The counter of the present sequence number, until it is settled."""
     _sequence: int = 0
-    _store: bytes = b""
-    _first: SentCall | None = None
-    """The first sending, where the channel made it while the call waited for the connection."""
+    _store_id: bytes = b""
+    """The store for which the request id is valid, b"" before there is one."""
+    _sent: SentCall | None = None
+    """The present attempt, if the channel sent it at the moment in which it was connected."""
 
     def begin(self) -> None:
         """Send the request; the channel calls this at the moment in which it is connected."""
-        with contextlib.suppress(Exception):  # `result` meets the same error, and raises it
-            self._first = self.channel.send(self.request, self.deadline, self._number())
+        with contextlib.suppress(Exception):  # `result` tries again, gets the same error, raises it
+            self._sent = self.channel.send(self.request, self.deadline, self._request_id())
 
     async def result(self, call: SentCall | None = None) -> Any:
-        """The response; raises what `Client.call` tells.
+        """Return the response; raise the errors of `Client.call`.
 
-        `call` is a first sending by `Channel.send_next`.
+        `call` is a first attempt that `Channel.send_next` has sent.
         """
-        if call is not None and call.numbers is not None:
-            self._counted(call.numbers.store_id, call.numbers, call.sequence)
+        if call is not None and call.counter is not None:
+            self._use(call.counter.store_id, call.counter, call.sequence)
         try:
             while True:
                 self._made += 1
                 try:
                     if call is None:
-                        if self._first is None and not self.channel.ready:
-                            await self._find()
-                        call, self._first = self._first, None
+                        if self._sent is None and not self.channel.ready:
+                            await self._wait_for_connection()
+                        call, self._sent = self._sent, None
                     if call is None:
-                        call = self.channel.send(self.request, self.deadline, self._number())
-                        assert call is not None, "the channel was connected in this very turn"
+                        call = self.channel.send(self.request, self.deadline, self._request_id())
+                        assert call is not None, "the channel is connected, and nothing was awaited"
                     response = await call.future
                 except asyncio.CancelledError:
-                    if (sent := call or self._first) is not None:
+                    if (sent := call or self._sent) is not None:
                         self._cancel(sent)
                     raise
                 except TaskRpcError as error:
                     wait = self._wait_after(error)
                     if wait is None:
-                        raise self._verdict(error) from None
+                        raise self._final(error) from None
                     call = None
                     await asyncio.sleep(wait)
                 else:
@@ -108,16 +115,16 @@ class Attempts(msgspec.Struct, eq=False):
             self._settle()
 
     def _cancel(self, call: SentCall) -> None:
-        self._first = None
+        self._sent = None
         call.future.cancel()
         call.give_up()
 
-    async def _find(self) -> None:
+    async def _wait_for_connection(self) -> None:
         self.channel.line_up(self)
         try:
             await self._connect()
         except TaskRpcError:
-            if self._first is None:  # otherwise the connection was lost after the request was sent
+            if self._sent is None:  # otherwise the connection was lost after the request was sent
                 raise
         finally:
             self.channel.leave_line(self)
@@ -130,119 +137,120 @@ class Attempts(msgspec.Struct, eq=False):
         try:
             await self.channel.connect(deadline)
         except ServiceUnavailable:
-            # Waiting for a server is no attempt: with a policy a call waits as long as it may.
+            # Waiting for a server is not an attempt: with a policy a call waits until its deadline.
             if self.policy is None or not await self.channel.wait(deadline):
                 raise
 
-    # The number of a request to an exactly-once service
+    # The id of a request to an exactly-once service
 
-    def _number(self) -> Number | None:
+    def _request_id(self) -> RequestId | None:
         channel = self.channel
         if channel.mode is not Mode.EXACTLY_ONCE:
-            if self._store and self._in_doubt:
-                self._give_up("the service that answers now is not exactly-once any more")
-            if self.request_id:
+            if self._store_id and self._in_doubt:
+                self._end_in_doubt("the server that offers the service now is not exactly-once")
+            if self.name:
                 problem = "a request id was given, but the service is not exactly-once"
                 raise InvalidRequest("", problem)
             return None
-        if self._store and self._in_doubt and self._is_too_old():
-            self._give_up("the server may have forgotten the request, which was sent long ago")
-        if self._store != channel.store_id:
-            if self._store and self._in_doubt:
-                self._give_up("the server that answers now has another store")
-            self._count(channel)
-        if self.request_id:
-            return number_of_id(channel.service_name, self.request_id)
-        assert self._numbers is not None, "counted above"
-        return self._numbers.number(self._sequence)
+        if self._store_id and self._in_doubt and self._is_too_old():
+            self._end_in_doubt("the request is so old that the server may have forgotten it")
+        if self._store_id != channel.store_id:
+            if self._store_id and self._in_doubt:
+                self._end_in_doubt("the server that offers the service now has another store")
+            self._take_sequence(channel)
+        if self.name:
+            return named_request_id(channel.service_name, self.name)
+        assert self._counter is not None, "taken above"
+        return self._counter.request_id(self._sequence)
 
-    def _count(self, channel: Channel) -> None:
+    def _take_sequence(self, channel: Channel) -> None:
         self._settle()
-        numbers, sequence = None, 0
-        if not self.request_id:
-            numbers = channel.numbers()
-            sequence = numbers.take()
-        self._counted(channel.store_id, numbers, sequence)
+        counter, sequence = None, 0
+        if not self.name:
+            counter = channel.counter()
+            sequence = counter.take()
+        self._use(channel.store_id, counter, sequence)
 
-    def _counted(self, store_id: bytes, numbers: Numbers | None, sequence: int) -> None:
+    def _use(self, store_id: bytes, counter: RequestCounter | None, sequence: int) -> None:
+        """Use this sequence number in the following attempts."""
         if self.policy is None:
-            self.policy, self._only_what_is_lost = _UNTIL_THE_DEADLINE, True
-        self._store, self._numbers, self._sequence = store_id, numbers, sequence
+            self.policy, self._only_lost_connections = _UNTIL_THE_DEADLINE, True
+        self._store_id, self._counter, self._sequence = store_id, counter, sequence
 
     def _settle(self) -> None:
-        if self._numbers is not None:
-            self._numbers.settle(self._sequence)
-            self._numbers = None
+        if self._counter is not None:
+            self._counter.settle(self._sequence)
+            self._counter = None
 
     def _is_too_old(self) -> bool:
         """Whether the server may have forgotten a request that is in doubt."""
         from taskrpc.request_ids.ledger import REPEATED_FOR  # few requests are ever in doubt
 
-        return self._doubted_for() > REPEATED_FOR
+        return self._seconds_in_doubt() > REPEATED_FOR
 
-    def _doubted_for(self) -> float:
-        """Seconds since the first attempt whose outcome is unknown, by the clock that says more.
+    def _seconds_in_doubt(self) -> float:
+        """Seconds since the first attempt whose outcome is unknown, by the clock that shows more.
 
         The time of day may be set back, and the loop's clock may stand still while a laptop sleeps.
         """
         day, loop = self._in_doubt_since
         return max(time.time() - day, self.now() - loop)
 
-    def _give_up(self, problem: str) -> None:
-        self._is_over = True
-        raise OutcomeUnknown(f"{problem}; the one that was asked before may have run the call")
+    def _end_in_doubt(self, problem: str) -> None:
+        self._has_ended = True
+        raise OutcomeUnknown(f"{problem}; an earlier attempt of the call may have run")
 
-    # What an error means
+    # Errors: retry or not, and which error the caller gets
 
     def _wait_after(self, error: TaskRpcError) -> float | None:
-        """Seconds until the next attempt; None where there is none."""
-        if isinstance(error, SessionExpired) and self._may_count_anew():
+        """Return the seconds until the next attempt, None if there must be none."""
+        if isinstance(error, SessionExpired) and self._replace_client():
             return 0.0
         if error.not_executed is not True and not self._in_doubt:
             self._in_doubt, self._in_doubt_since = True, (time.time(), self.now())
         policy = self.policy
         if policy is None or not policy.allows(self._made + 1) or not self._may_repeat(error):
             return None
-        import random  # a failure can wait a millisecond, a program's start should not
+        import random  # imported at the first failure: a program's start should not wait for it
 
-        # Counted from the second wait on: the first retry waits wait_initial.
+        # The first retry waits wait_initial.
         wait = policy.wait(self._made - 1, random.random())
         if isinstance(error, ServerBusy):
             wait = max(wait, error.retry_after)
         now, latest = self.now(), math.inf if self.deadline is None else self.deadline
-        if self._store and isinstance(error, ConnectionLost) and self._made <= FREE_SENDINGS:
+        if self._store_id and isinstance(error, ConnectionLost) and self._made <= FREE_RETRIES:
             return wait if now + wait < latest else None
         return self.budget.book(now, wait, latest)
 
-    def _may_count_anew(self) -> bool:
-        """Whether a server that forgot us was asked for the first time: then nothing has run."""
-        if self._in_doubt or self._numbers is None or self._counts_anew:
+    def _replace_client(self) -> bool:
+        """Take a new client id if the server forgot this one; False if the request may have run."""
+        if self._in_doubt or self._counter is None or self._has_new_client:
             return False
-        self._counts_anew = True
-        self._numbers.is_over = True
-        self._store = b""  # so the next attempt gets a new sequence number, and this one is settled
+        self._has_new_client = True
+        self._counter.is_retired = True
+        self._store_id = b""  # the next attempt takes a new sequence number and settles this one
         return True
 
     def _may_repeat(self, error: TaskRpcError) -> bool:
-        if self._is_over:
+        if self._has_ended:
             return False
-        if self._only_what_is_lost:
-            # The service may have another server by now, as a plain call would find out too.
+        if self._only_lost_connections:
+            # ServiceUnavailable too: another server may offer the service by now.
             return isinstance(error, ServiceUnavailable | ConnectionLost)
-        if isinstance(error, ServerBusy | ConnectionLost) or _asks_for_retry(error):
-            is_safe = bool(self._store) or self.channel.mode is Mode.IDEMPOTENT
+        if isinstance(error, ServerBusy | ConnectionLost) or _invites_retry(error):
+            is_safe = bool(self._store_id) or self.channel.mode is Mode.IDEMPOTENT
             return error.not_executed is True or is_safe
         return isinstance(error, ServiceUnavailable)
 
-    def _verdict(self, error: TaskRpcError) -> TaskRpcError:
-        """What the caller learns: an earlier sending may have run although the last did not."""
-        says_nothing = error.not_executed is True or isinstance(error, SessionExpired)
-        if not self._in_doubt or not says_nothing:
+    def _final(self, error: TaskRpcError) -> TaskRpcError:
+        """Return the error for the caller: an earlier attempt may have run, if not the last one."""
+        is_no_answer = error.not_executed is True or isinstance(error, SessionExpired)
+        if not self._in_doubt or not is_no_answer:
             return error
         if isinstance(error, DeadlineExceeded):
             return DeadlineExceeded("no answer by the deadline")
-        return OutcomeUnknown(f"{error}; an earlier sending of the call may have run")
+        return OutcomeUnknown(f"{error}; an earlier attempt of the call may have run")
 
 
-def _asks_for_retry(error: TaskRpcError) -> bool:
+def _invites_retry(error: TaskRpcError) -> bool:
     return isinstance(error, HandlerFailed) and error.code is Code.UNAVAILABLE

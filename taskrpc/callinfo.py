@@ -36,7 +36,7 @@ class CallInfo(msgspec.Struct, eq=False):
     """Counts the calls of this server; it stands in the log beside a failure."""
     deadline: float | None
     """Instant on the event loop's clock, or None."""
-    _clock: Callable[[], float]
+    clock: Callable[[], float]
     cancelled: bool
     """True once the caller gave up; plain and threaded callbacks may look now and then."""
 
@@ -71,7 +71,7 @@ class CallInfo(msgspec.Struct, eq=False):
 
     def time_left(self) -> float | None:
         """Seconds until the caller stops waiting (never below 0.0), None without a deadline."""
-        return None if self.deadline is None else max(0.0, self.deadline - self._clock())
+        return None if self.deadline is None else max(0.0, self.deadline - self.clock())
 
 
 def log_fields(call: CallInfo) -> dict[str, object]:

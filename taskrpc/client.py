@@ -11,7 +11,7 @@ from typing import Any, Final, Generic
 
 from taskrpc.attempts import Attempts
 from taskrpc.errors import InvalidRequest, TaskRpcError
-from taskrpc.given_types import RequestT, ResponseT
+from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Tell, ToldThread, Transport, WaitingThread
 from taskrpc.transport.codec import ServiceType
@@ -100,8 +100,9 @@ class Client(Generic[RequestT, ResponseT]):
         if call is None:
             response = await self._attempts(request, deadline, policy, request_id).result()
             return response
-        # As `Attempts` does: one more coroutine would cost a tenth of the call.
-        if (numbers := call.numbers) is None:
+        # A fast path for the first attempt, which `Attempts` would make too: its coroutine would
+        # cost a tenth of the call. A test compares both.
+        if (counter := call.counter) is None:
             try:
                 response = await call.future
             except asyncio.CancelledError:
@@ -117,7 +118,7 @@ class Client(Generic[RequestT, ResponseT]):
             response = await self._attempts(request, deadline, policy, request_id).result(call)
             return response
         finally:
-            numbers.settle(call.sequence)
+            counter.settle(call.sequence)
         if self._budget.spent:
             self._budget.earn()
         return response

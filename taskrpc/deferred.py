@@ -12,7 +12,7 @@ from functools import partial
 from typing import TYPE_CHECKING, Any, Generic, TypeAlias
 
 from taskrpc.errors import OutcomeUnknown, ServiceUnavailable, TaskRpcError
-from taskrpc.given_types import RequestT, ResponseT
+from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import IncomingCall, Offer, Transport
 from taskrpc.transport.codec import ServiceType, codec_of

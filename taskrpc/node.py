@@ -16,7 +16,7 @@ from srvgen import excepthook
 from taskrpc import names, platform, script_errors
 from taskrpc.client import DEFAULT_TIMEOUT, Client
 from taskrpc.errors import ServiceUnavailable, TaskRpcError, WouldDeadlock
-from taskrpc.given_types import RequestT, ResponseT, Srv, service_type
+from taskrpc.message_types import RequestT, ResponseT, Srv, service_type
 from taskrpc.node_topics import NodeTopics
 from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.retry import RetryPolicy

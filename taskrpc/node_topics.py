@@ -8,7 +8,7 @@ from copy import copy
 from typing import TYPE_CHECKING, Any, Protocol
 
 from taskrpc import names
-from taskrpc.given_types import MsgT, message_type
+from taskrpc.message_types import MsgT, message_type
 from taskrpc.qos import QoS, qos_of
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import OnMismatch, Transport

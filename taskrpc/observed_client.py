@@ -10,7 +10,7 @@ from typing import Any
 
 from taskrpc.client import UNSET, Client, Unset
 from taskrpc.errors import Code, TaskRpcError
-from taskrpc.given_types import RequestT, ResponseT
+from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.observer import Observer, told
 from taskrpc.retry import RetryPolicy
 from taskrpc.transport.base import Tell, WaitingThread

@@ -28,7 +28,7 @@ class Connections(msgspec.Struct):
     sent: int = 0
 
 
-class OnceStatus(msgspec.Struct, frozen=True):
+class DeduplicationStatus(msgspec.Struct, frozen=True):
     """What an exactly-once service was asked, and what its store remembers."""
 
     requests: dict[str, int]
@@ -48,7 +48,7 @@ class ServiceStatus(msgspec.Struct, frozen=True):
     running: int
     waiting: int
     """Calls that wait for their turn."""
-    once: OnceStatus | None = None
+    once: DeduplicationStatus | None = None
     """For an exactly-once service."""
 
 

@@ -1,4 +1,4 @@
-"""Runs a service's callback: one call at a time unless told otherwise, in order of arrival."""
+"""A service: runs its handler for each call, by default one call at a time, fair among callers."""
 
 from __future__ import annotations
 
@@ -25,9 +25,16 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
-from taskrpc.execution.fair_queue import Turns
-from taskrpc.execution.stepping import Stepper
-from taskrpc.given_types import RequestT, ResponseT
+from taskrpc.execution.callbacks import (
+    HOLDS_LOOP_AFTER,
+    DaemonThreads,
+    as_coroutine,
+    end_program,
+    run_to_end,
+)
+from taskrpc.execution.eager_start import EagerStarter
+from taskrpc.execution.fair_queue import FairQueue
+from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import IncomingCall, Mode, Offer, Transport
@@ -37,14 +44,13 @@ from taskrpc.transport.connection.incoming_call import answer_unexpected
 from taskrpc.wire.messages import DEFAULT_LIMITS
 
 if TYPE_CHECKING:
-    from taskrpc.exactly_once import Effect, OnceDesk
-    from taskrpc.execution.daemon_threads import DaemonThreads
+    from taskrpc.exactly_once import Deduplicator, Effect
     from taskrpc.observer import Observer, ServiceStatus
 
 log = logging.getLogger("taskrpc.server")
 
 Returned: TypeAlias = "ResponseT | Effect[ResponseT]"
-"""What a callback returns; an Effect only where the service is exactly-once."""
+"""The return value of a handler; an Effect only if the service is exactly-once."""
 
 Callback: TypeAlias = Callable[
     [RequestT, ResponseT], "Returned[ResponseT] | Awaitable[Returned[ResponseT]]"
@@ -52,14 +58,13 @@ Callback: TypeAlias = Callable[
 """`callback(request, response)`, plain or async; returns the response."""
 
 QUEUE_LIMIT = 1024
-"""Calls that wait for their turn; more are refused as ServerBusy."""
+"""How many calls may wait; more are refused with ServerBusy."""
 
-MEASURED = 16
-"""Calls whose quickest tells how long a call takes at least."""
+SAMPLED = 16
+"""Recent calls, sampled for the minimum service time."""
 
 RETRY_AFTER = 0.1
-HOLDS_LOOP_AFTER = 0.25
-"""Seconds on the loop after which a callback is named in a warning."""
+"""Seconds after which a client may repeat a call that was refused because the queue is full."""
 
 
 class Service:
@@ -91,48 +96,49 @@ class Service:
         self._callback = callback
         self._concurrency = concurrency
         self._running = 0
-        self._waiting: Turns[IncomingCall] = Turns()
+        self._waiting: FairQueue[IncomingCall] = FairQueue()
         self._jobs: dict[IncomingCall, tuple[asyncio.Future[Any], float]] = {}
-        self._durations: deque[float] = deque(maxlen=MEASURED)
-        """Seconds of the latest calls, measured while others wait."""
+        """The task or thread job of each call that has one, and when the call began."""
+        self._durations: deque[float] = deque(maxlen=SAMPLED)
+        """Seconds that the latest calls took, sampled while others wait."""
         self._loop = asyncio.get_running_loop()
         self._now = clock_of(self._loop)
-        self._stepper = Stepper(self._loop, self._held_loop)
+        self._starter = EagerStarter(self._loop, self._held_loop)
         self._response = srv_type.Response
         self._destroyed = False
         self.finished: asyncio.Future[None] = self._loop.create_future()
         """Done once the service is destroyed and has answered its last call."""
-        self._threads = _threads(name, concurrency) if threaded else None
+        self._threads = DaemonThreads(concurrency, f"taskrpc {name}") if threaded else None
         self._warned = False
         self._transport = transport
-        self._desk = self._desk_before(store)
+        self._deduplicator = self._make_deduplicator(store)
         self._offer = self._offered(node, mode, join, observer, role)
         try:
             transport.offer(self._offer)
         except BaseException:
-            self._close_desk()
+            self._close_deduplicator()
             raise
 
-    def _desk_before(self, store: CompletionStore | None) -> OnceDesk | None:
+    def _make_deduplicator(self, store: CompletionStore | None) -> Deduplicator | None:
         if store is None:
             return None
-        from taskrpc.exactly_once import OnceDesk  # few services are exactly-once
+        from taskrpc.exactly_once import Deduplicator  # few services need it
 
         codec = codec_of(self.srv_type.Response)
-        return OnceDesk(store, codec, self._arrived)
+        return Deduplicator(store, codec, self._arrived)
 
     def _offered(
         self, node: str, mode: Mode, join: bool, observer: Observer | None, role: Role
     ) -> Offer:
-        serve, store_id, desk = self._arrived, None, self._desk
-        if desk is not None:
-            serve, store_id, mode = desk.arrived, desk.store_id, Mode.EXACTLY_ONCE
+        serve, store_id, deduplicator = self._arrived, None, self._deduplicator
+        if deduplicator is not None:
+            serve, store_id, mode = deduplicator.arrived, deduplicator.store_id, Mode.EXACTLY_ONCE
         name, srv_type = self.service_name, self.srv_type
         return Offer(name, srv_type, node, serve, mode, join, store_id, observer, role)
 
-    def _close_desk(self) -> None:
-        if self._desk is not None:
-            self._desk.close()
+    def _close_deduplicator(self) -> None:
+        if self._deduplicator is not None:
+            self._deduplicator.close()
 
     def destroy(self) -> None:
         """Stop offering the service; calls that have arrived are still answered."""
@@ -141,32 +147,33 @@ class Service:
         self._finish_if_idle()
 
     def observe(self, observer: Observer | None) -> None:
-        """Tell another observer of the calls that come from now on."""
+        """Report later calls to another observer."""
         if not self._destroyed:
             offer = msgspec.structs.replace(self._offer, observer=observer)
             self._transport.replace(self._offer, offer)
             self._offer = offer
 
     def status(self) -> ServiceStatus:
-        """How many calls run and wait."""
-        from taskrpc.observer import ServiceStatus  # few programs ask
+        """Return how many calls run and wait."""
+        from taskrpc.observer import ServiceStatus  # few programs need it
 
-        once = None if self._desk is None else self._desk.status()
+        once = None if self._deduplicator is None else self._deduplicator.status()
         return ServiceStatus(self.service_name, self._running, self._waiting.count, once)
 
     def abandon(self) -> None:
-        """Stop at once: calls that wait go elsewhere, what became of running ones is unknown."""
+        """Stop at once: waiting calls are unavailable, the outcome of running ones is unknown."""
         self.destroy()
         while self._waiting.count:
             self._waiting.take().fail(ServiceUnavailable(f"{self.service_name} is withdrawn"))
         for call, (job, _) in list(self._jobs.items()):
             call.cancel()
             call.fail(OutcomeUnknown("the server was shut down while it ran this call"))
-            # A thread runs on; but nobody may wait for it, least of all a loop that has ended.
+            # A thread continues to run, but the loop must not wait for it when it ends.
             job.cancel()
         self._finish_if_idle()
 
-    # A call's way: arrived, (waits), started, run here, in a task or in a thread, answered.
+    # The steps of a call: it arrives, may wait, starts, runs on the loop, in a task or in a
+    # thread, and is answered.
 
     def _arrived(self, call: IncomingCall) -> None:
         if self._destroyed:
@@ -177,20 +184,20 @@ class Service:
             self._wait(call)
 
     def _wait(self, call: IncomingCall) -> None:
-        lane = call.lane
+        flow = call.flow
         if self._waiting.count >= QUEUE_LIMIT:
-            # Whoever has most calls waiting loses one, so that a runaway loop refuses itself.
-            surplus = self._waiting.take_surplus(lane) or call
+            # The caller with the most waiting calls loses one, so a runaway loop hurts only itself.
+            surplus = self._waiting.take_surplus(flow) or call
             surplus.on_cancel = None
             message = f"{self.service_name} has {QUEUE_LIMIT} calls waiting"
             surplus.fail(ServerBusy(message, retry_after=RETRY_AFTER))
             if surplus is call:
                 return
-        call.on_cancel = partial(self._leave_queue, lane, call)
-        self._waiting.add(lane, call)
+        call.on_cancel = partial(self._leave_queue, flow, call)
+        self._waiting.add(flow, call)
 
     def _start(self, call: IncomingCall) -> bool:
-        """Run a call; False where its deadline passed before it could begin."""
+        """Run a call; return False if its deadline had passed already."""
         began = self._now()
         if call.deadline is not None and call.deadline <= began:
             problem = "the deadline passed before the call began"
@@ -213,15 +220,19 @@ class Service:
         except BaseException as error:
             self._raised(call, error)
             if isinstance(error, SystemExit | KeyboardInterrupt):
-                # From a turn of its own: uvloop swallows what a protocol raises, and here the
-                # call would count as running for ever, so that a drain waits for it.
-                self._loop.call_soon(_end_program, error)
+                # From an iteration of its own: uvloop swallows what a protocol raises. Raised here,
+                # the call would count as running for ever, and a drain would wait for it.
+                self._loop.call_soon(end_program, error)
         finally:
             answering.reset(token)
             if (held := self._now() - began) > HOLDS_LOOP_AFTER:
                 self._held_loop(held)
-        desk = self._desk
-        if desk is not None and desk.storing and self._waits_for_store(desk, call, began):
+        deduplicator = self._deduplicator
+        if (
+            deduplicator is not None
+            and deduplicator.storing
+            and self._waits_for_store(deduplicator, call, began)
+        ):
             return True
         self._running -= 1
         if self._waiting.count or self._destroyed:
@@ -229,7 +240,7 @@ class Service:
         return True
 
     def _run_async(self, call: IncomingCall, result: Awaitable[Any], began: float) -> bool:
-        """Run an awaitable; returns whether it needs more time."""
+        """Run an awaitable; return whether it has suspended."""
         coroutine: Coroutine[Any, Any, Any]
         if inspect.iscoroutine(result):
             coroutine = result
@@ -241,9 +252,9 @@ class Service:
             self._await(result, call, began)
             return True
         else:
-            coroutine = _awaited(result)
+            coroutine = as_coroutine(result)
         try:
-            job = self._stepper.step(partial(answering.set, call), coroutine)
+            job = self._starter.start(partial(answering.set, call), coroutine)
         except StopIteration as done:
             self._returned(call, done.value)
             return False
@@ -258,7 +269,7 @@ class Service:
         context = contextvars.copy_context()
         answering.reset(token)
         job = self._loop.run_in_executor(
-            threads, lambda: context.run(_run_to_end, self._callback, call.request, response)
+            threads, lambda: context.run(run_to_end, self._callback, call.request, response)
         )
         self._await(job, call, began)
 
@@ -268,7 +279,7 @@ class Service:
 
     def _job_done(self, call: IncomingCall, done: asyncio.Future[Any]) -> None:
         _, began = self._jobs.pop(call)
-        call.on_cancel = None  # the job has the call in its context: left to each other, both stay
+        call.on_cancel = None  # breaks a reference cycle: the job has the call in its context
         if done.cancelled():
             if call.cancelled:
                 call.fail(TaskRpcError("cancelled by the caller"))
@@ -278,14 +289,16 @@ class Service:
             self._raised(call, error)
         else:
             self._returned(call, done.result())
-        if self._desk is None or not self._waits_for_store(self._desk, call, began):
+        if self._deduplicator is None or not self._waits_for_store(self._deduplicator, call, began):
             self._stored(began)
 
-    def _waits_for_store(self, desk: OnceDesk, call: IncomingCall, began: float) -> bool:
-        """Whether a call keeps its place until its effect is stored, for the next one to see."""
-        if call not in desk.storing:
+    def _waits_for_store(
+        self, deduplicator: Deduplicator, call: IncomingCall, began: float
+    ) -> bool:
+        """Whether a call counts as running until its effect is stored, for the next call to see."""
+        if call not in deduplicator.storing:
             return False
-        desk.storing[call] = partial(self._stored, began)
+        deduplicator.storing[call] = partial(self._stored, began)
         return True
 
     def _stored(self, began: float) -> None:
@@ -312,7 +325,7 @@ class Service:
             return
         try:
             failed = HandlerFailed(error.code, str(error.message))
-        except Exception as problem:  # a subclass need not have called HandlerError's __init__
+        except Exception as problem:  # a subclass may not have called HandlerError's __init__
             problem.__cause__ = error
             answer_unexpected(call, problem)
         else:
@@ -321,7 +334,7 @@ class Service:
     def _finished(self, began: float) -> None:
         if self._waiting.count:
             self._durations.append(self._now() - began)
-            # Not from here: a chain of short calls would grow the stack and starve the loop.
+            # Not called directly: a chain of short calls would grow the stack and starve the loop.
             self._loop.call_soon(self._start_waiting)
         elif self._destroyed:
             self._finish_if_idle()
@@ -331,40 +344,40 @@ class Service:
             call = self._waiting.take()
             if call.must_wait():
                 self._postpone(call)
-            elif self._is_in_vain(call):
-                problem = "too little time was left when the call's turn came"
-                # Not DeadlineExceeded: the caller's deadline has not come yet.
+            elif self._is_too_late(call):
+                problem = "too little time was left when the call could start"
+                # Not DeadlineExceeded: the deadline has not passed yet.
                 call.fail(ServerBusy(problem, retry_after=RETRY_AFTER))
             elif self._start(call):
                 return
         self._finish_if_idle()
 
-    def _is_in_vain(self, call: IncomingCall) -> bool:
-        """Whether a call has hardly the time that the quickest of many took, and others wait.
+    def _is_too_late(self, call: IncomingCall) -> bool:
+        """Whether a call has hardly the time that the fastest recent call took, and others wait.
 
-        Without this, a service that lags behind by its callers' deadline begins each call just
-        in time to be too late, and answers nobody any more.
+        Without this, an overloaded service would start each call just before its deadline, and all
+        responses would be late.
         """
-        if call.deadline is None or not self._waiting.count or len(self._durations) < MEASURED:
+        if call.deadline is None or not self._waiting.count or len(self._durations) < SAMPLED:
             return False
         return call.deadline - self._now() < 1.25 * min(self._durations) + TICK
 
     def _postpone(self, call: IncomingCall) -> None:
-        """Let a call come again once there is room for its answer, and what follows it too."""
-        following = self._waiting.remove_all(call.lane, lambda each: each.must_wait())
+        """Postpone a call until there is room for its response, and with it the calls behind it."""
+        following = self._waiting.remove_all(call.flow, lambda each: each.must_wait())
         for each in (call, *following):
             each.postpone()
 
-    def _leave_queue(self, lane: Hashable, call: IncomingCall) -> None:
-        self._waiting.remove(lane, call)
+    def _leave_queue(self, flow: Hashable, call: IncomingCall) -> None:
+        self._waiting.remove(flow, call)
         self._finish_if_idle()
 
     def _finish_if_idle(self) -> None:
         is_busy = self._running or self._waiting.count
         if self._destroyed and not is_busy and not self.finished.done():
             self.finished.set_result(None)
-            self._stepper.close()
-            self._close_desk()
+            self._starter.close()
+            self._close_deduplicator()
             if self._threads is not None:
                 self._threads.shutdown()
 
@@ -378,26 +391,3 @@ class Service:
                 seconds,
                 extra={"service": self.service_name},
             )
-
-
-def _threads(name: str, concurrency: int) -> DaemonThreads:
-    from taskrpc.execution.daemon_threads import DaemonThreads  # few services need threads
-
-    return DaemonThreads(concurrency, f"taskrpc {name}")
-
-
-async def _awaited(result: Awaitable[Any]) -> Any:
-    return await result
-
-
-def _end_program(error: BaseException) -> None:
-    raise error
-
-
-def _run_to_end(callback: Callback[Any, Any], request: Any, response: Any) -> Any:
-    try:
-        result = callback(request, response)
-        return asyncio.run(result) if inspect.iscoroutine(result) else result
-    except StopIteration as error:
-        # A future cannot carry it; generators turn it into the same error.
-        raise RuntimeError("the callback raised StopIteration") from error

@@ -7,7 +7,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from taskrpc.execution.running import Runner
+from taskrpc.execution.callbacks import CallbackRunner
 
 
 class Timer:
@@ -30,7 +30,9 @@ class Timer:
         """Seconds."""
         self._loop = asyncio.get_running_loop()
         name = getattr(callback, "__qualname__", "a callback")
-        self._runner = Runner(callback, f"the timer of {name}", threaded=threaded, idle=self._idle)
+        self._runner = CallbackRunner(
+            callback, f"the timer of {name}", threaded=threaded, idle=self._idle
+        )
         self._forget = forget
         self._due = 0.0
         self._handle: asyncio.TimerHandle | None = None

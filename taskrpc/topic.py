@@ -10,8 +10,8 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any, Generic
 
 from taskrpc.errors import InvalidRequest, TaskRpcError
-from taskrpc.execution.running import HOLDS_LOOP_AFTER, Callback, Runner
-from taskrpc.given_types import MsgT
+from taskrpc.execution.callbacks import HOLDS_LOOP_AFTER, Callback, CallbackRunner
+from taskrpc.message_types import MsgT
 from taskrpc.qos import QoS
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import OnMismatch, Reception, Transport
@@ -195,7 +195,7 @@ class Subscription(Generic[MsgT]):
         """Messages that came and were dropped, since the callback was behind."""
         self._forget = forget
         self._loop = asyncio.get_running_loop()
-        self._runner = Runner(
+        self._runner = CallbackRunner(
             callback, f"the callback of {name}", "a message", threaded=threaded, idle=self._run
         )
         self._waiting: deque[Body] = deque()

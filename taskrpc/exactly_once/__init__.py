@@ -1,12 +1,13 @@
-"""Runs each request of an exactly-once service once, and answers it as often as it comes.
+"""The upper half of exactly-once: executes each request once, and answers each repetition of it.
 
-The ledger decides what a request is; a run answers everybody who sent it; the store writes its
-effect and its completion in one transaction, before anybody is answered. A lost connection does
-not end a run, since its caller will come back: only who cancels, or whose deadline passes, gives
-it up, and only before the transaction begins.
+Start with `deduplicator`: it asks the ledger about each request and then executes it, attaches it
+to its execution, or answers it from the store. `executions` holds one running request and its
+callers, `store_state` what the services of a store share, `stores` and `completions` what is
+stored. Request ids and the ledger, which the transport also needs, are the lower half:
+`taskrpc.request_ids`.
 """
 
-from taskrpc.exactly_once.deduplicator import OnceDesk
-from taskrpc.exactly_once.runs import Effect, Run
+from taskrpc.exactly_once.deduplicator import Deduplicator
+from taskrpc.exactly_once.executions import Effect, Execution
 
-__all__ = ["Effect", "OnceDesk", "Run"]
+__all__ = ["Deduplicator", "Effect", "Execution"]

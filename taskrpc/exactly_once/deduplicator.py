@@ -1,4 +1,4 @@
-"""The desk before an exactly-once service: what comes is run, attached, answered or refused."""
+"""The deduplicator of an exactly-once service: executes, attaches, answers or refuses each call."""
 
 from __future__ import annotations
 
@@ -20,29 +20,36 @@ from taskrpc.errors import (
     TaskRpcError,
     told,
 )
-from taskrpc.exactly_once.runs import Run
-from taskrpc.exactly_once.store_state import forget, shared_of
-from taskrpc.execution.stepping import Stepper
-from taskrpc.request_ids.ids import Claim, Client, Completion, CompletionStore
+from taskrpc.exactly_once.executions import Execution
+from taskrpc.exactly_once.store_state import release, state_of
+from taskrpc.execution.eager_start import EagerStarter
+from taskrpc.request_ids.ids import ClientKey, Completion, CompletionStore, ReceivedId
 from taskrpc.request_ids.ledger import Ledger, Verdict
 from taskrpc.transport.base import IncomingCall
 from taskrpc.transport.codec import Codec
 
 if TYPE_CHECKING:
-    from taskrpc.observer import OnceStatus
+    from taskrpc.observer import DeduplicationStatus
 
 log = logging.getLogger("taskrpc.server")
 
 RETRY_AFTER = 0.5
+"""Seconds after which a client may repeat a request that was refused because memory is full."""
 _EXPIRE_EVERY = 60.0
-_NEW = Verdict.NEW  # in Python 3.11 to look it up in its class costs as much as to decide
+"""Seconds between two looks for leases that have ended."""
+_NEW = Verdict.NEW  # Python 3.11 needs as long for the look-up in the Enum as for the decision
 
 
-class OnceDesk:
-    """Stands before a service: what comes is run, attached, answered from memory, or refused.
+class Deduplicator:
+    """Stands between the transport and an exactly-once service.
+
+    The ledger decides what a request is. An execution answers all callers that sent the request.
+    The store writes its effect and its completion in one transaction, before any caller is
+    answered. A lost connection does not end an execution, because the caller will reconnect: only a
+    cancel or a deadline does, and only before the transaction begins.
 
     Args:
-        store: where completions and effects are kept.
+        store: keeps completions and effects.
         codec: encodes and decodes the service's responses.
         serve: runs a call.
     """
@@ -54,154 +61,189 @@ class OnceDesk:
         serve: Callable[[IncomingCall], None],
     ) -> None:
         self.codec = codec
+        self.storing: dict[IncomingCall, Callable[[], object]] = {}
+        """Executions whose transaction has begun and not ended, each with a function that is called
+        at its end."""
         self._store = store
         self._serve = serve
-        self.storing: dict[IncomingCall, Callable[[], object]] = {}
-        """Runs whose transaction has begun and not ended; what stands here is called at its end."""
-        self._begun = 0
-        self._repeats = dict.fromkeys(Verdict, 0)
-        self._shared = shared_of(store)
-        self._stepper = Stepper(asyncio.get_running_loop(), lambda _: None)
-        self._shared.desks += 1
-        self._shared.open(store)
+        self._new = 0
+        """How many requests were new."""
+        self._repeated = dict.fromkeys(Verdict, 0)
+        """How many requests were not new, by verdict."""
+        self._state = state_of(store)
+        self._starter = EagerStarter(asyncio.get_running_loop(), lambda _: None)
+        self._state.deduplicators += 1
+        self._state.open(store)
 
     def store_id(self) -> asyncio.Future[bytes]:
-        """The store's name, once it is open; one that could not be read is read again."""
-        return self._shared.store_id(self._store)
+        """Return a future of the store's id; a store that could not be read is read again."""
+        return self._state.store_id(self._store)
 
-    def status(self) -> OnceStatus:
-        """What was asked, and what is remembered."""
-        from taskrpc.observer import OnceStatus  # few programs ask
+    def status(self) -> DeduplicationStatus:
+        """Return the counts of requests, and what the ledger remembers."""
+        from taskrpc.observer import DeduplicationStatus  # few programs need it
 
-        ledger = self._shared.ledger
-        verdicts = self._repeats | {Verdict.NEW: self._begun}
+        ledger = self._state.ledger
+        verdicts = self._repeated | {Verdict.NEW: self._new}
         requests = {verdict.name.lower(): count for verdict, count in verdicts.items()}
-        return OnceStatus(requests, len(ledger or ()), 0 if ledger is None else ledger.size)
+        return DeduplicationStatus(
+            requests, len(ledger or ()), 0 if ledger is None else ledger.size
+        )
 
     def close(self) -> None:
-        """Nothing more will come."""
-        self._stepper.close()
-        self._shared.desks -= 1
-        if not self._shared.desks:  # the store may change hands
-            forget(self._store, self._shared)
+        """Stop using the store; no call arrives any more."""
+        self._starter.close()
+        self._state.deduplicators -= 1
+        if not self._state.deduplicators:  # another event loop may use the store next
+            release(self._store, self._state)
 
     def arrived(self, call: IncomingCall) -> None:
-        """Do with a call what its number says."""
-        shared, claim, now = self._shared, call.claim, call.arrived
-        if claim is not None:  # else the caller does not count: at most once
-            ledger, clock = shared.ledger, shared.clock
+        """Execute, attach, answer or refuse a call."""
+        state, received, now = self._state, call.received_id, call.arrived
+        if received is not None:  # without a request id, a call runs at most once
+            ledger, clock = state.ledger, state.clock
             if ledger is None or clock is None:
                 self._wait_for_store(call)
                 return
             now += clock.offset
-            if now >= shared.expires:
+            if now >= state.next_expiry:
                 self._expire(ledger, now)
-            verdict = ledger.decide(call.principal, claim, now)
+            verdict = ledger.decide(call.principal, received, now)
             if verdict is not _NEW:
-                self._repeated(call, claim, verdict, ledger)
+                self._answer_repetition(call, received, verdict, ledger)
                 return
-            self._begun += 1
-        run = Run(
-            call.service,
-            call.caller,
-            call.principal,
-            call.role,
-            call.number,
-            call.deadline,
-            call._clock,
-            False,  # cancelled
-            call.request,
-            None,  # on_cancel
-            False,  # started
-            claim,
-            now,
-            self,
-            [call],
+            self._new += 1
+        execution = Execution(
+            service=call.service,
+            caller=call.caller,
+            principal=call.principal,
+            role=call.role,
+            number=call.number,
+            deadline=call.deadline,
+            clock=call.clock,
+            cancelled=False,
+            request=call.request,
+            on_cancel=None,
+            started=False,
+            received_id=received,
+            arrived=now,
+            owner=self,
+            callers=[call],
         )
-        call.on_cancel = run.left
-        if claim is not None:
-            claim.run = run
-        self._serve(run)
+        call.on_cancel = execution.remove_cancelled
+        if received is not None:
+            received.execution = execution
+        self._serve(execution)
 
-    # Runs end here
+    # The end of an execution
 
     def commit(
         self,
-        run: Run,
+        execution: Execution,
         completion: Completion | None,
         effect: Any,
         error: TaskRpcError | None = None,
     ) -> None:
         """Store an effect and the completion, then answer, with the error if there is one."""
         if completion is None and effect is None:
-            self.done(run, None, error)
+            self.done(execution, None, error)
             return
-        run.completion, run.is_storing = completion, True
+        execution.completion, execution.is_storing = completion, True
         try:
             storing = self._store.complete(completion, effect)
         except BaseException as problem:
-            self._unstored(run, problem)
+            self._store_failed(execution, problem)
             if isinstance(problem, SystemExit | KeyboardInterrupt):
                 raise
             return
-        if storing is None:  # as `done` does: most stores are as quick
-            ledger, claim = self._shared.ledger, run.claim
-            if completion is None or claim is None or claim.run is not run or ledger is None:
-                self._shared.end(run, completion)
-            else:
-                claim.run = None
-                ledger.completed(completion, claim)
-            run.tell(error)
+        if storing is None:
+            self.done(execution, completion, error)
             return
-        with contextlib.suppress(StopIteration):  # it did not have to wait
-            self._stepper.step(_nothing, self._committed(storing, run, completion, error))
-            self.storing[run] = _nothing
+        with contextlib.suppress(StopIteration):  # it is stored already
+            self._starter.start(_nothing, self._await_store(storing, execution, completion, error))
+            self.storing[execution] = _nothing
 
     def done(
-        self, run: Run, completion: Completion | None, error: TaskRpcError | None = None
+        self,
+        execution: Execution,
+        completion: Completion | None,
+        error: TaskRpcError | None = None,
     ) -> None:
-        """A run's completion is stored: answer everybody."""
-        self._shared.end(run, completion)
-        run.tell(error)
+        """Answer all callers: the completion is stored."""
+        self._state.end(execution, completion)
+        execution.answer(error)
 
-    def undone(self, run: Run, error: TaskRpcError) -> None:
-        """A run has stored nothing: the request runs again when it is repeated."""
-        self._shared.end_without_trace(run)
-        if not run.cancelled:
-            run.tell(error)
+    def undone(self, execution: Execution, error: TaskRpcError) -> None:
+        """Answer with an error: nothing was stored, and a repetition of the request runs again."""
+        self._state.end_without_trace(execution)
+        if not execution.cancelled:
+            execution.answer(error)
             return
-        callers, run.callers = run.callers, []
-        for call in callers:  # they came when the run was being given up, not by them
+        callers, execution.callers = execution.callers, []
+        for call in callers:  # they attached while the execution was cancelled by another caller
             self.arrived(call)
 
-    def refused(self, run: Run) -> None:
-        """A run has left nothing behind but its answer."""
-        self._shared.end_without_trace(run)
-        run.tell()
+    def refused(self, execution: Execution) -> None:
+        """Answer: the handler refused, and a repetition of the request runs again."""
+        self._state.end_without_trace(execution)
+        execution.answer()
 
-    def unknown(self, run: Run, error: OutcomeUnknown) -> None:
-        """Nobody can tell whether a run's transaction was done, before the store is read anew."""
-        log.error("%s: %s", run.service, error, extra=log_fields(run))
-        self._shared.end(run)
-        self._shared.open(self._store, anew=True)
-        run.tell(OutcomeUnknown(told(error)))
+    def unknown(self, execution: Execution, error: OutcomeUnknown) -> None:
+        """Answer with an error, and read the store again: only it knows what was stored."""
+        log.error("%s: %s", execution.service, error, extra=log_fields(execution))
+        self._state.end(execution)
+        self._state.open(self._store, anew=True)
+        execution.answer(OutcomeUnknown(told(error)))
 
-    # Inside
+    async def _await_store(
+        self,
+        storing: Awaitable[None],
+        execution: Execution,
+        completion: Completion | None,
+        error: TaskRpcError | None,
+    ) -> None:
+        try:
+            await storing
+        except BaseException as problem:
+            self._store_failed(execution, problem)
+            if isinstance(problem, SystemExit | KeyboardInterrupt):
+                raise
+        else:
+            self.done(execution, completion, error)
+        finally:
+            self.storing.pop(execution, _nothing)()
 
-    def _repeated(self, call: IncomingCall, claim: Claim, verdict: Verdict, ledger: Ledger) -> None:
-        self._repeats[verdict] += 1
+    def _store_failed(self, execution: Execution, error: BaseException) -> None:
+        fields = log_fields(execution)
+        if isinstance(error, TaskRpcError) and not isinstance(error, OutcomeUnknown):
+            log.error("%s cannot store what it did: %s", execution.service, error, extra=fields)
+            self.undone(execution, HandlerFailed(Code.UNAVAILABLE, told(error)))
+            return
+        if not isinstance(error, OutcomeUnknown):  # an unexpected error may mean anything
+            log.error("the store of %s failed:", execution.service, exc_info=error, extra=fields)
+            error = OutcomeUnknown(f"the store of {execution.service} failed")
+        self.unknown(execution, error)
+
+    # Repetitions
+
+    def _answer_repetition(
+        self, call: IncomingCall, received: ReceivedId, verdict: Verdict, ledger: Ledger
+    ) -> None:
+        self._repeated[verdict] += 1
         match verdict:
             case Verdict.ATTACH:
-                text = "call %d of %s attaches to its first sending"
+                text = "call %d of %s repeats a request that runs: it waits for the same response"
                 log.debug(text, call.number, call.service, extra=log_fields(call))
-                run: Run = ledger.running(call.principal, claim).run
-                run.attach(call)
+                execution: Execution = ledger.running(call.principal, received).execution
+                execution.attach(call)
             case Verdict.DONE:
-                text = "call %d of %s was done before"
+                text = "call %d of %s repeats a request that is done: it gets the stored response"
                 log.debug(text, call.number, call.service, extra=log_fields(call))
-                self._repeat(call, ledger.answer(call.principal, claim))
+                self._answer_from_store(call, ledger.completion(call.principal, received))
             case Verdict.STALE:
-                problem = "the server does not remember this client: whether it ran is unknown"
+                problem = (
+                    "the server does not remember this client: whether the call ran is unknown"
+                )
                 call.fail(SessionExpired(problem))
             case Verdict.REUSED:
                 call.fail(RequestIdReused("another request was sent under this request id"))
@@ -210,74 +252,47 @@ class OnceDesk:
                 problem = f"{call.service} remembers too many requests{whose}"
                 call.fail(ServerBusy(problem, retry_after=RETRY_AFTER))
 
-    def _repeat(self, call: IncomingCall, completion: Completion) -> None:
+    def _answer_from_store(self, call: IncomingCall, completion: Completion) -> None:
         if completion.code:
-            call.fail(HandlerFailed(Code(completion.code), completion.answer.decode()))
+            call.fail(HandlerFailed(Code(completion.code), completion.response.decode()))
             return
         try:
-            call.reply(self.codec.decode(completion.answer), completion.answer)
+            call.reply(self.codec.decode(completion.response), completion.response)
         except TaskRpcError as error:
-            problem = f"it ran before, and its answer cannot be read any more: {error}"
+            problem = f"the call ran before, but its stored response cannot be read: {error}"
             call.fail(TaskRpcError(problem, not_executed=False))
 
-    async def _committed(
-        self,
-        storing: Awaitable[None],
-        run: Run,
-        completion: Completion | None,
-        error: TaskRpcError | None,
-    ) -> None:
-        try:
-            await storing
-        except BaseException as problem:
-            self._unstored(run, problem)
-            if isinstance(problem, SystemExit | KeyboardInterrupt):
-                raise
-        else:
-            self.done(run, completion, error)
-        finally:
-            self.storing.pop(run, _nothing)()
-
-    def _unstored(self, run: Run, error: BaseException) -> None:
-        if isinstance(error, TaskRpcError) and not isinstance(error, OutcomeUnknown):
-            text = "%s cannot store what it did: %s"
-            log.error(text, run.service, error, extra=log_fields(run))
-            self.undone(run, HandlerFailed(Code.UNAVAILABLE, told(error)))
-            return
-        if not isinstance(error, OutcomeUnknown):  # no store's word: it may mean anything
-            log.error("the store of %s failed:", run.service, exc_info=error, extra=log_fields(run))
-            error = OutcomeUnknown(f"the store of {run.service} failed")
-        self.unknown(run, error)
+    # The store
 
     def _expire(self, ledger: Ledger, now: float) -> None:
-        self._shared.expires = now + _EXPIRE_EVERY
+        self._state.next_expiry = now + _EXPIRE_EVERY
         if clients := ledger.expire(now):
             with contextlib.suppress(StopIteration):
-                self._stepper.step(_nothing, self._forget(clients))
+                self._starter.start(_nothing, self._forget(clients))
 
-    async def _forget(self, clients: list[Client]) -> None:
+    async def _forget(self, clients: list[ClientKey]) -> None:
         try:
             storing = self._store.complete(None, None, clients)
             if storing is not None:
                 await storing
-        except Exception as error:  # the next server finds them expired too
-            log.warning("cannot forget clients: %s", error)
+        except Exception as error:  # harmless: the next server finds them expired too
+            log.warning("cannot forget clients whose lease has ended: %s", error)
             if isinstance(error, OutcomeUnknown) or not isinstance(error, TaskRpcError):
-                self._shared.open(self._store, anew=True)
+                self._state.open(self._store, anew=True)
 
     def _wait_for_store(self, call: IncomingCall) -> None:
-        shared = self._shared
-        shared.open(self._store)  # it may be that it could not be read before
+        state = self._state
+        state.open(self._store)  # again, if it could not be read before
 
         def ready() -> None:
             if call.cancelled:
                 return
-            if shared.is_given_up:
+            if state.is_unreadable:
                 call.fail(ServiceUnavailable(f"the store of {call.service} cannot be used"))
             else:
                 self.arrived(call)
 
-        shared.when_open(ready)
+        state.when_open(ready)
 
 
 def _nothing() -> None:

@@ -11,17 +11,21 @@ from pathlib import Path
 from typing import Any, TypeAlias
 
 from taskrpc.errors import StoreError
-from taskrpc.exactly_once.memory import KeptCompletions
-from taskrpc.request_ids.ids import Client, Completion, Remembered
-from taskrpc.storage.completions import (
+from taskrpc.exactly_once.completions import (
     CompletionBatch,
-    has_tables,
-    make_tables,
+    CompletionIndex,
+    create_completion_table,
     read_completions,
+)
+from taskrpc.request_ids.ids import ClientKey, Completion, StoredCompletions
+from taskrpc.storage.database import (
+    Database,
+    MemoryDatabase,
+    create_store,
+    has_store,
     read_store_id,
 )
-from taskrpc.storage.database import Database, MemoryDatabase
-from taskrpc.storage.sentences import is_about_the_file
+from taskrpc.storage.error_texts import is_about_the_file
 from taskrpc.storage.writer import NOTHING_STORED, Writer
 
 Parameters: TypeAlias = Sequence[Any] | Mapping[str, Any]
@@ -46,20 +50,20 @@ class MemoryCompletions:
 
     def __init__(self, schema: Sequence[str] = ()) -> None:
         self._store_id = os.urandom(16)
-        self._kept = KeptCompletions()
+        self._index = CompletionIndex()
         self._schema = tuple(schema)
         self._guard = _Guard()
         self._tables: MemoryDatabase | None = None
 
-    async def recall(self) -> Remembered:
+    async def recall(self) -> StoredCompletions:
         """Return what is remembered."""
-        return Remembered(self._store_id, self._kept.all())
+        return StoredCompletions(self._store_id, self._index.all())
 
     def complete(
         self,
         completion: Completion | None,
         effect: Callable[[], object] | Sequence[Statement] | None = None,
-        forgotten: Sequence[Client] = (),
+        forgotten: Sequence[ClientKey] = (),
     ) -> None:
         """Apply the effect, remember its completion and forget clients.
 
@@ -69,7 +73,7 @@ class MemoryCompletions:
         """
         if effect is not None:
             self._apply(effect)
-        self._kept.keep(completion, forgotten)
+        self._index.add(completion, forgotten)
 
     async def query(self, sql: str, parameters: Parameters = ()) -> list[tuple[Any, ...]]:
         """Return the rows that a SELECT finds in the service's tables. Raises StoreError."""
@@ -119,7 +123,7 @@ class SqliteCompletions:
         self._guard = _Guard()
         self._writer: Writer[_Done] = Writer(self._open_file, self._write)
 
-    async def recall(self) -> Remembered:
+    async def recall(self) -> StoredCompletions:
         """Return what is remembered; a file that broke is opened anew.
 
         Raises:
@@ -132,7 +136,7 @@ class SqliteCompletions:
         self,
         completion: Completion | None,
         effect: Sequence[Statement] | None = None,
-        forgotten: Sequence[Client] = (),
+        forgotten: Sequence[ClientKey] = (),
     ) -> None:
         """Do an effect, remember its completion and forget clients, on disk when it returns.
 
@@ -171,8 +175,9 @@ class SqliteCompletions:
         database.change(work)
 
     def _prepare(self, connection: sqlite3.Connection) -> None:
-        if not has_tables(connection):
-            make_tables(connection)
+        if not has_store(connection):
+            create_store(connection)
+            create_completion_table(connection)
         _make_own_tables(connection, self._schema)
 
 
@@ -185,7 +190,7 @@ class _Done:
         self,
         completion: Completion | None,
         effect: Sequence[Statement],
-        forgotten: Sequence[Client],
+        forgotten: Sequence[ClientKey],
     ) -> None:
         self.completion, self.effect, self.forgotten = completion, effect, forgotten
 
@@ -293,5 +298,5 @@ def _not_part(sql: str) -> str:
     return f"an effect is part of a transaction: it cannot do {sql!r}"
 
 
-def _read(connection: sqlite3.Connection) -> Remembered:
-    return Remembered(read_store_id(connection), read_completions(connection))
+def _read(connection: sqlite3.Connection) -> StoredCompletions:
+    return StoredCompletions(read_store_id(connection), read_completions(connection))

@@ -1,4 +1,6 @@
-"""How handlers run: steps of coroutines, callbacks of subscriptions and timers, turns of callers.
+"""How handlers and callbacks run: coroutines started eagerly, threads, and the fair queue.
 
-Start with `stepping`, which runs a handler and makes a task of it only if it suspends. `fair_queue`
-decides which caller is next. What a call is, and how it is answered, is not known here."""
+Start with `eager_start`, which runs a coroutine and makes a task only if it suspends. `callbacks`
+runs the callbacks of subscriptions and timers, `fair_queue` decides which caller is next. Nothing
+here knows requests, responses or services.
+"""

@@ -8,7 +8,7 @@ from collections.abc import Sequence
 
 from taskrpc.metrics.families import Family, Histogram, Kind, Sample, by_label
 from taskrpc.metrics.stores import store_families
-from taskrpc.request_ids.ids import Client, Completion
+from taskrpc.request_ids.ids import ClientKey, Completion
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, Task, TaskState
 from taskrpc.tasks.records.sqlite_store import SqliteStore
@@ -85,7 +85,7 @@ class MeasuredStore:
         saved: Sequence[Task],
         forgotten: Sequence[int] = (),
         completion: Completion | None = None,
-        clients: Sequence[Client] = (),
+        clients: Sequence[ClientKey] = (),
     ) -> None:
         """Remember and forget, all or nothing; see `TaskStore.apply`."""
         now = asyncio.get_running_loop().time

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from taskrpc import names
 from taskrpc.errors import InvalidName
-from taskrpc.given_types import MsgT, RequestT, ResponseT, Srv
+from taskrpc.message_types import MsgT, RequestT, ResponseT, Srv
 
 from ._impl.arguments import Arguments, parse
 from ._impl.bridge import Bridge

@@ -1,4 +1,4 @@
-"""The lower floor of exactly-once: the ids of requests, and the ledger of what is known of them.
+"""The lower half of exactly-once: request ids, and the ledger of the requests that a store knows.
 
-Start with `ids`. Both are pure: the transport sends ids, the server asks the ledger. The upper
-floor, which runs each request once and stores its completion, is `taskrpc.exactly_once`."""
+Start with `ids`. Both modules are pure: the transport sends ids, the server asks the ledger. What
+executes each request once and stores its completion is the upper half, `taskrpc.exactly_once`."""

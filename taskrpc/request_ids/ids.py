@@ -1,8 +1,9 @@
-"""Exactly once, by counting: what a request and its store must say.
+"""Request ids of exactly-once services, and the records that their stores keep.
 
-A client numbers its requests to one store and says with each the first number for which it still
-waits; what is below, nobody will ask for again. Above connections and transports: a number means
-the same after a reconnect, and in another server of the same store.
+A client numbers its requests to one store. With each request it reports the first sequence number
+for which it still waits; nobody repeats a request below that. An id belongs to the client and the
+store, not to a connection: it means the same after a reconnect, and to another server of the same
+store.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 import hashlib
 import struct
 from collections.abc import Awaitable, Callable, Sequence
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeAlias
 
 import msgspec
 
@@ -20,159 +21,168 @@ from taskrpc.wire.frames import Body
 OPEN_PER_CLIENT = 1024
 """Requests of one client that it has not yet reported as settled."""
 
-_MOST_BEHIND = OPEN_PER_CLIENT // 2
+_LONGEST_GAP = OPEN_PER_CLIENT // 2
+"""Sequence numbers between a client's first open request and its next one. Beyond that the client
+counts on under a new id, or one request that waits long would keep all later ones in the store."""
 
 _SHORT = 16
-"""Bytes of a message that is its own fingerprint: to hash it would cost a tenth of the rest."""
+"""Bytes of a message that is its own fingerprint: hashing it would cost a tenth of the rest."""
 
 _HEAD = struct.Struct("<16sQQ")
 _HEAD_SIZE = _HEAD.size
 _pack, _unpack = _HEAD.pack, _HEAD.unpack_from
 
 
-class Number(msgspec.Struct, frozen=True, gc=False):
-    """What a request of an exactly-once service carries before its message."""
+class RequestId(msgspec.Struct, frozen=True, gc=False):
+    """The id that a request of an exactly-once service carries before its message."""
 
     client: bytes
     """16 bytes, drawn by the client at random."""
     sequence: int
-    """From 1; rising with each request of this client to this store."""
+    """From 1, rising with each request of this client to this store."""
     first_incomplete: int
-    """All its requests below have their answers, or nobody waits for these any more."""
+    """The client waits for no response below this sequence number."""
 
 
-def with_number(number: Number, body: bytes) -> bytes:
-    """A request's body behind its number."""
-    return _pack(number.client, number.sequence, number.first_incomplete) + body
+def with_request_id(request_id: RequestId, body: bytes) -> bytes:
+    """Put a request id before a request's body."""
+    return _pack(request_id.client, request_id.sequence, request_id.first_incomplete) + body
 
 
-class Claim(msgspec.Struct, eq=False):
-    """What a request says that it is: which of its client's requests, and what it asks for."""
+class ReceivedId(msgspec.Struct, eq=False):
+    """A request id as the server received it, with a fingerprint of the request."""
 
     client: bytes
     sequence: int
     first_incomplete: int
-    """These three as in its `Number`."""
+    """These three as in `RequestId`."""
     fingerprint: bytes
-    """Tells a repeated request from another one under the same number."""
-    run: Any = None
-    """What runs it, as long as something does."""
-    known: Any = None
-    """Where the server's ledger has it, as long as it runs."""
+    """Tells a repeated request from another request with the same id."""
+    execution: Any = None
+    """The `exactly_once.Execution` of the request while it runs, else None."""
+    client_record: Any = None
+    """The ledger's record of the client while the request runs, else None."""
 
 
-def claims_for(service: str) -> Callable[[Body], tuple[Claim, Body]]:
-    """What cuts the number off a body which came for a service; gives the claim and the message.
+def id_splitter(service: str) -> Callable[[Body], tuple[ReceivedId, Body]]:
+    """Return a function that splits a body of this service into the request id and the message.
 
-    It raises ProtocolError where there is no valid number.
+    It raises ProtocolError for a body without a valid request id.
     """
-    begun = hashlib.blake2b(service.encode() + b"\0", digest_size=16)
-    tag = begun.digest()
+    seeded = hashlib.blake2b(service.encode() + b"\0", digest_size=16)
+    tag = seeded.digest()
 
-    def claim(body: Body) -> tuple[Claim, Body]:
+    def split(body: Body) -> tuple[ReceivedId, Body]:
         try:
             client, sequence, first_incomplete = _unpack(body)
         except struct.error:
-            raise ProtocolError("an exactly-once request without its number") from None
+            raise ProtocolError("an exactly-once request without its request id") from None
         if not 0 < first_incomplete <= sequence:
-            problem = "an exactly-once request whose first open number is not up to its own"
-            raise ProtocolError(problem)
+            raise ProtocolError(
+                "an exactly-once request with a wrong request id: expected"
+                f" 0 < first open number <= sequence number, got {first_incomplete} and {sequence}"
+            )
         message = body[_HEAD_SIZE:]
         if len(message) <= _SHORT:
-            return Claim(client, sequence, first_incomplete, tag + message), message
-        hashing = begun.copy()
+            return ReceivedId(client, sequence, first_incomplete, tag + message), message
+        hashing = seeded.copy()
         hashing.update(message)
-        return Claim(client, sequence, first_incomplete, hashing.digest()), message
+        return ReceivedId(client, sequence, first_incomplete, hashing.digest()), message
 
-    return claim
+    return split
 
 
-def number_of_id(service: str, request_id: str) -> Number:
-    """The number that stands for a name which a user gave to one request of a service."""
-    # A command line may hold bytes that are no text.
-    named = f"{service}\0{request_id}".encode("utf-8", "surrogatepass")
+def named_request_id(service: str, name: str) -> RequestId:
+    """Return the id of a request that a user named, such as by `--request-id`."""
+    # A command line may hold bytes that are not text.
+    named = f"{service}\0{name}".encode("utf-8", "surrogatepass")
     digest = hashlib.sha256(named).digest()
-    return Number(digest[:16], 1, 1)
+    return RequestId(digest[:16], 1, 1)
 
 
 class Completion(msgspec.Struct, frozen=True, array_like=True, gc=False):
-    """What a store keeps of a request that is done: enough to answer it once more."""
+    """The stored record of a completed request, from which a repeated request is answered.
+
+    Stores encode it as an array: the order of the fields is the file format.
+    """
 
     principal: str
-    """Who the client proved to be, "" where everybody is the same."""
+    """The account that the client authenticated as, "" where there are no accounts."""
     client: bytes
     sequence: int
     first_incomplete: int
+    """These three as in `RequestId`."""
     fingerprint: bytes
-    answer: bytes
-    """The response's body; for a failure the sentence."""
+    response: bytes
+    """The encoded response; for a failure the error message."""
     code: int
     """0 for a response, else the `Code` of the failure."""
     at: float
-    """When it came, on the clock by which leases end."""
+    """When the request arrived, in seconds on the store's `LeaseClock`."""
 
 
-class Remembered(msgspec.Struct, frozen=True):
-    """What a store has of earlier servers."""
+class StoredCompletions(msgspec.Struct, frozen=True):
+    """The completions that a store holds from earlier servers."""
 
     store_id: bytes
     """16 bytes, drawn at random when the store was made."""
     completions: tuple[Completion, ...] = ()
 
 
-Client = tuple[str, bytes]
-"""Principal and client id."""
+ClientKey: TypeAlias = tuple[str, bytes]
+"""A client as stores know it: its principal and its client id."""
 
 
 class CompletionStore(Protocol):
     """Keeps completions together with the effects of the requests that they complete."""
 
-    async def recall(self) -> Remembered:
-        """Return what is remembered. Raises TaskRpcError for a store that cannot be read."""
+    async def recall(self) -> StoredCompletions:
+        """Return what the store holds. Raises TaskRpcError for a store that cannot be read."""
 
     def complete(
-        self, completion: Completion | None, effect: Any, forgotten: Sequence[Client] = ()
+        self, completion: Completion | None, effect: Any, forgotten: Sequence[ClientKey] = ()
     ) -> Awaitable[None] | None:
-        """Apply an effect, remember its completion and forget clients: all of it or nothing.
+        """Apply an effect, keep its completion and forget clients: all of it or nothing.
 
-        May be `async`; a plain one has done it when it returns. A request that came without a
-        number has an effect, but no completion.
-        What the same client has completed below `completion.first_incomplete` is forgotten too.
-        When it is done, all this survives whatever the store promises to survive. `effect` is what
-        the handler returned, None where it has none.
+        May be `async`; a plain function has done it when it returns. A request without a request id
+        has an effect, but no completion.
+        The store also forgets what the same client completed below `completion.first_incomplete`.
+        Afterwards all this survives whatever the store promises to survive. `effect` is the
+        handler's `Effect.effect`, None where it returned none.
 
         Raises:
-            OutcomeUnknown: nobody can tell whether it was done; ask `recall`.
+            OutcomeUnknown: the store cannot tell whether it was done; `recall` tells.
             TaskRpcError: nothing was changed.
         """
 
 
-class Numbers:
-    """What a client counts: its requests to one store.
+class RequestCounter:
+    """The sequence numbers of one client id for one store.
 
     Args:
-        client: 16 bytes, by which the store knows who counts.
-        store_id: the store's name.
+        client: the client id, 16 bytes.
+        store_id: the store's id.
     """
 
     def __init__(self, client: bytes, store_id: bytes = b"") -> None:
         self.client = client
         self.store_id = store_id
-        self.is_over = False
-        """Whether to count on as another client: this one is forgotten, or too much lies behind
-        its first open number."""
+        self.is_retired = False
+        """Whether the next request needs a counter with a new client id: the server forgot this
+        one, or the gap behind its first open request is too long."""
         self._next = 1
         self._first = 1
+        """The first sequence number that is not settled."""
         self._settled: set[int] = set()
-        """What is settled above the first that is not."""
+        """Settled sequence numbers above `_first`."""
 
     def take(self) -> int:
-        """The number of the next request; `settle` it in the end."""
+        """Return the next sequence number; call `settle` with it in the end."""
         sequence, _ = self.take_for(b"")
         return sequence
 
     def settle(self, sequence: int) -> None:
-        """Nobody waits for a request's answer any more."""
+        """Report that the caller no longer waits for the response to a request."""
         if sequence != self._first:
             if sequence > self._first:
                 self._settled.add(sequence)
@@ -184,14 +194,32 @@ class Numbers:
                 sequence += 1
         self._first = sequence
 
-    def number(self, sequence: int) -> Number:
-        """What a request that is not settled carries now."""
-        return Number(self.client, sequence, self._first)
+    def request_id(self, sequence: int) -> RequestId:
+        """Return the id that an unsettled request carries if it is sent now."""
+        return RequestId(self.client, sequence, self._first)
 
     def take_for(self, body: bytes) -> tuple[int, bytes]:
-        """Take the next number; returns it, and a request's body behind it."""
+        """Take the next sequence number; return it, and the body with its request id in front."""
         sequence, first = self._next, self._first
         self._next = sequence + 1
-        if sequence - first >= _MOST_BEHIND:
-            self.is_over = True
+        if sequence - first >= _LONGEST_GAP:
+            self.is_retired = True
         return sequence, _pack(self.client, sequence, first) + body
+
+
+class RequestCounters:
+    """One process's request counters, by store.
+
+    `draw_client_id` returns 16 random bytes.
+    """
+
+    def __init__(self, draw_client_id: Callable[[], bytes]) -> None:
+        self._draw_client_id = draw_client_id
+        self._counters: dict[bytes, RequestCounter] = {}
+
+    def counter(self, store_id: bytes) -> RequestCounter:
+        """Return the counter for the next request to a store."""
+        known = self._counters.get(store_id)
+        if known is None or known.is_retired:
+            known = self._counters[store_id] = RequestCounter(self._draw_client_id(), store_id)
+        return known

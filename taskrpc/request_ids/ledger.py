@@ -1,11 +1,11 @@
-"""What a server knows of its clients' requests: which are new, run, are done, or are forgotten."""
+"""The ledger of a store: which of its clients' requests are new, running, done or forgotten."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
 from enum import Enum
 
-from taskrpc.request_ids.ids import OPEN_PER_CLIENT, Claim, Client, Completion
+from taskrpc.request_ids.ids import OPEN_PER_CLIENT, ClientKey, Completion, ReceivedId
 
 LEASE = 24 * 3600.0
 """Seconds for which a client is remembered after its last request. Only the time in which a server
@@ -16,50 +16,53 @@ REPEATED_FOR = LEASE / 2
 forgotten the request, and would run it again."""
 
 MEMORY = 128 * 2**20
-"""Bytes that a ledger remembers. An account may have as many as are still free: one alone gets a
-half, and whoever comes after ten that take what they can finds an eleventh."""
+"""Bytes that a ledger remembers. An account may take as many as are still free: a single one gets
+half of them, and after ten greedy accounts there is still room for an eleventh."""
 
 PER_CLIENT, PER_REQUEST = 500, 400
 """Bytes that are counted for a client (each `--request-id` is one), and for a request besides its
-answer."""
+response."""
 
-_PLACE_KEPT = 60.0
-"""Seconds for which a client that is heard of again keeps its place among those that may be
-forgotten: to take its place anew would cost as much as to decide."""
+_REORDER_AFTER = 60.0
+"""Seconds between two moves of an active client to the end of the order in which leases end: a move
+for each request would cost as much as the decision."""
 
 
 class Verdict(Enum):
-    """What is to be done with a request."""
+    """What the server must do with a request."""
 
     NEW = "run it"
-    ATTACH = "it runs: answer with what that run yields"
-    DONE = "answer with what is remembered"
-    STALE = "nobody can know any more whether it ran"
-    REUSED = "its number belongs to another request"
+    ATTACH = "it runs already: answer with the response of that execution"
+    DONE = "answer with the stored response"
+    STALE = "refuse it: the store cannot tell any more whether it ran"
+    REUSED = "refuse it: its id belongs to another request"
     FULL = "refuse it: the client has too many open requests, or its account takes too much memory"
 
 
-# In Python 3.11 to look a member up in its class costs as much as to look it up in the ledger.
+# Python 3.11 needs as long to look up a member in the Enum class as to look up a client.
 _NEW, _STALE, _FULL = Verdict.NEW, Verdict.STALE, Verdict.FULL
 
 
-class _Known:
-    """What is known of one client."""
+class _ClientRecord:
+    """What the ledger knows of one client."""
 
     __slots__ = ("first_incomplete", "placed", "requests", "used")
 
     def __init__(self, now: float) -> None:
         self.first_incomplete = 1
+        """The client waits for no response below this sequence number."""
         self.used = now
+        """When the last request arrived."""
         self.placed = now
-        """When it was put behind all others."""
-        self.requests: dict[int, Completion | Claim] = {}
-        """By their numbers: the completion of what is done, the claim of what runs."""
+        """When the record was last moved behind all others."""
+        self.requests: dict[int, Completion | ReceivedId] = {}
+        """By sequence number: the completion of a request that is done, the received id of one that
+        runs."""
 
     def settle(self, first_incomplete: int) -> int:
-        """Forget what is done below a number; returns its bytes.
+        """Forget the completions below a sequence number; return their size in bytes.
 
-        What runs there stays until it is done.
+        Requests below it that still run stay until they are done.
         """
         known, begin, size = self.requests, self.first_incomplete, 0
         self.first_incomplete = first_incomplete
@@ -69,7 +72,7 @@ class _Known:
         for number in numbers:
             found = known.pop(number, None)
             if found.__class__ is Completion:
-                size += PER_REQUEST + len(found.answer)
+                size += PER_REQUEST + len(found.response)
             elif found is not None:
                 known[number] = found
         return size
@@ -81,25 +84,26 @@ class _Known:
 
     @property
     def is_idle(self) -> bool:
+        """Whether none of the client's requests runs."""
         return all(isinstance(each, Completion) for each in self.requests.values())
 
 
-def _size(request: Completion | Claim | None) -> int:
+def _size(request: Completion | ReceivedId | None) -> int:
     if request is None:
         return 0
-    return PER_REQUEST + (len(request.answer) if isinstance(request, Completion) else 0)
+    return PER_REQUEST + (len(request.response) if isinstance(request, Completion) else 0)
 
 
-def _again(known: Completion | Claim, claim: Claim) -> Verdict:
-    """What to do with a request whose number is known."""
+def _verdict_on_repetition(known: Completion | ReceivedId, received: ReceivedId) -> Verdict:
+    """Decide about a request whose sequence number is known."""
     verdict = Verdict.DONE if isinstance(known, Completion) else Verdict.ATTACH
-    return verdict if known.fingerprint == claim.fingerprint else Verdict.REUSED
+    return verdict if known.fingerprint == received.fingerprint else Verdict.REUSED
 
 
 class Ledger:
-    """The numbers of all clients of one store.
+    """The requests of all clients of one store.
 
-    Times are seconds on a clock that does not leap: by it leases end.
+    Times are seconds on the store's `LeaseClock`, which does not jump.
     """
 
     def __init__(
@@ -112,128 +116,134 @@ class Ledger:
     ) -> None:
         self._lease = lease
         self._memory = memory
-        self._most_open = open_per_client
+        self._open_per_client = open_per_client
         self.size = 0
-        """Bytes that are taken."""
-        self._sizes: dict[str, int] = {}  # by principal
-        # The least recently placed first: whose lease ends next, but for `_PLACE_KEPT`.
-        self._clients: dict[Client, _Known] = {}
+        """Bytes in use."""
+        self._sizes: dict[str, int] = {}
+        """Bytes in use, by principal."""
+        self._clients: dict[ClientKey, _ClientRecord] = {}
+        """In the order in which leases end, accurate to `_REORDER_AFTER`."""
         for completion in sorted(completions, key=lambda each: each.at):
             client = (completion.principal, completion.client)
-            if known := self._clients.get(client):
-                known.used = completion.at
-                self._place_last(client, known)
+            if record := self._clients.get(client):
+                record.used = completion.at
+                self._place_last(client, record)
             self.completed(completion)
 
     def __len__(self) -> int:
         return len(self._clients)
 
-    def decide(self, principal: str, claim: Claim, now: float) -> Verdict:
-        """What to do with a request; after NEW it counts as running."""
-        client = (principal, claim.client)
-        known = self._clients.get(client)
-        if known is None:
-            return self._met(client, claim, now)
-        sequence, first, begin = claim.sequence, claim.first_incomplete, known.first_incomplete
+    def decide(self, principal: str, received: ReceivedId, now: float) -> Verdict:
+        """Decide what to do with a request; after NEW it counts as running."""
+        client = (principal, received.client)
+        record = self._clients.get(client)
+        if record is None:
+            return self._decide_first(client, received, now)
+        sequence, first, begin = (
+            received.sequence,
+            received.first_incomplete,
+            record.first_incomplete,
+        )
         if sequence < begin:
             return _STALE
-        requests, sizes, more = known.requests, self._sizes, 0
+        requests, sizes, more = record.requests, self._sizes, 0
         if first > begin:
             done = requests.get(begin)
             if first == begin + 1 and done.__class__ is Completion:
-                # As `settle` does. So it is nearly always, and a call would cost half as much as
-                # to decide.
+                # `settle`, inlined: nearly every request settles exactly the one before it, and the
+                # call would cost half as much as the whole decision.
                 del requests[begin]
-                known.first_incomplete = first
-                more = -PER_REQUEST - len(done.answer)
+                record.first_incomplete = first
+                more = -PER_REQUEST - len(done.response)
             else:
-                more = -known.settle(first)
-        known.used = now
-        if now - known.placed > _PLACE_KEPT:
-            self._place_last(client, known)
-        # Charged once, not for each: most requests settle the one before.
-        taken = self.size + more
-        theirs = sizes[principal] + more
+                more = -record.settle(first)
+        record.used = now
+        if now - record.placed > _REORDER_AFTER:
+            self._place_last(client, record)
+        # The sizes are written once: most requests settle one and add one.
+        size = self.size + more
+        size_of_principal = sizes[principal] + more
         verdict = _NEW
         if sequence in requests:
-            verdict = _again(requests[sequence], claim)
-        # No share is set apart for each: nobody knows how many accounts will come.
-        elif len(requests) >= self._most_open or self._memory - taken <= theirs:
+            verdict = _verdict_on_repetition(requests[sequence], received)
+        # No share is reserved for an account: the number of accounts is not known.
+        elif len(requests) >= self._open_per_client or self._memory - size <= size_of_principal:
             verdict = _FULL
         else:
-            requests[sequence] = claim
-            claim.known = known
-            taken += PER_REQUEST
-            theirs += PER_REQUEST
-        self.size = taken
-        sizes[principal] = theirs
+            requests[sequence] = received
+            received.client_record = record
+            size += PER_REQUEST
+            size_of_principal += PER_REQUEST
+        self.size = size
+        sizes[principal] = size_of_principal
         return verdict
 
-    def _met(self, client: Client, claim: Claim, now: float) -> Verdict:
-        """What to do with a request of a client that is not known."""
+    def _decide_first(self, client: ClientKey, received: ReceivedId, now: float) -> Verdict:
+        """Decide about a request of a client that is not known."""
         principal, _ = client
-        if claim.first_incomplete > 1:
+        if received.first_incomplete > 1:
             return _STALE
         has_room = self._memory - self.size > self._sizes.get(principal, 0)
-        if not self._most_open or not has_room:
+        if not self._open_per_client or not has_room:
             return _FULL
-        self.runs(principal, claim, now)
+        self.add_running(principal, received, now)
         return _NEW
 
-    def runs(self, principal: str, claim: Claim, now: float) -> None:
-        """A request runs that was decided to run, be it by an earlier ledger."""
-        known = self._known((principal, claim.client), now)
-        claim.known = None
-        if claim.first_incomplete > known.first_incomplete:
-            self._charge(principal, -known.settle(claim.first_incomplete))
-        if claim.sequence not in known.requests:
-            known.requests[claim.sequence] = claim
-            claim.known = known
-            self._charge(principal, PER_REQUEST)
+    def add_running(self, principal: str, received: ReceivedId, now: float) -> None:
+        """Enter a request that runs, whether this ledger or an earlier one decided so."""
+        record = self._record((principal, received.client), now)
+        received.client_record = None
+        if received.first_incomplete > record.first_incomplete:
+            self._add_size(principal, -record.settle(received.first_incomplete))
+        if received.sequence not in record.requests:
+            record.requests[received.sequence] = received
+            received.client_record = record
+            self._add_size(principal, PER_REQUEST)
 
-    def answer(self, principal: str, claim: Claim) -> Completion:
-        """What a request that is DONE was answered."""
-        found = self._clients[principal, claim.client].requests[claim.sequence]
-        assert isinstance(found, Completion), "only what is done has an answer"
+    def completion(self, principal: str, received: ReceivedId) -> Completion:
+        """Return the completion of a request whose verdict is DONE."""
+        found = self._clients[principal, received.client].requests[received.sequence]
+        assert isinstance(found, Completion), "only a request that is done has a completion"
         return found
 
-    def running(self, principal: str, claim: Claim) -> Claim:
-        """The first claim to a request that is to ATTACH."""
-        found = self._clients[principal, claim.client].requests[claim.sequence]
-        assert isinstance(found, Claim), "only what runs can be attached to"
+    def running(self, principal: str, received: ReceivedId) -> ReceivedId:
+        """Return the received id under which a request runs whose verdict is ATTACH."""
+        found = self._clients[principal, received.client].requests[received.sequence]
+        assert isinstance(found, ReceivedId), "only a running request can be attached to"
         return found
 
-    def all_running(self) -> list[tuple[str, Claim]]:
-        """The claims to everything that runs, with their principals."""
+    def all_running(self) -> list[tuple[str, ReceivedId]]:
+        """Return the received ids of all requests that run, with their principals."""
         return [
             (principal, each)
-            for (principal, _), known in self._clients.items()
-            for each in known.requests.values()
-            if isinstance(each, Claim)
+            for (principal, _), record in self._clients.items()
+            for each in record.requests.values()
+            if isinstance(each, ReceivedId)
         ]
 
-    def completed(self, completion: Completion, claim: Claim | None = None) -> None:
-        """A request is done, and its completion stored; `claim` is what has run, where that did."""
+    def completed(self, completion: Completion, received: ReceivedId | None = None) -> None:
+        """Enter a stored completion; `received` is the id under which the request ran here."""
         sequence = completion.sequence
-        if claim is None or (known := claim.known) is None:
+        if received is None or (record := received.client_record) is None:
             self._enter(completion)
             return
-        claim.known = None
-        if sequence < known.first_incomplete:
+        received.client_record = None
+        if sequence < record.first_incomplete:
             self._enter(completion)
             return
-        known.requests[sequence] = completion  # in the claim's place: only the answer is more
-        more = len(completion.answer)
+        # The completion takes the place of the received id: only the response adds to the size.
+        record.requests[sequence] = completion
+        more = len(completion.response)
         self.size += more
         self._sizes[completion.principal] += more
 
     def _enter(self, completion: Completion) -> None:
         principal, sequence = completion.principal, completion.sequence
-        known = self._known((principal, completion.client), completion.at)
-        more, requests = 0, known.requests
-        if completion.first_incomplete > known.first_incomplete:
-            more = -known.settle(completion.first_incomplete)
-        if sequence >= known.first_incomplete:
+        record = self._record((principal, completion.client), completion.at)
+        more, requests = 0, record.requests
+        if completion.first_incomplete > record.first_incomplete:
+            more = -record.settle(completion.first_incomplete)
+        if sequence >= record.first_incomplete:
             more += _size(completion) - _size(requests.get(sequence))
             requests[sequence] = completion
         else:
@@ -241,46 +251,46 @@ class Ledger:
         self.size += more
         self._sizes[principal] += more
 
-    def abandoned(self, principal: str, claim: Claim) -> None:
-        """A request did not run after all: sent again, it is new."""
-        client = (principal, claim.client)
-        claim.known = None
-        known = self._clients.get(client)
-        if known is not None:
-            if known.requests.get(claim.sequence) is claim:
-                del known.requests[claim.sequence]
-                self._charge(principal, -PER_REQUEST)
-            if known.first_incomplete == 1 and not known.requests:
-                self._forget(client)  # nothing is known of it
+    def abandoned(self, principal: str, received: ReceivedId) -> None:
+        """Forget a request that did not run after all: its repetition is new."""
+        client = (principal, received.client)
+        received.client_record = None
+        record = self._clients.get(client)
+        if record is not None:
+            if record.requests.get(received.sequence) is received:
+                del record.requests[received.sequence]
+                self._add_size(principal, -PER_REQUEST)
+            if record.first_incomplete == 1 and not record.requests:
+                self._forget(client)  # as if the client had never sent anything
 
-    def expire(self, now: float) -> list[Client]:
+    def expire(self, now: float) -> list[ClientKey]:
         """Forget the clients whose lease has ended, and return them."""
-        ended: list[Client] = []
-        for client, known in self._clients.items():
-            if known.placed + self._lease > now:
+        ended: list[ClientKey] = []
+        for client, record in self._clients.items():
+            if record.placed + self._lease > now:
                 break
-            if known.used + self._lease <= now and known.is_idle:
+            if record.used + self._lease <= now and record.is_idle:
                 ended.append(client)
         for client in ended:
             self._forget(client)
         return ended
 
-    def _known(self, client: Client, now: float) -> _Known:
-        known = self._clients.get(client)
-        if known is None:
-            known = self._clients[client] = _Known(now)
-            self._charge(client[0], PER_CLIENT)
-        return known
+    def _record(self, client: ClientKey, now: float) -> _ClientRecord:
+        record = self._clients.get(client)
+        if record is None:
+            record = self._clients[client] = _ClientRecord(now)
+            self._add_size(client[0], PER_CLIENT)
+        return record
 
-    def _place_last(self, client: Client, known: _Known) -> None:
+    def _place_last(self, client: ClientKey, record: _ClientRecord) -> None:
         del self._clients[client]
-        self._clients[client] = known
-        known.placed = known.used
+        self._clients[client] = record
+        record.placed = record.used
 
-    def _forget(self, client: Client) -> None:
-        self._charge(client[0], -self._clients.pop(client).size)
+    def _forget(self, client: ClientKey) -> None:
+        self._add_size(client[0], -self._clients.pop(client).size)
 
-    def _charge(self, principal: str, more: int) -> None:
+    def _add_size(self, principal: str, more: int) -> None:
         self.size += more
         size = self._sizes[principal] = self._sizes.get(principal, 0) + more
         if not size:

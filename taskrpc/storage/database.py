@@ -21,13 +21,43 @@ from typing import Any, TypeVar
 
 from taskrpc import platform
 from taskrpc.errors import OutcomeUnknown, StoreError
-from taskrpc.storage import place
-from taskrpc.storage.completions import has_tables
+from taskrpc.storage import path_checks
+from taskrpc.storage.error_texts import is_about_the_file, is_full, loss, plainly
 from taskrpc.storage.lock import Lock, Witness
-from taskrpc.storage.sentences import is_about_the_file, is_full, loss, plainly
+from taskrpc.storage.records import Damaged
 
 _Result = TypeVar("_Result")
 _Work = Callable[[sqlite3.Connection], None]
+
+_STORE_TABLE = "CREATE TABLE taskrpc_store (store_id BLOB NOT NULL, commits INTEGER NOT NULL)"
+
+
+def has_store(connection: sqlite3.Connection) -> bool:
+    """Whether a database holds a store already."""
+    found = connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'taskrpc_store'")
+    return found.fetchone() is not None
+
+
+def create_store(connection: sqlite3.Connection) -> None:
+    """Create the table that holds a new store's id and count of commits, in the open transaction.
+
+    Every file that a `Database` opens must have this table.
+    """
+    connection.execute(_STORE_TABLE)
+    connection.execute("INSERT INTO taskrpc_store VALUES (?, 0)", (os.urandom(16),))
+
+
+def replace_store_id(connection: sqlite3.Connection) -> None:
+    """Give the store a new id, in the open transaction, so that clients take it for another one."""
+    connection.execute("UPDATE taskrpc_store SET store_id = ?", (os.urandom(16),))
+
+
+def read_store_id(connection: sqlite3.Connection) -> bytes:
+    """Return the store's id, 16 bytes. Raises Damaged."""
+    found = connection.execute("SELECT store_id FROM taskrpc_store").fetchone()
+    if found is None or not isinstance(found[0], bytes) or len(found[0]) != 16:
+        raise Damaged("taskrpc_store", "expected the store's id of 16 bytes")
+    return found[0]
 
 
 class Database:
@@ -53,12 +83,12 @@ class Database:
         self._equip = equip
         self._why_broken = ""
         with contextlib.ExitStack() as undo, plainly(path):
-            place.refuse_strangers(path)
-            place.refuse_second_name(path)
+            path_checks.refuse_strangers(path)
+            path_checks.refuse_second_name(path)
             self._lock = Lock(path, holder)
             undo.callback(self._lock.close)
             if not anew:  # before SQLite can delete the log
-                place.refuse_lost_store(path.resolve(), self._lock)
+                path_checks.refuse_lost_store(path.resolve(), self._lock)
             _create_private(path.resolve())
             self._connection = _connect(path)
             undo.callback(self._disconnect)
@@ -161,8 +191,8 @@ class Database:
         """Refuse a database without tables if the lock has, or may have, counted transactions."""
         witness = self._lock.witness
         may_have_commits = self._lock.is_damaged or (witness is not None and witness.commits)
-        if may_have_commits and not has_tables(self._connection):
-            text = place.lost_store(self._path.resolve(), self._lock, "holds no store")
+        if may_have_commits and not has_store(self._connection):
+            text = path_checks.lost_store(self._path.resolve(), self._lock, "holds no store")
             raise StoreError(text)
 
     def _check(self) -> None:
@@ -322,6 +352,6 @@ def _create_private(path: Path) -> None:
 def _make_private(path: Path) -> None:
     """Let nobody else read the file; SQLite gives those that it makes beside it the same rights."""
     # Not through a descriptor: closing one would drop the locks of other readers in this process.
-    for suffix in place.SIDE_FILES:
+    for suffix in path_checks.SIDE_FILES:
         with contextlib.suppress(FileNotFoundError):
             path.with_name(path.name + suffix).chmod(0o600)

@@ -23,7 +23,7 @@ from taskrpc import node as _node
 from taskrpc import platform
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
 from taskrpc.deferred import DeferredService, Take
-from taskrpc.given_types import RequestT, ResponseT, Srv
+from taskrpc.message_types import RequestT, ResponseT, Srv
 from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.retry import RetryPolicy
 from taskrpc.security.roles import Accounts, Role

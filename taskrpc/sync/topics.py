@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Generic
 from taskrpc import node as _node
 from taskrpc import timer as _timer
 from taskrpc import topic as _topic
-from taskrpc.given_types import MsgT
+from taskrpc.message_types import MsgT
 from taskrpc.qos import QoS
 from taskrpc.security.roles import Role
 from taskrpc.sync.loop_thread import LoopThread

@@ -15,7 +15,7 @@ import msgspec
 
 from taskrpc.callinfo import CallInfo
 from taskrpc.errors import TaskRpcError
-from taskrpc.request_ids.ids import Claim, Number, Numbers
+from taskrpc.request_ids.ids import ReceivedId, RequestCounter, RequestId
 from taskrpc.security.roles import Role
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.discovery.entries import Entry
@@ -44,8 +44,8 @@ class IncomingCall(CallInfo, eq=False):
     """Set by whoever runs the call and can stop it."""
     started: bool
     """Set by whoever runs the call: until then it certainly did not run."""
-    claim: Claim | None
-    """The request's number, where its client counts because the service is exactly-once."""
+    received_id: ReceivedId | None
+    """The request id, None where the service is not exactly-once."""
     arrived: float
     """The instant when it was read, on the loop's clock."""
 
@@ -65,8 +65,8 @@ class IncomingCall(CallInfo, eq=False):
         raise NotImplementedError
 
     @property
-    def lane(self) -> Hashable:
-        """Whose call it is, where callers take turns."""
+    def flow(self) -> Hashable:
+        """The key in the fair queue: calls with the same key wait behind each other."""
         return self.principal or self.caller
 
     def must_wait(self) -> bool:
@@ -79,7 +79,7 @@ class IncomingCall(CallInfo, eq=False):
 
     def lost(self) -> None:
         """The way back to the caller is gone; one that counts its requests will come again."""
-        if self.claim is None:
+        if self.received_id is None:
             self.cancel()
 
     def cancel(self) -> None:
@@ -117,10 +117,10 @@ class SentCall(Protocol):
     future: asyncio.Future[Any]
     """Yields the response, or an error. Its class is asyncio's own, which awaits fastest; whoever
     cancels it must say so to `give_up`."""
-    numbers: Numbers | None
-    """What has counted it, where `send_next` did."""
+    counter: RequestCounter | None
+    """The counter that gave the call its sequence number, None without one."""
     sequence: int
-    """Its number then."""
+    """The sequence number, 0 without one."""
 
     def give_up(self, future: asyncio.Future[Any] | None = None) -> None:
         """Tell the server that nobody waits, if the future was cancelled."""
@@ -198,13 +198,13 @@ class Channel(Protocol):
     def service_name(self) -> str:
         """Absolute; of what is called, once that is known."""
 
-    def numbers(self) -> Numbers:
-        """What counts our requests to the store of this exactly-once service."""
+    def counter(self) -> RequestCounter:
+        """Return the counter for the next request to the store of this exactly-once service."""
 
     def send(
-        self, request: Any, deadline: float | None, number: Number | None = None
+        self, request: Any, deadline: float | None, request_id: RequestId | None = None
     ) -> SentCall | None:
-        """Send a request; None where `connect` must come before, or a number is needed.
+        """Send a request; None where `connect` must come before, or a request id is needed.
 
         A call that the server certainly did not begin, since it ends or withdrew the service, moves
         to another server unseen.
@@ -220,9 +220,9 @@ class Channel(Protocol):
         """
 
     def send_next(self, request: Any, deadline: float | None) -> SentCall | None:
-        """Send a request to an exactly-once service under the next number, as `send` does.
+        """Send a request to an exactly-once service with the next request id, as `send` does.
 
-        Whoever waits for it must settle that number.
+        The caller must settle its sequence number in the end.
         """
 
     def send_in_thread(self, request: Any, deadline: float | None) -> WaitingThread | None:

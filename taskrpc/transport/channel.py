@@ -16,8 +16,7 @@ from taskrpc.errors import (
     TaskRpcError,
     TypeMismatch,
 )
-from taskrpc.request_ids.counter import Counting
-from taskrpc.request_ids.ids import Number, Numbers, with_number
+from taskrpc.request_ids.ids import RequestCounter, RequestCounters, RequestId, with_request_id
 from taskrpc.retry import reconnect_delay
 from taskrpc.transport.base import Mode, Tell, Unsent
 from taskrpc.transport.codec import ServiceType, codec_of
@@ -46,7 +45,7 @@ class Home(Protocol):
     network: Network
     dialler: Dialler
     news: News
-    counting: Counting
+    counters: RequestCounters
 
     def channel_closed(self, named: Named) -> None:
         """A client is gone."""
@@ -62,7 +61,7 @@ class RemoteChannel:
         self.store_id = b""
         self.span_of: Callable[[], bytes] | None = None
         """Asked at each sending for the span that the server shall know, where there is one."""
-        self._numbers: Numbers | None = None
+        self._counter: RequestCounter | None = None
         self._endpoint = endpoint
         self._named = named
         self._names = (named.name, otherwise) if otherwise else (named.name,)
@@ -103,25 +102,25 @@ class RemoteChannel:
         """Absolute; of what is called, once that is known."""
         return self._reached
 
-    def numbers(self) -> Numbers:
-        """What counts our requests to the service's store."""
-        return self._endpoint.counting.numbers(self.store_id)
+    def counter(self) -> RequestCounter:
+        """Return the counter for the next request to the store."""
+        return self._endpoint.counters.counter(self.store_id)
 
     def send(
-        self, request: Any, deadline: float | None, number: Number | None = None
+        self, request: Any, deadline: float | None, request_id: RequestId | None = None
     ) -> OpenCall | None:
-        """Send a request; None where the service is not reached, or wants a number."""
+        """Send a request; None where the service is not reached, or needs a request id."""
         connection = self._connection
         if connection is None or connection.epoch != self._epoch:
             return None
-        if number is None and self.store_id:
+        if request_id is None and self.store_id:
             return None
         body, decode = self._encode(request), self._decode
         move: Callable[[OpenCall], object] | None = self._move
         flags = 0
-        if number is not None:
+        if request_id is not None:
             # Never moved by itself: whoever counts must know to which store each sending went.
-            body, flags, move = with_number(number, body), _EXACTLY_ONCE, None
+            body, flags, move = with_request_id(request_id, body), _EXACTLY_ONCE, None
         if self.span_of is not None and (span := self.span_of()):
             body, flags = span + body, flags | _TRACED
         future: asyncio.Future[Any] = asyncio.Future(loop=self._endpoint.loop)
@@ -130,14 +129,14 @@ class RemoteChannel:
         return call
 
     def send_next(self, request: Any, deadline: float | None) -> OpenCall | None:
-        """Send a request under the next number; None where the service is not reached."""
+        """Send a request with the next request id; None where the service is not reached."""
         connection = self._connection
         if connection is None or connection.epoch != self._epoch:
             return None
-        body, numbers = self._encode(request), self._numbers
-        if numbers is None or numbers.is_over:
-            numbers = self._numbers = self.numbers()
-        sequence, body = numbers.take_for(body)
+        body, counter = self._encode(request), self._counter
+        if counter is None or counter.is_retired:
+            counter = self._counter = self.counter()
+        sequence, body = counter.take_for(body)
         flags = _EXACTLY_ONCE
         if self.span_of is not None and (span := self.span_of()):
             body, flags = span + body, flags | _TRACED
@@ -153,13 +152,13 @@ class RemoteChannel:
             flags,
             0,  # call_id
             0,  # moves
-            numbers,
+            counter,
             sequence,
         )
         try:
             connection.begin(call)
         except InvalidRequest:
-            numbers.settle(sequence)
+            counter.settle(sequence)
             raise
         return call
 
@@ -291,7 +290,7 @@ class RemoteChannel:
         known = resolved.mode in tuple(Mode)
         self.mode = Mode(resolved.mode) if known else Mode.AT_MOST_ONCE
         self.store_id = resolved.store_id if self.mode is Mode.EXACTLY_ONCE else b""
-        self._numbers = None
+        self._counter = None
         self._connection = connection
         if self.ready:
             line, self._line = self._line, {}

@@ -20,7 +20,7 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
-from taskrpc.request_ids.counter import Counting
+from taskrpc.request_ids.ids import RequestCounters
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import Offer
 from taskrpc.transport.channel import RemoteChannel
@@ -88,7 +88,7 @@ class Endpoint(Handing):
         self.holders = 1
         self.id = os.urandom(16)
         self.call_numbers = itertools.count(1)
-        self.counting = Counting()
+        self.counters = RequestCounters(lambda: os.urandom(16))
         self.unread: Unread
         """Made by `_take_connections`, as `load` is: many programs only call."""
         self.load: Load

@@ -28,7 +28,7 @@ def runs_whatever_waited(patch):
         return start(self, call)
 
     patch(service.Service, "_start", careless)
-    patch(service.Service, "_is_in_vain", lambda self, call: False)
+    patch(service.Service, "_is_too_late", lambda self, call: False)
 
 
 def counts_from_when_a_request_is_handled(patch):

@@ -12,7 +12,7 @@ from taskrpc.tasks.records.completions import TaskCompletions
 import srvgen
 import taskrpc
 from taskrpc.attempts import Attempts
-from taskrpc.request_ids.ids import Remembered
+from taskrpc.request_ids.ids import StoredCompletions
 from taskrpc.request_ids.ledger import Ledger, Verdict
 from taskrpc.tasks.records.repository import TaskRepository
 from tests.faults.harness import Bug
@@ -50,7 +50,7 @@ def lose_the_completions(patch):
     recall = TaskCompletions.recall
 
     async def forgetful(self):
-        return Remembered((await recall(self)).store_id)
+        return StoredCompletions((await recall(self)).store_id)
 
     patch(TaskCompletions, "recall", forgetful)
 

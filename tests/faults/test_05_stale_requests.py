@@ -12,7 +12,7 @@ import pytest
 
 import srvgen
 import taskrpc
-from taskrpc.request_ids.ids import Claim, Numbers
+from taskrpc.request_ids.ids import ReceivedId, RequestCounter
 from taskrpc.request_ids.ledger import LEASE, Ledger, Verdict
 from taskrpc.security.roles import Role
 from taskrpc.service import Service
@@ -37,9 +37,9 @@ def runs_what_was_forgotten(patch):
 def _run_what_is_stale(patch, *, of_known_clients):
     decide = Ledger.decide
 
-    def careless(ledger, principal, claim, now):
-        is_known = (principal, claim.client) in ledger._clients
-        verdict = decide(ledger, principal, claim, now)
+    def careless(ledger, principal, received, now):
+        is_known = (principal, received.client) in ledger._clients
+        verdict = decide(ledger, principal, received, now)
         is_meant = verdict is Verdict.STALE and is_known == of_known_clients
         return Verdict.NEW if is_meant else verdict
 
@@ -108,16 +108,16 @@ class Rehearsal:
 
     async def send(self):
         if len(self.clients) < CLIENTS or self.chance.random() < 0.02:
-            self.clients.append(Numbers(self.chance.randbytes(16)))
+            self.clients.append(RequestCounter(self.chance.randbytes(16)))
         number = self.chance.randrange(max(0, len(self.clients) - CLIENTS), len(self.clients))
         numbers = self.clients[number]
         sequence = numbers.take()
-        counted = numbers.number(sequence)
+        counted = numbers.request_id(sequence)
         answer = await self.deliver(number, sequence, counted.first_incomplete)
         numbers.settle(sequence)
         if isinstance(answer, taskrpc.SessionExpired):  # the client counts anew
             self.counts["clients that count anew"] += 1
-            self.clients[number] = Numbers(self.chance.randbytes(16))
+            self.clients[number] = RequestCounter(self.chance.randbytes(16))
             return
         self.counts["a wrong answer"] += answer != number + sequence
         # The first request of a client looks the same for ever, as does one with a request id.
@@ -136,12 +136,12 @@ class Rehearsal:
     async def deliver(self, number, sequence, first, *, client=None):
         loop = asyncio.get_running_loop()
         client = client or self.clients[number].client
-        claim = Claim(client, sequence, first, b"")
+        received = ReceivedId(client, sequence, first, b"")
         # Requests of two clients with one number in `clients` are told apart by `a`.
         a = number + 1000 * int.from_bytes(client[:4], "big")
         request = Add.Request(a=a, b=sequence)
         who = "/x", "/me", "", Role.ADMIN, 1, None, loop.time
-        call = Call(*who, False, request, None, False, claim, loop.time())
+        call = Call(*who, False, request, None, False, received, loop.time())
         self.transport.serve(call)
         for _ in range(20):
             if call.answer is not None:

@@ -67,7 +67,7 @@ class Load:
 
 
 def begun_although_in_vain(patch):
-    patch(Service, "_is_in_vain", lambda self, call: False)
+    patch(Service, "_is_too_late", lambda self, call: False)
 
 
 def refused_while_it_runs(patch):

@@ -13,8 +13,8 @@ from msgspec.structs import replace
 from taskrpc import Node, attempts, service
 from taskrpc.attempts import Attempts
 from taskrpc.errors import Code, ConnectionLost, HandlerFailed, StoreError
-from taskrpc.exactly_once import OnceDesk, Run
-from taskrpc.exactly_once.store_state import LeaseClock, Shared
+from taskrpc.exactly_once import Deduplicator, Execution
+from taskrpc.exactly_once.store_state import LeaseClock, StoreState
 from taskrpc.request_ids.ledger import Ledger, Verdict
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import Task, TaskState
@@ -96,13 +96,13 @@ def accept_tasks_before_the_commit(patch):
 
 
 def answer_before_the_effect(patch):
-    commit = OnceDesk.commit
+    commit = Deduplicator.commit
 
-    def early(self, run, completion, effect, error=None):
-        run.tell(error)
-        commit(self, run, completion, effect, error)
+    def early(self, execution, completion, effect, error=None):
+        execution.answer(error)
+        commit(self, execution, completion, effect, error)
 
-    patch(OnceDesk, "commit", early)
+    patch(Deduplicator, "commit", early)
 
 
 def call_what_was_lost_not_executed(patch):
@@ -117,11 +117,11 @@ def call_what_was_lost_not_executed(patch):
 
 
 def forget_that_it_may_have_run(patch):
-    patch(Attempts, "_verdict", lambda self, error: error)
+    patch(Attempts, "_final", lambda self, error: error)
 
 
 def repeat_plain_calls_too(patch):
-    patch(Attempts, "_may_repeat", lambda self, error: not self._is_over)
+    patch(Attempts, "_may_repeat", lambda self, error: not self._has_ended)
 
 
 def call_a_missed_deadline_not_executed(patch):
@@ -156,7 +156,7 @@ def let_calls_wait_beyond_their_deadline(patch):
 
 
 def store_the_task_without_its_completion(patch):
-    patch(Run, "completed_by", lambda self, response: None)
+    patch(Execution, "completed_by", lambda self, response: None)
 
 
 def take_the_newest_first(patch):
@@ -171,10 +171,10 @@ def leave_the_worker_behind(patch):
 
 
 def take_an_unknown_commit_for_a_refused_one(patch):
-    def unknown(desk, run, error):
-        desk.undone(run, HandlerFailed(Code.UNAVAILABLE, str(error)))
+    def unknown(deduplicator, execution, error):
+        deduplicator.undone(execution, HandlerFailed(Code.UNAVAILABLE, str(error)))
 
-    patch(OnceDesk, "unknown", unknown)
+    patch(Deduplicator, "unknown", unknown)
 
 
 def accept_tasks_for_which_there_is_no_room(patch):
@@ -190,16 +190,16 @@ def accept_tasks_for_which_there_is_no_room(patch):
 
 
 def read_a_store_only_once(patch):
-    patch(Shared, "store_id", lambda self, store: self._store_id)
+    patch(StoreState, "store_id", lambda self, store: self._store_id)
 
 
 def know_a_request_id_only_from_one_program(patch):
-    number = attempts.number_of_id
+    number = attempts.named_request_id
 
     def own(service, request_id):
         return number(service, f"{PROCESS.get()} {request_id}")
 
-    patch(attempts, "number_of_id", own)
+    patch(attempts, "named_request_id", own)
 
 
 def leave_their_connections_to_the_revoked(patch):

@@ -10,8 +10,8 @@ import time
 
 import pytest
 
-from taskrpc import attempts, deduplication
-from taskrpc.exactly_once import deduplicator
+from taskrpc import attempts
+from taskrpc.exactly_once import Deduplicator, Execution, deduplicator
 from taskrpc.request_ids.ledger import Ledger
 
 LEASE = 20.0
@@ -41,17 +41,17 @@ def only_chance(seed, wall_clock, counts):
 
 def _count(patch, counts):
     """Count what shows outside only as an answer like any other."""
-    attach, repeat = deduplication.Run.attach, deduplication.OnceDesk._repeat
+    attach, repeat = Execution.attach, Deduplicator._answer_from_store
     wait_after = attempts.Attempts._wait_after
-    may_count_anew = attempts.Attempts._may_count_anew
+    replace_client = attempts.Attempts._replace_client
 
-    def counted_attach(run, call):
-        counts["attaches"] += bool(run.callers)
-        attach(run, call)
+    def counted_attach(execution, call):
+        counts["attaches"] += bool(execution.callers)
+        attach(execution, call)
 
-    def counted_repeat(desk, call, completion):
+    def counted_repeat(deduplicator, call, completion):
         counts["repeated answers"] += 1
-        repeat(desk, call, completion)
+        repeat(deduplicator, call, completion)
 
     def counted_wait(call, error):
         wait = wait_after(call, error)
@@ -59,11 +59,11 @@ def _count(patch, counts):
         return wait
 
     def counted_anew(call):
-        anew = may_count_anew(call)
+        anew = replace_client(call)
         counts["expired sessions"] += anew
         return anew
 
-    patch.setattr(deduplication.Run, "attach", counted_attach)
-    patch.setattr(deduplication.OnceDesk, "_repeat", counted_repeat)
+    patch.setattr(Execution, "attach", counted_attach)
+    patch.setattr(Deduplicator, "_answer_from_store", counted_repeat)
     patch.setattr(attempts.Attempts, "_wait_after", counted_wait)
-    patch.setattr(attempts.Attempts, "_may_count_anew", counted_anew)
+    patch.setattr(attempts.Attempts, "_replace_client", counted_anew)

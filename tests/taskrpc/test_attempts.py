@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from taskrpc.attempts import FREE_SENDINGS, Attempts
+from taskrpc.attempts import FREE_RETRIES, Attempts
 from taskrpc.errors import (
     ConnectionLost,
     DeadlineExceeded,
@@ -12,7 +12,7 @@ from taskrpc.errors import (
     ServiceUnavailable,
     SessionExpired,
 )
-from taskrpc.request_ids.ids import Numbers, number_of_id
+from taskrpc.request_ids.ids import RequestCounter, named_request_id
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Mode
 
@@ -22,7 +22,7 @@ AT_ONCE = RetryPolicy(wait_initial=0.01, wait_max=0.01, wait_jitter=0)
 class Sent:
     """A call that was sent and has its outcome already."""
 
-    numbers, sequence = None, 0
+    counter, sequence = None, 0
 
     def __init__(self, outcome):
         self.future = asyncio.get_running_loop().create_future()
@@ -52,11 +52,11 @@ class FakeChannel:
         self.counters = {}
         self.line = []
 
-    def numbers(self):
+    def counter(self):
         counter = self.counters.get(self.store_id)
-        if counter is None or counter.is_over:
+        if counter is None or counter.is_retired:
             client = bytes([len(self.counters) + 1]) * 16
-            counter = self.counters[self.store_id] = Numbers(client, self.store_id)
+            counter = self.counters[self.store_id] = RequestCounter(client, self.store_id)
         return counter
 
     async def connect(self, deadline):
@@ -98,9 +98,9 @@ def no_longer_exactly_once(channel):
     channel.mode, channel.store_id = Mode.IDEMPOTENT, b""
 
 
-@pytest.mark.parametrize("losses", [1, FREE_SENDINGS, FREE_SENDINGS + 1, FREE_SENDINGS + 3])
+@pytest.mark.parametrize("losses", [1, FREE_RETRIES, FREE_RETRIES + 1, FREE_RETRIES + 3])
 async def test_exactly_once_call_survives_eight_lost_connections_without_the_budget(losses):
-    assert FREE_SENDINGS == 8
+    assert FREE_RETRIES == 8
     channel, budget = FakeChannel(*[lost() for _ in range(losses)], "response"), RetryBudget()
     assert await attempts(channel, budget=budget).result() == "response"
     assert [number.sequence for number in channel.sent] == [1] * (losses + 1)
@@ -173,14 +173,14 @@ async def test_cancelled_call_is_given_up_at_the_server():
 async def test_request_id_becomes_the_number_of_this_service():
     channel = FakeChannel("response")
     await attempts(channel, request_id="order 1").result()
-    assert channel.sent == [number_of_id("/add", "order 1")]
+    assert channel.sent == [named_request_id("/add", "order 1")]
 
 
 @pytest.mark.parametrize("change", [another_store, no_longer_exactly_once])
 async def test_request_that_may_have_run_goes_to_no_other_store(change):
     channel, loop = FakeChannel((lost(), change)), asyncio.get_running_loop()
     began = loop.time()
-    with pytest.raises(OutcomeUnknown, match="may have run the call"):
+    with pytest.raises(OutcomeUnknown, match="an earlier attempt of the call may have run"):
         await attempts(channel).result()
     assert len(channel.sent) == 1
     assert loop.time() - began < 1, "there is nothing to wait for"
@@ -191,7 +191,7 @@ async def test_request_that_certainly_did_not_run_is_counted_by_the_next_store()
     assert await attempts(channel).result() == "response"
     assert [number.client[0] for number in channel.sent] == [1, 2]
     for counter in channel.counters.values():
-        assert counter.number(2).first_incomplete == 2, "the number is still in use"
+        assert counter.request_id(2).first_incomplete == 2, "the number is still in use"
 
 
 async def test_request_that_certainly_did_not_run_needs_no_number_any_more():

@@ -25,8 +25,8 @@ from taskrpc.errors import (
     TaskRpcError,
 )
 from taskrpc.exactly_once import Effect
-from taskrpc.exactly_once.store_state import shared_of
-from taskrpc.request_ids.ids import Number, Remembered
+from taskrpc.exactly_once.store_state import state_of
+from taskrpc.request_ids.ids import RequestId, StoredCompletions
 from taskrpc.request_ids.ledger import Ledger
 from taskrpc.transport.connection.client_side import OpenCall
 from taskrpc.transport.memory import Pipe
@@ -47,7 +47,7 @@ class Store:
     async def recall(self):
         if self.opened is not None:
             await self.opened.wait()
-        return Remembered(self.store_id, tuple(self.completions.values()))
+        return StoredCompletions(self.store_id, tuple(self.completions.values()))
 
     async def complete(self, completion, effect, forgotten=()):
         if self.gate is not None:
@@ -255,7 +255,7 @@ async def test_a_service_that_does_not_count_takes_no_numbers():
         server.create_service(Add, "add", lambda request, response: ran.append(1))
         client = node.create_client(Add, "add")
         await client.wait_for_service(timeout=5)
-        call = client._channel.send(Add.Request(), None, Number(b"c" * 16, 1, 1))
+        call = client._channel.send(Add.Request(), None, RequestId(b"c" * 16, 1, 1))
         with pytest.raises(TaskRpcError, match="not exactly-once"):
             await asyncio.wait_for(call.future, 60)
         assert ran == []
@@ -468,7 +468,7 @@ async def test_one_of_two_callers_who_gives_up_does_not_take_the_answer_from_the
 async def test_a_cancel_that_comes_twice_harms_no_other_sending():
     async with Lab(Store(), Counter()) as lab:
         lab.counter.gate = asyncio.Event()
-        channel, number = lab.client._channel, Number(b"c" * 16, 1, 1)
+        channel, number = lab.client._channel, RequestId(b"c" * 16, 1, 1)
         connection = channel._connection
         given_up = channel.send(Add.Request(a=1, b=2), None, number)
         cancel = pack_frame(FrameType.CANCEL, 0, 0, given_up.call_id, 0, b"")
@@ -698,7 +698,7 @@ async def test_a_service_that_is_ended_twice_does_not_give_up_the_store_for_anot
         async with taskrpc.Node("second", transport="memory", token="2") as second:
             double = second.create_service(Add, "double", lab.counter, exactly_once=store)
             double.destroy()  # and at once its node is
-        assert shared_of(store) is lab.service._desk._shared
+        assert state_of(store) is lab.service._deduplicator._state
         await lab.client.call(Add.Request(a=1))
     await turns()
     assert not caplog.records
@@ -763,7 +763,7 @@ class Clock:
     """Stands in for a store's `LeaseClock`."""
 
     def __init__(self, lab):
-        lab.service._desk._shared.clock = self
+        lab.service._deduplicator._state.clock = self
         self.seconds = 1000.0
 
     @property
@@ -830,7 +830,7 @@ async def test_a_request_is_not_repeated_once_the_server_may_have_forgotten_it(
         if is_repeated:
             assert (await call).sum == 1
         else:
-            with pytest.raises(OutcomeUnknown, match="the server may have forgotten the request"):
+            with pytest.raises(OutcomeUnknown, match="the server may have forgotten it"):
                 await call
         assert lab.counter.ran == 1
 
@@ -846,13 +846,13 @@ async def test_clock_that_is_set_back_does_not_let_a_request_be_repeated_for_lon
         monkeypatch.setattr(time, "time", lambda: earlier)
         await asyncio.sleep(13 * 3600)  # the second attempt waits for the handler
         lab.cut()
-        with pytest.raises(OutcomeUnknown, match="the server may have forgotten the request"):
+        with pytest.raises(OutcomeUnknown, match="the server may have forgotten it"):
             await asyncio.wait_for(call, 60)
 
 
 async def test_a_store_whose_memory_is_full_takes_requests_again_when_leases_end():
     async with Lab(Store(), Counter()) as lab:
-        lab.service._desk._shared.ledger = Ledger(memory=3000)
+        lab.service._deduplicator._state.ledger = Ledger(memory=3000)
         clock = Clock(lab)
         await lab.client.call(Add.Request(a=1), request_id="one")
         await lab.client.call(Add.Request(a=1), request_id="two")

@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 import taskrpc
 from taskrpc.callinfo import Denied
 from taskrpc.security.roles import Role
-from taskrpc.service import MEASURED, QUEUE_LIMIT, Service
+from taskrpc.service import QUEUE_LIMIT, SAMPLED, Service
 from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport.base import IncomingCall
 from tests.taskrpc.transport.helpers import Add, ask
@@ -133,17 +133,17 @@ async def test_a_call_whose_turn_comes_too_late_leaves_it_to_one_that_has_time()
         return response
 
     transport, _ = service(work)
-    calls = [FakeCall(n) for n in range(MEASURED + 1)]
+    calls = [FakeCall(n) for n in range(SAMPLED + 1)]
     for call in calls:
         transport.serve(call)
-    await asyncio.sleep(MEASURED - 0.5)
+    await asyncio.sleep(SAMPLED - 0.5)
     late = FakeCall(100, deadline=loop.time() + 2.4)
     last = FakeCall(101, deadline=loop.time() + 9)
     for call in (late, last):
         call.caller = "/other"
         transport.serve(call)
     await asyncio.sleep(4)
-    assert started == [*range(MEASURED + 1), 101]
+    assert started == [*range(SAMPLED + 1), 101]
     assert isinstance(late.ends[0], taskrpc.ServerBusy)
     assert late.ends[0].not_executed
     assert "too little time was left" in str(late.ends[0])
@@ -556,9 +556,9 @@ async def test_call_that_was_refused_for_too_little_time_may_come_again_soon():
         return response
 
     transport, _ = service(work)
-    for number in range(MEASURED + 1):
+    for number in range(SAMPLED + 1):
         transport.serve(FakeCall(number))
-    await asyncio.sleep(MEASURED - 0.5)
+    await asyncio.sleep(SAMPLED - 0.5)
     turn = loop.time() + 1.5  # when the next caller's turn comes
     tight, last = FakeCall(100, deadline=turn + 1.252), FakeCall(101, deadline=turn + 9)
     for call in (tight, last):

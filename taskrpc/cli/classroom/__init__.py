@@ -1,5 +1,3 @@
-"""`taskrpc classroom`: let the laptops of a class call the robot of this machine.
+"""`taskrpc classroom`: lets the laptops of a class call this machine's robot.
 
-Start with `command_line`; `roster` lists the students. Certificates, accounts and join strings
-are made in `taskrpc.classroom`, not here.
-"""
+Start with `command_line`; `roster` lists the students."""

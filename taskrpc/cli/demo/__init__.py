@@ -1,5 +1,3 @@
-"""`taskrpc demo`: a task server, three clients and a robot in one process, on screen.
+"""`taskrpc demo`: a server, three clients and a robot in one process, drawn on the terminal.
 
-Start with `command_line`; `story` runs the programs, `screen` and `map_view` draw, `accounts`
-keeps what is drawn. Nothing here touches the network or the disk.
-"""
+Start with `command_line`; `story` is what happens, `screen` draws it."""

@@ -1,5 +1,3 @@
-"""`taskrpc doctor`: find out why a program does not reach another.
+"""`taskrpc doctor`: finds out why something does not work.
 
-Start with `command_line`; `checks` looks at this machine, `probe` tries an address step by step,
-and `encryption` compares certificates. The doctor only reports: it changes nothing.
-"""
+Start with `command_line`; `checks` looks at this machine, `probe` at an address."""

@@ -1,5 +1,3 @@
-"""`taskrpc param`: read and set the parameters of nodes, as `ros2 param` does.
+"""`taskrpc param`: the parameters of nodes, as `ros2 param` has them.
 
-Start with `command_line`; `param_services` calls the parameter services of a node. Parameters
-themselves are declared and kept in `taskrpc.rclpy`.
-"""
+Start with `command_line`; `param_services` calls a node's parameter services."""

@@ -1,5 +1,3 @@
-"""`taskrpc pkg`: find packages and create them, as `ros2 pkg` does.
+"""`taskrpc pkg`: packages of a ROS workspace, as `ros2 pkg` has them.
 
-Start with `command_line`; `create` writes a new package. What the files contain is decided in
-`taskrpc.colcon`.
-"""
+Start with `command_line`; `create` writes a new package."""

@@ -1,5 +1,3 @@
-"""`taskrpc service`: call, echo, find, info, list and type, as `ros2 service` does.
+"""`taskrpc service` and `taskrpc-call`: call, echo, find, info, list and type.
 
-Start with `command_line`; `calling` makes the calls of `taskrpc-call` too, and `echo` prints
-introspection events. Requests are read in `shared.values`.
-"""
+Start with `command_line`; `calling` makes the calls."""

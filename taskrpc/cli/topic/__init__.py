@@ -1,6 +1,3 @@
-"""`taskrpc topic`: list, info, type, find, echo, pub, hz, bw and delay, as `ros2 topic` does.
+"""`taskrpc topic`: list, info, type, find, echo, pub, hz, bw and delay.
 
-Start with `command_line`, which names the module of each verb. `reading` subscribes, `messages`
-makes what `pub` sends, `topic_graph` looks for topics. Publishing and subscribing themselves are
-in `taskrpc.topic`.
-"""
+Start with `command_line`; each verb has a module."""

@@ -13,7 +13,7 @@ from taskrpc.cli.topic.pub import message_class
 from taskrpc.cli.topic.qos_options import qos_to_subscribe
 from taskrpc.cli.topic.topic_graph import Topic, topics
 from taskrpc.errors import InvalidRequest
-from taskrpc.execution.daemon_threads import DaemonThreads
+from taskrpc.execution.callbacks import DaemonThreads
 
 if TYPE_CHECKING:
     import argparse

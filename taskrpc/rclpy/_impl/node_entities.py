@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from typing import Any, TypeVar
 
 from taskrpc.errors import NameInUse
-from taskrpc.given_types import MsgT, RequestT, ResponseT, Srv
+from taskrpc.message_types import MsgT, RequestT, ResponseT, Srv
 
 from ..callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from ..client import Client

@@ -12,7 +12,7 @@ from typing import Any, TypeAlias
 import msgspec
 
 from taskrpc.errors import TaskRpcError, told
-from taskrpc.request_ids.ids import Client, Completion, Remembered
+from taskrpc.request_ids.ids import ClientKey, Completion, StoredCompletions
 from taskrpc.tasks.model import Task, TaskState
 from taskrpc.tasks.records.change_feed import ChangeFeed
 from taskrpc.tasks.records.store import TaskStore
@@ -97,7 +97,7 @@ class TaskRepository:
         self,
         *tasks: Task,
         completion: Completion | None = None,
-        clients: Sequence[Client] = (),
+        clients: Sequence[ClientKey] = (),
         undo: Callable[[], object] = lambda: None,
     ) -> asyncio.Future[None]:
         """Store tasks and announce them; await the future that it returns.
@@ -123,7 +123,7 @@ class TaskRepository:
         on_stored: OnStored,
         *tasks: Task,
         completion: Completion | None = None,
-        clients: Sequence[Client] = (),
+        clients: Sequence[ClientKey] = (),
         undo: Callable[[], object] = lambda: None,
     ) -> None:
         """Do as `save` does, and call `on_stored` at its end."""
@@ -270,14 +270,14 @@ class TaskCompletions:
         """Note that the task server has read the store."""
         self._is_open.set()
 
-    async def recall(self) -> Remembered:
+    async def recall(self) -> StoredCompletions:
         """Return the completed requests; waits until the task server has read the store."""
         await self._is_open.wait()
         stored = await self._store.load()
-        return Remembered(stored.store_id, stored.completions)
+        return StoredCompletions(stored.store_id, stored.completions)
 
     async def complete(
-        self, completion: Completion | None, effect: Any, forgotten: Sequence[Client] = ()
+        self, completion: Completion | None, effect: Any, forgotten: Sequence[ClientKey] = ()
     ) -> None:
         """Store a completion without a task, and forget the completions of clients."""
         assert effect is None, "handlers store their tasks themselves, with the completion"

@@ -7,7 +7,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
-from taskrpc.request_ids.ids import Client, Completion
+from taskrpc.request_ids.ids import ClientKey, Completion
 from taskrpc.storage.database import Database
 from taskrpc.storage.lock import FileInUse
 from taskrpc.storage.writer import Writer
@@ -53,7 +53,7 @@ class SqliteStore:
         saved: Sequence[Task],
         forgotten: Sequence[int] = (),
         completion: Completion | None = None,
-        clients: Sequence[Client] = (),
+        clients: Sequence[ClientKey] = (),
     ) -> asyncio.Future[None]:
         """Remember and forget in one transaction; the future resolves once that is on the disk."""
         rows = [task_tables.row_of(task) for task in saved]

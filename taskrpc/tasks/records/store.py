@@ -8,8 +8,8 @@ from typing import Protocol
 
 import msgspec
 
-from taskrpc.exactly_once.memory import KeptCompletions
-from taskrpc.request_ids.ids import Client, Completion
+from taskrpc.exactly_once.completions import CompletionIndex
+from taskrpc.request_ids.ids import ClientKey, Completion
 from taskrpc.tasks.model import Task
 
 
@@ -46,7 +46,7 @@ class TaskStore(Protocol):
         saved: Sequence[Task],
         forgotten: Sequence[int] = (),
         completion: Completion | None = None,
-        clients: Sequence[Client] = (),
+        clients: Sequence[ClientKey] = (),
     ) -> Awaitable[None]:
         """Remember the tasks `saved` and forget the task ids `forgotten`: all of it or nothing.
 
@@ -89,7 +89,7 @@ class MemoryStore:
         self._next_id = 1
         self._paused = False
         self._store_id = os.urandom(16)
-        self._completions = KeptCompletions()
+        self._completions = CompletionIndex()
 
     async def load(self) -> Stored:
         """Return everything that the store remembers."""
@@ -102,7 +102,7 @@ class MemoryStore:
         saved: Sequence[Task],
         forgotten: Sequence[int] = (),
         completion: Completion | None = None,
-        clients: Sequence[Client] = (),
+        clients: Sequence[ClientKey] = (),
     ) -> None:
         """Remember and forget tasks and completions; see `TaskStore.apply`."""
         for task in saved:
@@ -110,7 +110,7 @@ class MemoryStore:
             self._next_id = max(self._next_id, task.task_id + 1)
         for task_id in forgotten:
             self._tasks.pop(task_id, None)
-        self._completions.keep(completion, clients)
+        self._completions.add(completion, clients)
 
     async def remember_pause(self, paused: bool) -> None:
         """Remember whether the queue is paused."""
@@ -122,7 +122,7 @@ class MemoryStore:
         self._next_id = 1
         self._paused = False
         self._store_id = os.urandom(16)
-        self._completions = KeptCompletions()
+        self._completions = CompletionIndex()
 
     async def close(self) -> None:
         """Keep everything: the same object can be used again."""

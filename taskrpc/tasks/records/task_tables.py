@@ -9,19 +9,24 @@ from typing import TypeAlias
 import msgspec
 
 from taskrpc.errors import StoreError
-from taskrpc.request_ids.ids import Client, Completion
-from taskrpc.storage.completions import (
+from taskrpc.exactly_once.completions import (
     FORGET,
     SAVE,
     SETTLE,
     CompletionBatch,
     as_json,
-    make_tables,
+    create_completion_table,
+    delete_completions,
     read_completions,
-    read_store_id,
-    renew,
 )
-from taskrpc.storage.database import Database, pragma
+from taskrpc.request_ids.ids import ClientKey, Completion
+from taskrpc.storage.database import (
+    Database,
+    create_store,
+    pragma,
+    read_store_id,
+    replace_store_id,
+)
 from taskrpc.storage.records import Damaged, read_records, with_checksum
 from taskrpc.tasks.model import Task
 from taskrpc.tasks.records.store import Stored
@@ -81,7 +86,8 @@ def prepare(connection: sqlite3.Connection) -> None:
     """
     is_new = connection.execute("SELECT 1 FROM sqlite_master").fetchone() is None
     if is_new and pragma(connection, "application_id") == 0:
-        make_tables(connection)
+        create_store(connection)
+        create_completion_table(connection)
         for statement in _TABLES:
             connection.execute(statement)
     if pragma(connection, "application_id") != _APPLICATION_ID:
@@ -130,7 +136,7 @@ class Change(msgspec.Struct):
     forgotten: Sequence[int] = ()
     """Task ids."""
     completion: Completion | None = None
-    clients: Sequence[Client] = ()
+    clients: Sequence[ClientKey] = ()
     paused: bool | None = None
     """Whether the queue is paused; None: no change."""
 
@@ -163,7 +169,8 @@ def clear(connection: sqlite3.Connection) -> None:
     connection.execute("DELETE FROM task")
     connection.execute("DELETE FROM server")
     connection.execute("INSERT INTO server VALUES (1, 0)")
-    renew(connection)
+    delete_completions(connection)
+    replace_store_id(connection)
 
 
 def _upgrade(connection: sqlite3.Connection) -> None:
@@ -176,7 +183,8 @@ def _upgrade(connection: sqlite3.Connection) -> None:
             raise Damaged("task", str(error), f"task_id = {number}") from None
     connection.execute("DROP TABLE task")
     connection.execute(_TABLES[0])
-    make_tables(connection)
+    create_store(connection)
+    create_completion_table(connection)
     equip(connection)
     rows = {number: row_of(task) for number, task in tasks.items()}
     connection.execute(_WRITE, (*_values(rows, CompletionBatch(), None), 0))

@@ -19,7 +19,7 @@ from taskrpc.errors import (
     ServiceUnavailable,
     TaskRpcError,
 )
-from taskrpc.request_ids.ids import Numbers
+from taskrpc.request_ids.ids import RequestCounter
 from taskrpc.transport.connection.connection import Connection, Owner
 from taskrpc.wire import messages
 from taskrpc.wire.events import (
@@ -58,8 +58,8 @@ class OpenCall(msgspec.Struct, eq=False):
     call_id: int = 0
     """0 until the request is sent."""
     moves: int = 0
-    numbers: Numbers | None = None
-    """What has counted it, where it came to an exactly-once service by `send_next`."""
+    counter: RequestCounter | None = None
+    """The counter of its sequence number, where `send_next` sent it to an exactly-once service."""
     sequence: int = 0
     is_late: bool = False
     """Whether its deadline has passed and the server was asked whether it had begun."""

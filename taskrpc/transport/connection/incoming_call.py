@@ -21,7 +21,7 @@ from taskrpc.errors import (
     TaskRpcError,
     TypeMismatch,
 )
-from taskrpc.request_ids.ids import Claim, claims_for
+from taskrpc.request_ids.ids import ReceivedId, id_splitter
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import IncomingCall, Mode, Offer
 from taskrpc.transport.codec import codec_of
@@ -66,7 +66,7 @@ class CallConnection(Protocol):
         """The endpoint of the connection."""
 
     @property
-    def lane(self) -> Hashable:
+    def flow(self) -> Hashable:
         """The caller's key in the fair queues of services."""
 
     @property
@@ -129,13 +129,13 @@ class ServedCall(IncomingCall, eq=False):
     def lost(self) -> None:
         """The way back to the caller is gone; one that counts has until its deadline to return."""
         super().lost()
-        if self.claim is not None and self.deadline is not None:
+        if self.received_id is not None and self.deadline is not None:
             self.connection.owner.loop.call_at(self.deadline, self.cancel)
 
     @property
-    def lane(self) -> Hashable:
+    def flow(self) -> Hashable:
         """Whose call it is, where callers take turns: all connections of a caller are one."""
-        return self.connection.lane
+        return self.connection.flow
 
     @property
     def machine(self) -> str:
@@ -166,8 +166,8 @@ class Route(msgspec.Struct, frozen=True, eq=False):
     encode: Callable[[Any], bytes]
     call: type[ServedCall]
     """What a request becomes: an `ObservedCall` where somebody wants to know of it."""
-    claim: Callable[[Body], tuple[Claim, Body]]
-    """Cuts the number off a request that has one."""
+    split_id: Callable[[Body], tuple[ReceivedId, Body]]
+    """Splits a body into its request id and the message."""
 
 
 def route_to(offer: Offer, method: int, caller: str, account: str, role: Role) -> Route:
@@ -176,8 +176,8 @@ def route_to(offer: Offer, method: int, caller: str, account: str, role: Role) -
     # Decided here, so that a call that is allowed costs nothing more.
     decode = request.decode if role >= offer.role else denied(offer, account, role)
     counts = offer.mode is Mode.EXACTLY_ONCE
-    claim = claims_for(offer.name) if counts else claimless(offer)
-    return Route(method, offer, caller, decode, response.encode, call_class(offer), claim)
+    split_id = id_splitter(offer.name) if counts else no_request_id(offer)
+    return Route(method, offer, caller, decode, response.encode, call_class(offer), split_id)
 
 
 def denied(offer: Offer, account: str, held: Role) -> Callable[[Body], Any]:
@@ -193,11 +193,11 @@ def denied(offer: Offer, account: str, held: Role) -> Callable[[Body], Any]:
     return refuse
 
 
-def claimless(offer: Offer) -> Callable[[Body], Any]:
-    """The `claim` of a route to a service that is not exactly-once."""
+def no_request_id(offer: Offer) -> Callable[[Body], Any]:
+    """The `split_id` of a route to a service that is not exactly-once."""
 
     def refuse(_: Body) -> Any:  # a caller who counts and is lost would never be given up
-        raise ProtocolError(f"a number for {offer.name}, which is not exactly-once")
+        raise ProtocolError(f"a request id for {offer.name}, which is not exactly-once")
 
     return refuse
 
@@ -281,7 +281,7 @@ class ObservedCall(ServedCall, eq=False):
         # A callback may answer although its caller has been told that the time is over.
         if not self.ended:
             self.ended = True
-            _tell_end(self, self.route.offer.observer, code, self._clock() - self.arrived)
+            _tell_end(self, self.route.offer.observer, code, self.clock() - self.arrived)
 
 
 def refused(connection: CallConnection, route: Route, error: TaskRpcError) -> None:

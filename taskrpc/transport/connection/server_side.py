@@ -134,9 +134,9 @@ class ServingConnection(Connection):
         "_routes",
         "account",
         "caller",
+        "flow",
         "host",
         "host_name",
-        "lane",
         "principal",
         "role",
         "shares",
@@ -154,7 +154,7 @@ class ServingConnection(Connection):
         self.caller = ""
         self.shares: Caller = ("", "")
         """Who he is where seats and memory are divided."""
-        self.lane: Hashable = b""
+        self.flow: Hashable = b""
         """Who he is where callers take turns: a program of this machine is somebody there."""
         self.account: Account | None = None
         self.principal = ""
@@ -323,13 +323,13 @@ class ServingConnection(Connection):
             gone = ServiceUnavailable("the service is no longer offered here")
             session.fail(event.call_id, gone)
             return
-        claim = None
+        received_id = None
         try:
             if event.flags:
                 if event.flags & _TRACED:
                     event.span, event.body = cut_span(event.body)
                 if event.flags & _EXACTLY_ONCE:
-                    claim, event.body = route.claim(event.body)
+                    received_id, event.body = route.split_id(event.body)
             request = route.decode(event.body)
         except (InvalidRequest, PermissionDenied, ProtocolError) as error:
             session.fail(event.call_id, error)
@@ -355,7 +355,7 @@ class ServingConnection(Connection):
             request,
             None,  # on_cancel
             False,  # started
-            claim,
+            received_id,
             now,
             self,
             route,
@@ -406,7 +406,7 @@ class ServingConnection(Connection):
             self.account, self.principal, self.role = account, account.name, account.role
         where = None if self.transport is None else self.transport.get_extra_info("peername")
         self.shares = caller_of(self.principal, where)
-        self.lane = self.shares if any(self.shares) else peer.id
+        self.flow = self.shares if any(self.shares) else peer.id
         self.host.caller_proved(self)
 
     def _resolved(self, event: ResolveReceived) -> None:

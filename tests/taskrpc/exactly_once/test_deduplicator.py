@@ -8,7 +8,7 @@ import pytest
 from taskrpc.callinfo import current_call
 from taskrpc.errors import OutcomeUnknown, TaskRpcError
 from taskrpc.exactly_once import Effect
-from taskrpc.request_ids.ids import Claim, Remembered
+from taskrpc.request_ids.ids import ReceivedId, StoredCompletions
 from taskrpc.security.roles import Role
 from taskrpc.service import Service
 from taskrpc.transport.base import IncomingCall
@@ -61,10 +61,10 @@ class Call(IncomingCall, eq=False):
 def sending(client, *, counts=True):
     """A sending of the one request of a client, "x" or "y"; without a number it does not count."""
     loop = asyncio.get_running_loop()
-    claim = Claim(client.encode() * 16, 1, 1, client.encode()) if counts else None
+    received = ReceivedId(client.encode() * 16, 1, 1, client.encode()) if counts else None
     request = Add.Request(a=ord(client), b=0)
     who = "/x", "/me", "", Role.ADMIN, 1, None, loop.time
-    return Call(*who, False, request, None, False, claim, loop.time(), [])
+    return Call(*who, False, request, None, False, received, loop.time(), [])
 
 
 class Store:
@@ -92,7 +92,7 @@ class Store:
     async def recall(self):
         number, self._readings = self._readings, self._readings + 1
         await self._step(f"read {number}").wait()
-        remembered = Remembered(b"S" * 16, tuple(self._kept))
+        remembered = StoredCompletions(b"S" * 16, tuple(self._kept))
         await self._step(f"returned {number}").wait()
         return remembered
 

@@ -3,7 +3,7 @@
 import pytest
 
 from taskrpc.exactly_once.store_state import LeaseClock
-from taskrpc.request_ids.ids import Claim, Completion
+from taskrpc.request_ids.ids import Completion, ReceivedId
 from taskrpc.request_ids.ledger import LEASE, Ledger, Verdict
 
 HOUR, YEAR = 3600.0, 365 * 24 * 3600.0
@@ -34,11 +34,11 @@ class Machine:
         """Have a request of this client decided; one that is new runs at once."""
         for forgotten in self.ledger.expire(self.now()):
             self.stored = [each for each in self.stored if each.client != forgotten[1]]
-        claim = Claim(client, 1, 1, b"")
-        verdict = self.ledger.decide("", claim, self.now())
+        received = ReceivedId(client, 1, 1, b"")
+        verdict = self.ledger.decide("", received, self.now())
         if verdict is Verdict.NEW:
             done = Completion("", client, 1, 1, b"", b"", 0, self.now())
-            self.ledger.completed(done, claim)
+            self.ledger.completed(done, received)
             self.stored.append(done)
         return verdict
 

@@ -7,11 +7,11 @@ from taskrpc.errors import ProtocolError
 from taskrpc.request_ids.ids import (
     OPEN_PER_CLIENT,
     Completion,
-    Number,
-    Numbers,
-    claims_for,
-    number_of_id,
-    with_number,
+    RequestCounter,
+    RequestId,
+    id_splitter,
+    named_request_id,
+    with_request_id,
 )
 
 ME = b"c" * 16
@@ -19,22 +19,22 @@ ME = b"c" * 16
 
 def cut_off(body):
     """The claim and the message of a request to the service /add."""
-    return claims_for("/add")(body)
+    return id_splitter("/add")(body)
 
 
 def test_a_number_travels_before_the_body():
-    number = Number(ME, 7, 3)
-    came, body = cut_off(with_number(number, b"body"))
+    number = RequestId(ME, 7, 3)
+    came, body = cut_off(with_request_id(number, b"body"))
     assert (came.client, came.sequence, came.first_incomplete, body) == (ME, 7, 3, b"body")
 
 
 @pytest.mark.parametrize(
     ("body", "problem"),
     [
-        (b"", "without its number"),
-        (b"x" * 31, "without its number"),
-        (with_number(Number(ME, 3, 4), b""), "first open number is not up to its own"),
-        (with_number(Number(ME, 1, 0), b""), "first open number is not up to its own"),
+        (b"", "without its request id"),
+        (b"x" * 31, "without its request id"),
+        (with_request_id(RequestId(ME, 3, 4), b""), "expected 0 < first open number"),
+        (with_request_id(RequestId(ME, 1, 0), b""), "expected 0 < first open number"),
     ],
 )
 def test_a_request_without_a_valid_number_is_no_request(body, problem):
@@ -44,72 +44,74 @@ def test_a_request_without_a_valid_number_is_no_request(body, problem):
 
 def test_zero_is_no_number():
     with pytest.raises(ProtocolError):
-        cut_off(with_number(Number(ME, 0, 0), b""))
+        cut_off(with_request_id(RequestId(ME, 0, 0), b""))
 
 
 def test_one_id_means_one_request_of_one_service():
-    assert number_of_id("/a", "x") == number_of_id("/a", "x")
-    assert number_of_id("/a", "x").client != number_of_id("/b", "x").client
-    assert number_of_id("/a", "x").client != number_of_id("/a", "y").client
-    number = number_of_id("/a", "x")
+    assert named_request_id("/a", "x") == named_request_id("/a", "x")
+    assert named_request_id("/a", "x").client != named_request_id("/b", "x").client
+    assert named_request_id("/a", "x").client != named_request_id("/a", "y").client
+    number = named_request_id("/a", "x")
     assert (len(number.client), number.sequence, number.first_incomplete) == (16, 1, 1)
 
 
 def test_an_id_need_not_be_text():
-    assert number_of_id("/a", "\udcff").client != number_of_id("/a", "\udcfe").client
+    assert named_request_id("/a", "\udcff").client != named_request_id("/a", "\udcfe").client
 
 
 def test_the_same_body_means_something_else_to_another_service():
     for message in (b"one", b"one" * 1000):
-        request = with_number(Number(ME, 1, 1), message)
-        assert cut_off(request)[0].fingerprint != claims_for("/drop")(request)[0].fingerprint
+        request = with_request_id(RequestId(ME, 1, 1), message)
+        assert cut_off(request)[0].fingerprint != id_splitter("/drop")(request)[0].fingerprint
 
 
 def test_a_long_body_is_known_by_a_short_fingerprint():
     message = b"long" * 1000
-    claim, body = cut_off(with_number(Number(ME, 7, 3), message))
+    claim, body = cut_off(with_request_id(RequestId(ME, 7, 3), message))
     assert (claim.client, claim.sequence, claim.first_incomplete, body) == (ME, 7, 3, message)
     assert len(claim.fingerprint) == 16
-    other = cut_off(with_number(Number(ME, 7, 3), message[:-1] + b"."))[0]
+    other = cut_off(with_request_id(RequestId(ME, 7, 3), message[:-1] + b"."))[0]
     assert other.fingerprint != claim.fingerprint
 
 
 def test_a_client_says_from_which_number_on_it_waits():
-    numbers = Numbers(ME)
+    numbers = RequestCounter(ME)
     first, second, third = numbers.take(), numbers.take(), numbers.take()
-    assert numbers.number(third) == Number(ME, 3, 1)
+    assert numbers.request_id(third) == RequestId(ME, 3, 1)
     numbers.settle(second)
-    assert numbers.number(third) == Number(ME, 3, 1)
+    assert numbers.request_id(third) == RequestId(ME, 3, 1)
     numbers.settle(first)
-    assert numbers.number(third) == Number(ME, 3, 3)
+    assert numbers.request_id(third) == RequestId(ME, 3, 3)
 
 
 @pytest.mark.parametrize("first", [b"", b"x" * 16, b"x" * 17, b"x" * 100])
 def test_messages_short_and_long_are_told_apart_and_known_again(first):
-    number = Number(ME, 1, 1)
-    prints = [cut_off(with_number(number, each))[0].fingerprint for each in (first, first + b"x")]
+    number = RequestId(ME, 1, 1)
+    prints = [
+        cut_off(with_request_id(number, each))[0].fingerprint for each in (first, first + b"x")
+    ]
     assert prints[0] != prints[1]
-    assert cut_off(with_number(Number(ME, 1, 1), first))[0].fingerprint == prints[0]
+    assert cut_off(with_request_id(RequestId(ME, 1, 1), first))[0].fingerprint == prints[0]
 
 
 def test_a_client_that_has_left_an_old_number_open_counts_on_as_another():
-    numbers = Numbers(ME)
+    numbers = RequestCounter(ME)
     numbers.take()
-    while not numbers.is_over:
+    while not numbers.is_retired:
         latest = numbers.take()
         numbers.settle(latest)
     assert latest == OPEN_PER_CLIENT // 2 + 1
 
 
 def test_what_is_settled_twice_or_out_of_turn_counts_once():
-    numbers = Numbers(ME)
+    numbers = RequestCounter(ME)
     taken = [numbers.take() for _ in range(4)]
     for each in (3, 1, 1, 3, 2):
         numbers.settle(each)
-    assert numbers.number(taken[3]) == Number(ME, 4, 4)
+    assert numbers.request_id(taken[3]) == RequestId(ME, 4, 4)
     numbers.settle(4)
     numbers.settle(4)
-    assert numbers.number(numbers.take()) == Number(ME, 5, 5)
+    assert numbers.request_id(numbers.take()) == RequestId(ME, 5, 5)
 
 
 def test_a_completion_with_the_time_of_day_of_an_earlier_version_is_read():

@@ -5,16 +5,22 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from taskrpc.request_ids.ids import Completion, Number, Numbers, claims_for, with_number
+from taskrpc.request_ids.ids import (
+    Completion,
+    RequestCounter,
+    RequestId,
+    id_splitter,
+    with_request_id,
+)
 from taskrpc.request_ids.ledger import PER_CLIENT, PER_REQUEST, Ledger, Verdict
 
 ME = b"c" * 16
-cut_off = claims_for("/add")
+cut_off = id_splitter("/add")
 
 
 def claim(number, message=b"one"):
     """What arrives of a request."""
-    return cut_off(with_number(number, message))[0]
+    return cut_off(with_request_id(number, message))[0]
 
 
 def send(ledger, number, message=b"one", *, principal="", now=0.0):
@@ -23,7 +29,7 @@ def send(ledger, number, message=b"one", *, principal="", now=0.0):
 
 
 def completion(number, *, at=0.0, answer=b"", message=b"one"):
-    who = Number(number.client, number.sequence, number.first_incomplete)
+    who = RequestId(number.client, number.sequence, number.first_incomplete)
     mark = claim(who, message).fingerprint
     return Completion(
         "", number.client, number.sequence, number.first_incomplete, mark, answer, 0, at
@@ -31,17 +37,17 @@ def completion(number, *, at=0.0, answer=b"", message=b"one"):
 
 
 def test_a_repeated_request_attaches_while_the_first_runs_and_gets_its_answer_afterwards():
-    ledger, number = Ledger(), Number(ME, 1, 1)
+    ledger, number = Ledger(), RequestId(ME, 1, 1)
     assert send(ledger, number) is Verdict.NEW
     assert send(ledger, number) is Verdict.ATTACH
     done = completion(number, answer=b"42")
     ledger.completed(done)
     assert send(ledger, number) is Verdict.DONE
-    assert ledger.answer("", claim(number)) == done
+    assert ledger.completion("", claim(number)) == done
 
 
 def test_another_request_under_a_used_number_is_refused_while_it_runs_and_afterwards():
-    ledger, number = Ledger(), Number(ME, 1, 1)
+    ledger, number = Ledger(), RequestId(ME, 1, 1)
     send(ledger, number)
     assert send(ledger, number, b"two") is Verdict.REUSED
     ledger.completed(completion(number))
@@ -49,44 +55,44 @@ def test_another_request_under_a_used_number_is_refused_while_it_runs_and_afterw
 
 
 def test_what_was_abandoned_may_run():
-    ledger, came = Ledger(), claim(Number(ME, 1, 1))
+    ledger, came = Ledger(), claim(RequestId(ME, 1, 1))
     ledger.decide("", came, 0.0)
     ledger.abandoned("", came)
-    assert send(ledger, Number(ME, 1, 1)) is Verdict.NEW
+    assert send(ledger, RequestId(ME, 1, 1)) is Verdict.NEW
 
 
 def test_what_is_abandoned_twice_takes_nobody_elses_place():
-    ledger, came = Ledger(), claim(Number(ME, 1, 1))
+    ledger, came = Ledger(), claim(RequestId(ME, 1, 1))
     ledger.decide("", came, 0.0)
     ledger.abandoned("", came)
-    assert send(ledger, Number(ME, 1, 1)) is Verdict.NEW
+    assert send(ledger, RequestId(ME, 1, 1)) is Verdict.NEW
     ledger.abandoned("", came)
-    assert send(ledger, Number(ME, 1, 1)) is Verdict.ATTACH
+    assert send(ledger, RequestId(ME, 1, 1)) is Verdict.ATTACH
 
 
 def test_what_runs_is_taken_over_whatever_else_is_known_of_its_client():
-    number = Number(ME, 3, 3)
+    number = RequestId(ME, 3, 3)
     done = completion(number, answer=b"42")
-    for ledger in (Ledger(), Ledger([completion(Number(ME, 2, 2))])):
-        ledger.runs("", claim(number), 0.0)
+    for ledger in (Ledger(), Ledger([completion(RequestId(ME, 2, 2))])):
+        ledger.add_running("", claim(number), 0.0)
         assert send(ledger, number) is Verdict.ATTACH
         ledger.completed(done)
         assert send(ledger, number) is Verdict.DONE
     ledger = Ledger([done])
-    ledger.runs("", claim(number), 0.0)
-    assert ledger.answer("", claim(number)) == done
+    ledger.add_running("", claim(number), 0.0)
+    assert ledger.completion("", claim(number)) == done
 
 
 def test_what_is_settled_where_a_run_is_taken_over_never_runs_again():
     ledger = Ledger()
-    ledger.runs("", claim(Number(ME, 5, 5)), 0.0)
-    assert send(ledger, Number(ME, 4, 4)) is Verdict.STALE
+    ledger.add_running("", claim(RequestId(ME, 5, 5)), 0.0)
+    assert send(ledger, RequestId(ME, 4, 4)) is Verdict.STALE
 
 
 def test_a_client_whose_only_requests_were_refused_takes_no_place():
     ledger = Ledger(memory=2 * (PER_CLIENT + PER_REQUEST))
     for client in (b"a" * 16, b"b" * 16):
-        came = claim(Number(client, 1, 1))
+        came = claim(RequestId(client, 1, 1))
         assert ledger.decide("", came, 0.0) is Verdict.NEW
         ledger.abandoned("", came)
     assert len(ledger) == 0
@@ -95,42 +101,42 @@ def test_a_client_whose_only_requests_were_refused_takes_no_place():
 def test_what_the_client_has_settled_is_forgotten_and_never_run_again():
     ledger = Ledger()
     for sequence in (1, 2):
-        send(ledger, Number(ME, sequence, 1))
-        ledger.completed(completion(Number(ME, sequence, 1)))
-    assert send(ledger, Number(ME, 3, 3)) is Verdict.NEW
-    assert send(ledger, Number(ME, 2, 1)) is Verdict.STALE
+        send(ledger, RequestId(ME, sequence, 1))
+        ledger.completed(completion(RequestId(ME, sequence, 1)))
+    assert send(ledger, RequestId(ME, 3, 3)) is Verdict.NEW
+    assert send(ledger, RequestId(ME, 2, 1)) is Verdict.STALE
 
 
 def test_what_runs_although_nobody_waits_any_more_leaves_nothing_behind():
-    ledger, number = Ledger(open_per_client=2), Number(ME, 1, 1)
+    ledger, number = Ledger(open_per_client=2), RequestId(ME, 1, 1)
     send(ledger, number)
-    assert send(ledger, Number(ME, 2, 2)) is Verdict.NEW
-    assert send(ledger, Number(ME, 3, 2)) is Verdict.FULL
+    assert send(ledger, RequestId(ME, 2, 2)) is Verdict.NEW
+    assert send(ledger, RequestId(ME, 3, 2)) is Verdict.FULL
     ledger.completed(completion(number))
-    assert send(ledger, Number(ME, 3, 2)) is Verdict.NEW
+    assert send(ledger, RequestId(ME, 3, 2)) is Verdict.NEW
 
 
 def test_a_client_may_leap_to_the_last_number_that_there_is():
     ledger, last = Ledger(), 2**64 - 1
-    send(ledger, Number(ME, 1, 1))
-    ledger.completed(completion(Number(ME, 1, 1)))
-    assert send(ledger, Number(ME, last, last)) is Verdict.NEW
-    assert send(ledger, Number(ME, 1, 1)) is Verdict.STALE
+    send(ledger, RequestId(ME, 1, 1))
+    ledger.completed(completion(RequestId(ME, 1, 1)))
+    assert send(ledger, RequestId(ME, last, last)) is Verdict.NEW
+    assert send(ledger, RequestId(ME, 1, 1)) is Verdict.STALE
 
 
 def test_a_client_that_had_answers_and_is_unknown_now_is_told_so():
-    assert send(Ledger(), Number(ME, 2, 2)) is Verdict.STALE
+    assert send(Ledger(), RequestId(ME, 2, 2)) is Verdict.STALE
 
 
 def test_a_restored_ledger_knows_what_was_settled():
-    ledger = Ledger([completion(Number(ME, 5, 4))])
-    assert send(ledger, Number(ME, 3, 3)) is Verdict.STALE
-    assert send(ledger, Number(ME, 5, 4)) is Verdict.DONE
-    assert send(ledger, Number(ME, 4, 4)) is Verdict.NEW
+    ledger = Ledger([completion(RequestId(ME, 5, 4))])
+    assert send(ledger, RequestId(ME, 3, 3)) is Verdict.STALE
+    assert send(ledger, RequestId(ME, 5, 4)) is Verdict.DONE
+    assert send(ledger, RequestId(ME, 4, 4)) is Verdict.NEW
 
 
 def test_two_principals_never_meet_under_one_client_id():
-    ledger, number = Ledger(), Number(ME, 1, 1)
+    ledger, number = Ledger(), RequestId(ME, 1, 1)
     send(ledger, number, principal="ada")
     assert send(ledger, number, b"two", principal="bob") is Verdict.NEW
     assert send(ledger, number, principal="ada") is Verdict.ATTACH
@@ -139,8 +145,8 @@ def test_two_principals_never_meet_under_one_client_id():
 def test_a_lease_lasts_from_the_last_use_also_where_that_came_soon_after_another():
     ledger = Ledger(lease=10.0)
     for now in (0.0, 0.5):
-        ledger.completed(completion(Number(ME, 1, 1)))
-        send(ledger, Number(ME, 1, 1), now=now)
+        ledger.completed(completion(RequestId(ME, 1, 1)))
+        send(ledger, RequestId(ME, 1, 1), now=now)
     assert ledger.expire(10.4) == []
     assert ledger.expire(10.5) == [("", ME)]
 
@@ -148,19 +154,19 @@ def test_a_lease_lasts_from_the_last_use_also_where_that_came_soon_after_another
 def test_whoever_is_heard_of_again_outlasts_those_who_came_later():
     ledger = Ledger(lease=1000.0)
     for client, now in ((b"a" * 16, 0.0), (b"b" * 16, 1.0), (b"a" * 16, 500.0)):
-        ledger.completed(completion(Number(client, 1, 1), at=now))
-        send(ledger, Number(client, 1, 1), now=now)
+        ledger.completed(completion(RequestId(client, 1, 1), at=now))
+        send(ledger, RequestId(client, 1, 1), now=now)
     assert ledger.expire(1001.0) == [("", b"b" * 16)]
     assert ledger.expire(1500.0) == [("", b"a" * 16)]
 
 
 def test_a_lease_lasts_from_the_last_use_and_what_runs_outlasts_it():
     ledger = Ledger(lease=10.0)
-    send(ledger, Number(b"a" * 16, 1, 1))
-    send(ledger, Number(b"b" * 16, 1, 1), now=1.0)
-    ledger.completed(completion(Number(b"b" * 16, 1, 1), at=1.0))
-    send(ledger, Number(b"c" * 16, 1, 1), now=2.0)
-    ledger.completed(completion(Number(b"c" * 16, 1, 1), at=2.0))
+    send(ledger, RequestId(b"a" * 16, 1, 1))
+    send(ledger, RequestId(b"b" * 16, 1, 1), now=1.0)
+    ledger.completed(completion(RequestId(b"b" * 16, 1, 1), at=1.0))
+    send(ledger, RequestId(b"c" * 16, 1, 1), now=2.0)
+    ledger.completed(completion(RequestId(b"c" * 16, 1, 1), at=2.0))
     assert ledger.expire(10.9) == []
     assert ledger.expire(11.0) == [("", b"b" * 16)]
     assert len(ledger) == 2
@@ -169,8 +175,8 @@ def test_a_lease_lasts_from_the_last_use_and_what_runs_outlasts_it():
 def test_open_requests_of_a_client_are_bounded():
     ledger = Ledger(open_per_client=2)
     for sequence in (1, 2):
-        assert send(ledger, Number(ME, sequence, 1)) is Verdict.NEW
-    assert send(ledger, Number(ME, 3, 1)) is Verdict.FULL
+        assert send(ledger, RequestId(ME, sequence, 1)) is Verdict.NEW
+    assert send(ledger, RequestId(ME, 3, 1)) is Verdict.FULL
     assert len(ledger) == 1
 
 
@@ -182,7 +188,7 @@ def fill(ledger, principal, *, answer=b""):
     count = -1
     while True:
         count += 1
-        number = Number(f"{principal:>8}{count:08}".encode(), 1, 1)
+        number = RequestId(f"{principal:>8}{count:08}".encode(), 1, 1)
         if send(ledger, number, principal=principal) is Verdict.FULL:
             return count
         done = completion(number, answer=answer)
@@ -193,7 +199,7 @@ def test_no_account_can_take_the_room_of_another():
     ledger = Ledger(memory=ROOM)
     taken = [fill(ledger, name) for name in ("ana", "ben", "cem", "dora")]
     assert taken == [50, 25, 13, 6]
-    first = Number(b"     ana00000000", 1, 1)
+    first = RequestId(b"     ana00000000", 1, 1)
     assert send(ledger, first, principal="ana") is Verdict.DONE, "nobody is forgotten for it"
     assert ledger.size <= ROOM
 
@@ -206,8 +212,8 @@ def test_a_client_that_settles_finds_room_in_a_full_account():
     ledger = Ledger(memory=ROOM)
     fill(ledger, "ana", answer=b"long")
     client = b"     ana00000000"
-    assert send(ledger, Number(client, 2, 1), principal="ana") is Verdict.FULL
-    assert send(ledger, Number(client, 2, 2), principal="ana") is Verdict.NEW
+    assert send(ledger, RequestId(client, 2, 1), principal="ana") is Verdict.FULL
+    assert send(ledger, RequestId(client, 2, 2), principal="ana") is Verdict.NEW
 
 
 def test_room_is_free_again_when_leases_end():
@@ -231,12 +237,12 @@ actions = st.lists(
 @given(actions=actions)
 def test_no_request_runs_twice_and_each_gets_its_own_answer(actions):
     """Against ground truth: what ran, and what it answered. Sends may come late and repeated."""
-    numbers, ledger = Numbers(ME), Ledger()
+    numbers, ledger = RequestCounter(ME), Ledger()
     sent, runs, ran, stored = [], {}, {}, {}
     for what, which in actions:
         if what == "begin":
             sequence = numbers.take()
-            sent.append(numbers.number(sequence))
+            sent.append(numbers.request_id(sequence))
         elif not sent:
             continue
         number = sent[which % len(sent)]
@@ -249,7 +255,7 @@ def test_no_request_runs_twice_and_each_gets_its_own_answer(actions):
                 assert number.sequence not in runs, "run while it runs"
                 runs[number.sequence] = came
             elif verdict is Verdict.DONE:
-                assert ledger.answer("", came).answer == ran[number.sequence]
+                assert ledger.completion("", came).response == ran[number.sequence]
             elif verdict is Verdict.ATTACH:
                 assert number.sequence in runs
             else:
@@ -276,12 +282,12 @@ def test_no_request_runs_twice_and_each_gets_its_own_answer(actions):
 
 
 def test_what_an_account_had_counts_after_a_restart_until_its_lease_ends():
-    old = [replace(completion(Number(bytes([n] * 16), 1, 1)), principal="ada") for n in range(2)]
+    old = [replace(completion(RequestId(bytes([n] * 16), 1, 1)), principal="ada") for n in range(2)]
     ledger = Ledger(old, memory=4 * (PER_CLIENT + PER_REQUEST), lease=10.0)
-    assert send(ledger, Number(ME, 1, 1), principal="ada", now=9.0) is Verdict.FULL
-    assert send(ledger, Number(ME, 1, 1), principal="bob", now=9.0) is Verdict.NEW
+    assert send(ledger, RequestId(ME, 1, 1), principal="ada", now=9.0) is Verdict.FULL
+    assert send(ledger, RequestId(ME, 1, 1), principal="bob", now=9.0) is Verdict.NEW
     assert len(ledger.expire(10.0)) == 2
-    assert send(ledger, Number(ME, 1, 1), principal="ada", now=10.0) is Verdict.NEW
+    assert send(ledger, RequestId(ME, 1, 1), principal="ada", now=10.0) is Verdict.NEW
 
 
 steps = st.tuples(st.integers(0, 3), st.integers(0, 3), st.integers(0, 2), st.binary(max_size=3))
@@ -294,7 +300,7 @@ def test_it_makes_no_difference_whether_the_claim_that_ran_is_at_hand(work):
     running, first = [], 1
     for ahead, settled, ended, answer in work:
         first += settled
-        number = Number(ME, first + ahead, first)
+        number = RequestId(ME, first + ahead, first)
         claims = claim(number), claim(number)
         verdict = quick.decide("", claims[0], 0.0)
         assert plain.decide("", claims[1], 0.0) is verdict
@@ -309,11 +315,11 @@ def test_it_makes_no_difference_whether_the_claim_that_ran_is_at_hand(work):
 
 
 def test_a_run_that_ends_in_the_next_ledger_is_done_there():
-    before, number = Ledger(), Number(ME, 1, 1)
+    before, number = Ledger(), RequestId(ME, 1, 1)
     came = claim(number)
     before.decide("", came, 0.0)
     after = Ledger()
-    after.runs("", came, 0.0)
+    after.add_running("", came, 0.0)
     done = completion(number, answer=b"42")
     after.completed(done, came)
     assert send(before, number) is Verdict.ATTACH
@@ -322,18 +328,18 @@ def test_a_run_that_ends_in_the_next_ledger_is_done_there():
 
 
 def test_a_run_that_was_stored_before_its_ledger_was_read_is_done_once():
-    number = Number(ME, 1, 1)
+    number = RequestId(ME, 1, 1)
     came, done = claim(number), completion(number, answer=b"42")
     Ledger().decide("", came, 0.0)
     after = Ledger([done])
-    after.runs("", came, 0.0)
+    after.add_running("", came, 0.0)
     after.completed(done, came)
     assert send(after, number) is Verdict.DONE
     assert after.size == Ledger([done]).size
 
 
 def test_a_restored_lease_lasts_from_the_latest_completion():
-    old = [completion(Number(ME, 1, 1), at=0.0), completion(Number(ME, 2, 1), at=8.0)]
+    old = [completion(RequestId(ME, 1, 1), at=0.0), completion(RequestId(ME, 2, 1), at=8.0)]
     ledger = Ledger(old, lease=10.0)
     assert ledger.expire(17.9) == []
     assert ledger.expire(18.0) == [("", ME)]
@@ -343,14 +349,14 @@ def test_a_restored_lease_lasts_from_the_latest_completion():
 def test_settling_many_requests_at_once_frees_their_bytes(done):
     ledger = Ledger()
     for sequence in range(1, done + 1):
-        send(ledger, Number(ME, sequence, 1))
-        ledger.completed(completion(Number(ME, sequence, 1), answer=b"12345"))
+        send(ledger, RequestId(ME, sequence, 1))
+        ledger.completed(completion(RequestId(ME, sequence, 1), answer=b"12345"))
     assert ledger.size == PER_CLIENT + done * (PER_REQUEST + 5)
-    assert send(ledger, Number(ME, done + 1, done + 1)) is Verdict.NEW
+    assert send(ledger, RequestId(ME, done + 1, done + 1)) is Verdict.NEW
     assert ledger.size == PER_CLIENT + PER_REQUEST
 
 
 def test_a_completion_that_settles_others_frees_their_bytes():
-    old = [completion(Number(ME, n, 1), answer=b"12345") for n in (1, 2)]
-    ledger = Ledger([*old, completion(Number(ME, 3, 3), at=1.0)])
+    old = [completion(RequestId(ME, n, 1), answer=b"12345") for n in (1, 2)]
+    ledger = Ledger([*old, completion(RequestId(ME, 3, 3), at=1.0)])
     assert ledger.size == PER_CLIENT + PER_REQUEST

@@ -106,7 +106,7 @@ ANN, BOB = ("ann", b"a" * 16), ("", b"\x00" * 16)
 
 
 def completion(client, sequence, first=1, **changes):
-    fields = {"fingerprint": b"f" * 16, "answer": b"\x00\xff", "code": 0, "at": 1.5}
+    fields = {"fingerprint": b"f" * 16, "response": b"\x00\xff", "code": 0, "at": 1.5}
     return Completion(*client, sequence, first, **(fields | changes))
 
 
@@ -134,8 +134,8 @@ async def test_a_completion_forgets_what_its_client_settled_and_nothing_else(sto
 
 async def test_the_last_word_about_a_request_counts(store):
     await store.apply([], completion=completion(ANN, 1))
-    await store.apply([], completion=completion(ANN, 1, answer=b"another"))
-    assert [each.answer for each in (await store.load()).completions] == [b"another"]
+    await store.apply([], completion=completion(ANN, 1, response=b"another"))
+    assert [each.response for each in (await store.load()).completions] == [b"another"]
 
 
 async def test_a_forgotten_clients_completions_are_gone_but_not_the_one_that_comes_with_it(store):

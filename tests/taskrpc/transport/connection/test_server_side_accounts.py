@@ -4,7 +4,7 @@ import pytest
 
 import taskrpc
 from taskrpc import Account, Accounts, Role
-from taskrpc.request_ids.ids import Remembered
+from taskrpc.request_ids.ids import StoredCompletions
 from taskrpc.transport import endpoint
 from tests.taskrpc.security.test_accounts import ANA, EYE, OTTO, call, write
 from tests.taskrpc.transport.helpers import Add, Gate, add, ask, outcome, until
@@ -83,7 +83,7 @@ async def test_two_accounts_with_one_request_id_have_a_request_each():
 
     class Store:
         async def recall(self):
-            return Remembered(b"s" * 16)
+            return StoredCompletions(b"s" * 16)
 
         def complete(self, completion, effect, forgotten=()):
             seen.append(completion.principal)

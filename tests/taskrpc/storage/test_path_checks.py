@@ -7,7 +7,7 @@ import pytest
 
 from taskrpc.errors import StoreError
 from taskrpc.storage.lock import Lock, Witness
-from taskrpc.storage.place import refuse_lost_store, refuse_second_name
+from taskrpc.storage.path_checks import refuse_lost_store, refuse_second_name
 
 
 @pytest.mark.parametrize(

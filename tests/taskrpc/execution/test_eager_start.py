@@ -5,7 +5,7 @@ import contextvars
 
 import pytest
 
-from taskrpc.execution.stepping import Stepper
+from taskrpc.execution.eager_start import EagerStarter
 
 variable = contextvars.ContextVar("variable", default="unset")
 
@@ -16,9 +16,9 @@ def held():
 
 
 @pytest.fixture
-async def stepper(held):
-    """A stepper that is used as a callback of the loop uses it: inside no task."""
-    made = Stepper(asyncio.get_running_loop(), held.append)
+async def starter(held):
+    """A starter that is used as a callback of the loop uses it: inside no task."""
+    made = EagerStarter(asyncio.get_running_loop(), held.append)
     yield made
     made.close()
     await asyncio.sleep(0)
@@ -41,42 +41,42 @@ async def outside(function, *arguments):
     return await done
 
 
-async def step(stepper, coroutine, prepare=lambda: None):
-    return await outside(stepper.step, prepare, coroutine)
+async def start(starter, coroutine, prepare=lambda: None):
+    return await outside(starter.start, prepare, coroutine)
 
 
-async def test_what_does_not_suspend_makes_no_task(stepper):
+async def test_what_does_not_suspend_makes_no_task(starter):
     async def quick():
         return 7
 
-    assert await step(stepper, quick()) == ("finished", 7)
+    assert await start(starter, quick()) == ("finished", 7)
     tasks = asyncio.all_tasks()
     for _ in range(5):
-        assert await step(stepper, quick()) == ("finished", 7)
+        assert await start(starter, quick()) == ("finished", 7)
     assert asyncio.all_tasks() == tasks
 
 
-async def test_what_suspends_is_carried_on_by_a_task(stepper):
+async def test_what_suspends_is_carried_on_by_a_task(starter):
     async def slow():
         await asyncio.sleep(1)
         return 7
 
-    what, task = await step(stepper, slow())
+    what, task = await start(starter, slow())
     assert what == "returned"
     assert await task == 7
 
 
-async def test_what_suspends_at_nothing_goes_on_too(stepper):
+async def test_what_suspends_at_nothing_goes_on_too(starter):
     async def yielding():
         for _ in range(3):
             await asyncio.sleep(0)
         return 7
 
-    _, task = await step(stepper, yielding())
+    _, task = await start(starter, yielding())
     assert await task == 7
 
 
-async def test_several_may_wait_for_one_future_from_their_first_step_on(stepper):
+async def test_several_may_wait_for_one_future_from_their_first_step_on(starter):
     """A callback may await what another, begun in the same turn of the loop, awaits as well."""
     shared = asyncio.get_running_loop().create_future()
 
@@ -84,34 +84,34 @@ async def test_several_may_wait_for_one_future_from_their_first_step_on(stepper)
         return await shared
 
     coroutines = [wait() for _ in range(3)]
-    what, tasks = await outside(lambda: [stepper.step(lambda: None, each) for each in coroutines])
+    what, tasks = await outside(lambda: [starter.start(lambda: None, each) for each in coroutines])
     assert what == "returned"
     await asyncio.sleep(1)
     shared.set_result(7)
     assert await asyncio.gather(*tasks) == [7, 7, 7]
 
 
-async def test_the_current_task_is_the_same_before_and_after_suspending(stepper):
+async def test_the_current_task_is_the_same_before_and_after_suspending(starter):
     async def who():
         before = asyncio.current_task()
         await asyncio.sleep(0)
         return before, asyncio.current_task()
 
-    _, task = await step(stepper, who())
+    _, task = await start(starter, who())
     assert await task == (task, task)
 
 
-async def test_outside_a_step_no_task_is_current(stepper):
+async def test_outside_a_step_no_task_is_current(starter):
     async def quick():
         return asyncio.current_task()
 
-    _, spare = await step(stepper, quick())
+    _, spare = await start(starter, quick())
     assert spare is not None
     assert await outside(asyncio.current_task) == ("returned", None)
 
 
 @pytest.mark.parametrize("delay", [0, 0.5])
-async def test_a_timeout_begun_in_the_first_step_ends_the_wait(stepper, delay):
+async def test_a_timeout_begun_in_the_first_step_ends_the_wait(starter, delay):
     async def patient():
         try:
             async with asyncio.timeout(delay):
@@ -120,23 +120,23 @@ async def test_a_timeout_begun_in_the_first_step_ends_the_wait(stepper, delay):
             return "late"
 
     began = asyncio.get_running_loop().time()
-    _, task = await step(stepper, patient())
+    _, task = await start(starter, patient())
     assert await task == "late"
     assert asyncio.get_running_loop().time() - began == pytest.approx(delay)
 
 
-async def test_a_timeout_that_was_not_needed_harms_nobody(stepper):
+async def test_a_timeout_that_was_not_needed_harms_nobody(starter):
     async def quick():
         async with asyncio.timeout(0.5):
             return 7
 
     for _ in range(3):
-        assert await step(stepper, quick()) == ("finished", 7)
+        assert await start(starter, quick()) == ("finished", 7)
     await asyncio.sleep(1)
-    assert await step(stepper, quick()) == ("finished", 7)
+    assert await start(starter, quick()) == ("finished", 7)
 
 
-async def test_a_task_group_begun_in_the_first_step_works(stepper):
+async def test_a_task_group_begun_in_the_first_step_works(starter):
     async def part(n):
         await asyncio.sleep(n)
         return n
@@ -146,11 +146,11 @@ async def test_a_task_group_begun_in_the_first_step_works(stepper):
             tasks = [group.create_task(part(n)) for n in (1, 2)]
         return [task.result() for task in tasks]
 
-    _, task = await step(stepper, grouped())
+    _, task = await start(starter, grouped())
     assert await task == [1, 2]
 
 
-async def test_a_group_whose_member_fails_cancels_the_stepped_parent(stepper):
+async def test_a_group_whose_member_fails_cancels_the_stepped_parent(starter):
     async def fail():
         raise ValueError("no")
 
@@ -159,13 +159,13 @@ async def test_a_group_whose_member_fails_cancels_the_stepped_parent(stepper):
             group.create_task(fail())
             await asyncio.sleep(10)
 
-    _, task = await step(stepper, grouped())
+    _, task = await start(starter, grouped())
     with pytest.raises(ExceptionGroup):
         await task
 
 
 @pytest.mark.parametrize("turns", [0, 1, 3])
-async def test_a_cancel_reaches_the_coroutine_whenever_it_comes(stepper, turns):
+async def test_a_cancel_reaches_the_coroutine_whenever_it_comes(starter, turns):
     cleaned = []
 
     async def slow():
@@ -180,7 +180,7 @@ async def test_a_cancel_reaches_the_coroutine_whenever_it_comes(stepper, turns):
     made = loop.create_future()
 
     def begin():
-        task = stepper.step(lambda: None, slow())
+        task = starter.start(lambda: None, slow())
         if turns == 0:
             task.cancel()
         made.set_result(task)
@@ -195,7 +195,7 @@ async def test_a_cancel_reaches_the_coroutine_whenever_it_comes(stepper, turns):
     assert cleaned == [True]
 
 
-async def test_a_cancel_may_be_survived(stepper):
+async def test_a_cancel_may_be_survived(starter):
     async def stubborn():
         try:
             await asyncio.sleep(10)
@@ -204,27 +204,27 @@ async def test_a_cancel_may_be_survived(stepper):
             await asyncio.sleep(1)
             return "survived"
 
-    _, task = await step(stepper, stubborn())
+    _, task = await start(starter, stubborn())
     task.cancel()
     assert await task == "survived"
 
 
-async def test_a_coroutine_that_cancels_itself_ends_at_its_next_wait(stepper):
+async def test_a_coroutine_that_cancels_itself_ends_at_its_next_wait(starter):
     async def tired():
         asyncio.current_task().cancel()
         await asyncio.sleep(10)
 
-    _, task = await step(stepper, tired())
+    _, task = await start(starter, tired())
     with pytest.raises(asyncio.CancelledError):
         await task
 
     async def quick():
         return 7
 
-    assert await step(stepper, quick()) == ("finished", 7)
+    assert await start(starter, quick()) == ("finished", 7)
 
 
-async def test_a_coroutine_that_cancels_itself_and_returns_cancels_no_other(stepper):
+async def test_a_coroutine_that_cancels_itself_and_returns_cancels_no_other(starter):
     async def tired():
         asyncio.current_task().cancel()
         return 7
@@ -236,15 +236,15 @@ async def test_a_coroutine_that_cancels_itself_and_returns_cancels_no_other(step
 
     def both():
         with pytest.raises(StopIteration):
-            stepper.step(lambda: None, tired())
-        return stepper.step(lambda: None, slow())
+            starter.start(lambda: None, tired())
+        return starter.start(lambda: None, slow())
 
     _, task = await outside(both)
     assert await task == 0
 
 
 @pytest.mark.skipif(not hasattr(asyncio, "eager_task_factory"), reason="new in Python 3.12")
-async def test_cancel_taken_back_among_eager_tasks_cancels_no_other(stepper):
+async def test_cancel_taken_back_among_eager_tasks_cancels_no_other(starter):
     """Before Python 3.13.2, a group does so whose eager task fails at once; later it suspends."""
     asyncio.get_running_loop().set_task_factory(asyncio.eager_task_factory)
 
@@ -258,8 +258,8 @@ async def test_cancel_taken_back_among_eager_tasks_cancels_no_other(stepper):
 
     def both():
         with pytest.raises(StopIteration):
-            stepper.step(lambda: None, cancelled_and_uncancelled())
-        return stepper.step(lambda: None, slow())
+            starter.start(lambda: None, cancelled_and_uncancelled())
+        return starter.start(lambda: None, slow())
 
     what, task = await outside(both)
     assert what == "returned"
@@ -268,7 +268,7 @@ async def test_cancel_taken_back_among_eager_tasks_cancels_no_other(stepper):
 
 @pytest.mark.parametrize("has_begun", [True, False])
 @pytest.mark.parametrize("turns", [0, 1])
-async def test_cancel_taken_back_in_the_first_step_cancels_no_other(stepper, has_begun, turns):
+async def test_cancel_taken_back_in_the_first_step_cancels_no_other(starter, has_begun, turns):
     async def quick():
         return None
 
@@ -281,27 +281,27 @@ async def test_cancel_taken_back_in_the_first_step_cancels_no_other(stepper, has
         return 7
 
     if has_begun:  # the spare task waits for its coroutine; otherwise its first step is to come
-        await step(stepper, quick())
+        await start(starter, quick())
         await asyncio.sleep(0)
     loop = asyncio.get_running_loop()
     made = loop.create_future()
 
     def begin():
         with pytest.raises(StopIteration):
-            stepper.step(lambda: None, cancelled_and_uncancelled())
+            starter.start(lambda: None, cancelled_and_uncancelled())
         later(turns)
 
     def later(turns):
         if turns:
             loop.call_soon(later, turns - 1)
         else:
-            made.set_result(stepper.step(lambda: None, slow()))
+            made.set_result(starter.start(lambda: None, slow()))
 
     loop.call_soon(begin)
     assert await asyncio.wait_for(await made, 2) == 7
 
 
-async def test_errors_come_out_where_they_belong(stepper):
+async def test_errors_come_out_where_they_belong(starter):
     async def bad():
         raise KeyError("now")
 
@@ -309,25 +309,25 @@ async def test_errors_come_out_where_they_belong(stepper):
         await asyncio.sleep(1)
         raise KeyError("later")
 
-    what, error = await step(stepper, bad())
+    what, error = await start(starter, bad())
     assert (what, str(error)) == ("raised", "'now'")
-    _, task = await step(stepper, bad_later())
+    _, task = await start(starter, bad_later())
     with pytest.raises(KeyError, match="later"):
         await task
 
 
-async def test_what_one_coroutine_sets_is_not_seen_by_the_next(stepper):
+async def test_what_one_coroutine_sets_is_not_seen_by_the_next(starter):
     async def setting(value):
         before = variable.get()
         variable.set(value)
         return before
 
-    assert await step(stepper, setting("a")) == ("finished", "unset")
-    assert await step(stepper, setting("b")) == ("finished", "unset")
+    assert await start(starter, setting("a")) == ("finished", "unset")
+    assert await start(starter, setting("b")) == ("finished", "unset")
     assert variable.get() == "unset"
 
 
-async def test_what_one_coroutine_sets_anew_is_not_seen_by_the_next(stepper):
+async def test_what_one_coroutine_sets_anew_is_not_seen_by_the_next(starter):
     """A variable that had a value before the service was made has it in every call."""
     variable.set("base")
 
@@ -336,50 +336,50 @@ async def test_what_one_coroutine_sets_anew_is_not_seen_by_the_next(stepper):
         variable.set(value)
         return before
 
-    assert await step(stepper, setting("a")) == ("finished", "base")
-    assert await step(stepper, setting("b")) == ("finished", "base")
+    assert await start(starter, setting("a")) == ("finished", "base")
+    assert await start(starter, setting("b")) == ("finished", "base")
     assert variable.get() == "base"
 
 
-async def test_a_variable_lives_on_over_a_suspension(stepper):
+async def test_a_variable_lives_on_over_a_suspension(starter):
     async def setting():
         variable.set("mine")
         await asyncio.sleep(0)
         return variable.get()
 
-    _, task = await step(stepper, setting())
+    _, task = await start(starter, setting())
     assert await task == "mine"
 
 
-async def test_what_is_prepared_is_seen_by_its_coroutine(stepper):
+async def test_what_is_prepared_is_seen_by_its_coroutine(starter):
     async def look():
         first = variable.get()
         await asyncio.sleep(0)
         return first, variable.get()
 
-    _, task = await step(stepper, look(), lambda: variable.set("prepared"))
+    _, task = await start(starter, look(), lambda: variable.set("prepared"))
     assert await task == ("prepared", "prepared")
 
 
-async def test_inside_somebodys_task_a_task_is_made(stepper):
+async def test_inside_somebodys_task_a_task_is_made(starter):
     async def look():
         return asyncio.current_task(), variable.get()
 
-    task = stepper.step(lambda: variable.set("prepared"), look())
+    task = starter.start(lambda: variable.set("prepared"), look())
     assert await task == (task, "prepared")
 
 
-async def test_each_later_step_tells_how_long_it_held_the_loop(stepper, held):
+async def test_each_later_step_tells_how_long_it_held_the_loop(starter, held):
     async def two_waits():
         await asyncio.sleep(1)
         await asyncio.sleep(1)
 
-    _, task = await step(stepper, two_waits())
+    _, task = await start(starter, two_waits())
     await task
     assert held == [0, 0]
 
 
-async def test_an_abandoned_coroutine_is_closed(stepper):
+async def test_an_abandoned_coroutine_is_closed(starter):
     closed = []
 
     async def slow():
@@ -390,7 +390,7 @@ async def test_an_abandoned_coroutine_is_closed(stepper):
             raise
 
     coroutine = slow()
-    _, task = await step(stepper, coroutine)
+    _, task = await start(starter, coroutine)
     await asyncio.sleep(0)
     task.get_coro().close()
     assert closed == [True]
@@ -399,13 +399,13 @@ async def test_an_abandoned_coroutine_is_closed(stepper):
 
 
 async def test_closing_leaves_no_task():
-    stepper = Stepper(asyncio.get_running_loop(), lambda seconds: None)
+    starter = EagerStarter(asyncio.get_running_loop(), lambda seconds: None)
 
     async def quick():
         return 7
 
     before = asyncio.all_tasks()
-    await step(stepper, quick())
-    stepper.close()
+    await start(starter, quick())
+    starter.close()
     await asyncio.sleep(0)
     assert asyncio.all_tasks() == before

@@ -15,8 +15,8 @@ from taskrpc.errors import (
     StoreError,
     TaskRpcError,
 )
-from taskrpc.exactly_once import Effect, OnceDesk
-from taskrpc.request_ids.ids import Claim, Remembered
+from taskrpc.exactly_once import Deduplicator, Effect
+from taskrpc.request_ids.ids import ReceivedId, StoredCompletions
 from taskrpc.security.roles import Role
 from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport.base import IncomingCall
@@ -46,9 +46,9 @@ TOO_LARGE = 999
 
 def call(sequence=1, *, a=1, deadline=None, counted=True):
     clock = asyncio.get_running_loop().time
-    claim = Claim(CLIENT, sequence, 1, b"f%d" % a) if counted else None
+    received = ReceivedId(CLIENT, sequence, 1, b"f%d" % a) if counted else None
     who = "/x", "/me", "", Role.ADMIN, sequence, deadline, clock
-    return Call(*who, False, Add.Request(a=a), None, False, claim, clock(), [])
+    return Call(*who, False, Add.Request(a=a), None, False, received, clock(), [])
 
 
 class SyncStore:
@@ -72,7 +72,7 @@ class SyncStore:
                 raise
         if self.unreadable is not None:
             raise self.unreadable
-        return Remembered(b"S" * 16, completions)
+        return StoredCompletions(b"S" * 16, completions)
 
     def complete(self, completion, effect, forgotten=()):
         return (
@@ -95,31 +95,31 @@ class SyncStore:
 
 
 class Served:
-    """A desk and its service: every call that the desk lets through runs at once, or is held."""
+    """A deduplicator and a service that runs each call at once, or holds it."""
 
     def __init__(self, store, answer=None):
         self.answer = answer or self.add
-        self.runs = []
-        self.desk = OnceDesk(store, codec_of(Add.Response), self.serve)
+        self.executions = []
+        self.deduplicator = Deduplicator(store, codec_of(Add.Response), self.serve)
 
-    def serve(self, run):
-        self.runs.append(run)
-        self.answer(run)
+    def serve(self, execution):
+        self.executions.append(execution)
+        self.answer(execution)
 
     @staticmethod
-    def add(run):
-        run.started = True
-        run.reply(Effect(Add.Response(sum=run.request.a + 1), "effect"))
+    def add(execution):
+        execution.started = True
+        execution.reply(Effect(Add.Response(sum=execution.request.a + 1), "effect"))
 
     def send(self, *args, **options):
         made = call(*args, **options)
-        self.desk.arrived(made)
+        self.deduplicator.arrived(made)
         return made
 
 
 @pytest.fixture
-async def desk():
-    """Makes a desk whose store has been read."""
+async def deduplicator():
+    """Makes a deduplicator whose store has been read."""
     made = []
 
     async def make(store, answer=None):
@@ -131,68 +131,68 @@ async def desk():
 
     yield make
     for served in made:
-        served.desk.close()
+        served.deduplicator.close()
 
 
-def hold(run):
+def hold(execution):
     """Do not answer yet."""
 
 
-def begin(run):
-    run.started = True
+def begin(execution):
+    execution.started = True
 
 
 def texts(ends):
     return [(type(each), str(each), each.not_executed) for each in ends]
 
 
-async def test_store_without_waiting_answers_at_once_and_repeats_its_answer(desk):
+async def test_store_without_waiting_answers_at_once_and_repeats_its_answer(deduplicator):
     store = SyncStore()
-    served = await desk(store)
+    served = await deduplicator(store)
     first, again = served.send(), served.send()
     assert first.ends == again.ends == [(2, True)]
-    assert (len(served.runs), store.effects, len(store.completions)) == (1, ["effect"], 1)
+    assert (len(served.executions), store.effects, len(store.completions)) == (1, ["effect"], 1)
 
 
-async def test_handlers_own_error_is_stored_and_repeated(desk):
-    def fail(run):
-        run.fail(HandlerFailed(Code.UNKNOWN, "no such shelf"))
+async def test_handlers_own_error_is_stored_and_repeated(deduplicator):
+    def fail(execution):
+        execution.fail(HandlerFailed(Code.UNKNOWN, "no such shelf"))
 
-    served = await desk(SyncStore(), fail)
+    served = await deduplicator(SyncStore(), fail)
     first, again = served.send(), served.send()
     assert [each.code for each in first.ends + again.ends] == [Code.UNKNOWN] * 2
     assert "no such shelf" in str(first.ends[0])
-    assert len(served.runs) == 1
+    assert len(served.executions) == 1
 
 
-async def test_request_without_a_number_runs_each_time(desk):
-    def add(run):
-        run.reply(Add.Response(sum=5))
+async def test_request_without_a_number_runs_each_time(deduplicator):
+    def add(execution):
+        execution.reply(Add.Response(sum=5))
 
-    served = await desk(SyncStore(), add)
+    served = await deduplicator(SyncStore(), add)
     calls = [served.send(counted=False) for _ in range(2)]
     assert [each.ends for each in calls] == [[(5, True)]] * 2
-    assert len(served.runs) == 2
+    assert len(served.executions) == 2
 
 
-async def test_stored_answer_that_cannot_be_read_is_reported_as_executed(desk):
-    served = await desk(store := SyncStore())
+async def test_stored_answer_that_cannot_be_read_is_reported_as_executed(deduplicator):
+    served = await deduplicator(store := SyncStore())
     served.send()
     (done,) = store.completions
-    other = await desk(SyncStore(replace(done, answer=b"?")))
+    other = await deduplicator(SyncStore(replace(done, response=b"?")))
     repeated = other.send()
     ((kind, text, not_executed),) = texts(repeated.ends)
     assert kind is TaskRpcError
-    assert text.startswith("it ran before, and its answer cannot be read any more: ")
+    assert text.startswith("the call ran before, but its stored response cannot be read: ")
     assert not_executed is False
-    assert not other.runs
+    assert not other.executions
 
 
-async def test_answer_that_is_too_large_for_its_caller_is_reported_as_executed(desk):
-    served = await desk(SyncStore())
+async def test_answer_that_is_too_large_for_its_caller_is_reported_as_executed(deduplicator):
+    served = await deduplicator(SyncStore())
     sent = served.send(a=TOO_LARGE - 1)
     assert texts(sent.ends) == [
-        (TaskRpcError, "it ran; its answer cannot be sent: too large", False)
+        (TaskRpcError, "the call ran, but its response cannot be sent: too large", False)
     ]
 
 
@@ -200,9 +200,9 @@ async def test_answer_that_is_too_large_for_its_caller_is_reported_as_executed(d
     ("error", "text"),
     [(OutcomeUnknown("the disk went away"), "the disk went away"), (KeyError("x"), "the store of")],
 )
-async def test_store_with_an_unknown_outcome_is_read_again(desk, error, text, caplog):
+async def test_store_with_an_unknown_outcome_is_read_again(deduplicator, error, text, caplog):
     store = SyncStore()
-    served = await desk(store)
+    served = await deduplicator(store)
     store.fail_with = error
     sent = served.send()
     (told,) = sent.ends
@@ -214,9 +214,9 @@ async def test_store_with_an_unknown_outcome_is_read_again(desk, error, text, ca
     assert store.read == 2
 
 
-async def test_request_that_a_store_refused_may_run_again(desk):
+async def test_request_that_a_store_refused_may_run_again(deduplicator):
     store = SyncStore()
-    served = await desk(store)
+    served = await deduplicator(store)
     store.fail_with = StoreError("the disk is full")
     refused = served.send()
     assert [each.code for each in refused.ends] == [Code.UNAVAILABLE]
@@ -225,101 +225,103 @@ async def test_request_that_a_store_refused_may_run_again(desk):
     assert store.read == 1
 
 
-async def test_unknown_outcome_of_a_handler_keeps_its_own_text(desk):
-    def fail(run):
-        run.fail(HandlerFailed(Code.OUTCOME_UNKNOWN, "the arm lost power"))
+async def test_unknown_outcome_of_a_handler_keeps_its_own_text(deduplicator):
+    def fail(execution):
+        execution.fail(HandlerFailed(Code.OUTCOME_UNKNOWN, "the arm lost power"))
 
-    served = await desk(SyncStore(), fail)
+    served = await deduplicator(SyncStore(), fail)
     ((kind, text, _),) = texts(served.send().ends)
     assert kind is OutcomeUnknown
     assert "the arm lost power" in text
 
 
-async def test_handler_that_stores_its_effect_itself_is_answered_and_remembered(desk):
+async def test_handler_that_stores_its_effect_itself_is_answered_and_remembered(deduplicator):
     store = SyncStore()
 
-    def store_it(run):
-        run.started = True
+    def store_it(execution):
+        execution.started = True
         response = Add.Response(sum=7)
-        store.completions.append(run.completed_by(response))
-        run.reply(response)
+        store.completions.append(execution.completed_by(response))
+        execution.reply(response)
 
-    served = await desk(store, store_it)
+    served = await deduplicator(store, store_it)
     first, again = served.send(), served.send()
     assert first.ends == again.ends == [(7, True)]
-    assert (len(served.runs), len(store.completions)) == (1, 1)
+    assert (len(served.executions), len(store.completions)) == (1, 1)
 
 
-async def test_request_whose_only_sender_left_before_it_began_is_new(desk):
-    served = await desk(SyncStore(), hold)
+async def test_request_whose_only_sender_left_before_it_began_is_new(deduplicator):
+    served = await deduplicator(SyncStore(), hold)
     sent = served.send()
     sent.cancel()
-    assert served.runs[0].cancelled
+    assert served.executions[0].cancelled
     served.answer = Served.add
     assert served.send().ends == [(2, True)]
-    assert len(served.runs) == 2
+    assert len(served.executions) == 2
 
 
-async def test_request_whose_only_sender_left_may_not_run_beside_itself(desk):
-    served = await desk(SyncStore(), begin)
+async def test_request_whose_only_sender_left_may_not_run_beside_itself(deduplicator):
+    served = await deduplicator(SyncStore(), begin)
     served.send().cancel()
     waiting = served.send()
-    assert len(served.runs) == 1
+    assert len(served.executions) == 1
     served.answer = Served.add
-    served.runs[0].fail(TaskRpcError("cancelled by the caller"))
+    served.executions[0].fail(TaskRpcError("cancelled by the caller"))
     assert waiting.ends == [(2, True)], "it ran once more, for the second sender"
-    assert len(served.runs) == 2
+    assert len(served.executions) == 2
 
 
 @pytest.mark.parametrize(
     ("first", "second", "latest"), [(5.0, 9.0, 9.0), (9.0, 5.0, 9.0), (5.0, None, None)]
 )
-async def test_run_has_the_latest_deadline_of_its_waiting_callers(desk, first, second, latest):
-    served = await desk(SyncStore(), begin)
+async def test_run_has_the_latest_deadline_of_its_waiting_callers(
+    deduplicator, first, second, latest
+):
+    served = await deduplicator(SyncStore(), begin)
     served.send(deadline=first)
     served.send(deadline=second)
-    assert [run.deadline for run in served.runs] == [latest]
+    assert [execution.deadline for execution in served.executions] == [latest]
 
 
 # While the store is read anew
 
 
-async def test_request_joins_a_run_that_was_active_while_the_store_was_read_again(desk):
+async def test_request_joins_a_run_that_was_active_while_the_store_was_read_again(deduplicator):
     store = SyncStore()
-    served = await desk(store, begin)
+    served = await deduplicator(store, begin)
     served.send(1)
-    served.answer = lambda run: run.fail(HandlerFailed(Code.OUTCOME_UNKNOWN, "lost"))
+    served.answer = lambda execution: execution.fail(HandlerFailed(Code.OUTCOME_UNKNOWN, "lost"))
     served.send(2)
     await asyncio.sleep(0.01)
     assert store.read == 2
     attached = served.send(1)
-    assert len(served.runs) == 2, "the first runs still"
-    Served.add(served.runs[0])
+    assert len(served.executions) == 2, "the first runs still"
+    Served.add(served.executions[0])
     assert attached.ends == [(2, True)]
 
 
-async def test_run_that_ends_while_the_store_is_read_again_is_remembered(desk):
+async def test_run_that_ends_while_the_store_is_read_again_is_remembered(deduplicator):
     store = SyncStore()
-    served = await desk(store, begin)
+    served = await deduplicator(store, begin)
     served.send(1)
-    served.answer = lambda run: run.fail(HandlerFailed(Code.OUTCOME_UNKNOWN, "lost"))
+    served.answer = lambda execution: execution.fail(HandlerFailed(Code.OUTCOME_UNKNOWN, "lost"))
     store.opened = asyncio.Event()
     served.send(2)
     await asyncio.sleep(0.01)  # the store is being read, and does not show the first request
-    Served.add(served.runs[0])
+    Served.add(served.executions[0])
     repeated = served.send(1)
     assert repeated.ends == [], "nobody knows yet"
     store.opened.set()
     await asyncio.sleep(0.01)
     assert repeated.ends == [(2, True)]
-    assert len(served.runs) == 2
-    assert served.desk.status().clients == 1
+    assert len(served.executions) == 2
+    assert served.deduplicator.status().clients == 1
 
 
-async def test_store_that_is_being_read_is_not_read_a_second_time(desk):
+async def test_store_that_is_being_read_is_not_read_a_second_time(deduplicator):
     store = SyncStore()
     store.opened = asyncio.Event()
-    served = await desk(store)
+    served = await deduplicator(store)
     early = [served.send(number) for number in (1, 2)]
     await asyncio.sleep(0.01)
     store.opened.set()
@@ -334,38 +336,40 @@ async def test_store_that_is_being_read_is_not_read_a_second_time(desk):
     ("error", "told"),
     [(StoreError("no such table"), "no such table"), (KeyError("x"), "the store failed")],
 )
-async def test_callers_get_the_name_of_a_store_that_cannot_be_read(desk, error, told, caplog):
+async def test_callers_get_the_name_of_a_store_that_cannot_be_read(
+    deduplicator, error, told, caplog
+):
     store = SyncStore()
     store.unreadable = error
-    served = await desk(store)
+    served = await deduplicator(store)
     with pytest.raises(HandlerFailed) as caught:
-        await served.desk.store_id()
+        await served.deduplicator.store_id()
     assert told in caught.value.message
     sent = served.send()
     await asyncio.sleep(0.01)
     ((kind, text, _),) = texts(sent.ends)
     assert (kind, text) == (ServiceUnavailable, "the store of /x cannot be used")
     store.unreadable = None
-    assert await served.desk.store_id() == b"S" * 16
+    assert await served.deduplicator.store_id() == b"S" * 16
     assert served.send().ends == [(2, True)]
 
 
-async def test_client_with_too_many_open_requests_gets_retry_after(desk):
-    served = await desk(SyncStore(), begin)
+async def test_client_with_too_many_open_requests_gets_retry_after(deduplicator):
+    served = await deduplicator(SyncStore(), begin)
     ends = Counter()
     for sequence in range(1, 1100):
         for end in served.send(sequence).ends:
             ends[type(end), str(end), end.retry_after] += 1
     assert list(ends) == [(ServerBusy, "/x remembers too many requests", 0.5)]
-    assert len(served.runs) == 1024
+    assert len(served.executions) == 1024
 
 
-async def test_services_of_one_store_read_it_once(desk):
+async def test_services_of_one_store_read_it_once(deduplicator):
     store = SyncStore()
-    first, second = await desk(store), await desk(store)
+    first, second = await deduplicator(store), await deduplicator(store)
     assert first.send(1).ends == [(2, True)]
     assert second.send(1).ends == [(2, True)], "the other service has run it"
-    assert (store.read, len(second.runs)) == (1, 0)
+    assert (store.read, len(second.executions)) == (1, 0)
 
 
 async def test_store_is_not_read_on_when_its_last_service_ends():
@@ -373,7 +377,7 @@ async def test_store_is_not_read_on_when_its_last_service_ends():
     store.opened = asyncio.Event()
     served = Served(store)
     await asyncio.sleep(0.01)
-    served.desk.close()
+    served.deduplicator.close()
     await asyncio.sleep(0.01)
     assert store.given_up
 
@@ -392,39 +396,39 @@ def test_store_of_a_loop_that_has_ended_is_read_anew_by_the_next():
         assert loop.run_until_complete(once()) == [(2, True)]
         loop.close()
         assert store.read == reads
-    assert [len(served.runs) for served in kept] == [1, 0]
+    assert [len(served.executions) for served in kept] == [1, 0]
 
 
-async def test_run_that_ends_after_an_unknown_outcome_is_remembered(desk):
-    served = await desk(SyncStore(), begin)
+async def test_run_that_ends_after_an_unknown_outcome_is_remembered(deduplicator):
+    served = await deduplicator(SyncStore(), begin)
     sent = served.send()
-    (run,) = served.runs
-    run.fail(HandlerFailed(Code.OUTCOME_UNKNOWN, "lost"))
+    (execution,) = served.executions
+    execution.fail(HandlerFailed(Code.OUTCOME_UNKNOWN, "lost"))
     await asyncio.sleep(0.01)
-    Served.add(run)  # it was not over
+    Served.add(execution)  # it was not over
     assert len(sent.ends) == 1
     assert served.send().ends == [(2, True)]
-    assert len(served.runs) == 1
+    assert len(served.executions) == 1
 
 
-async def test_run_that_ended_during_one_reading_is_not_added_to_the_next(desk):
+async def test_run_that_ended_during_one_reading_is_not_added_to_the_next(deduplicator):
     store = SyncStore()
-    served = await desk(store, begin)
+    served = await deduplicator(store, begin)
     served.send(1)
 
-    def fail(run):
-        run.fail(HandlerFailed(Code.OUTCOME_UNKNOWN, "lost"))
+    def fail(execution):
+        execution.fail(HandlerFailed(Code.OUTCOME_UNKNOWN, "lost"))
 
     served.answer = fail
     store.opened = asyncio.Event()
     served.send(2)
     await asyncio.sleep(0.01)
-    Served.add(served.runs[0])
+    Served.add(served.executions[0])
     store.opened.set()
     await asyncio.sleep(0.01)
-    assert served.desk.status().clients == 1
+    assert served.deduplicator.status().clients == 1
     store.completions.clear()  # as if another program had forgotten the client
     served.send(3)
     await asyncio.sleep(0.01)
     assert store.read == 3
-    assert served.desk.status().clients == 0
+    assert served.deduplicator.status().clients == 0

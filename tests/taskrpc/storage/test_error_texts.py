@@ -7,8 +7,8 @@ import sqlite3
 import pytest
 
 from taskrpc.errors import StoreError
+from taskrpc.storage.error_texts import is_about_the_file, is_full, loss, plainly
 from taskrpc.storage.records import Damaged
-from taskrpc.storage.sentences import is_about_the_file, is_full, loss, plainly
 from tests.taskrpc.storage.conftest import sqlite_error
 
 

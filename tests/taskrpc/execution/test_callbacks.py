@@ -9,7 +9,7 @@ import weakref
 
 import pytest
 
-from taskrpc.execution.daemon_threads import DaemonThreads
+from taskrpc.execution.callbacks import DaemonThreads
 
 pytestmark = pytest.mark.real_time
 
