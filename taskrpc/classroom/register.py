@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import re
 import secrets
+import unicodedata
 from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import Literal
@@ -14,7 +15,6 @@ import msgspec
 from taskrpc import platform
 from taskrpc.classroom.authority import files_in
 from taskrpc.classroom.invitation import Invitation, to_join_string
-from taskrpc.classroom.student_names import account_for, cleaned, why_no_student
 from taskrpc.errors import TaskRpcError
 from taskrpc.security.roles import Account, Role, why_no_name
 
@@ -216,3 +216,54 @@ def namespace_of(name: str) -> str:
     """The namespace for services of an account's own: `/ada`, `/s_7` for `7`."""
     word = re.sub(r"\W", "_", name, flags=re.ASCII)
     return f"/s_{word}" if word[0].isdigit() or word[0] == "_" else f"/{word}"
+
+
+_MOST = 100
+_LONGEST_ACCOUNT = 40
+_MARKS = " .,'\N{RIGHT SINGLE QUOTATION MARK}·_@+-()"
+"""Characters that names may have beside letters and digits."""
+_JOINERS = "\N{ZERO WIDTH NON-JOINER}\N{ZERO WIDTH JOINER}"
+"""Invisible parts of Persian and Indic names; other invisible characters could disguise a name."""
+_SPELLINGS = dict(
+    zip(
+        map(ord, "ßæÆœŒþÞøØłŁđĐð\N{LATIN SMALL LETTER DOTLESS I}"),
+        "ss ae Ae oe Oe th Th o O l L d D d i".split(),
+        strict=True,
+    )
+)
+"""Latin letters that Unicode does not decompose into an ASCII letter and an accent."""
+_NUMBERED = "student"
+
+
+def cleaned(name: str) -> str:
+    """A name with single spaces, and each letter in one form however it was typed."""
+    return unicodedata.normalize("NFC", " ".join(name.split()))
+
+
+def why_no_student(name: str) -> str:
+    """Why a cleaned name is not valid for a student, "" if it is."""
+    # L, M, N: letters, marks and numbers.
+    kinds = [unicodedata.category(letter) for letter in name]
+    is_right = all(
+        kind[0] in "LMN" or letter in _MARKS or letter in _JOINERS
+        for kind, letter in zip(kinds, name, strict=True)
+    )
+    if is_right and len(name) <= _MOST and any(kind[0] in "LN" for kind in kinds):
+        return ""
+    return (
+        f"a student's name: expected 1 to {_MOST} letters, digits, spaces or any of"
+        f" {_MARKS.strip()}, got {name!r}"
+    )
+
+
+def account_for(name: str, is_free: Callable[[str], bool]) -> str:
+    """A free account for a student's name: `Jose` for José, `student1` for 小明."""
+    plain = unicodedata.normalize("NFKD", name.translate(_SPELLINGS))
+    letters = plain.encode("ascii", "ignore").decode()
+    base = re.sub(r"[^A-Za-z0-9]+", "_", letters).strip("_")[:_LONGEST_ACCOUNT]
+    if base and is_free(base):
+        return base
+    number = 2 if base else 1
+    while not is_free(account := f"{base or _NUMBERED}{number}"):
+        number += 1
+    return account

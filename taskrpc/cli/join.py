@@ -65,11 +65,11 @@ def _greeted(lab: Lab) -> list[str]:
     """The server's facts; this first call also enters the student in the roster."""
     import asyncio
 
-    from taskrpc.cli.doctor import health
+    from taskrpc.cli.doctor import checks
     from taskrpc.cli.shared.remote import Remote
 
     async def ask() -> list[str]:
-        return [finding.text async for finding in health.ask(Remote(lab.place))]
+        return [finding.text async for finding in checks.ask_health(Remote(lab.place))]
 
     return asyncio.run(ask())
 

@@ -24,17 +24,22 @@ from taskrpc.cli.shared.parsing import Parser, number, whole
 from taskrpc.errors import TaskRpcError
 
 if TYPE_CHECKING:
-    from taskrpc.cli.watching import Watch
+    from taskrpc.cli.monitoring import Monitoring
     from taskrpc.node import Node
     from taskrpc.observer import Observer
     from taskrpc.robot.protocol import Robot
-    from taskrpc.tasks import TaskServer
+    from taskrpc.tasks import SqliteStore, TaskServer
     from taskrpc.tasks.records.store import TaskStore
 
 _Result = TypeVar("_Result")
 
 DRAIN_GRACE = 1.0
 """Seconds that calls in flight get when the server is told to end."""
+
+_STANDBY_TIMEOUT = 5.0
+"""Seconds in which a server that has closed its database must free its addresses and names."""
+_STANDBY_POLL = 0.05
+"""Seconds between two attempts to use them."""
 
 _ROBOT_MEMBERS = "speed task_types plan pose execute remaining pause resume stop".split()
 
@@ -143,7 +148,7 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
     from taskrpc.tasks import SqliteStore, TaskServer
 
     access = remote.remote_of(options)
-    watch = _watch(options, access)
+    monitoring = _monitoring(options, access)
     node = Node(
         "task_server",
         namespace="/",  # in a lab too: /robot_task is where everybody looks for it
@@ -152,29 +157,27 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
         token=access.token,
         accounts=options.accounts,
         keepalive=options.keepalive,
-        observer=_observer(options, watch),
+        observer=_observer(options, monitoring),
     )
     store = _store(options)
     async with stop_requested() as stopped, node, contextlib.AsyncExitStack() as stack:
         started = _at_once
         if isinstance(store, SqliteStore) and options.standby:
-            from taskrpc.cli.standby import claimed, once_free  # most servers have none before
-
-            started = once_free
-            if not await claimed(store, stopped, partial(_say, options)):
+            started = _once_free
+            if not await _claimed(store, stopped, partial(_say, options)):
                 return stopped.result()
         server = TaskServer(
             node,
             robot(),
-            watch.measured(store) if watch else store,
+            monitoring.measured(store) if monitoring else store,
             queue_limit=options.queue_limit,
             share=options.share,
             settle=options.settle,
             join=options.join,
             introspection=options.introspection,
         )
-        if watch is not None:  # before the start: monitors shall see that it takes its time
-            pages = watch.web(server)
+        if monitoring is not None:  # before the start: monitors shall see that it takes its time
+            pages = monitoring.web(server)
             web = await started(lambda: stack.enter_async_context(pages))
             _say(options, f"/health and /metrics at {web.url}")
         resumed = await started(lambda: server.start(fresh=options.fresh))
@@ -187,22 +190,63 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
     return number
 
 
-def _observer(options: argparse.Namespace, watch: Watch | None) -> Observer | None:
+def _observer(options: argparse.Namespace, monitoring: Monitoring | None) -> Observer | None:
     if not options.attendance:
-        return watch.metrics if watch else None
+        return monitoring.metrics if monitoring else None
     from taskrpc.classroom.attendance import Attendance
     from taskrpc.observer import Observers
 
     attendance = Attendance(Path(options.attendance))
-    return Observers(watch.metrics, attendance) if watch else attendance
+    return Observers(monitoring.metrics, attendance) if monitoring else attendance
 
 
-def _watch(options: argparse.Namespace, access: remote.Remote) -> Watch | None:
+def _monitoring(options: argparse.Namespace, access: remote.Remote) -> Monitoring | None:
     if not options.web:
         return None
-    from taskrpc.cli.watching import Watch  # most servers show no pages
+    from taskrpc.cli.monitoring import Monitoring  # most servers show no pages
 
-    return Watch(options.web, access, options.accounts)
+    return Monitoring(options.web, access, options.accounts)
+
+
+async def _claimed(
+    store: SqliteStore, stopped: asyncio.Future[int], say: Callable[[str], object]
+) -> bool:
+    """Wait until this server owns the store; return False if a signal ends the wait.
+
+    Raises StoreError.
+    """
+    from taskrpc.tasks.server import load_types
+
+    load_types()  # now, so that it does not delay the start after the wait
+    claim = asyncio.ensure_future(store.claim(lambda error: say(f"standing by: {error.fact}")))
+    await asyncio.wait((claim, stopped), return_when=asyncio.FIRST_COMPLETED)
+    if not stopped.done():
+        await claim
+        return True
+    claim.cancel()
+    with contextlib.suppress(asyncio.CancelledError):
+        await claim
+    await store.close()
+    return False
+
+
+async def _once_free(start: Callable[[], Awaitable[_Result]]) -> _Result:
+    """Start something that needs the addresses and names of the previous server.
+
+    The previous server has closed its database and may still be ending. Raises CannotListen or
+    NameInUse if another program has them.
+    """
+    from taskrpc.errors import CannotListen, NameInUse
+
+    loop = asyncio.get_running_loop()
+    deadline = loop.time() + _STANDBY_TIMEOUT
+    while True:
+        try:
+            return await start()
+        except (CannotListen, NameInUse):
+            if loop.time() >= deadline:
+                raise
+        await asyncio.sleep(_STANDBY_POLL)
 
 
 async def _at_once(start: Callable[[], Awaitable[_Result]]) -> _Result:

@@ -105,7 +105,7 @@ def test_of_two_that_stand_by_one_goes_on_and_the_other_waits_for_its_end(start)
 
 def test_a_name_that_stays_in_use_is_told(start, tmp_path, monkeypatch):
     first = start()
-    monkeypatch.setattr("taskrpc.cli.standby._PATIENCE", 0.2)
+    monkeypatch.setattr("taskrpc.cli.server._STANDBY_TIMEOUT", 0.2)
     assert server_main(["--db", str(tmp_path / "other.db"), "--standby"]) == 1
     assert first.process.poll() is None
 

@@ -145,7 +145,7 @@ def _students(given: str) -> list[str]:
             raise TaskRpcError("--students: expected at least one")
         return [f"student{number:0{len(given)}}" for number in range(1, count + 1)]
     from taskrpc import platform
-    from taskrpc.classroom.student_names import cleaned, why_no_student
+    from taskrpc.classroom.register import cleaned, why_no_student
 
     try:
         lines = platform.read_text(given, "utf-8-sig").splitlines()

@@ -1,3 +1,5 @@
-"""`taskrpc demo`: a server, three clients and a robot in one process, drawn on the terminal.
+"""`taskrpc demo`: a task server, three clients and a robot in one process, on screen.
 
-Start with `command_line`; `story` is what happens, `screen` draws it."""
+Start with `command_line`; `story` runs the programs, `screen` and `map_view` draw, `accounts`
+keeps what is drawn. Nothing here touches the network or the disk.
+"""

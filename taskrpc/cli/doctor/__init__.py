@@ -1,3 +1,5 @@
-"""`taskrpc doctor`: finds out why something does not work.
+"""`taskrpc doctor`: find out why a program does not reach another.
 
-Start with `command_line`; `checks` looks at this machine, `probe` at an address."""
+Start with `command_line`; `checks` looks at this machine, `probe` tries an address step by step,
+and `encryption` compares certificates. The doctor only reports: it changes nothing.
+"""

@@ -2,25 +2,53 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import platform as machine
 import sys
 import tempfile
-from collections.abc import AsyncIterator, Iterator, Sequence
+from collections.abc import AsyncIterator, Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import srvgen
 from taskrpc import platform
-from taskrpc.cli.doctor.findings import Finding, note, ok, problem
 from taskrpc.cli.shared import graph
-from taskrpc.cli.shared.remote import HERE
-from taskrpc.errors import TaskRpcError
+from taskrpc.cli.shared.remote import HERE, PATIENCE, Remote
+from taskrpc.errors import ServiceUnavailable, TaskRpcError
+from taskrpc.node import Node
 from taskrpc.security.lab import remembered_lab
 from taskrpc.transport.discovery.entries import Entry
 from taskrpc.transport.limits.keepalive import keepalive_of
 from taskrpc.transport.tcp.tcp_network import domain_id, environment_peers
 from taskrpc.wire.messages import Endpoint
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One line of the doctor's report."""
+
+    state: str
+    """`ok`, `note` or `problem`."""
+    text: str
+    advice: str = ""
+    """What to do, where something is to be done."""
+
+
+def ok(text: str) -> Finding:
+    """All is well with this."""
+    return Finding("ok", text)
+
+
+def note(text: str, advice: str = "") -> Finding:
+    """Nothing is wrong, but it may explain something."""
+    return Finding("note", text, advice)
+
+
+def problem(text: str, advice: str) -> Finding:
+    """This will not work until something is done."""
+    return Finding("problem", text, advice)
 
 
 def software() -> Iterator[Finding]:
@@ -178,3 +206,43 @@ def _locks_work(folder: Path) -> bool:
         finally:
             os.close(other)
             os.close(holder)
+
+
+_HEALTH_TYPE = "std_srvs/srv/Trigger"
+
+
+async def ask_health(remote: Remote) -> AsyncIterator[Finding]:
+    """How the servers of this machine are, or those at HOST:PORT; none where nobody answers."""
+    try:
+        names = _health_services(await _services(remote))
+    except TaskRpcError:
+        return  # why, has been told by whoever looked before
+    async with remote.node() as node:
+        for finding in await asyncio.gather(*(_health_of(node, name) for name in names)):
+            if finding is not None:
+                yield finding
+
+
+async def _services(remote: Remote) -> Iterable[Endpoint]:
+    if remote.place:
+        return (await remote.listing(remote.place)).services
+    here = graph.domains().get(domain_id(), [])
+    return [service for entry in here for service in entry.services]
+
+
+def _health_services(services: Iterable[Endpoint]) -> list[str]:
+    asked = {each.name for each in services if each.type_name == _HEALTH_TYPE}
+    return sorted(name for name in asked if name.endswith("/health"))
+
+
+async def _health_of(node: Node, name: str) -> Finding | None:
+    trigger = srvgen.load(_HEALTH_TYPE)
+    try:
+        answer = await node.create_client(trigger, name).call(trigger.Request(), timeout=PATIENCE)
+    except ServiceUnavailable:
+        return None  # its server answers nothing at all, as was told before
+    except TaskRpcError as error:
+        return problem(f"{name} does not answer: {error}", "see the log of its server")
+    if answer.success:
+        return ok(f"{name}: {answer.message}")
+    return problem(f"{name}: {answer.message}", "wait a moment, or see the log of its server")

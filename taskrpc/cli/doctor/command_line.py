@@ -8,8 +8,8 @@ import json
 from collections.abc import AsyncIterator
 from dataclasses import asdict
 
-from taskrpc.cli.doctor import checks, health, probe
-from taskrpc.cli.doctor.findings import Finding, problem
+from taskrpc.cli.doctor import checks, probe
+from taskrpc.cli.doctor.checks import Finding, problem
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.parsing import add_ignored
 from taskrpc.cli.shared.remote import Remote, add_secrets, any_place, remote_of
@@ -70,7 +70,7 @@ async def _findings(remote: Remote) -> AsyncIterator[Finding]:
                 yield finding
                 if finding.state == "problem":
                     return  # nobody there can be asked how they are
-        async for finding in health.ask(remote):
+        async for finding in checks.ask_health(remote):
             yield finding
     except TaskRpcError as error:
         # The folder or the domain is wrong, which an earlier line has said what to do about.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import asyncio
 import ssl
 
-from taskrpc.cli.doctor.findings import Finding, problem
+from taskrpc.cli.doctor.checks import Finding, problem
 from taskrpc.cli.shared.remote import Remote
 from taskrpc.security.lab import Lab, remembered_lab
 from taskrpc.security.tls import pinned_context

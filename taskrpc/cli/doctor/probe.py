@@ -5,18 +5,21 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import errno
+import os
 import socket
+import stat
+import sys
 import threading
 from collections.abc import AsyncIterator, Callable, Sequence
 from functools import partial
 
-from taskrpc.cli.doctor import encryption, socket_file
-from taskrpc.cli.doctor.findings import Finding, ok, problem
+from taskrpc.cli.doctor import encryption
+from taskrpc.cli.doctor.checks import Finding, ok, problem
 from taskrpc.cli.shared.remote import Remote
 from taskrpc.errors import AuthenticationFailed, ConnectionLost, ProtocolError, TaskRpcError
 from taskrpc.transport.connection.dialling import STOPPED, placed
 from taskrpc.transport.tcp.tcp_network import split_place
-from taskrpc.transport.tcp.unix_sockets import is_unix
+from taskrpc.transport.tcp.unix_sockets import is_unix, path_of
 
 PATIENCE = 4.0
 """Seconds for each step."""
@@ -33,7 +36,7 @@ _NO_SUCH_HOST = frozenset({errno.EHOSTUNREACH, errno.EHOSTDOWN, 1232, 10065, 100
 async def examine(remote: Remote) -> AsyncIterator[Finding]:
     """What happens at each step on the way to the services of a place; ends where it fails."""
     if is_unix(remote.place):
-        found = await socket_file.reach(remote.place, PATIENCE)
+        found = await reach_socket(remote.place, PATIENCE)
         yield found
         if found.state != "problem":
             yield await _ask(remote)
@@ -176,3 +179,50 @@ def _is_one_of(error: OSError, numbers: frozenset[int]) -> bool:
 
 def _reason(error: OSError) -> str:
     return error.strerror or str(error)
+
+
+_OTHERS = "only programs of its own user can call there: log in as that user, or listen at a port"
+
+
+async def reach_socket(place: str, patience: float) -> Finding:
+    """Whether a program accepts connections at a socket's file, or why not."""
+    path = path_of(place)
+    if found := _wrong_socket_file(path, place):
+        return found
+    if sys.platform != "win32":  # where `path_of` has refused the place
+        try:
+            async with asyncio.timeout(patience):
+                _, writer = await asyncio.open_unix_connection(path)
+        except OSError as error:
+            return _no_socket_connection(error, path, place, patience)
+        writer.close()
+    return ok(f"a program listens at {path}")
+
+
+def _wrong_socket_file(path: str, place: str) -> Finding | None:
+    try:
+        found = os.stat(path)
+    except PermissionError:
+        return problem(f"this user may not look into {os.path.dirname(path)}", _OTHERS)
+    except OSError as error:
+        advice = f"check the path, or start the server there with --listen {place}"
+        return problem(f"there is no socket at {path}: {error.strerror}", advice)
+    if not stat.S_ISSOCK(found.st_mode):
+        return problem(f"{path} is no socket", "give the path with which the server was started")
+    return None
+
+
+def _no_socket_connection(error: OSError, path: str, place: str, patience: float) -> Finding:
+    if isinstance(error, ConnectionRefusedError):
+        return problem(
+            f"nobody listens at {path}: the server that made it has died",
+            f"start it again with --listen {place}",
+        )
+    if isinstance(error, PermissionError):
+        return problem(f"the socket {path} is another user's", _OTHERS)
+    if isinstance(error, TimeoutError):
+        return problem(
+            f"the server at {path} took no connection within {patience:g} s",
+            "see its log; if it hangs, end it with `taskrpc stop`",
+        )
+    return problem(f"{path} cannot be reached: {error.strerror or error}", "check the path")

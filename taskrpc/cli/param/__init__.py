@@ -1,3 +1,5 @@
-"""`taskrpc param`: the parameters of nodes, as `ros2 param` has them.
+"""`taskrpc param`: read and set the parameters of nodes, as `ros2 param` does.
 
-Start with `command_line`; `param_services` calls a node's parameter services."""
+Start with `command_line`; `param_services` calls the parameter services of a node. Parameters
+themselves are declared and kept in `taskrpc.rclpy`.
+"""

@@ -11,9 +11,9 @@ from typing import Any
 import msgspec
 
 import srvgen
-from taskrpc.cli.service.types import differs_here, local_service_type, service_type_name
 from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import hinted
+from taskrpc.cli.shared.definitions import differs_here, local_service_type, service_type_name
 from taskrpc.cli.shared.remote import HERE, Remote
 from taskrpc.cli.shared.values import build_request
 from taskrpc.client import Client

@@ -131,8 +131,8 @@ def _list(options: argparse.Namespace) -> int:
 
 
 def _find(options: argparse.Namespace) -> int:
-    from taskrpc.cli.service.types import service_type_name
     from taskrpc.cli.shared import graph
+    from taskrpc.cli.shared.definitions import service_type_name
 
     wanted = service_type_name(options.service_type)
     found = graph.services(_look(options), hidden=options.include_hidden_services)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import yaml
 
 import srvgen
-from taskrpc.cli.service.types import service_type_name
 from taskrpc.cli.shared import definitions, graph, quoting
 from taskrpc.cli.shared.command import Exit, NotFound, goes_on, hinted
+from taskrpc.cli.shared.definitions import service_type_name
 from taskrpc.cli.shared.remote import remote_of
 from taskrpc.cli.topic.reading import Feed
 from taskrpc.cli.topic.topic_graph import topics

@@ -1,3 +1,5 @@
-"""What several commands need: exit codes, argparse in ros2's manner, values, and who is there.
+"""Helpers of several commands: exit codes, options, requests, and the graph of running programs.
 
-Start with `command`, which begins and ends every command. No command is defined here."""
+Start with `command`, which runs every command and prints its errors. `parsing` and `remote` have
+the options, `values` reads requests, `graph` looks for programs. No command is defined here.
+"""

@@ -12,7 +12,7 @@ from collections.abc import Sequence
 
 from taskrpc import names
 from taskrpc.cli.shared.command import hinted
-from taskrpc.errors import InvalidName
+from taskrpc.errors import InvalidName, InvalidRequest
 
 _CURLY = "\u201c\u201d\u201e\u2018\u2019\u201a"
 _WINDOWS_PATH = re.compile(r"[A-Za-z]:[/\\].*?(?P<rest>[^/\\]*)")
@@ -20,6 +20,15 @@ _COLON_EQUALS = re.compile(r"([A-Za-z_][\w.]*):=")
 _NO_SPACE = re.compile(r"\{?\s*[\"']?(?P<name>[A-Za-z_]\w*)[\"']?:(?P<value>[^\s:].*?)\}?", re.S)
 
 ONE_ARGUMENT = 'put the request in double quotes, "{a: 2, b: 3}", or write fields as a=2 b=3'
+
+
+class NotAMapping(InvalidRequest):
+    """A request that is a list, a number or a word."""
+
+
+def not_populated(problem: object) -> InvalidRequest:
+    """The error for a request that does not fit its type, in ros2's words."""
+    return InvalidRequest("", f"Failed to populate field: {problem}")
 
 
 def name_hint(name: str) -> str:

@@ -13,6 +13,7 @@ from typing import Any
 from srvgen import FieldError, from_builtins
 from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import hinted
+from taskrpc.cli.shared.quoting import not_populated
 from taskrpc.errors import InvalidRequest
 
 _TYPE = re.compile(r"[A-Za-z]\w*/(?:\w+/)?\w+")
@@ -20,10 +21,6 @@ _ASSIGNMENT = re.compile(r"([A-Za-z_]\w*(?:\.[A-Za-z_]\w*)*)=(.*)", re.DOTALL)
 _SIMPLE = re.compile(
     r"(?P<number>-?(?:0|[1-9]\d{0,14})(\.\d{1,15})?)|[A-Za-z0-9][\w./-]*", re.ASCII
 )
-
-
-class NotAMapping(InvalidRequest):
-    """A request that is a list, a number or a word."""
 
 
 def split_type(arguments: Sequence[str]) -> tuple[str, list[str]]:
@@ -131,11 +128,6 @@ def simple_value(text: str, type_: str) -> Any:
     if found["number"]:
         return float(text) if "." in text else int(text)
     return text == "true" if type_ == "bool" and text in ("true", "false") else None
-
-
-def not_populated(problem: object) -> InvalidRequest:
-    """The error of a request that does not fit, in ros2's words."""
-    return InvalidRequest("", f"Failed to populate field: {problem}")
 
 
 class _Assignments:

@@ -11,7 +11,7 @@ from srvgen import FieldError
 from taskrpc import yaml_text
 from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import hinted
-from taskrpc.cli.shared.values import NotAMapping, not_populated
+from taskrpc.cli.shared.quoting import NotAMapping, not_populated
 from taskrpc.errors import InvalidRequest
 
 _MERGE = "tag:yaml.org,2002:merge"

@@ -1,3 +1,5 @@
-"""`taskrpc task`: the queue of a task server, from a command line.
+"""`taskrpc task`: submit tasks to the task server, follow and change them.
 
-Start with `command_line`; `task_services` calls the server, `view` prints tasks."""
+Start with `command_line`; `task_services` calls the server, `view` turns tasks into text and
+JSON, `progress` shows how they proceed. The queue itself is in `taskrpc.tasks`.
+"""

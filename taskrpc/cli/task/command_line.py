@@ -183,9 +183,9 @@ async def _show(options: Namespace, services: TaskServices) -> Exit:
 
 
 async def _watch(options: Namespace, services: TaskServices) -> Exit:
-    from taskrpc.cli.task.watch import Printer
+    from taskrpc.cli.task.progress import ChangePrinter
 
-    printer = Printer(as_json=options.json)
+    printer = ChangePrinter(as_json=options.json)
     async for update in services.follow(options.task_id):
         printer.show(update)
     return Exit.DONE

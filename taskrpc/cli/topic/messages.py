@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 
 from taskrpc import platform
 from taskrpc.cli.shared.command import hinted
-from taskrpc.cli.shared.values import NotAMapping, from_fields, read_fields
+from taskrpc.cli.shared.quoting import NotAMapping
+from taskrpc.cli.shared.values import from_fields, read_fields
 from taskrpc.errors import InvalidRequest, TaskRpcError
 
 if TYPE_CHECKING:

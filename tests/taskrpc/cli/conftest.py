@@ -9,6 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from taskrpc.cli.main import main
+
 ROOT = Path(__file__).parents[3]
 
 PROGRAM = """
@@ -100,3 +102,15 @@ def own_server(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(started.runtime))
     yield started
     started.close()
+
+
+@pytest.fixture
+def run(capsys):
+    """Runs `taskrpc …` in this process: exit code, stdout, stderr."""
+
+    def _run(*argv, command=main):
+        code = command(argv)
+        out, err = capsys.readouterr()
+        return code, out, err
+
+    return _run

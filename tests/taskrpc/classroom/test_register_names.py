@@ -2,7 +2,7 @@
 
 import pytest
 
-from taskrpc.classroom.student_names import account_for, cleaned, why_no_student
+from taskrpc.classroom.register import account_for, cleaned, why_no_student
 from taskrpc.security.roles import why_no_name
 
 

@@ -1,4 +1,4 @@
-"""`taskrpc-server --web`: measures the server and shows it."""
+"""`taskrpc-server --web`: metrics of the server, and pages that show them."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ except ModuleNotFoundError as error:
     raise TaskRpcError(f"--web needs {error.name}: pip install aiohttp") from None
 
 
-class Watch:
-    """Counts what a server does, and shows it at HOST:PORT."""
+class Monitoring:
+    """Measures a server, and serves its pages `/health` and `/metrics` at HOST:PORT."""
 
     def __init__(self, place: str, access: Remote, accounts: str | None) -> None:
         self.metrics = Metrics()
@@ -36,13 +36,13 @@ class Watch:
         self._book = AccountBook(accounts) if accounts else None
 
     def measured(self, store: TaskStore) -> TaskStore:
-        """The store, whose commits are measured from now on."""
+        """Return the store with metrics of its commits."""
         measured = MeasuredStore(store)
         self.metrics.add(measured.families)
         return measured
 
     def web(self, server: TaskServer) -> WebServer:
-        """The pages of a server. Raises CannotListen."""
+        """Return the web server with the pages of a task server. Raises CannotListen."""
         self.metrics.add(lambda: task_families(server.manager))
         pages = task_pages(server, self.metrics)
         some = self._token or self._book is not None
@@ -55,7 +55,7 @@ class Watch:
         return shown
 
     def _may_look(self, given: str) -> bool:
-        """Whether a bearer token is the server's own, or that of an account: all may look."""
+        """Whether a bearer token is that of the server or of an account; each may see the pages."""
         said = given.encode(errors="replace")
         if self._token and hmac.compare_digest(said, self._token.encode()):
             return True
@@ -63,6 +63,6 @@ class Watch:
             return False
         self._book.look()
         account = self._book.now.find(account_of(said), time.time())
-        # Compared all the same, so that the time tells nobody which accounts there are.
+        # Compare in every case: the time of the response must not reveal which accounts exist.
         expected = said[::-1] + b"-" if account is None else account.token.encode()
         return hmac.compare_digest(said, expected)

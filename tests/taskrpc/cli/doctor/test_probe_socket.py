@@ -13,7 +13,7 @@ from pathlib import Path
 import pytest
 
 import taskrpc
-from taskrpc.cli.doctor import probe, socket_file
+from taskrpc.cli.doctor import probe
 from taskrpc.cli.main import main
 from tests.taskrpc.transport.helpers import Add, add
 
@@ -119,8 +119,8 @@ async def test_what_is_another_users(path, monkeypatch, place):
         if place == "socket":
             monkeypatch.setattr(asyncio, "open_unix_connection", refuse)
         else:
-            monkeypatch.setattr(socket_file.os, "stat", stat)
-        found = await socket_file.reach(f"unix:{path}", probe.PATIENCE)
+            monkeypatch.setattr(probe.os, "stat", stat)
+        found = await probe.reach_socket(f"unix:{path}", probe.PATIENCE)
         monkeypatch.undo()
     assert found.state == "problem"
     wanted = (
@@ -130,14 +130,14 @@ async def test_what_is_another_users(path, monkeypatch, place):
     assert "its own user" in found.advice
 
 
-def test_a_server_that_takes_no_connection(path, monkeypatch):
+def test_a_server_that_takes_no_socket_connection(path, monkeypatch):
     async def hang(path):
         await asyncio.sleep(60)
 
     with socket.socket(socket.AF_UNIX) as sock:
         sock.bind(str(path))
         monkeypatch.setattr(asyncio, "open_unix_connection", hang)
-        found = asyncio.run(socket_file.reach(f"unix:{path}", 0.01))
+        found = asyncio.run(probe.reach_socket(f"unix:{path}", 0.01))
     assert found.text == f"the server at {path} took no connection within 0.01 s"
 
 

@@ -7,8 +7,8 @@ import pytest
 import trustme
 
 import taskrpc
+from taskrpc.cli.monitoring import Monitoring
 from taskrpc.cli.shared.remote import Remote
-from taskrpc.cli.watching import Watch
 from taskrpc.tasks import TaskServer
 from tests.taskrpc.tasks.fakes import FullStore, LineRobot
 
@@ -58,7 +58,7 @@ def tls(tmp_path):
     ],
 )
 def test_the_servers_own_token_and_those_of_its_accounts_open(accounts, token, expected):
-    watch = Watch("127.0.0.1:0", Remote(token="the server's own"), str(accounts))
+    watch = Monitoring("127.0.0.1:0", Remote(token="the server's own"), str(accounts))
     assert watch._may_look(token) is expected
 
 
@@ -69,21 +69,21 @@ def test_a_wrong_secret_costs_the_same_comparisons_whoever_it_is_said_of(
     compared = []
     compare = hmac.compare_digest
     monkeypatch.setattr(hmac, "compare_digest", lambda *two: compared.append(two) or compare(*two))
-    watch = Watch("127.0.0.1:0", Remote(token="the server's own"), str(accounts))
+    watch = Monitoring("127.0.0.1:0", Remote(token="the server's own"), str(accounts))
     assert not watch._may_look(token)
     assert len(compared) == 2
 
 
 def test_without_accounts_only_the_servers_own_token_opens(monkeypatch):
     monkeypatch.setenv("TASKRPC_TOKEN", "environment")
-    watch = Watch("127.0.0.1:0", Remote(), None)
+    watch = Monitoring("127.0.0.1:0", Remote(), None)
     assert watch._may_look("environment")
     assert not watch._may_look("")
     assert not watch._may_look(f"ana.{SECRET}")
 
 
 def test_an_account_that_is_taken_out_of_the_file_opens_no_more(accounts):
-    watch = Watch("127.0.0.1:0", Remote(), str(accounts))
+    watch = Monitoring("127.0.0.1:0", Remote(), str(accounts))
     assert watch._may_look(f"ana.{SECRET}")
     accounts.write_text(ACCOUNTS.replace("ana", "anna"), encoding="utf-8")
     assert not watch._may_look(f"ana.{SECRET}")
@@ -92,15 +92,15 @@ def test_an_account_that_is_taken_out_of_the_file_opens_no_more(accounts):
 async def test_elsewhere_a_secret_that_can_be_guessed_is_refused(tls):
     async with taskrpc.Node("task_server", transport="memory") as node:
         server = TaskServer(node, LineRobot(), FullStore())
-        watch = Watch("0.0.0.0:0", Remote(tls=tls, token="short"), None)
+        watch = Monitoring("0.0.0.0:0", Remote(tls=tls, token="short"), None)
         with pytest.raises(taskrpc.CannotListen, match="the token has 5 characters"):
             watch.web(server)
-        Watch("0.0.0.0:0", Remote(tls=tls, token=SECRET), None).web(server)
-        Watch("127.0.0.1:0", Remote(token="short"), None).web(server)
+        Monitoring("0.0.0.0:0", Remote(tls=tls, token=SECRET), None).web(server)
+        Monitoring("127.0.0.1:0", Remote(token="short"), None).web(server)
 
 
 async def test_elsewhere_neither_a_token_nor_accounts_is_refused(tls):
     async with taskrpc.Node("task_server", transport="memory") as node:
         server = TaskServer(node, LineRobot(), FullStore())
         with pytest.raises(taskrpc.CannotListen, match=r"a certificate \(tls\) and a token"):
-            Watch("0.0.0.0:0", Remote(tls=tls), None).web(server)
+            Monitoring("0.0.0.0:0", Remote(tls=tls), None).web(server)

@@ -6,7 +6,7 @@ import pytest
 
 import srvgen
 import taskrpc.sync
-from taskrpc.cli.doctor import health
+from taskrpc.cli.doctor import checks
 from taskrpc.cli.main import main
 from taskrpc.wire.messages import Endpoint
 
@@ -44,7 +44,7 @@ def test_only_triggers_named_health_are_asked(node, capsys):
 
 
 def test_a_server_that_does_not_say_is_a_problem(node, capsys, monkeypatch):
-    monkeypatch.setattr(health, "PATIENCE", 0.1)
+    monkeypatch.setattr(checks, "PATIENCE", 0.1)
     node.create_service(Trigger, "lab/health", lambda request, response: time.sleep(0.5))
     assert main(["doctor", node.address]) == 1
     assert "/lab/health does not answer: no answer by the deadline" in capsys.readouterr().out
@@ -56,6 +56,6 @@ def test_a_server_that_answers_nothing_is_left_to_who_looked_for_it(capsys, monk
     async def services(remote):
         return [gone]
 
-    monkeypatch.setattr(health, "_services", services)
+    monkeypatch.setattr(checks, "_services", services)
     assert main(["doctor"]) == 0
     assert "/gone" not in capsys.readouterr().out

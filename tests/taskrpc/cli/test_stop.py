@@ -1,0 +1,135 @@
+"""`taskrpc ps` and `taskrpc stop` list and end the programs of this user."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+
+import pytest
+
+from taskrpc.cli.shared.processes import Process
+from taskrpc.transport.discovery.entries import Entry
+from taskrpc.wire.messages import Endpoint
+
+pytestmark = pytest.mark.real_time
+
+ADD = "example_interfaces/srv/AddTwoInts"
+
+
+def test_ps_says_who_runs_where_since_when_and_what_for(server, run):
+    heading, row = run("ps")[1].splitlines()
+    assert heading.split() == ["PID", "SINCE", "DOMAIN", "SCRIPT", "FOLDER", "SERVICES"]
+    assert row.startswith(str(server.process.pid))
+    assert str(server.folder) in row
+    assert row.endswith("/sleep")
+    (facts,) = json.loads(run("ps", "--json")[1])
+    assert facts["script"] == "adder.py"
+    assert facts["folder"] == str(server.folder)
+    assert facts["services"] == ["/add_two_ints", "/end", "/fail", "/refuse", "/sleep"]
+    assert 0 <= time.time() - facts["since"] < 600
+
+
+def test_ps_with_nobody_running(run):
+    assert run("ps", "--json") == (0, "[]\n", "")
+
+
+@pytest.mark.parametrize("name", ["17", "adder", "adder.py", "/other", "other", "/add", "add"])
+def test_a_program_is_meant_by_pid_script_node_or_service(name):
+    service = Endpoint("/add", ADD, "", "/other")
+    entry = Entry(17, "adder.py", "/home", 0.0, nodes=("/other",), services=(service,))
+    assert Process(0, (entry,)).is_meant_by(name)
+    assert not Process(0, (entry,)).is_meant_by(name + "x")
+
+
+@pytest.mark.parametrize(
+    "name", ["server.py", "server", "08_debugging/server.py", "/home/a/08_debugging/server.py"]
+)
+def test_a_script_is_meant_by_the_end_of_its_path_wherever_it_was_started(name):
+    entry = Entry(42, "08_debugging/server.py", "/home/a", 0.0)
+    assert Process(0, (entry,)).is_meant_by(name)
+    assert not Process(0, (entry,)).is_meant_by("erver.py")
+    assert not Process(0, (entry,)).is_meant_by(f"b/{name}")
+
+
+def test_stop_ends_the_only_program(own_server, run):
+    assert run("stop") == (0, f"stopped adder.py (pid {own_server.process.pid})\n", "")
+    # Windows cannot ask a process to end, it can only end it.
+    assert own_server.process.wait(30) == (15 if sys.platform == "win32" else 0)
+
+
+def test_stop_all_and_then_nobody_is_left(own_server, run):
+    assert run("stop", "--all")[0] == 0
+    assert run("stop", "--all") == (0, "no taskrpc program runs\n", "")
+
+
+def test_stop_of_a_stranger_ends_nobody(server, run):
+    code, out, err = run("stop", str(os.getpid()))
+    assert (code, out) == (1, "")
+    assert f"there are adder.py (pid {server.process.pid})" in err
+    assert server.process.poll() is None
+
+
+def test_a_program_that_does_not_react_is_reported(server, run, monkeypatch):
+    monkeypatch.setattr("taskrpc.platform.end_process", lambda pid, at_once: None)
+    monkeypatch.setattr("taskrpc.cli.stop.PATIENCE", 0.1)
+    code, _, err = run("stop", "adder")
+    assert code == 1
+    who = f"adder.py (pid {server.process.pid})"
+    assert err.startswith(f"still running after 0.1 s: {who}\n  hint: {who} does not react: ")
+    assert "--force ends it at once" in err
+
+
+SLOW = """
+import asyncio, srvgen, taskrpc
+
+async def sleep(request, response):
+    await asyncio.sleep(60)
+    return response
+
+async def main():
+    async with taskrpc.Node("slow") as node:
+        node.create_service(srvgen.load("std_srvs/srv/Empty"), "sleep", sleep)
+        await node.spin()
+
+taskrpc.run(main())
+"""
+
+
+@pytest.mark.skipif(os.name != "posix", reason="on Windows nobody is asked to end")
+def test_a_program_that_still_answers_calls_is_told_from_one_that_is_stuck(
+    tmp_path, run, monkeypatch
+):
+    monkeypatch.setattr("taskrpc.cli.stop.PATIENCE", 1.0)
+    (tmp_path / "slow.py").write_text(SLOW, encoding="utf-8")
+    call = [sys.executable, "-m", "taskrpc.cli.call", "/sleep", "--timeout", "60"]
+    with (
+        subprocess.Popen([sys.executable, "slow.py"], cwd=tmp_path) as slow,
+        subprocess.Popen(call, stdout=subprocess.PIPE, text=True) as calling,
+    ):
+        while not calling.stdout.readline().startswith("requester:"):
+            pass
+        time.sleep(0.2)  # for the request to arrive
+        code, _, err = run("stop", "slow")
+        assert code == 1
+        assert f"hint: slow.py (pid {slow.pid}) answers the calls that it has begun, then" in err
+        code, out, _ = run("ps")
+        assert out.splitlines()[1].endswith("  - (ending)")
+        (facts,) = json.loads(run("ps", "--json")[1])
+        assert facts["state"] == "ending"
+        code, out, _ = run("doctor")
+        assert (code, "slow.py" in out, "it answers its last calls" in out) == (0, True, True)
+        assert run("stop", "--force", "slow")[0] == 0
+
+
+@pytest.mark.skipif(not hasattr(signal, "SIGSTOP"), reason="Windows cannot stop a process")
+def test_a_program_that_ctrl_z_stopped_is_shown_and_can_be_ended(own_server, run):
+    os.kill(own_server.process.pid, signal.SIGSTOP)
+    os.waitpid(own_server.process.pid, os.WUNTRACED)  # until it stands
+    code, out, _ = run("ps")
+    assert (code, out.splitlines()[1].endswith(" (stopped)")) == (0, True)
+    assert json.loads(run("ps", "--json")[1])[0]["state"] == "stopped"
+    assert run("stop") == (0, f"stopped adder.py (pid {own_server.process.pid})\n", "")
