@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 from taskrpc.errors import InvalidRequest, TaskRpcError, TypeMismatch
 from taskrpc.introspection import gid_of
 
-from ._impl.copies import detached
+from ._impl.bridge import detached
 from ._impl.diagnostics.deadlocks import call_ended, check_call
 from ._impl.diagnostics.explain import failed, like_ros, mismatched, nobody_spun
-from ._impl.diagnostics.like_ros import wrapped_or_refused
+from ._impl.diagnostics.limits import wrapped_or_refused
 from ._impl.execution.entity import Entity, is_busy, node_name
 from ._impl.execution.outbox import Outbox, Tell
-from ._impl.execution.rounds import ExternalShutdownException
+from ._impl.execution.scheduler import ExternalShutdownException
 from ._impl.node_interface import NodeInterface
 from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup

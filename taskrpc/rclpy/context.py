@@ -14,9 +14,9 @@ from typing import Any, Protocol, Self, TypeVar
 from ._impl.arguments import Arguments, parse
 from ._impl.diagnostics.explain import like_ros
 from ._impl.execution.wakeups import Sleep
+from ._impl.log import output
 from .exceptions import RCLError
 from .handle import Handle
-from .impl import log_output
 
 _Thing = TypeVar("_Thing")
 
@@ -91,7 +91,7 @@ class Context:
             self.arguments = _read(sys.argv if args is None else args)
             self._domain_id = _domain_of_the_environment() if domain_id is None else domain_id
             if initialize_logging:
-                log_output.begin(self, self.arguments)
+                output.begin(self, self.arguments)
             self._handle = ContextHandle(self)
             _living.add(self)
 
@@ -177,7 +177,7 @@ class Context:
         for known in nodes:
             if (node := known()) is not None:
                 node.destroy_node()
-        log_output.end(self)
+        output.end(self)
 
     def _end_by_signal(self) -> None:
         """End it as far as a signal handler may: no lock is taken, no callback called."""

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any
 
-from ._impl.event_infos import (
+from ._impl.graph.event_infos import (
     IncompatibleTypeInfo,
     QoSLivelinessChangedInfo,
     QoSLivelinessLostInfo,

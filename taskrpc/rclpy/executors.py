@@ -23,9 +23,9 @@ from ._impl.execution.entity import (
     is_busy,
     started,
 )
-from ._impl.execution.rounds import (
+from ._impl.execution.scheduler import (
     ExternalShutdownException,
-    Rounds,
+    Scheduler,
     Timeout,
     TimeoutObject,
     Work,
@@ -55,7 +55,7 @@ async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:
     return await result if inspect.iscoroutinefunction(callback) else result
 
 
-class Executor(Rounds):
+class Executor(Scheduler):
     """Waits until something arrives at its nodes' entities, and runs their callbacks.
 
     A subclass says on which threads (`spin_once`).

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
-from .impl import log_levels, log_output
+from ._impl.log import output
 from .impl.logging_severity import LoggingSeverity
 from .impl.rcutils_logger import RcutilsLogger
 
@@ -35,12 +35,12 @@ def get_logger(name: str) -> RcutilsLogger:
 
 def initialize() -> None:
     """Read how the environment wants the log; happens by itself when something is logged."""
-    log_output.initialize()
+    output.initialize()
 
 
 def shutdown() -> None:
     """Forget all levels that were set, and what the environment said."""
-    log_output.shut_down()
+    output.shut_down()
 
 
 def clear_config() -> None:
@@ -54,17 +54,17 @@ def set_logger_level(name: str, level: LoggingSeverity | int, detailed_error: bo
 
     Raises ValueError for what is no severity.
     """
-    log_levels.set_level(name, LoggingSeverity(level))
+    output.set_level(name, LoggingSeverity(level))
 
 
 def get_logger_effective_level(name: str) -> LoggingSeverity:
     """From which severity on a logger logs."""
-    return LoggingSeverity(log_levels.effective_level_of(name))
+    return LoggingSeverity(output.effective_level_of(name))
 
 
 def get_logger_level(name: str) -> LoggingSeverity:
     """The level that was set for just this logger; UNSET where there is none."""
-    return LoggingSeverity(log_levels.level_of(name))
+    return LoggingSeverity(output.level_of(name))
 
 
 def get_logging_severity_from_string(log_severity: str) -> LoggingSeverity:

@@ -11,20 +11,19 @@ from taskrpc import names
 from taskrpc.errors import InvalidName
 from taskrpc.message_types import MsgT, RequestT, ResponseT, Srv
 
-from ._impl.arguments import Arguments, parse
+from ._impl.arguments import Arguments, Remapping, parse
 from ._impl.bridge import Bridge
 from ._impl.diagnostics import watchdog
 from ._impl.execution.entity import callback_name, current_callback
 from ._impl.graph.names import kind_of, translated
 from ._impl.graph.node_graph import NamesAndTypes, NodeGraph
+from ._impl.log.rosout import Rosout
 from ._impl.node_entities import NodeEntities
 from ._impl.node_interface import NodeHandle
 from ._impl.parameters.callbacks import OnSetCallback, PostSetCallback, PreSetCallback
 from ._impl.parameters.checks import RELATIVE_TOLERANCE
 from ._impl.parameters.node_parameters import NodeParameters
 from ._impl.reexports import names_of
-from ._impl.remapping import Remapping
-from ._impl.rosout import Rosout
 from .callback_groups import CallbackGroup, MutuallyExclusiveCallbackGroup
 from .client import Client
 from .clock import Clock, ROSClock

@@ -7,7 +7,7 @@ from typing import Any, Generic, Self, TypeVar
 
 from srvgen import from_cdr
 
-from ._impl.copies import detached
+from ._impl.bridge import detached
 from ._impl.graph.endpoints import forget, remember
 from ._impl.node_interface import NodeInterface
 from ._impl.reexports import names_of

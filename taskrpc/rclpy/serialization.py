@@ -6,7 +6,7 @@ from typing import Any, TypeVar
 
 from srvgen import from_cdr, to_cdr
 
-from ._impl.copies import detached
+from ._impl.bridge import detached
 from .type_support import check_for_type_support
 
 T = TypeVar("T")

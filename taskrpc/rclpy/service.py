@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, Self, Type
 from taskrpc.errors import Code, HandlerFailed, InvalidRequest, WouldDeadlock
 from taskrpc.introspection import gid_of
 
-from ._impl.copies import detached
+from ._impl.bridge import detached
 from ._impl.diagnostics import explain
-from ._impl.diagnostics.like_ros import depth_of, wrapped_or_refused
+from ._impl.diagnostics.limits import depth_of, wrapped_or_refused
 from ._impl.execution.entity import Entity
 from ._impl.node_interface import NodeInterface
 from ._impl.reexports import names_of

@@ -8,9 +8,10 @@ from typing import ClassVar
 import pytest
 
 from taskrpc.rclpy import logging
+from taskrpc.rclpy._impl.log import output
 from taskrpc.rclpy.clock import Clock, ROSClock
 from taskrpc.rclpy.context import Context
-from taskrpc.rclpy.impl import log_output, rcutils_logger
+from taskrpc.rclpy.impl import rcutils_logger
 from taskrpc.rclpy.impl.rcutils_logger import CallerId, LoggingFilter, Once, SkipFirst
 from taskrpc.rclpy.logging import LoggingSeverity, get_logger
 from taskrpc.rclpy.time import Time
@@ -20,7 +21,7 @@ from taskrpc.rclpy.time import Time
 def _forgotten(monkeypatch):
     for name in ("OUTPUT_FORMAT", "STDOUT_LINE_BUFFERED"):
         monkeypatch.delenv(f"RCUTILS_CONSOLE_{name}", raising=False)
-    monkeypatch.setattr(log_output, "_owners", weakref.WeakSet())
+    monkeypatch.setattr(output, "_owners", weakref.WeakSet())
     logging.shutdown()
     yield
     logging.shutdown()
@@ -265,11 +266,11 @@ def test_what_a_node_s_loggers_log_is_handed_to_it_for_rosout():
             records.append(record)
 
     node = Node()
-    log_output.add_rosout("ns.node", node.publish)
+    output.add_rosout("ns.node", node.publish)
     get_logger("ns.node").info("own")
     get_logger("ns.node").get_child("a").get_child("b").warn("child's")
     get_logger("ns.node2").info("another's")
-    log_output.remove_rosout("ns.node")
+    output.remove_rosout("ns.node")
     get_logger("ns.node").info("late")
     assert [(r.severity, r.name, r.message) for r in records] == [
         (20, "ns.node", "own"),

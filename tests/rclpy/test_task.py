@@ -1,12 +1,191 @@
-"""Tasks: functions and coroutines that run when the task is called."""
+"""Futures and tasks behave as in ROS: a pending future has no result, a task runs when called."""
 
 from __future__ import annotations
 
 import asyncio
+import gc
+import threading
 
 import pytest
 
-from taskrpc.rclpy.task import Task
+from taskrpc.rclpy.executors import SingleThreadedExecutor
+from taskrpc.rclpy.task import Future, Task
+
+
+def test_a_pending_future_has_neither_result_nor_exception():
+    future = Future()
+    assert (future.done(), future.cancelled()) == (False, False)
+    assert (future.result(), future.exception()) == (None, None)
+
+
+def test_a_result_completes_it():
+    future = Future()
+    future.set_result(3)
+    assert (future.done(), future.result(), future.exception()) == (True, 3, None)
+
+
+def test_result_raises_the_exception_and_exception_returns_it():
+    future = Future()
+    error = KeyError("k")
+    future.set_exception(error)
+    assert future.exception() is error
+    with pytest.raises(KeyError, match="k"):
+        future.result()
+
+
+def test_cancelling_runs_the_done_callbacks_and_is_not_being_done():
+    future, seen = Future(), []
+    future.add_done_callback(seen.append)
+    assert future.cancel() is None
+    assert seen == [future]
+    assert (future.done(), future.cancelled(), future.result()) == (False, True, None)
+
+
+def test_a_result_after_cancelling_counts():
+    future = Future()
+    future.cancel()
+    future.set_result(4)
+    assert (future.done(), future.cancelled(), future.result()) == (True, False, 4)
+
+
+def test_cancelling_what_is_done_changes_nothing():
+    future = Future()
+    future.set_result(4)
+    future.cancel()
+    assert (future.done(), future.cancelled()) == (True, False)
+
+
+def test_a_second_result_does_not_hide_an_exception():
+    future = Future()
+    future.set_exception(KeyError("k"))
+    future.set_result(1)
+    with pytest.raises(KeyError, match="k"):
+        future.result()
+
+
+def test_done_callbacks_run_in_order_and_one_added_later_at_once():
+    future, seen = Future(), []
+    future.add_done_callback(lambda _: seen.append(1))
+    future.add_done_callback(lambda _: seen.append(2))
+    future.set_result(None)
+    assert seen == [1, 2]
+    future.add_done_callback(lambda _: seen.append(3))
+    assert seen == [1, 2, 3]
+
+
+def test_a_done_callback_that_raises_is_a_warning_and_the_next_one_runs():
+    future, seen = Future(), []
+    future.add_done_callback(lambda _: 1 / 0)
+    future.add_done_callback(seen.append)
+    with pytest.warns(UserWarning, match="Unhandled exception in done callback: division by zero"):
+        future.set_result(None)
+    assert seen == [future]
+
+
+def test_a_removed_done_callback_does_not_run():
+    future, seen = Future(), []
+    future.add_done_callback(seen.append)
+    assert future.remove_done_callback(seen.append)
+    assert not future.remove_done_callback(seen.append)
+    future.set_result(None)
+    assert seen == []
+
+
+def test_with_an_executor_done_callbacks_run_when_it_spins(executor):
+    future, seen = executor.create_future(), []
+    future.add_done_callback(seen.append)
+    future.set_result(None)
+    assert seen == []
+    executor.spin_once(0)
+    assert seen == [future]
+    future.add_done_callback(seen.append)
+    assert len(seen) == 1
+    executor.spin_once(0)
+    assert len(seen) == 2
+
+
+def test_awaiting_yields_until_it_is_done():
+    future = Future()
+
+    async def wait():
+        return await future
+
+    coroutine = wait()
+    coroutine.send(None)
+    coroutine.send(None)
+    future.set_result("here")
+    with pytest.raises(StopIteration) as stop:
+        coroutine.send(None)
+    assert stop.value.value == "here"
+
+
+def test_awaiting_raises_the_exception():
+    future = Future()
+
+    async def wait():
+        await future
+
+    coroutine = wait()
+    coroutine.send(None)
+    future.set_exception(RuntimeError("no"))
+    with pytest.raises(RuntimeError, match="no"):
+        coroutine.send(None)
+
+
+@pytest.mark.real_time
+async def test_a_coroutine_of_asyncio_awaits_it_while_another_thread_completes_it():
+    future = Future()
+    threading.Timer(0.01, future.set_result, ["here"]).start()
+    assert await asyncio.wait_for(_awaited(future), 60) == "here"
+
+
+@pytest.mark.real_time
+async def test_a_coroutine_of_asyncio_may_give_it_up():
+    future = Future()
+    with pytest.raises(TimeoutError):
+        await asyncio.wait_for(_awaited(future), 0.01)
+    future.set_result(None)
+    await asyncio.sleep(0)
+
+
+@pytest.mark.real_time
+def test_completing_it_after_the_loop_of_its_reader_was_closed_is_silent():
+    future = Future()
+
+    async def begin():
+        reader = asyncio.ensure_future(_awaited(future))
+        await asyncio.sleep(0)
+        reader.cancel()
+
+    asyncio.run(begin())
+    future.set_result(None)
+
+
+async def _awaited(future):
+    return await future
+
+
+def test_an_exception_that_nobody_asked_for_is_told_when_the_future_goes(capsys):
+    future = Future()
+    future.set_exception(ValueError("forgotten"))
+    del future
+    gc.collect()
+    assert capsys.readouterr().err == "The following exception was never retrieved: forgotten\n"
+
+
+def test_a_future_shows_itself_as_that_of_the_task_module():
+    assert repr(Future()).startswith("<taskrpc.rclpy.task.Future object at ")
+
+
+def test_a_future_does_not_keep_its_executor(context):
+    executor = SingleThreadedExecutor(context=context)
+    future = Future(executor=executor)
+    seen = []
+    future.add_done_callback(seen.append)
+    del executor
+    gc.collect()
+    future.set_result(None)
+    assert seen == [future]
 
 
 class Recorder:

@@ -1,4 +1,7 @@
-"""The machinery behind rclpy's names: nothing here is a file of ROS.
+"""The private machinery of rclpy: no file here has a name of ROS.
 
-`execution` runs callbacks, `parameters` and `graph` are what nodes know, `diagnostics` explains
-what ROS 2 would do in silence. `bridge` is the only module that knows the background event loop."""
+Start with `node_interface` and `node_entities`, then `execution`, which runs callbacks.
+`parameters` and `graph` belong to nodes, `diagnostics` warns about what ROS 2 does in silence, and
+`bridge` is the only module that knows the background event loop. Names that programs import from
+rclpy do not belong here.
+"""

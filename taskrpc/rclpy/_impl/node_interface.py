@@ -14,7 +14,7 @@ from taskrpc import names
 from ..context import Context
 from ..handle import Handle
 from ..parameter import Parameter
-from .remapping import Remapping
+from .arguments import Remapping
 
 if TYPE_CHECKING:
     from .bridge import Bridge

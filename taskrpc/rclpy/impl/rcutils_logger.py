@@ -8,8 +8,8 @@ import time
 from types import FrameType
 from typing import Any, NamedTuple, Self
 
-from . import log_levels, log_output
-from .log_filters import (
+from .._impl.log import output
+from .._impl.log.filters import (
     Context,
     LoggingFilter,
     Once,
@@ -18,7 +18,7 @@ from .log_filters import (
     get_filters_from_kwargs,
     supported_filters,
 )
-from .log_format import Record
+from .._impl.log.format import Record
 from .logging_severity import LoggingSeverity
 
 __all__ = [
@@ -78,19 +78,19 @@ class RcutilsLogger:
         """A logger named `<this name>.<name>`, whose level is this one's unless it is set."""
         if not name:
             raise ValueError("Child logger name must not be empty.")
-        return RcutilsLogger(f"{self.name}{log_levels.SEPARATOR}{name}" if self.name else name)
+        return RcutilsLogger(f"{self.name}{output.SEPARATOR}{name}" if self.name else name)
 
     def set_level(self, level: LoggingSeverity | int) -> None:
         """Log from this severity on; `UNSET` goes back to what holds for the parent."""
-        log_levels.set_level(self.name, LoggingSeverity(level))
+        output.set_level(self.name, LoggingSeverity(level))
 
     def get_effective_level(self) -> LoggingSeverity:
         """From which severity on it logs."""
-        return LoggingSeverity(log_levels.effective_level_of(self.name))
+        return LoggingSeverity(output.effective_level_of(self.name))
 
     def is_enabled_for(self, severity: LoggingSeverity | int) -> bool:
         """Whether it logs lines of this severity."""
-        return LoggingSeverity(severity) >= log_levels.effective_level_of(self.name)
+        return LoggingSeverity(severity) >= output.effective_level_of(self.name)
 
     def log(
         self,
@@ -101,7 +101,7 @@ class RcutilsLogger:
     ) -> bool:
         """Log a message with the severity; `name` logs it under another name."""
         severity = LoggingSeverity(severity)
-        if severity < log_levels.effective_level_of(self.name):
+        if severity < output.effective_level_of(self.name):
             return False
         if name is None:
             name = self.name
@@ -173,10 +173,10 @@ def _emit(severity: LoggingSeverity, name: str, message: object, caller: CallerI
             "rclpy_logging_rcutils_log(): incompatible function arguments: expected a str as the"
             f" message, got {message!r} of type {type(message).__name__}"
         )
-    if severity >= log_levels.effective_level_of(name):
+    if severity >= output.effective_level_of(name):
         function, file, line, _ = caller
         path = os.path.abspath(file)
-        log_output.log(Record(severity, name, message, time.time_ns(), function, path, line))
+        output.log(Record(severity, name, message, time.time_ns(), function, path, line))
 
 
 def _as_c_takes_it(message: bytes | bytearray | None) -> str:

@@ -21,9 +21,9 @@ from .._impl.lifecycle_states import (
     Transition,
 )
 from .._impl.lifecycle_states import TransitionCallbackReturnType as TransitionCallbackReturn
+from .._impl.log import output
 from ..callback_groups import CallbackGroup
 from ..exceptions import RCLError
-from ..impl import log_output
 from ..node import Node
 from .managed_entity import ManagedEntity
 from .publisher import LifecyclePublisher
@@ -299,4 +299,4 @@ _NUMBERS = {"configure": 1, "cleanup": 2, "activate": 3, "deactivate": 4}
 
 
 def _log_refusal(sentence: str) -> None:
-    log_output.warn("rcl_lifecycle", sentence)
+    output.warn("rcl_lifecycle", sentence)

@@ -14,6 +14,7 @@ from taskrpc.rclpy._impl.arguments import (
     _SWITCHES,
     Arguments,
     RemapKind,
+    Remapping,
     RemapRule,
     overrides_of,
     parse,
@@ -284,3 +285,45 @@ def test_the_reference_has_every_option():
     rows = re.findall(r"^\| (`-.*?) \|", table, flags=re.M)
     told = {option for row in rows for option in re.findall(r"`(-[^`]*)`", row)}
     assert told == {*_OPTIONS, *_SWITCHES}
+
+
+def remapping(*rules):
+    line = [word for rule in rules for word in ("-r", rule)]
+    return Remapping(parse(["--ros-args", *line]).remaps)
+
+
+@pytest.mark.parametrize(
+    ("rule", "before", "after"),
+    [
+        ("service:=new", "/ns/service", "/ns/new"),
+        ("service:=a/new", "/ns/service", "/ns/a/new"),
+        ("a/service:=new", "/ns/a/service", "/ns/new"),
+        ("service:=/new", "/ns/service", "/new"),
+        ("/x:=y", "/x", "/ns/y"),
+        ("~/x:=x", "/ns/node/x", "/ns/x"),
+        ("service:=new", "/service", "/service"),
+        ("serv:=new", "/ns/service", "/ns/service"),
+        ("node:service:=new", "/ns/service", "/ns/new"),
+        ("other:service:=new", "/ns/service", "/ns/service"),
+        ("rosservice://service:=new", "/ns/service", "/ns/new"),
+        ("rostopic://service:=new", "/ns/service", "/ns/service"),
+    ],
+)
+def test_a_rule_holds_for_the_expanded_name(rule, before, after):
+    assert remapping(rule).service(before, "/ns", "node") == after
+
+
+def test_the_first_rule_that_fits_is_used():
+    assert remapping("x:=a", "x:=b").topic("/x", "/", "node") == "/a"
+
+
+def test_a_node_gets_another_name_and_namespace():
+    rules = remapping("__node:=other", "__ns:=/foo/bar")
+    assert rules.node_name("node") == "other"
+    assert rules.namespace("/ns", "other") == "/foo/bar"
+
+
+def test_a_rule_for_one_node_leaves_the_others_alone():
+    rules = remapping("mine:__ns:=/foo")
+    assert rules.namespace("/ns", "mine") == "/foo"
+    assert rules.namespace("/ns", "other") == "/ns"

@@ -1,1 +1,6 @@
-"""Explains what would wait for ever or fail in silence. Start with `explain`."""
+"""Warnings about mistakes that ROS 2 does not report, such as deadlocks and unspun nodes.
+
+Start with `explain`, which has all texts; `deadlocks` checks before a callback waits, and
+`watchdog` looks at all nodes once a second. These modules only read; they use the public methods
+of entities, executors and nodes.
+"""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from datetime import datetime
 from typing import NamedTuple
 
-from .logging_severity import LoggingSeverity
+from ...impl.logging_severity import LoggingSeverity
 
 DEFAULT = "[{severity}] [{time}] [{name}]: {message}"
 """The format while the environment gives no other."""

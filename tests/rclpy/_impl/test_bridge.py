@@ -5,7 +5,7 @@ import copy
 import pytest
 
 import srvgen
-from taskrpc.rclpy._impl.copies import detached
+from taskrpc.rclpy._impl.bridge import detached
 from taskrpc.rclpy.serialization import serialize_message
 from tests.rclpy.living import living
 

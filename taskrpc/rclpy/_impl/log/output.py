@@ -1,4 +1,4 @@
-"""Where the log goes: to the console as the environment says, and to `/rosout` through nodes."""
+"""The levels of loggers, and the outputs of the log: the console, and `/rosout` through nodes."""
 
 from __future__ import annotations
 
@@ -10,11 +10,54 @@ import weakref
 from collections.abc import Callable
 from typing import TextIO
 
-from .._impl.arguments import Arguments
-from . import log_levels
-from .log_format import DEFAULT, Format, Record, coloured
-from .log_levels import SEPARATOR
-from .logging_severity import LoggingSeverity
+from ...impl.logging_severity import LoggingSeverity
+from ..arguments import Arguments
+from .format import DEFAULT, Format, Record, coloured
+
+SEPARATOR = "."
+"""Between the name of a logger and that of its child."""
+
+DEFAULT_LEVEL = int(LoggingSeverity.INFO)
+"""The level of all loggers, unless somebody sets another."""
+
+_levels: dict[str, int] = {"": DEFAULT_LEVEL}
+_effective: dict[str, int] = {}  # found once: every line that is logged asks
+
+
+def set_level(name: str, level: int) -> None:
+    """Set the level of a logger, of all loggers by the name ""."""
+    _levels[name] = level
+    _effective.clear()
+
+
+def level_of(name: str) -> int:
+    """The level that was set for just this logger; 0 where there is none."""
+    return _levels.get(name, 0)
+
+
+def effective_level_of(name: str) -> int:
+    """The level that holds for a logger."""
+    level = _effective.get(name)
+    if level is None:
+        level = _effective[name] = _find(name)
+    return level
+
+
+def _find(name: str) -> int:
+    ancestor = name
+    while ancestor:
+        if level := level_of(ancestor):
+            return level
+        ancestor = ancestor.rpartition(SEPARATOR)[0]
+    return level_of("")
+
+
+def clear_levels() -> None:
+    """Forget every level that was set."""
+    _levels.clear()
+    _levels[""] = DEFAULT_LEVEL
+    _effective.clear()
+
 
 _rosout: dict[str, weakref.WeakMethod[Callable[[Record], None]]] = {}
 _lock = threading.Lock()  # lines of several threads stay whole
@@ -83,7 +126,7 @@ def shut_down() -> None:
     """Forget all levels; the environment is read again when something is logged."""
     global _console
     _console = None
-    log_levels.clear()
+    clear_levels()
 
 
 def begin(context: object, arguments: Arguments) -> None:
@@ -94,9 +137,9 @@ def begin(context: object, arguments: Arguments) -> None:
     if len(_owners) > 1:
         return
     if arguments.log_level is not None:
-        log_levels.set_level("", arguments.log_level or log_levels.DEFAULT)
+        set_level("", arguments.log_level or DEFAULT_LEVEL)
     for name, level in arguments.log_levels.items():
-        log_levels.set_level(name, level)
+        set_level(name, level)
     _to_console = arguments.stdout_logs is not False
     _to_rosout = arguments.rosout_logs is not False
     for warning in arguments.warnings:
@@ -136,7 +179,7 @@ def remove_rosout(name: str) -> None:
 
 def warn(name: str, message: str) -> None:
     """Log a warning that is not the program's, under the name of a part of ROS."""
-    if log_levels.effective_level_of(name) <= LoggingSeverity.WARN:
+    if effective_level_of(name) <= LoggingSeverity.WARN:
         log(Record(LoggingSeverity.WARN, name, message, time.time_ns(), "", "", 0))
 
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from typing import Any, ClassVar, TypeAlias
 
-from ..clock import Clock
+from ...clock import Clock
 
 Context: TypeAlias = dict[str, Any]
 """The context of one place in a program that logs: name, severity, filters and their state."""

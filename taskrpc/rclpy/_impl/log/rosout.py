@@ -7,12 +7,12 @@ import contextlib
 import srvgen
 from taskrpc.errors import TaskRpcError
 
-from ..endpoint_info import EndpointTypeEnum
-from ..impl import log_output
-from ..impl.log_format import Record
-from ..qos import QoSProfile
-from .graph.endpoints import forget, remember
-from .node_interface import NodeHandle
+from ...endpoint_info import EndpointTypeEnum
+from ...qos import QoSProfile
+from ..graph.endpoints import forget, remember
+from ..node_interface import NodeHandle
+from . import output
+from .format import Record
 
 TOPIC = "/rosout"
 """Where the log of all nodes is."""
@@ -30,7 +30,7 @@ class Rosout:
         # Not one of the node's own publishers, as in ROS; nor does it keep the node alive.
         self._native = node.bridge.publisher(_Log, TOPIC, qos.to_native())
         remember(self, EndpointTypeEnum.PUBLISHER, node.full_name, TOPIC, qos)
-        log_output.add_rosout(name, self.publish)
+        output.add_rosout(name, self.publish)
 
     def publish(self, record: Record) -> None:
         """Publish a line of the log, unless no message can hold it or the program has ended."""
@@ -49,6 +49,6 @@ class Rosout:
 
     def destroy(self) -> None:
         """Publish no more."""
-        log_output.remove_rosout(self._name)
+        output.remove_rosout(self._name)
         self._native.close()
         forget(self)

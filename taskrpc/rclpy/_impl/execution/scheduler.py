@@ -26,7 +26,8 @@ class ExternalShutdownException(Exception):
     """The context was shut down by another thread or a signal while an executor was spinning."""
 
 
-ExternalShutdownException.__module__ = f"{__package__}.executors"  # where programs find it
+# Programs import it from `rclpy.executors`, and tracebacks show it under that name.
+ExternalShutdownException.__module__ = __name__.partition("._impl")[0] + ".executors"
 
 
 class TimeoutObject:
@@ -51,7 +52,7 @@ def never() -> bool:
     return False
 
 
-class Rounds:
+class Scheduler:
     """Knows the nodes and the tasks, waits, and says what is to be run next."""
 
     _youngest_first: ClassVar[bool] = True

@@ -9,9 +9,9 @@ import pytest
 
 import srvgen
 from taskrpc import rclpy
+from taskrpc.rclpy._impl.log import output
 from taskrpc.rclpy.context import Context
 from taskrpc.rclpy.executors import SingleThreadedExecutor
-from taskrpc.rclpy.impl import log_output
 from taskrpc.rclpy.node import Node
 
 pytestmark = pytest.mark.real_time
@@ -80,7 +80,7 @@ def test_the_second_node_of_a_name_is_warned_of_and_one_that_is_gone_is_not(star
     third = Node("twice", context=context)
     assert capsys.readouterr().err == ""
     third.destroy_node()
-    assert "twice" not in log_output._rosout
+    assert "twice" not in output._rosout
 
 
 def test_logging_at_the_very_end_of_a_program_only_logs():
