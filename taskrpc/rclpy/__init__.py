@@ -1,6 +1,9 @@
-"""rclpy's names over taskrpc: programs written for ROS 2 run without it.
+"""rclpy's names over taskrpc: programs that were written for ROS 2 run without it.
 
-Begin with `init()`, make nodes, let callbacks run with `spin`, end with `shutdown()`.
+A program calls `init()`, creates nodes, runs their callbacks with `spin`, and calls `shutdown()`.
+Start reading with `node`, then `executors`; both rest on `_impl`, the private machinery. Only files
+that ROS names belong here. The package is also imported as top-level `rclpy`, so that all imports
+inside it are relative.
 """
 
 from __future__ import annotations

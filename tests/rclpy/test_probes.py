@@ -61,8 +61,8 @@ REASONS = {
     "a new call on the old client": "shown in test_client",
     "the old call": "fails at once",
     "server SIGINTed: service_is_ready() turns False after": "at once",
-    "three calls of 300/100/200 ms, async callbacks, reentrant": "shown in test_executor",
-    "the same, service in a mutually exclusive group": "shown in test_executor",
+    "three calls of 300/100/200 ms, async callbacks, reentrant": "shown in test_executors",
+    "the same, service in a mutually exclusive group": "shown in test_executors",
     "async callback awaiting a client, reentrant group": "shown in test_service",
     "its result": "of what is above it, where more is asked",
 }

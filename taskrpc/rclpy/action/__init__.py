@@ -1,4 +1,8 @@
-"""Actions: not yet. Programs that have some beside services run, and are told what lacks."""
+"""The classes of rclpy.action, so that programs that import them start.
+
+taskrpc has no actions yet: creating a client or server says so, and names the alternative. Start
+with `client`, which has the message. No implementation of actions belongs here.
+"""
 
 from .client import ActionClient
 from .server import ActionServer, CancelResponse, GoalResponse

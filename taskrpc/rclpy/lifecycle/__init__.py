@@ -1,4 +1,8 @@
-"""Nodes whose work is set up, begun, ended and cleaned up step by step, on request of others."""
+"""Lifecycle nodes: other programs configure, activate, deactivate and clean them up step by step.
+
+Start with `node`; `managed_entity` and `publisher` are the parts that take part in the steps. The
+table of states and transitions is in `_impl.lifecycle_states`.
+"""
 
 from .._impl.lifecycle_states import LifecycleState
 from .._impl.lifecycle_states import TransitionCallbackReturnType as TransitionCallbackReturn
