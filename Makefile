@@ -25,7 +25,7 @@ MODULES ?=
 
 mutants:
 	$(BIN)/pip install --quiet --editable '.[mutants]'
-	$(BIN)/python tests/mutation/run.py --sample $(SAMPLE) $(MODULES)
+	$(BIN)/python tests/mutation/mutants.py --sample $(SAMPLE) $(MODULES)
 
 lint:
 	$(BIN)/ruff check .

@@ -18,7 +18,7 @@ from pathlib import Path
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
 
 from benchmarks.contenders import BASELINE, CONTENDERS
-from benchmarks.harness.run import QUICK, Settings, run, write
+from benchmarks.harness.benchmark import QUICK, Settings, run, write
 
 
 def main() -> int:

@@ -20,27 +20,27 @@ SIZES = (1, 10, 100, 1000, 10_000)
 
 
 @pytest.mark.parametrize("exponent", [0, 0.5, 1, 2])
-def test_the_exponent_is_that_of_the_law_which_made_the_figures(exponent):
+def test_exponent_is_that_of_the_generating_law(exponent):
     assert power(SIZES, [3 * size**exponent for size in SIZES]) == pytest.approx(exponent)
     falling = tuple(1e9 / size**exponent for size in SIZES)
     assert Curve(RATE, SIZES, falling).exponent == pytest.approx(exponent)
 
 
-def test_growth_that_a_fixed_cost_hides_at_first_is_seen_at_the_end():
+def test_growth_behind_a_fixed_cost_is_found():
     curve = Curve(COST, SIZES, tuple(300 + size for size in SIZES))
     assert curve.exponent < 0.4
     assert not curve.is_within
     assert Curve(COST, SIZES, (300.0, 320.0, 290.0, 310.0, 330.0)).is_within
 
 
-def test_what_could_not_be_measured_is_left_out():
+def test_unmeasured_sizes_are_left_out():
     curve = Curve(COST, SIZES, (0.0, 0.0, 5.0, 5.0, 5.0))
     assert curve.known.sizes == (100, 1000, 10_000)
     assert curve.exponent == pytest.approx(0)
     assert Curve(COST, (1,), (0.0,)).known.sizes == ()
 
 
-def test_report_and_picture_show_every_curve_and_name_what_grows_too_fast():
+def test_report_and_picture_show_each_curve_and_name_too_fast_growth():
     fast = Curve(COST, SIZES, tuple(float(size) for size in SIZES))
     unknown = Curve(Measure("u", "unknown", "bytes"), SIZES, (0.0,) * 5)
     found = [(TOPICS[0], [fast, Curve(RATE, SIZES, (9.0,) * 5), unknown])]
@@ -54,7 +54,7 @@ def test_report_and_picture_show_every_curve_and_name_what_grows_too_fast():
 
 @pytest.mark.real_time
 @pytest.mark.parametrize("name", [each.name for each in TOPICS])
-def test_each_topic_measures_all_that_it_shows(name):
+def test_each_topic_measures_all_its_curves(name):
     command = [sys.executable, "-m", "benchmarks.growing.child", name, "20", "0.02"]
     home = {"ROS_DOMAIN_ID": "0", "TASKRPC_INTERFACE_PATH": str(ROOT / "benchmarks/interfaces")}
     done = subprocess.run(

@@ -14,13 +14,13 @@ from hypothesis import strategies as st
 
 from benchmarks.contenders import BASELINE, CONTENDERS, contender, raw_asyncio
 from benchmarks.harness import idle, machine, plot
+from benchmarks.harness.benchmark import Settings, run, write
 from benchmarks.harness.goals import Goal
 from benchmarks.harness.jsonfile import to_json
 from benchmarks.harness.processes import CAN_PIN, ChildFailed, Pair
 from benchmarks.harness.quantiles import quantile
 from benchmarks.harness.report import report
 from benchmarks.harness.results import Idle, Results, figure
-from benchmarks.harness.run import Settings, run, write
 from benchmarks.harness.workloads import phases
 
 ABOUT = {
@@ -40,7 +40,7 @@ TINY = Settings(
 
 
 @pytest.mark.real_time
-def test_a_small_run_yields_tables_numbers_and_a_picture(tmp_path, monkeypatch):
+def test_small_benchmark_writes_tables_numbers_and_a_picture(tmp_path, monkeypatch):
     monkeypatch.setattr(idle, "_SETTLING", 0.01)
     results = run([BASELINE, contender("taskrpc")], TINY)
     write(results, tmp_path)
@@ -60,7 +60,7 @@ def test_a_small_run_yields_tables_numbers_and_a_picture(tmp_path, monkeypatch):
 
 
 @pytest.mark.real_time
-def test_a_server_that_died_is_said_and_does_not_hang():
+def test_dead_server_is_reported_and_does_not_hang():
     with Pair(BASELINE) as pair:
         pair.start()
         assert pair.server is not None
@@ -74,7 +74,7 @@ def test_ratios_are_taken_within_each_round():
     assert (found.value, found.ratio, found.low, found.high) == (30.0, 2.0, 1.0, 3.0)
 
 
-def test_there_is_no_figure_where_a_coarse_clock_measured_nothing():
+def test_zero_from_a_coarse_clock_gives_no_figure():
     """On Windows the clock of CPU time ticks every 16 ms."""
     sample = {"elapsed": 1.0, "p50": 1.0, "p99": 1.0, "calls": 10, "cpu": 0.1}
     results = Results({**ABOUT})
@@ -88,25 +88,25 @@ def test_there_is_no_figure_where_a_coarse_clock_measured_nothing():
 
 
 @given(st.lists(st.floats(1e-6, 10), min_size=1), st.floats(0.001, 1))
-def test_a_quantile_is_the_least_value_that_the_share_does_not_exceed(values, share):
+def test_quantile_is_the_least_value_that_the_share_does_not_exceed(values, share):
     found = quantile(values, share)
     assert found in values
     assert sum(value <= found for value in values) >= share * len(values)
     assert sum(value < found for value in values) < share * len(values)
 
 
-def test_a_goal_is_met_at_its_limit_and_not_beyond():
+def test_goal_is_met_at_its_limit_and_not_beyond():
     at_most = Goal("p50", (0.5, 0.4), lambda results, loop: None)
     at_least = Goal("calls/s", (2.0, 3.0), lambda results, loop: None, at_most=False)
     assert [at_most.is_met(0.5, 0), at_most.is_met(0.5, 1)] == [True, False]
     assert [at_least.is_met(2.0, 0), at_least.is_met(2.0, 1)] == [True, False]
 
 
-def test_what_was_not_measured_says_so():
+def test_unmeasured_goal_is_marked():
     assert "| p50, plain callback | ≤ 0.62 | not measured |" in report(Results(ABOUT))
 
 
-def test_the_report_says_that_the_machine_was_busy():
+def test_report_says_that_the_machine_was_busy():
     told = "Load average at the start: 0.2; during the run others used 0.05 cores."
     warning = "The machine was busy"
     quiet = report(Results({**ABOUT, "load": 0.2, "others": 0.05}))
@@ -116,7 +116,7 @@ def test_the_report_says_that_the_machine_was_busy():
     assert warning in report(Results({**ABOUT, "load": 0.2, "others": 0.9}))
 
 
-def test_what_others_use_is_counted_in_cores(monkeypatch):
+def test_load_of_other_programs_is_counted_in_cores(monkeypatch):
     seconds = iter([(100.0, 50.0), (110.0, 52.5)])
     now = None
 
@@ -130,16 +130,16 @@ def test_what_others_use_is_counted_in_cores(monkeypatch):
     assert machine.Others().cores() == 0.25
 
 
-def test_cores_wait_for_disks_without_being_busy():
+def test_waiting_for_disks_is_not_counted_as_busy():
     assert machine._busy("cpu  100 20 30 9000 900 4 5 6 7 8\ncpu0 1 1 1", 100) == 1.65
 
 
-def test_the_report_tells_what_a_command_imports():
+def test_report_lists_the_imports_of_a_command():
     found = {"taskrpc --help": {"taskrpc": (4, 0.002)}, "taskrpc-call /add": {}}
     assert "| taskrpc | 4 modules, 2.00 ms | none |" in report(Results(ABOUT, imports=found))
 
 
-def test_memory_of_idle_connections_is_what_they_add():
+def test_memory_of_idle_connections_is_the_difference():
     held = {0: Idle([5e6]), 100: Idle([5.2e6])}
     results = Results({}, idle={"taskrpc": held})
     assert results.idle_bytes("taskrpc", 100) == pytest.approx(2000)
@@ -147,14 +147,14 @@ def test_memory_of_idle_connections_is_what_they_add():
     assert results.idle_bytes("taskrpc", 200) is None
 
 
-def test_contenders_have_names_of_their_own_and_modules_that_exist():
+def test_contenders_have_unique_names_and_existing_modules():
     names = [each.name for each in CONTENDERS]
     assert len(set(names)) == len(names)
     for each in CONTENDERS:
         assert importlib.util.find_spec(f"benchmarks.contenders.{each.module}")
 
 
-def test_a_missing_library_is_named():
+def test_missing_library_is_named():
     assert contender("taskrpc").missing() == []
     absent = type(BASELINE)("x", "x", needs=("no_such_library",), programs=("no-such-program",))
     assert absent.missing() == ["no_such_library", "no-such-program"]
@@ -178,7 +178,7 @@ class _Written(list):
 
 
 @given(st.lists(st.binary(max_size=20)), st.data())
-def test_the_baseline_answers_all_frames_of_a_read_with_one_write(bodies, data):
+def test_baseline_answers_all_frames_of_a_read_with_one_write(bodies, data):
     sent = b"".join(map(raw_asyncio.frame, bodies))
     server, written = raw_asyncio.Server(), _Written()
     server.connection_made(written)
@@ -191,7 +191,7 @@ def test_the_baseline_answers_all_frames_of_a_read_with_one_write(bodies, data):
     assert len(written) <= reads
 
 
-def test_the_baseline_joins_the_chunks_of_a_large_frame_once():
+def test_baseline_joins_the_chunks_of_a_large_frame_once():
     server, written = raw_asyncio.Server(), _Written()
     server.connection_made(written)
     large = raw_asyncio.frame(bytes(100_000))

@@ -97,7 +97,7 @@ def roster(lecturer):
     }
 
 
-def test_a_laptop_joins_calls_and_is_revoked(lecturer, strings, laptop):
+def test_laptop_joins_calls_and_is_revoked(lecturer, strings, laptop):
     said = laptop.run("taskrpc", "join", strings["ada"])
     assert re.search(r"joined the lab at 127\.0\.0\.1:\d+ as ada, until \d{4}-", said)
     assert "/robot_task" in said
@@ -133,7 +133,7 @@ def test_a_laptop_joins_calls_and_is_revoked(lecturer, strings, laptop):
     assert "nobody offers" in submit(laptop, code=4)
 
 
-def test_a_string_that_is_typed_in_wrong_is_told_and_changes_nothing(strings, laptop):
+def test_mistyped_invitation_is_refused_and_changes_nothing(strings, laptop):
     right = strings["grace"]
     wrong = right[:30] + ("A" if right[30] != "A" else "B") + right[31:]
     assert "the character at place 31" in laptop.run("taskrpc", "join", wrong, code=1)
@@ -163,7 +163,7 @@ taskrpc.run(main())
 """
 
 
-def test_programs_that_know_of_no_lab_call_it_and_have_a_namespace_there(strings, laptop):
+def test_unchanged_programs_call_the_lab_in_their_own_namespace(strings, laptop):
     said = laptop.run("taskrpc", "join", strings["grace"])
     assert "Your own services are in /grace: `greet` is /grace/greet." in said
     script = laptop.folder / "turtle.py"

@@ -136,7 +136,7 @@ GOLDEN = [
 
 
 @pytest.mark.parametrize("argv", GOLDEN, ids=" ".join)
-def test_output_begins_as_that_of_real_ros2(home, argv, monkeypatch, capsys):
+def test_output_begins_like_that_of_ros2(home, argv, monkeypatch, capsys):
     """In this process, for speed: the other tests show that processes behave alike."""
     monkeypatch.setenv("XDG_RUNTIME_DIR", home.environment["XDG_RUNTIME_DIR"])
     code, expected = recorded(" ".join(["ros2", *argv]))
@@ -146,7 +146,7 @@ def test_output_begins_as_that_of_real_ros2(home, argv, monkeypatch, capsys):
     assert out in ("", expected), "what ours adds goes to stderr"
 
 
-def test_taskrpc_call_prints_what_ros2_service_call_prints(home):
+def test_taskrpc_call_prints_like_ros2_service_call(home):
     expected = (
         "requester: making request: example_interfaces.srv.AddTwoInts_Request(a=2, b=3)\n"
         "\n"
@@ -162,7 +162,7 @@ def test_taskrpc_call_prints_what_ros2_service_call_prints(home):
 
 
 @pytest.mark.parametrize("encoding", ["cp1252", "cp1256", "utf-8"])
-def test_output_survives_every_code_page(home, encoding):
+def test_output_is_right_in_every_code_page(home, encoding):
     code, out, err = home.run(
         "taskrpc.cli.call", "_task", f"target={ARABIC} caf\u00e9", PYTHONIOENCODING=encoding
     )
@@ -180,13 +180,13 @@ def test_output_survives_every_code_page(home, encoding):
         (["service", "info", "-v", "add_two_ints"], "cp1256"),
     ],
 )
-def test_folders_with_spaces_and_foreign_letters_survive_every_code_page(home, argv, encoding):
+def test_folders_with_spaces_and_foreign_letters_work_in_every_code_page(home, argv, encoding):
     code, out, err = home.run("taskrpc", *argv, PYTHONIOENCODING=encoding)
     assert (code, err) == (0, "")
     assert "Ahmad " in out
 
 
-def test_json_is_ascii_whatever_it_carries(home):
+def test_json_output_is_always_ascii(home):
     _, out, _ = home.run("taskrpc.cli.call", "_task", f"target={ARABIC}", "--json")
     assert out.isascii()
     assert out.count("\n") == 1
@@ -216,7 +216,7 @@ def test_ctrl_c_ends_a_call_silently(home, when):
     assert time.monotonic() - began < 5
 
 
-def test_a_reader_that_leaves_early_is_no_error(home):
+def test_closed_pipe_is_no_error(home):
     process = home.start("-m", "taskrpc", "interface", "list")
     assert process.stdout is not None
     assert process.stderr is not None
@@ -234,7 +234,7 @@ def test_python_m_taskrpc_and_the_modules_are_the_commands(home):
     assert home.run("taskrpc.cli.call", "-h")[1].startswith("usage: taskrpc-call ")
 
 
-def test_stop_lets_the_server_end_as_by_ctrl_c(home):
+def test_stop_ends_the_server_like_ctrl_c(home):
     code, out, err = home.run("taskrpc", "stop", "adder.py")
     assert (code, err) == (0, "")
     assert out == f"stopped adder.py (pid {home.server.pid})\n"

@@ -272,14 +272,14 @@ def figures(text, pattern):
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
-def test_the_programs_print_what_the_readme_shows(folder, outcomes_of):
+def test_programs_print_the_output_in_their_readme(folder, outcomes_of):
     for scene, outcome in zip(scenes_of(folder), outcomes_of(folder), strict=True):
         for printed, shown in zip(outcome.printed, scene.shown, strict=True):
             check_same(printed, shown, folder)
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
-def test_what_the_readme_suggests_to_try_prints_what_it_says(folder, outcomes_of):
+def test_suggested_experiments_print_the_output_in_the_readme(folder, outcomes_of):
     for scene, outcome in zip(scenes_of(folder), outcomes_of(folder), strict=True):
         for printed, (_, shown) in zip(outcome.beside, scene.beside, strict=True):
             check_same(printed, shown, folder)
@@ -288,7 +288,7 @@ def test_what_the_readme_suggests_to_try_prints_what_it_says(folder, outcomes_of
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
-def test_the_readme_shows_a_mistake_or_something_else_to_try(folder):
+def test_readme_suggests_an_experiment(folder):
     assert any(scene.beside + scene.alone for scene in scenes_of(folder))
 
 
@@ -320,7 +320,7 @@ def test_readme_commands_name_files_that_exist_in_both_spellings(folder):
 
 
 @pytest.mark.parametrize("folder", FOLDERS)
-def test_every_program_has_a_main_and_is_in_its_readme(folder):
+def test_each_program_has_a_main_and_is_in_its_readme(folder):
     programs = list((EXAMPLES / folder).glob("*.py"))
     assert programs
     for program in programs:
@@ -329,7 +329,7 @@ def test_every_program_has_a_main_and_is_in_its_readme(folder):
         assert program.name in (EXAMPLES / folder / "README.md").read_text("utf-8")
 
 
-def test_the_index_leads_to_every_example():
+def test_index_links_every_example():
     index = (EXAMPLES / "README.md").read_text("utf-8")
     assert re.findall(r"\]\((\d\d_\w+)/\)", index) == FOLDERS
 
@@ -337,7 +337,7 @@ def test_the_index_leads_to_every_example():
 # What single examples promise
 
 
-def test_01_a_client_that_is_started_first_waits_for_the_server():
+def test_01_client_that_starts_first_waits_for_the_server():
     with private_network() as env:
         client = argv_of("python examples/01_add_two_ints/client.py 2 3", quick=False)
         with Running(client, cwd=stage(), env=env) as client:
@@ -349,7 +349,7 @@ def test_01_a_client_that_is_started_first_waits_for_the_server():
         assert last == "2 + 3 = 5"
 
 
-def test_02_srvgen_says_what_the_readme_shows_about_a_mistyped_definition(tmp_path):
+def test_02_srvgen_reports_a_mistyped_definition_as_in_the_readme(tmp_path):
     example = "examples/02_custom_service"
     shutil.copytree(ROOT / example, tmp_path / example)
     definition = tmp_path / example / "my_interfaces/srv/CheckScan.srv"
@@ -360,7 +360,7 @@ def test_02_srvgen_says_what_the_readme_shows_about_a_mistyped_definition(tmp_pa
     assert said.replace("\\", "/") in (EXAMPLES / "02_custom_service/README.md").read_text("utf-8")
 
 
-def test_02_generated_classes_take_the_place_of_the_import_hook(tmp_path):
+def test_02_generated_classes_replace_the_import_hook(tmp_path):
     with private_network() as env:
         run(
             f"srvgen generate examples/02_custom_service/my_interfaces -o {tmp_path.as_posix()}",
@@ -372,7 +372,7 @@ def test_02_generated_classes_take_the_place_of_the_import_hook(tmp_path):
     assert printed == "2 my_interfaces.srv._check_scan\n"
 
 
-def test_02_a_client_whose_definition_differs_is_refused(tmp_path):
+def test_02_client_with_another_definition_is_refused(tmp_path):
     example = "examples/02_custom_service"
     copy = tmp_path / "copy"
     shutil.copytree(ROOT / example, copy)
@@ -384,7 +384,7 @@ def test_02_a_client_whose_definition_differs_is_refused(tmp_path):
     assert "/check_scan is offered as my_interfaces/srv/CheckScan with the hash" in said
 
 
-def test_04_four_calls_at_once_take_as_long_as_one(outcomes_of):
+def test_04_four_concurrent_calls_take_as_long_as_one(outcomes_of):
     (outcome,) = outcomes_of("04_sync_and_async")
     (one_by_one,) = figures(outcome.printed[1], r"took (\S+) s")
     (together,) = figures(outcome.printed[2], r"took (\S+) s")
@@ -392,7 +392,7 @@ def test_04_four_calls_at_once_take_as_long_as_one(outcomes_of):
     assert 0.2 <= together < one_by_one / 2
 
 
-def test_05_a_call_ends_at_its_deadline_and_not_before(outcomes_of):
+def test_05_call_ends_at_its_deadline_and_not_before(outcomes_of):
     (outcome,) = outcomes_of("05_timeouts")
     whole, late, quick = figures(outcome.printed[1], r"after (\S+) s")
     assert whole >= 0.8
@@ -400,7 +400,7 @@ def test_05_a_call_ends_at_its_deadline_and_not_before(outcomes_of):
     assert quick < 0.4
 
 
-def test_06_the_lectures_policy_waits_as_long_as_the_loop_and_the_default_less(outcomes_of):
+def test_06_lecture_policy_waits_as_long_as_the_loop_and_the_default_less(outcomes_of):
     (outcome,) = outcomes_of("06_retry_with_backoff")
     by_hand, lecture, default = figures(outcome.printed[1], r"degrees after (\S+) s")
     assert by_hand >= 3 * 0.08
@@ -408,7 +408,7 @@ def test_06_the_lectures_policy_waits_as_long_as_the_loop_and_the_default_less(o
     assert default < lecture
 
 
-def test_07_concurrency_and_threads_run_eight_requests_in_the_time_of_few(outcomes_of):
+def test_07_concurrency_and_threads_shorten_eight_requests(outcomes_of):
     (outcome,) = outcomes_of("07_concurrent_requests")
     one_by_one, at_once, threads = figures(outcome.printed[1], r"in (\S+) s")
     assert one_by_one >= 8 * 0.06
@@ -416,7 +416,7 @@ def test_07_concurrency_and_threads_run_eight_requests_in_the_time_of_few(outcom
     assert threads < one_by_one / 2
 
 
-def test_07_a_callback_that_holds_the_loop_is_named_as_the_readme_shows():
+def test_07_callback_that_blocks_the_loop_is_named_as_in_the_readme():
     folder = "examples/07_concurrent_requests"
     with private_network() as env:
         server = Running([sys.executable, "server.py", "0.3"], cwd=stage() / folder, env=env)
@@ -430,7 +430,7 @@ def test_07_a_callback_that_holds_the_loop_is_named_as_the_readme_shows():
     assert warning in plain((ROOT / folder / "README.md").read_text("utf-8"))
 
 
-def test_08_the_log_and_taskrpc_stop_say_what_the_readme_shows():
+def test_08_log_and_taskrpc_stop_print_as_in_the_readme():
     folder = "examples/08_debugging"
     readme = plain((ROOT / folder / "README.md").read_text("utf-8"))
     with private_network() as env, start(f"python {folder}/server.py", env) as server:

@@ -66,7 +66,7 @@ def needless(modules: set[str], unwanted: str) -> list[str]:
     )
 
 
-def test_what_is_imported_is_seen():
+def test_imported_modules_are_listed():
     assert needless(imported("import difflib, yaml"), "difflib yaml.nodes") == [
         "difflib",
         "yaml.nodes",
@@ -74,7 +74,7 @@ def test_what_is_imported_is_seen():
 
 
 @pytest.mark.parametrize("package", ["taskrpc", "srvgen"])
-def test_a_package_alone_imports_next_to_nothing(package):
+def test_packages_import_almost_nothing(package):
     modules = imported(f"import {package}")
     assert needless(modules, f"typing re enum {NETWORK} {MISTAKES} {ELSEWHERE}") == []
 
@@ -85,7 +85,7 @@ def test_help_of_taskrpc_imports_no_network(argv):
     assert needless(modules, f"typing {DEFINITIONS} {NETWORK} {MISTAKES} {ELSEWHERE}") == []
 
 
-def test_a_program_for_rclpy_imports_nothing_that_few_need(tmp_path, monkeypatch):
+def test_rclpy_program_imports_no_rarely_needed_module(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     program = tmp_path / "program.py"
     program.write_text("import rclpy\nfrom rclpy.node import Node\nrclpy.init()\nNode('n')\n")
@@ -94,7 +94,7 @@ def test_a_program_for_rclpy_imports_nothing_that_few_need(tmp_path, monkeypatch
     assert needless(modules, f"{MISTAKES} {elsewhere} importlib.abc importlib.resources") == []
 
 
-def test_help_of_a_call_imports_no_network():
+def test_help_of_taskrpc_call_imports_no_network():
     modules = command("taskrpc.cli.call", "--help")
     assert needless(modules, f"typing {DEFINITIONS} {NETWORK} {MISTAKES} {ELSEWHERE}") == []
 
@@ -106,7 +106,7 @@ def test_help_of_a_call_imports_no_network():
         ["a=2", "b=3"],
     ],
 )
-async def test_a_call_imports_only_what_a_call_needs(request_, tmp_path, monkeypatch):
+async def test_call_imports_only_the_modules_of_a_call(request_, tmp_path, monkeypatch):
 
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
     add = srvgen.load("example_interfaces/srv/AddTwoInts")
@@ -125,7 +125,7 @@ async def test_a_call_imports_only_what_a_call_needs(request_, tmp_path, monkeyp
     assert needless(modules, unwanted) == []
 
 
-def test_srvgen_check_imports_neither_network_nor_what_explains_mistakes(tmp_path):
+def test_srvgen_check_imports_neither_network_nor_diagnostics(tmp_path):
     file = tmp_path / "demo_msgs" / "srv" / "Ask.srv"
     file.parent.mkdir(parents=True)
     file.write_text("int64 a\n---\nint64 b\n", encoding="utf-8")
@@ -144,7 +144,7 @@ def test_help_of_srvgen_imports_no_generator():
     assert needless(modules, f"{unwanted} {MISTAKES} {ELSEWHERE}") == []
 
 
-def test_a_program_without_topics_imports_nothing_of_them():
+def test_program_without_topics_imports_no_module_of_topics():
     modules = imported("""
 import srvgen, taskrpc
 Trigger = srvgen.load("std_srvs/srv/Trigger")

@@ -74,12 +74,12 @@ async def line(server):
     return await asyncio.to_thread(server.stdout.readline)
 
 
-async def test_a_client_finds_a_server_in_another_process_with_nothing_configured(start, client):
+async def test_client_finds_a_server_in_another_process_without_configuration(start, client):
     start()
     assert (await client.call(ask(7))).sum == 7
 
 
-async def test_a_client_that_waits_is_woken_by_a_server_that_starts(start, client):
+async def test_waiting_client_is_woken_when_a_server_starts(start, client):
     waiting = asyncio.create_task(client.wait_for_service(None))
     await asyncio.sleep(0.05)
     await asyncio.to_thread(start)
@@ -87,7 +87,7 @@ async def test_a_client_that_waits_is_woken_by_a_server_that_starts(start, clien
         assert await waiting
 
 
-async def test_a_killed_server_leaves_its_calls_with_an_unknown_outcome_at_once(start, client):
+async def test_calls_of_a_killed_server_end_at_once_with_unknown_outcome(start, client):
     server = start()
     calls = [client.call_async(ask(n, 60_000), timeout=None) for n in range(100)]
     assert await line(server) == "running\n"
@@ -100,7 +100,7 @@ async def test_a_killed_server_leaves_its_calls_with_an_unknown_outcome_at_once(
     assert isinstance(await outcome(client.call(ask(1))), taskrpc.ServiceUnavailable)
 
 
-async def test_a_restarted_server_is_found_by_the_same_client(start, client):
+async def test_client_finds_a_restarted_server(start, client):
     for n in range(2):
         server = await asyncio.to_thread(start)
         assert await client.wait_for_service(60)
@@ -111,7 +111,7 @@ async def test_a_restarted_server_is_found_by_the_same_client(start, client):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-async def test_a_stop_signal_lets_calls_in_flight_finish(start, client, number):
+async def test_calls_in_flight_finish_after_a_stop_signal(start, client, number):
     server = start()
     call = client.call_async(ask(5, 300))
     assert await line(server) == "running\n"
@@ -123,7 +123,7 @@ async def test_a_stop_signal_lets_calls_in_flight_finish(start, client, number):
     assert (server.returncode, out, errors) == (0, "drained\n", "")
 
 
-async def test_a_second_signal_ends_a_draining_server_at_once(start, client):
+async def test_second_signal_ends_a_draining_server_at_once(start, client):
     server = start()
     call = client.call_async(ask(5, 60_000))
     assert await line(server) == "running\n"
@@ -135,7 +135,7 @@ async def test_a_second_signal_ends_a_draining_server_at_once(start, client):
     assert isinstance(await outcome(call), taskrpc.OutcomeUnknown)
 
 
-async def test_with_no_call_in_flight_a_server_ends_within_two_seconds(start, client):
+async def test_idle_server_ends_within_two_seconds(start, client):
     server = start()
     await client.call(ask(1))
     began = time.perf_counter()
@@ -144,7 +144,7 @@ async def test_with_no_call_in_flight_a_server_ends_within_two_seconds(start, cl
     assert time.perf_counter() - began < 2
 
 
-async def test_the_load_moves_to_a_second_server_unseen(start, client):
+async def test_calls_move_to_a_second_server_without_errors(start, client):
     first = start("first")
     assert await client.wait_for_service(60)
     start("second", "join")
@@ -163,7 +163,7 @@ async def test_the_load_moves_to_a_second_server_unseen(start, client):
     assert await asyncio.to_thread(first.wait, 5) == 0
 
 
-async def test_a_second_server_is_refused_with_all_that_helps(start, tmp_path):
+async def test_second_server_is_refused_with_the_first_servers_details(start, tmp_path):
     first = start("first")
     done = await asyncio.to_thread(
         subprocess.run,
@@ -221,7 +221,7 @@ asyncio.run(main())
 """
 
 
-async def test_a_server_out_of_descriptors_serves_on_and_accepts_again_later(tmp_path):
+async def test_server_out_of_descriptors_continues_and_accepts_again_later(tmp_path):
     script = tmp_path / "flooded.py"
     script.write_text(FLOODED)
     done = await asyncio.to_thread(

@@ -155,7 +155,7 @@ def failing_server(folder, *argv):
 # The lecture
 
 
-def test_the_lectures_four_tasks_run_in_the_order_two_one_three_four(start, task, listed):
+def test_lectures_four_tasks_run_in_the_order_two_one_three_four(start, task, listed):
     start("--speed", 50, "--settle", 1)
     code, out, err = task("submit", "move", "warehouse", 8)
     assert (code, err) == (0, "")
@@ -170,7 +170,7 @@ def test_the_lectures_four_tasks_run_in_the_order_two_one_three_four(start, task
     assert ids(sorted(ended, key=lambda each: each["started"])) == [2, 1, 3, 4]
 
 
-def test_four_clients_at_once_are_all_served(start, task, listed, tmp_path):
+def test_four_concurrent_clients_are_served(start, task, listed, tmp_path):
     start()
     task("pause")
     rows = [("move", "warehouse"), ("scan", "area_a"), ("move", "station_1"), ("report", "central")]
@@ -189,7 +189,7 @@ def test_four_clients_at_once_are_all_served(start, task, listed, tmp_path):
     assert [found[answer["task_id"]] for answer in answers] == rows
 
 
-def test_a_plain_service_call_queues_a_task(start, capsys):
+def test_plain_service_call_queues_a_task(start, capsys):
     start("--speed", 20)
     yaml = "{task_type: move, target: '3,3', priority: 7}"
     for number, request in enumerate(
@@ -205,7 +205,7 @@ def test_a_plain_service_call_queues_a_task(start, capsys):
         assert answer in capsys.readouterr().out
 
 
-def test_a_request_that_is_sent_again_after_a_crash_moves_the_robot_once(start, listed, capsys):
+def test_request_repeated_after_a_crash_moves_the_robot_once(start, listed, capsys):
     server = start("--settle", "60")
     request = ["task_type=move", "target=3,4", "priority=8", "--request-id", "monday", "--json"]
     answers = []
@@ -222,7 +222,7 @@ def test_a_request_that_is_sent_again_after_a_crash_moves_the_robot_once(start, 
     assert "another request was sent under this request id" in capsys.readouterr().err
 
 
-def test_a_refused_task_is_told_why_and_uses_up_no_number(start, capsys):
+def test_refused_task_has_a_reason_and_uses_no_id(start, capsys):
     start("--speed", 20)
     for kind, target, priority, message in (
         ("fly", "dock", 5, "Invalid task: fly (expected move, scan or report)"),
@@ -241,7 +241,7 @@ def test_a_refused_task_is_told_why_and_uses_up_no_number(start, capsys):
     assert json.loads(capsys.readouterr().out)["task_id"] == 1
 
 
-def test_a_full_queue_refuses_until_there_is_room(start, task):
+def test_full_queue_refuses_tasks_until_there_is_room(start, task):
     start("--queue-limit", 1, "--speed", 20)
     task("pause")
     assert task("submit", "move", "dock")[0] == 0
@@ -277,7 +277,7 @@ def test_tasks_are_cancelled_moved_dropped_and_queued_again(start, task, listed)
     assert task("requeue", 99) == (1, "", "There is no task 99\n")
 
 
-def test_stop_halts_the_robot_and_the_waiting_submit_ends_with_an_error(start, task, tmp_path):
+def test_stop_halts_the_robot_and_ends_a_waiting_submit_with_an_error(start, task, tmp_path):
     start("--speed", 1)
     waiting = subprocess.Popen(
         [sys.executable, "-m", "taskrpc", "task", "submit", "move", "warehouse", "--wait"],
@@ -293,7 +293,7 @@ def test_stop_halts_the_robot_and_the_waiting_submit_ends_with_an_error(start, t
 
 
 @POSIX
-def test_ctrl_c_leaves_the_task_alone_and_says_so(start, task, tmp_path):
+def test_ctrl_c_does_not_cancel_the_task_and_reports_it(start, task, tmp_path):
     start("--speed", 1)
     waiting = subprocess.Popen(
         [sys.executable, "-m", "taskrpc", "task", "submit", "move", "warehouse", "--wait"],
@@ -308,12 +308,12 @@ def test_ctrl_c_leaves_the_task_alone_and_says_so(start, task, tmp_path):
 
 
 @POSIX
-def test_a_server_that_ctrl_c_ends_exits_with_130_after_its_drain(start):
+def test_server_exits_with_130_after_ctrl_c_and_drain(start):
     server = start("--speed", 20)
     assert server.end(signal.SIGINT)[0] == 130
 
 
-def test_without_a_server_the_exit_code_is_four_and_there_is_a_hint(task):
+def test_exit_code_without_a_server_is_4_with_a_hint(task):
     code, out, err = task("list", "--timeout", 0.2)
     assert (code, out) == (4, "")
     assert "nobody offers /robot_task (waited 0.2 s)" in err
@@ -322,7 +322,7 @@ def test_without_a_server_the_exit_code_is_four_and_there_is_a_hint(task):
     assert (code, json.loads(err)["error"]) == (4, "ServiceUnavailable")
 
 
-def test_a_server_is_reached_by_its_address(start, task):
+def test_server_is_reached_by_its_address(start, task):
     server = start("--speed", 20)
     assert task("submit", "report", "dock", "--connect", server.address)[0] == 0
 
@@ -331,7 +331,7 @@ def test_a_server_is_reached_by_its_address(start, task):
 
 
 @POSIX
-def test_a_restart_keeps_what_waits_and_tells_what_was_interrupted(start, task, listed):
+def test_restart_keeps_the_queue_and_reports_interrupted_tasks(start, task, listed):
     first = start("--speed", 1)
     for target, priority in (("warehouse", 9), ("station_1", 2), ("dock", 5)):
         task("submit", "move", target, priority)
@@ -352,7 +352,7 @@ def test_a_restart_keeps_what_waits_and_tells_what_was_interrupted(start, task, 
 
 
 @POSIX
-def test_a_killed_server_loses_no_task(start, task, listed):
+def test_killed_server_loses_no_task(start, task, listed):
     first = start("--speed", 1)
     task("submit", "move", "warehouse", 9)
     task("submit", "move", "station_1", 2)
@@ -364,7 +364,7 @@ def test_a_killed_server_loses_no_task(start, task, listed):
 
 
 @POSIX
-def test_watchers_do_not_delay_the_end_of_the_server(start, tmp_path):
+def test_watchers_do_not_delay_the_servers_exit(start, tmp_path):
     server = start()
     watching = subprocess.Popen(
         [sys.executable, "-m", "taskrpc", "task", "watch"],
@@ -385,7 +385,7 @@ def test_watchers_do_not_delay_the_end_of_the_server(start, tmp_path):
     assert watching.returncode == 130
 
 
-def test_fresh_forgets_what_was_there(start, task, listed):
+def test_fresh_forgets_earlier_tasks(start, task, listed):
     server = start("--speed", 1)
     task("submit", "move", "warehouse")
     server.end()
@@ -397,7 +397,7 @@ def test_fresh_forgets_what_was_there(start, task, listed):
 # Mistakes
 
 
-def test_a_second_server_of_the_name_is_refused_and_told_who_has_it(start, tmp_path):
+def test_second_server_with_the_same_name_is_refused(start, tmp_path):
     first = start()
     code, err = failing_server(tmp_path, "--db", ":memory:")
     assert code == 1
@@ -405,7 +405,7 @@ def test_a_second_server_of_the_name_is_refused_and_told_who_has_it(start, tmp_p
     assert str(first.process.pid) in err
 
 
-def test_a_port_that_is_taken_is_named(tmp_path):
+def test_used_port_is_named_in_the_error(tmp_path):
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
         code, err = failing_server(tmp_path, "--db", ":memory:", "--listen", f"127.0.0.1:{port}")
@@ -413,7 +413,7 @@ def test_a_port_that_is_taken_is_named(tmp_path):
     assert f"127.0.0.1:{port}" in err
 
 
-def test_a_map_that_cannot_be_read_or_is_wrong_is_shown_at_its_line(tmp_path):
+def test_invalid_map_is_reported_with_its_line(tmp_path):
     code, err = failing_server(tmp_path, "--db", ":memory:", "--map", "nowhere.yaml")
     assert code == 1
     assert err.startswith("nowhere.yaml: error: cannot read the map: ")
@@ -424,7 +424,7 @@ def test_a_map_that_cannot_be_read_or_is_wrong_is_shown_at_its_line(tmp_path):
     assert "    dock: [9, 1]\n" in err
 
 
-def test_a_users_own_robot_takes_the_simulated_ones_place(start, task, tmp_path):
+def test_users_robot_replaces_the_simulated_robot(start, task, tmp_path):
     (tmp_path / "my_robot.py").write_text(HOOVER, encoding="utf-8")
     start("--robot", "my_robot:Hoover")
     code, out, _ = task("submit", "clean", "kitchen", 5, "--wait", "--json")
@@ -432,7 +432,7 @@ def test_a_users_own_robot_takes_the_simulated_ones_place(start, task, tmp_path)
     assert task("submit", "move", "dock")[2].startswith("Invalid task: move (expected clean)")
 
 
-def test_a_robot_class_that_is_not_there_is_named(tmp_path):
+def test_missing_robot_class_is_named(tmp_path):
     (tmp_path / "my_robot.py").write_text(HOOVER, encoding="utf-8")
     for spec, problem in (
         ("my_robot", "expected MODULE:CLASS"),
@@ -455,9 +455,7 @@ def demo(folder, *argv, **variables):
     )  # fmt: skip
 
 
-def test_the_demo_ends_by_itself_with_right_estimates_beside_a_running_server(
-    start, listed, tmp_path
-):
+def test_demo_ends_with_right_estimates_beside_a_running_server(start, listed, tmp_path):
     start()
     ended = demo(tmp_path, "--speed", "20", PYTHONIOENCODING="cp1252")
     out = ended.stdout.decode("cp1252")
@@ -482,7 +480,7 @@ def test_ctrl_c_ends_the_demo_without_a_traceback(tmp_path):
 
 
 @POSIX
-def test_on_a_terminal_the_demo_is_a_picture_and_the_terminal_is_restored(tmp_path):
+def test_demo_draws_on_a_terminal_and_restores_it(tmp_path):
     import fcntl
     import pty
     import struct

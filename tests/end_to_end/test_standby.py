@@ -53,7 +53,7 @@ def listed(capsys):
 
 
 @pytest.mark.parametrize("name", ["SIGTERM", "SIGKILL"])
-def test_it_goes_on_with_the_tasks_at_the_same_addresses(start, capsys, name):
+def test_standby_continues_the_tasks_at_the_same_addresses(start, capsys, name):
     number = signal.Signals[name]
     pytest.importorskip("aiohttp")
     places = ("--listen", free_place(), "--web", free_place())
@@ -75,12 +75,12 @@ def test_it_goes_on_with_the_tasks_at_the_same_addresses(start, capsys, name):
     assert second.end()[0] == 0
 
 
-def test_where_nobody_is_before_it_a_server_starts_at_once(start):
+def test_standby_without_another_server_starts_at_once(start):
     only = start("--standby")
     assert "standing by" not in only.text
 
 
-def test_one_that_is_told_to_end_while_it_stands_by_ends_and_leaves_the_other_alone(start, capsys):
+def test_standby_can_be_stopped_without_effect_on_the_server(start, capsys):
     first = start()
     second = start("--standby", says=STANDS_BY)
     code, seconds = second.end()
@@ -91,7 +91,7 @@ def test_one_that_is_told_to_end_while_it_stands_by_ends_and_leaves_the_other_al
     assert first.end()[0] == 0
 
 
-def test_of_two_that_stand_by_one_goes_on_and_the_other_waits_for_its_end(start):
+def test_one_of_two_standbys_takes_over_and_the_other_waits(start):
     first = start()
     others = [start("--standby", says=STANDS_BY) for _ in range(2)]
     first.end()
@@ -103,7 +103,7 @@ def test_of_two_that_stand_by_one_goes_on_and_the_other_waits_for_its_end(start)
     other.wait_until_it_says(READY)
 
 
-def test_a_name_that_stays_in_use_is_told(start, tmp_path, monkeypatch):
+def test_standby_reports_a_name_that_stays_in_use(start, tmp_path, monkeypatch):
     first = start()
     monkeypatch.setattr("taskrpc.cli.server._STANDBY_TIMEOUT", 0.2)
     assert server_main(["--db", str(tmp_path / "other.db"), "--standby"]) == 1

@@ -81,7 +81,7 @@ def end(process, *, at_once=False):
     process.stdout.close()
 
 
-def test_a_publisher_that_was_killed_is_found_when_it_is_back():
+def test_subscriber_finds_a_killed_publisher_after_its_restart():
     with Listener() as listener:
         for life in range(2):
             process, _ = talker()
@@ -96,7 +96,7 @@ def test_a_publisher_that_was_killed_is_found_when_it_is_back():
         assert listener.subscription.lost == 0
 
 
-def test_a_publisher_is_heard_by_its_address_and_comes_back_there(monkeypatch):
+def test_subscriber_reaches_a_publisher_by_address_also_after_its_restart(monkeypatch):
     monkeypatch.setenv("TASKRPC_TOKEN", "a secret of sixteen")
     process, place = talker()
     with Listener(peers=[place]) as listener:
@@ -109,7 +109,7 @@ def test_a_publisher_is_heard_by_its_address_and_comes_back_there(monkeypatch):
         end(process)
 
 
-def test_what_a_program_publishes_before_it_ends_arrives():
+def test_messages_published_before_exit_arrive():
     with Listener() as listener:
         subprocess.run([sys.executable, "-c", LAST_WORDS], check=True, timeout=120)
         listener.wait(200)

@@ -82,7 +82,7 @@ def refused(*argv, **options):
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends POSIX signals")
-def test_every_line_of_a_json_log_is_json_and_a_task_is_found_by_its_call(start, capsys):
+def test_json_log_lines_are_json_and_link_tasks_with_calls(start, capsys):
     server = start("--log-format", "json", "--log-level", "debug")
     server.until("taskrpc-server ready: ")
     assert call(["/robot_task", "task_type=move", "target=dock", "priority=5"]) == 0
@@ -97,7 +97,7 @@ def test_every_line_of_a_json_log_is_json_and_a_task_is_found_by_its_call(start,
 
 
 @pytest.mark.skipif(os.name == "nt", reason="sends POSIX signals")
-def test_health_and_metrics_are_shown_from_the_start_to_the_end(start, capsys):
+def test_health_and_metrics_are_served_from_start_to_exit(start, capsys):
     server = start("--web", "127.0.0.1:0")
     url = server.until("/health and /metrics at ").rpartition(" ")[2]
     server.until("taskrpc-server ready: ")
@@ -117,20 +117,20 @@ def test_health_and_metrics_are_shown_from_the_start_to_the_end(start, capsys):
     assert server.process.wait(PATIENCE) == 0
 
 
-def test_pages_beyond_this_machine_need_tls_and_a_token():
+def test_pages_outside_this_machine_need_tls_and_a_token():
     code, said = refused("--web", "0.0.0.0:0")
     assert code == 1
     assert "cannot show pages at 0.0.0.0: beyond this machine's own addresses" in said
 
 
-def test_without_aiohttp_the_command_that_installs_it_is_named(tmp_path):
+def test_missing_aiohttp_error_names_the_install_command(tmp_path):
     (tmp_path / "aiohttp.py").write_text("raise ModuleNotFoundError(name='aiohttp')\n")
     path = os.pathsep.join([str(tmp_path), os.environ["PYTHONPATH"]])
     code, said = refused("--web", "127.0.0.1:0", env={**os.environ, "PYTHONPATH": path})
     assert (code, said) == (1, "--web needs aiohttp: pip install aiohttp\n")
 
 
-def test_a_server_without_pages_imports_neither_metrics_nor_aiohttp(start):
+def test_server_without_pages_imports_neither_metrics_nor_aiohttp(start):
     server = start(env={**os.environ, "PYTHONPROFILEIMPORTTIME": "1"})
     server.until("taskrpc-server ready: ")
     imported = {line.rpartition("|")[2].strip() for line in server.lines}

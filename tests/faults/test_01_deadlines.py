@@ -44,7 +44,7 @@ async def heard(client, number, clock, **options):
 @pytest.mark.planted(
     Bug(early, "early"), Bug(late, "over a tick late"), Bug(no_deadline_unless_said, "never")
 )
-async def test_no_call_hears_of_its_deadline_early_or_over_a_tick_late(counts, seed, large):
+async def test_calls_end_at_most_one_tick_after_their_deadline_and_never_early(counts, seed, large):
     chance = random.Random(seed)
     clock = asyncio.get_running_loop().time
 
@@ -84,9 +84,7 @@ async def test_no_call_hears_of_its_deadline_early_or_over_a_tick_late(counts, s
 
 @pytest.mark.real_time
 @pytest.mark.planted(Bug(early, "early"), Bug(late, "over 20 ms later than the loop"))
-async def test_no_real_call_hears_of_its_deadline_early_or_later_than_the_loop_is(
-    counts, seed, large
-):
+async def test_real_calls_end_at_their_deadline_within_the_loops_delay(counts, seed, large):
     chance = random.Random(seed)
     late_by = []
 

@@ -110,7 +110,7 @@ async def clients_of(callback, count):
     Bug(says_nothing_of_what_it_cancels, "not begun, and not told"),
     Bug(says_that_nothing_had_begun, "begun, and told the contrary"),
 )
-async def test_of_5000_queued_calls_none_starts_after_its_deadline(counts, seed, large):
+async def test_none_of_5000_queued_calls_starts_after_its_deadline(counts, seed, large):
     clock, chance = Clock(counts), random.Random(seed)
 
     async def busy(request, response):
@@ -137,9 +137,7 @@ async def test_of_5000_queued_calls_none_starts_after_its_deadline(counts, seed,
     Bug(runs_whatever_waited, "started after expiry"),
     Bug(counts_from_when_a_request_is_handled, "started after expiry"),
 )
-async def test_behind_a_callback_that_holds_the_loop_none_starts_after_its_deadline(
-    counts, seed, large
-):
+async def test_no_call_starts_after_its_deadline_behind_a_blocking_callback(counts, seed, large):
     # What is not read yet, because one callback holds the loop, has no clock that could count.
     clock, chance = Clock(counts, unread=0.03), random.Random(seed)
 

@@ -93,9 +93,7 @@ async def clients_of(callback, count, **options):
     Bug(never_tells_the_server, "callbacks that run on"),
     Bug(never_stops_the_callback, "callbacks that run on"),
 )
-async def test_of_1000_calls_in_flight_each_cancel_cancels_its_callback(
-    counts, seed, large, monkeypatch
-):
+async def test_each_cancel_of_1000_calls_cancels_its_callback(counts, seed, large, monkeypatch):
     sessions, gate = Sessions(monkeypatch), Gate()
     async with clients_of(gate, 5, concurrency=1000) as clients:
         before = len(asyncio.all_tasks()), timers()
@@ -114,7 +112,7 @@ async def test_of_1000_calls_in_flight_each_cancel_cancels_its_callback(
 
 
 @pytest.mark.planted(Bug(never_answers_what_was_cancelled_in_the_queue, "call ids left"))
-async def test_after_10000_random_cancels_nothing_is_left(counts, seed, large, monkeypatch):
+async def test_10000_random_cancels_leave_nothing_behind(counts, seed, large, monkeypatch):
     sessions, chance = Sessions(monkeypatch), random.Random(seed)
     states = collections.Counter()
 

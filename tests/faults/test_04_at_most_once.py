@@ -122,7 +122,7 @@ def tells_nobody_that_the_connection_is_lost(patch):
     Bug(guesses_that_nothing_ran, "told that it did not run, but it did"),
     Bug(tells_nobody_that_the_connection_is_lost, "no answer"),
 )
-async def test_whatever_breaks_in_memory_a_call_runs_once_at_most_and_its_caller_knows(
+async def test_calls_in_memory_execute_at_most_once_and_callers_know_the_outcome(
     counts, seed, large, monkeypatch
 ):
     for number in range(100_000 if large else 1000):
@@ -154,7 +154,7 @@ async def _one_seed(truth):
 
 @pytest.mark.real_time
 @pytest.mark.planted(Bug(repeats_what_may_have_run, "ran twice"))
-async def test_whatever_breaks_on_sockets_a_call_runs_once_at_most_and_its_caller_knows(
+async def test_calls_on_sockets_execute_at_most_once_and_callers_know_the_outcome(
     counts, seed, large
 ):
     kinds = (DELAY, TRUNCATE, CUT, RESET)

@@ -165,7 +165,7 @@ def sent_again(counts, monkeypatch):
     Bug(lose_the_completions, "unknown"),
 )
 @pytest.mark.usefixtures("sent_again")
-async def test_requests_of_a_server_that_is_killed_again_and_again(
+async def test_requests_to_a_repeatedly_killed_server_execute_exactly_once(
     tmp_path, programs, counts, seed, large
 ):
     # Some kills a store: with ever more tasks in one, ever more of the time would go to read them.

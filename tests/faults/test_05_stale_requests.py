@@ -153,7 +153,7 @@ class Rehearsal:
 @pytest.mark.planted(
     Bug(runs_what_was_settled, "ran twice"), Bug(runs_what_was_forgotten, "ran twice")
 )
-async def test_late_copies_of_requests_are_never_run(counts, seed, large):
+async def test_late_copies_of_requests_are_never_executed(counts, seed, large):
     rehearsal = Rehearsal(counts, seed)
     await rehearsal.run(200_000 if large else 5000)
     counts.check(

@@ -105,7 +105,7 @@ def told_nothing(patch):
 
 
 @pytest.mark.planted(Bug(told_too_much, "leaks"), Bug(told_nothing, "not at once"))
-async def test_each_type_of_error_is_answered_at_once_and_leaks_nothing(
+async def test_each_handler_exception_is_answered_at_once_and_leaks_nothing(
     counts, monkeypatch, caplog
 ):
     caplog.set_level(logging.CRITICAL + 1)

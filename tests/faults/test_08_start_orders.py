@@ -44,7 +44,7 @@ def waits_for_what_nobody_offers(patch):
 
 
 @pytest.mark.planted(Bug(waits_for_what_nobody_offers, "not at once"))
-async def test_a_service_that_nobody_offers_answers_at_once(counts, seed):
+async def test_call_of_a_missing_service_fails_at_once(counts, seed):
     clock = asyncio.get_running_loop().time
     async with (
         taskrpc.Node("server", transport="memory", token="s") as server,
@@ -66,7 +66,7 @@ async def test_a_service_that_nobody_offers_answers_at_once(counts, seed):
 
 @pytest.mark.real_time
 @pytest.mark.planted(Bug(waits_for_what_nobody_offers, "not at once"))
-async def test_a_service_that_no_peer_offers_answers_at_once_on_sockets(counts, bug):
+async def test_call_of_a_missing_service_fails_at_once_on_sockets(counts, bug):
     async with (
         taskrpc.Node("server", token="s") as server,
         taskrpc.Node("here", token="h") as here,
@@ -89,7 +89,7 @@ async def test_a_service_that_no_peer_offers_answers_at_once_on_sockets(counts, 
 
 
 @pytest.mark.planted(Bug(asks_again_and_again, "looked again"))
-async def test_whoever_waits_an_hour_does_not_ask_again(counts, monkeypatch):
+async def test_waiting_for_an_hour_does_not_poll(counts, monkeypatch):
     def counted(owner, name, what):
         method = getattr(owner, name)
 
@@ -138,7 +138,7 @@ async def one_order(chance, counts, span, patience=10.0, **options):
 
 
 @pytest.mark.planted(Bug(hears_no_news, "lost replies"))
-async def test_in_whatever_order_programs_start_in_memory_no_reply_is_lost(counts, seed, large):
+async def test_no_response_is_lost_in_any_start_order_in_memory(counts, seed, large):
     for number in range(1000 if large else 100):
         chance = random.Random(f"{seed} {number}")
         await one_order(chance, counts, chance.choice([0, 0.001, 1]), transport="memory")
@@ -148,9 +148,7 @@ async def test_in_whatever_order_programs_start_in_memory_no_reply_is_lost(count
 
 @pytest.mark.real_time
 @pytest.mark.planted(Bug(hears_no_news, "lost replies"))
-async def test_in_whatever_order_programs_start_on_sockets_no_reply_is_lost(
-    counts, seed, large, bug
-):
+async def test_no_response_is_lost_in_any_start_order_on_sockets(counts, seed, large, bug):
     for number in range(1000 if large else 100 if bug is None else 10):
         chance = random.Random(f"{seed} {number}")
         span = chance.choice([0, 0.001, 0.02]) if bug is None else 0.02

@@ -45,9 +45,7 @@ def says_that_nothing_ran(patch):
     Bug(tells_late, "told late"),
     Bug(says_that_nothing_ran, "wrong verdict"),
 )
-async def test_each_of_1000_calls_in_flight_learns_fast_that_its_server_died(
-    counts, large, programs
-):
+async def test_1000_calls_in_flight_end_soon_after_their_server_died(counts, large, programs):
     for _ in range(20 if large else 3):
         late, loop_late = await _one_death(counts, programs)
         counts["kills"] += 1

@@ -204,9 +204,7 @@ class Trial:
     Bug(cuts_off_who_is_silent, "busy ones cut off"),
     Bug(takes_the_full_for_dead, "busy ones cut off"),
 )
-async def test_a_peer_in_a_black_hole_is_found_and_a_stopped_process_is_waited_for(
-    counts, programs, bug
-):
+async def test_silent_peer_is_detected_and_stopped_process_is_waited_for(counts, programs, bug):
     lateness = Lateness()
     profiles = FOUND_WITHIN if bug is None else ["robot"]  # sooner to be seen
     trials = [Trial(counts, profile) for profile in profiles]

@@ -48,7 +48,7 @@ async def crowd(**options):
 @pytest.mark.real_time
 @pytest.mark.skipif(os.name != "posix", reason="kills with SIGKILL, which is POSIX's")
 @pytest.mark.planted(Bug(gives_up_at_once, "lost"))
-async def test_sixteen_clients_lose_nothing_while_their_server_is_killed_again_and_again(
+async def test_sixteen_clients_lose_nothing_while_their_server_is_killed_repeatedly(
     counts, seed, large, programs, monkeypatch
 ):
     chance = random.Random(seed)
@@ -97,7 +97,7 @@ async def test_sixteen_clients_lose_nothing_while_their_server_is_killed_again_a
 @pytest.mark.planted(
     Bug(comes_back_in_step, "in step"), Bug(comes_back_without_a_pause, "dials too many")
 )
-async def test_clients_that_cannot_reach_a_server_do_not_come_in_step(counts, monkeypatch):
+async def test_clients_without_a_server_do_not_retry_in_step(counts, monkeypatch):
     # Each dials more and more seldom; from the tenth time on every four seconds or so.
     allowed = CLIENTS * 40
     loop = asyncio.get_running_loop()

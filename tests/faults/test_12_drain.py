@@ -40,7 +40,7 @@ def does_not_drain(patch):
 
 
 @pytest.mark.planted(Bug(does_not_drain, "errors that callers saw"))
-async def test_no_caller_sees_that_servers_are_told_to_end(counts, seed, large, programs):
+async def test_callers_notice_nothing_of_draining_servers(counts, seed, large, programs):
     chance = random.Random(seed)
     over = asyncio.Event()
     in_flight = 0
@@ -201,7 +201,7 @@ class Relay:
     Bug(goes_on_without_the_tasks, "one number for two"),
     Bug(stands_by_for_ever, "errors that callers saw"),
 )
-async def test_no_caller_sees_that_a_server_hands_its_tasks_to_the_next(
+async def test_callers_notice_nothing_when_tasks_move_to_the_next_server(
     counts, seed, large, bug, programs, tmp_path
 ):
     # Some rounds a store: with ever more tasks in one, ever more of the time would go to read them.

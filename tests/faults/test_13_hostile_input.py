@@ -379,7 +379,7 @@ def connections_are_kept(patch):
     Bug(connections_are_kept, "drifted"),
     Bug(any_proof_accepted, "served without a proof"),
 )
-async def test_a_server_ends_one_connection_with_one_line_and_no_neighbour_notices(
+async def test_hostile_connection_ends_with_one_log_line_and_others_continue(
     counts, seed, large, bug, programs, tmp_path
 ):
     log = tmp_path / "log"
@@ -420,7 +420,9 @@ def cores_apart(*pids):
 
 @pytest.mark.skipif(CORES < 2, reason="needs two processor cores")
 @pytest.mark.planted(Bug(thinks_long_about_each_offence, "neighbour slowed"))
-async def test_a_neighbour_has_its_answers_hardly_later(counts, seed, large, programs, tmp_path):
+async def test_other_clients_get_their_responses_hardly_later(
+    counts, seed, large, programs, tmp_path
+):
     server = await programs.start(SERVING, str(tmp_path / "log"), ready="")
     place = next(entry.address for entry in await entries() if entry.nodes == ("/server",))
     neighbour = await programs.start(NEIGHBOUR, place, name="neighbour.py")

@@ -187,9 +187,7 @@ def nobody_is_cut_off(patch):
 @pytest.mark.planted(
     Bug(nothing_is_bounded, "memory"), Bug(nobody_is_cut_off, "not cut off in time")
 )
-async def test_a_thousand_that_never_read_and_some_that_dribble_cost_little(
-    counts, large, bug, programs
-):
+async def test_a_thousand_slow_peers_cost_little(counts, large, bug, programs):
     resource = pytest.importorskip("resource")
     if resource.getrlimit(resource.RLIMIT_NOFILE)[0] < 1500:
         pytest.skip("needs 1,500 descriptors")
@@ -272,9 +270,7 @@ class Loop:
 
 
 @pytest.mark.planted(Bug(takes_whatever_comes, "memory"))
-async def test_a_loop_that_sends_megabytes_on_ever_more_connections_gets_its_share(
-    counts, programs
-):
+async def test_flood_over_many_connections_gets_only_its_fair_share(counts, programs):
     program = await programs.start(TAKING, str(ALL), name="taking.py")
     before, over = memory(program.pid), False
 

@@ -86,7 +86,7 @@ def refused_while_it_runs(patch):
     Bug(begun_although_in_vain, "percent lost"),
     Bug(refused_while_it_runs, "refused and run"),
 )
-async def test_goodput_at_four_times_the_load_is_that_of_the_peak(counts, large):
+async def test_goodput_at_four_times_the_capacity_equals_the_peak(counts, large):
     seconds = 600 if large else 30
     for deadline in (0.2, 2.0, 60.0):
         here = Counts()
@@ -99,7 +99,7 @@ async def test_goodput_at_four_times_the_load_is_that_of_the_peak(counts, large)
         assert share < 1.01, "more than the peak: what is counted was not done under load"
 
 
-async def test_as_many_as_a_service_can_bear_are_all_answered(counts):
+async def test_load_within_capacity_is_answered_completely(counts):
     load = Load(counts, 2.0)
     await load.run(0.9, 30)
     counts.check("refused", "in vain", "refused and run", happened=("answered",))

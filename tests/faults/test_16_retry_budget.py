@@ -59,7 +59,7 @@ def the_floor_is_high(patch):
 @pytest.mark.planted(
     Bug(the_budget_is_endless, "attempts too many"), Bug(the_floor_is_high, "attempts too many")
 )
-async def test_an_outage_of_a_minute_is_asked_hardly_more_often_than_without_retries(counts, large):
+async def test_retries_add_few_requests_during_an_outage_of_a_minute(counts, large):
     seconds = 3600 if large else 60
     outage, loop = Outage(counts), asyncio.get_running_loop()
     async with (

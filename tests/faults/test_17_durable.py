@@ -172,7 +172,7 @@ def _moments(events, count, chance):
     Bug(never_syncs, "lost"),
     Bug(acknowledges_before_the_commit, "lost"),
 )
-async def test_whenever_the_machine_fails_all_that_was_acknowledged_is_there(
+async def test_acknowledged_tasks_survive_a_machine_failure_at_any_time(
     folder, programs, seed, counts, large
 ):
     await rehearse(folder, programs, seed, counts, large=large)
@@ -181,9 +181,7 @@ async def test_whenever_the_machine_fails_all_that_was_acknowledged_is_there(
 
 
 @pytest.mark.planted(Bug(takes_the_unknown_for_refused, "came to light"))
-async def test_whatever_a_failed_sync_has_done_the_answer_is_true(
-    folder, programs, seed, counts, large
-):
+async def test_response_is_true_after_a_failed_sync(folder, programs, seed, counts, large):
     for moment in MOMENTS:
         fault = SYNC_FAILS.format(moment)
         await rehearse(folder, programs, seed + moment, counts, large=large, inject=[fault])
@@ -193,7 +191,7 @@ async def test_whatever_a_failed_sync_has_done_the_answer_is_true(
     counts.require(disks=250, acknowledged=200, failed_syncs=1, refused=9)
 
 
-async def test_a_disk_that_fails_for_good_leaves_what_was_acknowledged(
+async def test_acknowledged_tasks_survive_a_permanent_disk_failure(
     folder, programs, seed, counts, large
 ):
     fault = SYNC_FAILS.format("30+")
@@ -202,7 +200,7 @@ async def test_a_disk_that_fails_for_good_leaves_what_was_acknowledged(
     counts.require(disks=250, acknowledged=50, failed_syncs=2, refused=50, unknown=1)
 
 
-async def test_what_found_no_room_is_refused_and_never_comes_to_light(
+async def test_task_without_disk_space_is_refused_and_never_appears(
     folder, programs, seed, counts, large
 ):
     await rehearse(folder, programs, seed, counts, large=large, limit=150_000)
@@ -210,7 +208,7 @@ async def test_what_found_no_room_is_refused_and_never_comes_to_light(
     counts.require(disks=250, acknowledged=100, refused=3)
 
 
-async def test_a_disk_without_room_refuses_clearly_and_loses_nothing(tmp_path, counts):
+async def test_full_disk_is_reported_clearly_and_loses_nothing(tmp_path, counts):
     place = ["unshare", "-rm"]
     if shutil.which("unshare") is None:
         pytest.skip("unshare is not installed")

@@ -171,7 +171,7 @@ class Rehearsal:
 
 
 @pytest.mark.planted(Bug(runs_it_again, "run again"), Bug(says_nothing_of_it, "not told"))
-async def test_what_ran_when_the_server_died_waits_for_a_decision(
+async def test_task_that_ran_when_the_server_died_waits_for_a_decision(
     tmp_path, monkeypatch, programs, counts, seed, large
 ):
     kills = 1000 if large else 30

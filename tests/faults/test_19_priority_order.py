@@ -198,7 +198,7 @@ async def one_history(chance, counts):
     Bug(moves_only_in_the_list, "not linearizable"),
     Bug(begins_while_paused, "not linearizable"),
 )
-async def test_each_history_of_the_queue_is_linearizable(counts, seed, large, caplog):
+async def test_queue_histories_are_linearizable(counts, seed, large, caplog):
     caplog.set_level(logging.CRITICAL)
     for number in range(10_000 if large else 100):
         fits, history = await one_history(random.Random(f"{seed} {number}"), counts)

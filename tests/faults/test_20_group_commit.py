@@ -107,7 +107,7 @@ def _count_transactions(counts, monkeypatch):
 
 @pytest.mark.planted(Bug(makes_a_transaction_of_each, "waited for alone"))
 @pytest.mark.usefixtures("_count_transactions")
-async def test_many_are_accepted_in_one_transaction_beside_a_stream_of_calls(
+async def test_many_tasks_are_accepted_in_one_transaction_beside_other_calls(
     tmp_path, counts, large
 ):
     seconds = 10.0 if large else 1.0

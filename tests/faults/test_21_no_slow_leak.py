@@ -123,7 +123,7 @@ def descriptors_are_kept(patch):
     Bug(calls_are_kept, "ServedCall"),
     Bug(descriptors_are_kept, "descriptors"),
 )
-async def test_many_calls_with_faults_leave_nothing(counts, seed, large, bug):
+async def test_many_calls_with_faults_leave_nothing_behind(counts, seed, large, bug):
     calls = 10**7 if large else 10**5 if bug is None else 10**4
     async with (
         taskrpc.Node("server", token="s") as server,

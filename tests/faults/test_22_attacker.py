@@ -238,7 +238,7 @@ def says_what_was_wrong(patch):
     Bug(second_guess_allowed, "let in"),
     Bug(says_what_was_wrong, "answers that differ"),
 )
-async def test_a_client_that_ignores_its_refusal_reaches_nothing(counts, files, monkeypatch):
+async def test_client_that_ignores_its_refusal_reaches_nothing(counts, files, monkeypatch):
     for type_ in HIDDEN:
         handler = server_side.ServingConnection.handlers[type_]
 
@@ -271,7 +271,7 @@ def roles_not_compared(patch):
 
 
 @pytest.mark.planted(Bug(roles_not_compared, "ran"))
-async def test_a_client_that_ignores_a_refusal_for_its_role_gets_no_more(counts, files):
+async def test_client_that_ignores_a_permission_error_gains_nothing(counts, files):
     """It calls numbers that nobody gave to it, and subscribes to what is not for its role."""
     async with taskrpc.Node("server", token=OWN, accounts=files["accounts"]) as node:
         target = Target(node)
@@ -284,7 +284,7 @@ async def test_a_client_that_ignores_a_refusal_for_its_role_gets_no_more(counts,
     counts.check("ran", "got messages", "hung", happened=("let in",))
 
 
-async def test_a_flood_of_wrong_proofs_leaves_nothing_behind(counts, files):
+async def test_flood_of_wrong_proofs_leaves_nothing_behind(counts, files):
     """Hundreds at once, from one place; then a right proof is served as before."""
     async with taskrpc.Node("server", token=OWN, accounts=files["accounts"]) as node:
         target = Target(node)

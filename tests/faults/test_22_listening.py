@@ -74,7 +74,7 @@ def tls_of(certificate, files):
 
 
 @pytest.mark.planted(Bug(listens_anywhere, "listened unprotected"))
-async def test_a_server_listens_beyond_loopback_only_when_it_is_protected(counts, files):
+async def test_server_listens_beyond_loopback_only_if_protected(counts, files):
     for host, proof, certificate in itertools.product(HOSTS, PROOFS, CERTIFICATES):
         options, proves = PROOFS[proof]
         if certificate == "own and ca" and proof == "nothing":
@@ -117,7 +117,7 @@ async def attempt(counts, name, address, **options):
 
 
 @pytest.mark.planted(Bug(trusts_all, "let in"), Bug(forgets_revocation, "let in"))
-async def test_who_lacks_a_proof_is_refused_before_anything_is_decoded(
+async def test_client_without_proof_is_refused_before_anything_is_decoded(
     counts, files, monkeypatch, tmp_path
 ):
     decoded = []

@@ -99,7 +99,7 @@ def tells_what_was_wrong(patch):
     Bug(believes_every_server, "not compared in constant time"),
     Bug(tells_what_was_wrong, "answers that differ"),
 )
-async def test_a_secret_is_in_nothing_that_anybody_reads(counts, monkeypatch, caplog, tmp_path):
+async def test_secrets_are_in_no_output(counts, monkeypatch, caplog, tmp_path):
     caplog.set_level(logging.DEBUG)
     comparisons = Comparisons().watch(monkeypatch)
     monkeypatch.setattr(endpoint, "TICK", 0.01)
@@ -170,7 +170,7 @@ def sends_the_token(patch):
 
 
 @pytest.mark.planted(Bug(sends_the_token, "on the wire"))
-async def test_a_secret_does_not_travel(counts, monkeypatch):
+async def test_secrets_are_not_sent(counts, monkeypatch):
     sent, write = [], memory.Pipe.write
     monkeypatch.setattr(
         memory.Pipe, "write", lambda pipe, data: sent.append(bytes(data)) or write(pipe, data)
@@ -210,7 +210,7 @@ sys.exit(main(sys.argv[1:]))
 
 @posix
 @pytest.mark.planted(Bug(leaves_files_open, "readable by others"))
-async def test_the_commands_keep_the_secrets_of_their_files(counts, programs, tmp_path):
+async def test_commands_do_not_reveal_secrets_of_their_files(counts, programs, tmp_path):
     runtime = Path(os.environ["XDG_RUNTIME_DIR"])
     token, people = tmp_path / "token", tmp_path / "accounts.json"
     token.write_text(CANARY)
@@ -267,7 +267,7 @@ def believes_open_files(patch):
 
 @posix
 @pytest.mark.planted(Bug(believes_open_files, "taken although others can read it"))
-def test_a_file_of_secrets_that_others_can_read_is_refused(counts, tmp_path, capsys):
+def test_secret_file_that_others_can_read_is_refused(counts, tmp_path, capsys):
     from taskrpc.cli.main import main
 
     for mode in (0o600, 0o400, 0o640, 0o644, 0o602, 0o666):
@@ -312,7 +312,7 @@ def writes_for_everybody(patch):
 @pytest.mark.planted(
     Bug(leaves_files_open, "readable by others"), Bug(writes_for_everybody, "readable by others")
 )
-def test_no_file_of_a_class_can_be_read_by_others(counts, tmp_path):
+def test_files_of_a_class_cannot_be_read_by_others(counts, tmp_path):
     """Whatever the umask is, and also where their folder is open."""
     from taskrpc.classroom.authority import make_certificates
     from taskrpc.classroom.register import Place, Register

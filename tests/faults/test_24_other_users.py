@@ -153,7 +153,7 @@ def makes_readable_files(patch):
     Bug(opens_the_socket, "called"),
     Bug(any_proof_accepted, "let in"),
 )
-async def test_a_second_user_can_neither_read_the_token_nor_call(
+async def test_second_user_can_neither_read_the_token_nor_call(
     counts, programs, tmp_path, monkeypatch, runtime
 ):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(runtime))

@@ -189,7 +189,7 @@ async def until(condition, seconds):
     Bug(gives_kept_messages_twice, "out of order"),
     Bug(forgets_nobody, "fed after death"),
 )
-async def test_what_is_published_comes_in_order_or_is_counted(counts, seed, large):
+async def test_published_messages_arrive_in_order_or_are_counted(counts, seed, large):
     for round_ in range(40 if large else 3):
         await rehearse(counts, random.Random(f"{seed} {round_}"), round_)
     counts.check(
@@ -234,7 +234,7 @@ async def judge(counts, talker, listeners):
         counts["fed after death"] += 1
 
 
-async def test_every_message_came_or_was_counted_at_both_ends(counts, seed, large):
+async def test_each_message_arrived_or_was_counted_at_both_ends(counts, seed, large):
     """Of one publisher, on one connection or over many: came + lost = published since the first."""
     for round_ in range(20 if large else 3):
         chance = random.Random(f"{seed} {round_}")

@@ -338,7 +338,7 @@ def publish_to_whoever_asks(patch):
     Bug(count_no_lost_message, "lost unseen"),
     Bug(publish_to_whoever_asks, "heard without the right"),
 )
-def test_every_caller_learns_the_truth_in_three_hundred_worlds(counts, seed, large, bug):
+def test_callers_learn_the_true_outcome_in_300_simulations(counts, seed, large, bug):
     hundred = Counts()
     for number in range(100_000 if large else 300):
         play(seed * 1_000_000 + number, hundred)
@@ -363,7 +363,7 @@ def play(number, counts):
         print(f"{broken}: python -m tests.simulation --verbose --seed {number}")
 
 
-def test_a_seed_means_the_same_events_whatever_python_hashes_strings_to():
+def test_same_seed_gives_the_same_events_for_every_hash_seed():
     root = Path(__file__).parents[2]
     told = []
     for hashes in ("0", "1"):
@@ -381,6 +381,6 @@ def test_a_seed_means_the_same_events_whatever_python_hashes_strings_to():
     assert len(told[0].splitlines()) > 100
 
 
-def test_another_seed_means_other_events():
+def test_another_seed_gives_other_events():
     digests = [simulate(seed, Counts()) for seed in (7, 7, 8)]
     assert digests[0] == digests[1] != digests[2]

@@ -1,4 +1,4 @@
-"""Runs mutmut on one module, inside of the folder that `run.py` has made.
+"""Runs mutmut on one module, in the folder that `mutants.py` has created.
 
 It has a process of its own, since mutmut keeps its configuration and results in the process.
 """

@@ -3,7 +3,7 @@
 import tomllib
 from pathlib import Path
 
-from tests.mutation.run import survivors
+from tests.mutation.mutants import survivors
 
 HERE = Path(__file__).parent
 ROOT = HERE.parents[1]

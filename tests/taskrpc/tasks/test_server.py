@@ -61,7 +61,7 @@ def ids(response):
     return [task.task_id for task in response.tasks]
 
 
-async def test_the_lectures_four_tasks_run_in_the_order_two_one_three_four():
+async def test_lectures_four_tasks_run_in_the_order_two_one_three_four():
     rows = [
         ("move", "warehouse", 8),
         ("scan", "area_a", 9),

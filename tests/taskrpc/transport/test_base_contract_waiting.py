@@ -61,7 +61,7 @@ async def test_waiters_whose_neighbours_give_up_still_wake(net):
         assert await waiting[3]
 
 
-async def test_a_restarted_server_is_found_by_the_same_client(net):
+async def test_client_finds_a_restarted_server(net):
     client = await net.client(Add, "add")
     for _ in range(3):
         server = await net.node()
