@@ -1,8 +1,8 @@
-"""A hostile client on raw bytes: whatever the server proves or refuses, it asks for work anyway.
+"""A hostile client on raw bytes: it requests work even after the server has refused it.
 
-It follows docs/reference/wire-protocol.md and shares no code with the product. An honest client
-gives up by itself when a handshake fails, so that a server which accepts every proof would look
-safe; and with its own HMAC a bug that is planted into the product is on one side only.
+It follows docs/reference/wire-protocol.md and shares no code with the product. A real client
+stops by itself when a handshake fails, so a server that accepts every proof would look safe. With
+its own HMAC, a bug that is planted into the product is on one side only.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ HELLO, HELLO_ACK, AUTH, AUTH_OK, RESOLVE, REQUEST, RESPONSE, ERROR = 1, 2, 3, 4,
 PING, SUBSCRIBE, PUBLISH, OPTIONAL = 11, 14, 16, 0x80
 NO_DEADLINE = 0xFFFFFFFF
 PATIENCE = 10.0
-"""Seconds in which a server must have closed the connection of a stranger."""
+"""Seconds within which a server must close the connection of an unknown client."""
 
 _HEADER = struct.Struct("<IBBHII")
 _HONEST_IS_DONE = 5
-"""Call id of the last question; a server that answers it has answered all."""
+"""Call id of the last request; a server that answers it has answered all."""
 
 
 def frame(type_: int, body: bytes = b"", method: int = 0, call_id: int = 0, arg: int = 0) -> bytes:
@@ -42,7 +42,7 @@ def pack(*fields: object) -> bytes:
 
 
 def questions(service: str, topic: tuple[str, str, str]) -> bytes:
-    """What an attacker is after: a listing, a service, calls of it, and a topic's messages."""
+    """The attacker's requests: a listing, a service, calls of it, and a topic's messages."""
     call = pack(1, 2)
     return b"".join(
         [
@@ -58,18 +58,18 @@ def questions(service: str, topic: tuple[str, str, str]) -> bytes:
 
 @dataclass
 class Heard:
-    """What a server said to a connection."""
+    """The frames that a server has sent on a connection."""
 
     types: set[int] = field(default_factory=set)
-    """Types of the frames behind HELLO_ACK, ERROR without a call left out."""
+    """Types of the frames after HELLO_ACK, without ERROR frames that belong to no call."""
     refusals: list[str] = field(default_factory=list)
-    """The sentences of such errors."""
+    """The messages of these errors."""
     hung: bool = False
     """Whether the connection was still open after `PATIENCE`."""
 
     @property
     def let_in(self) -> bool:
-        """Whether the server took the client for one that has proved itself."""
+        """Whether the server accepted the client as authenticated."""
         return bool(self.types)
 
 
@@ -86,11 +86,11 @@ class Line:
         self.their_nonce = bytes(16)
 
     def send(self, data: bytes) -> None:
-        """Write, whether the server still listens or not."""
+        """Write, even if the server no longer reads."""
         self._writer.write(data)
 
     async def close(self) -> None:
-        """Cut the connection: the end of TLS may wait for a server that has a planted bug."""
+        """Abort the connection: closing TLS may wait for a server with a planted bug."""
         self._writer.transport.abort()
         with contextlib.suppress(OSError):
             await self._writer.wait_closed()
@@ -103,7 +103,7 @@ class Line:
     async def hello(
         self, account: str = "", *, lowest: int = 1, highest: int = 1, domain: int = 0
     ) -> None:
-        """Begin, and keep the server's nonce if it answers with one."""
+        """Start the handshake, and keep the server's nonce if it sends one."""
         me = pack(lowest, highest, b"E" * 16, self.nonce, domain, "/evil", account)
         self.send(MAGIC + frame(HELLO, me))
         type_, _, body = await self.receive()
@@ -114,7 +114,7 @@ class Line:
     def proof(
         self, key: str, *, role: bytes = b"client", channel: bytes | None = None, nonce: bytes = b""
     ) -> bytes:
-        """The HMAC that proves a key, or one with something else in its place."""
+        """The HMAC that proves a key, or one over a changed part."""
         bound = self.channel if channel is None else channel
         said = b"taskrpc " + role + self.nonce + (nonce or self.their_nonce) + bound
         return hmac.new(key.encode(), said, hashlib.sha256).digest()
@@ -124,7 +124,7 @@ class Line:
         self.send(frame(AUTH, pack(proof)))
 
     async def listen(self) -> Heard:
-        """Read to the end, or until the last question is answered."""
+        """Read to the end, or until the last request is answered."""
         heard = Heard()
         try:
             async with asyncio.timeout(PATIENCE):
@@ -144,11 +144,11 @@ class Line:
 
 
 class Refused(Exception):
-    """The server refused before it wanted a proof."""
+    """The server refused the client before it requested a proof."""
 
 
 Way = Callable[[Line], Awaitable[None]]
-"""What an attacker does before it asks its questions."""
+"""The steps of an attacker before its requests."""
 
 
 @dataclass
@@ -180,11 +180,12 @@ class Attacker:
         return Line(reader, writer, hashlib.sha256(shown).digest() if shown else b"")
 
     async def attempt(self, way: Way) -> Heard:
-        """Go one way, then ask for everything, whatever the server has said to it."""
+        """Take one kind of attack, then request everything, whatever the server has answered."""
         refusals: list[str] = []
         try:
             async with self.connected() as line:
-                with contextlib.suppress(EOFError, ConnectionError):  # closed: it asks all the same
+                # A closed connection does not stop the attacker.
+                with contextlib.suppress(EOFError, ConnectionError):
                     try:
                         await way(line)
                     except Refused as refused:
@@ -198,7 +199,7 @@ class Attacker:
 
 
 def proving(account: str, make: Callable[[Line], bytes]) -> Way:
-    """The usual handshake with the proof that `make` makes."""
+    """The usual handshake with the proof that `make` returns."""
 
     async def way(line: Line) -> None:
         await line.hello(account)
@@ -215,8 +216,8 @@ def knowing(key: str, account: str = "") -> Way:
 def wrong_proofs(own: str, ana: str, revoked: str, expired: str) -> dict[str, Way]:
     """Handshakes whose proof is wrong.
 
-    `own` is the server's token, the others those of accounts. What is made with them no attacker
-    could make; it is wrong all the same, and a server that compares less than everything takes it.
+    `own` is the server's token, the others are those of accounts; no attacker knows them. Proofs
+    made with them are wrong here nevertheless, and a server that compares only a part accepts them.
     """
 
     def flipped(line: Line) -> bytes:
@@ -251,7 +252,7 @@ def wrong_proofs(own: str, ana: str, revoked: str, expired: str) -> dict[str, Wa
 
 
 def broken_handshakes(own: str) -> dict[str, Way]:
-    """Handshakes that leave out, repeat or turn round a step."""
+    """Handshakes that omit, repeat or reverse a step."""
 
     async def silence(line: Line) -> None:
         line.send(MAGIC)
@@ -307,7 +308,7 @@ def broken_handshakes(own: str) -> dict[str, Way]:
 
 
 def replays(attacker: Attacker, own: str) -> dict[str, Way]:
-    """Handshakes with what a right one has said on another connection, which is open still."""
+    """Handshakes that replay a right one from another, still open connection."""
 
     async def replay(line: Line) -> None:
         async with attacker.connected() as other:

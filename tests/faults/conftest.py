@@ -9,7 +9,7 @@ from tests.faults.programs import Programs
 
 
 def pytest_generate_tests(metafunc):
-    """Once as it is, and once more with each planted bug."""
+    """Run each test once unchanged, and once more with each planted bug."""
     if (marker := metafunc.definition.get_closest_marker("planted")) is not None:
         named = [pytest.param(bug, id=bug.name) for bug in marker.args]
         metafunc.fixturenames.append("bug")
@@ -23,7 +23,7 @@ def planted(item) -> Bug | None:
 
 @pytest.hookimpl(wrapper=True)
 def pytest_pyfunc_call(pyfuncitem):
-    """With a bug planted, a harness must fail, and by the count that the bug names."""
+    """With a planted bug, a harness must fail, and by the count that the bug names."""
     try:
         return (yield from _judged(planted(pyfuncitem)))
     finally:
@@ -46,20 +46,20 @@ def _judged(bug):
 
 @pytest.fixture
 def large(request):
-    """Whether the large size is wanted; planted bugs are seen at the small one."""
+    """Whether to run the large size; planted bugs must be found at the small one."""
     return request.config.getoption("soak") and planted(request.node) is None
 
 
 @pytest.fixture
 def programs(request, tmp_path):
-    """Starts programs, which end with the test; a planted bug is in them as well."""
+    """Starts programs that end with the test; a planted bug is planted in them as well."""
     with Programs(tmp_path, planted(request.node)) as programs:
         yield programs
 
 
 @pytest.fixture
 def seed(request):
-    """What chance begins with; another one by `--seed`."""
+    """The seed of all random choices; `--seed` sets another one."""
     given = request.config.getoption("seed")
     print(f"seed {given}; again with: pytest -m faults --seed {given} '{request.node.nodeid}'")
     return given

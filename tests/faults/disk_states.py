@@ -1,8 +1,8 @@
-"""What may be on a disk when the machine fails: everything synced, and anything of the rest.
+"""Possible disk contents after a machine failure: all synced data, and any part of the rest.
 
-`recorded` runs a program under strace and returns what it did to the files of one folder. A `Disk`
-follows that, and at any point makes up disks that a failure of the machine could leave behind:
-what was not synced is there or not, page by page, as it was at any time since, or torn.
+`recorded` runs a program under strace and returns its operations on the files of a folder. A `Disk`
+follows these, and at any point generates disks that a machine failure could leave behind:
+unsynced pages are there or not, each as it was at any time since the sync, or torn.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _TEXT = re.compile(r'"((?:[^"\\]|\\.)*)"')
 
 
 def recorded(command, folder, *, inject=()):
-    """Run a program and yield (kind, name, detail) for all that it does in a folder.
+    """Run a program and yield (kind, name, detail) for each of its operations in a folder.
 
     The kinds: "write" (offset, data), "truncate" size, "sync" whether it worked, "unlink", "open".
     The folder itself has the name "".
@@ -38,7 +38,7 @@ def recorded(command, folder, *, inject=()):
 
 
 def _events(lines, folder):
-    begun, ends = {}, {}  # by thread; by name, where what is appended goes
+    begun, ends = {}, {}  # by thread; by name, the position for appends
     for line in lines:
         thread, text = _LINE.fullmatch(line).groups()
         if text.endswith("<unfinished ...>"):
@@ -71,13 +71,13 @@ def _event(call, arguments, result, folder, ends):
 
 
 class File:
-    """One file: as programs see it, as it surely is on the disk, and all that it may be there."""
+    """One file: as programs see it, its certain contents on the disk, and its possible ones."""
 
     def __init__(self):
         self.seen = bytearray()
         self._synced: dict[int, bytes] = {}
         self._synced_size = 0
-        self._since: dict[int, list[bytes]] = {}  # page -> what it was since it was synced
+        self._since: dict[int, list[bytes]] = {}  # page -> its contents since the last sync
         self._sizes: list[int] = []
         self._dirty: set[int] = set()
 
@@ -94,7 +94,7 @@ class File:
         self._changed(size // PAGE)
 
     def synced(self, worked):
-        """After a failure the system takes pages for written that are not."""
+        """After a failed sync the system treats unwritten pages as written."""
         if worked:
             for page in self._dirty:
                 self._synced[page] = self._page(page)
@@ -103,7 +103,7 @@ class File:
         self._dirty.clear()
 
     def left(self, chance):
-        """What a failure of the machine may leave; without chance, only what is sure."""
+        """Contents that a machine failure may leave; without `chance`, only the certain ones."""
         size, pages = self._synced_size, dict(self._synced)
         if chance is not None:
             size = chance.choice([size, *self._sizes])
@@ -136,7 +136,7 @@ def _torn(versions, chance):
 
 
 class Disk:
-    """The files of a folder, of which `ignored` endings are nobody's business."""
+    """The files of a folder; names that end in `ignored` are left out."""
 
     def __init__(self, ignored=()):
         self._ignored = tuple(ignored)
@@ -145,7 +145,7 @@ class Disk:
         self._names_since: list[dict[str, File]] = []
 
     def follow(self, kind, name, detail):
-        """Take over what a program did."""
+        """Apply a program's operation."""
         if name.endswith(self._ignored):
             return
         if not name:
@@ -164,14 +164,14 @@ class Disk:
             self._names[name].synced(detail)
 
     def left(self, chance=None):
-        """What a failure may leave: contents by name; without chance, only what is sure."""
+        """Possible contents by file name after a failure; without `chance`, the certain ones."""
         names = self._synced_names
         if chance is not None:
             names = chance.choice([names, *self._names_since])
         return {name: file.left(chance) for name, file in names.items()}
 
     def seen(self):
-        """What the death of the program alone leaves."""
+        """The contents after the program alone has died."""
         return {name: bytes(file.seen) for name, file in self._names.items()}
 
     def _rename(self, names):

@@ -1,6 +1,6 @@
-"""Fills a small disk with tasks, makes room, goes on; tells as JSON what was said and is there.
+"""Fills a small disk with tasks, makes room, continues; prints the answers and contents as JSON.
 
-Run it in a name space of its own, where it may mount a disk: `unshare -rm python full_disk.py DIR`.
+Run it in a separate namespace, where it may mount a disk: `unshare -rm python full_disk.py DIR`.
 """
 
 import asyncio
@@ -18,7 +18,7 @@ AT_ONCE = 8
 
 
 class Filler:
-    """Saves tasks, a few at once, and notes what it was told."""
+    """Saves tasks, several at once, and records the answers."""
 
     def __init__(self, store):
         self.store, self.number = store, 0

@@ -1,7 +1,7 @@
-"""What every fault harness needs: its size, its seed, and a count of what really happened.
+"""The common parts of fault harnesses: size, seed, and counts of the events that happened.
 
-A harness that breaks nothing shows nothing: it requires the faults that it meant to cause. The
-same rehearsal, with a bug planted in the product, must find it: `@pytest.mark.planted(Bug(...), …)`
+A harness that breaks nothing proves nothing: it requires that its faults really happened. The
+same test must find a bug that is planted into the product: `@pytest.mark.planted(Bug(...), …)`
 runs a test once more with each bug, and then it must fail by the count that the bug names.
 """
 
@@ -19,16 +19,16 @@ from typing import Any, Protocol
 import pytest
 
 HAPPENED = "what happened"
-"""Under which name a test's report has its counts: it may come from another process."""
+"""The key of the counts in a test's report, which may come from another process."""
 
 
 class Counts(collections.Counter[str]):
-    """How often each thing happened; told at the end of the run."""
+    """How often each event happened; printed at the end of the run."""
 
     def check(self, *promises: str, happened: tuple[str, ...] = ()) -> None:
-        """The verdict: `promises` are counts that must be zero, `happened` those that must not.
+        """Check the counts: those in `promises` must be zero, those in `happened` must not be.
 
-        Raises PromiseBroken; AssertionError where too little happened to show anything.
+        Raises PromiseBroken, and AssertionError if too few events happened to prove anything.
         """
         if wrong := self.broken(*promises):
             raise PromiseBroken(wrong)
@@ -36,13 +36,13 @@ class Counts(collections.Counter[str]):
         assert not idle, f"this shows nothing: no {', no '.join(idle)}"
 
     def require(self, **least: int) -> None:
-        """Fail unless each fault (`_` stands for a space) happened at least so often."""
+        """Fail unless each event (`_` stands for a space) happened at least this often."""
         wanted = {name.replace("_", " "): count for name, count in least.items()}
         few = {name: self[name] for name, count in wanted.items() if self[name] < count}
         assert not few, f"too few faults to show anything: {few}, wanted {wanted}"
 
     def broken(self, *promises: str) -> dict[str, int]:
-        """Which promises were broken, and how often."""
+        """The broken promises, and how often each was broken."""
         return {name: self[name] for name in promises if self[name]}
 
     def __str__(self) -> str:
@@ -50,7 +50,7 @@ class Counts(collections.Counter[str]):
 
 
 class PromiseBroken(AssertionError):
-    """A harness saw the product break its promise; `counts` are those that should be zero."""
+    """The product broke a promise; `counts` has the counts that should be zero."""
 
     def __init__(self, counts: dict[str, int]) -> None:
         self.counts = counts
@@ -58,17 +58,17 @@ class PromiseBroken(AssertionError):
 
 
 class Patch(Protocol):
-    """Puts something else in the place of a name of the product."""
+    """Replaces a name of the product."""
 
     def __call__(self, owner: Any, name: str, replacement: Any) -> object: ...
 
 
 @dataclass(frozen=True)
 class Bug:
-    """A fault of the product that a harness must see.
+    """A bug in the product that a harness must find.
 
     `plant` stands at the top level of its module, so that a child process finds it; it patches the
-    product with `patch(owner, name, replacement)`. `breaks` names the count that gives it away.
+    product with `patch(owner, name, replacement)`. `breaks` names the count that reveals the bug.
     """
 
     plant: Callable[[Patch], object]
@@ -80,25 +80,25 @@ class Bug:
 
     @property
     def place(self) -> str:
-        """Where a child process finds it: see `plant_from`."""
+        """The place from which a child process imports the bug: see `plant_from`."""
         return f"{self.plant.__module__}:{self.plant.__qualname__}"
 
     @contextlib.contextmanager
     def planted(self) -> Iterator[None]:
-        """The product of this process has the bug inside the block."""
+        """Plant the bug in this process for the duration of the block."""
         with pytest.MonkeyPatch.context() as monkeypatch:
             self.plant(monkeypatch.setattr)
             yield
 
 
 def plant_from(place: str) -> None:
-    """Plant a bug in this process for good: what child processes do first."""
+    """Plant a bug in this process permanently; child processes do this first."""
     module, _, name = place.partition(":")
     getattr(importlib.import_module(module), name)(setattr)
 
 
 class Lateness:
-    """How late the running loop itself is, so that a busy machine can be told from a late call."""
+    """Measures the delay of the event loop, to distinguish a busy machine from a late call."""
 
     PERIOD = 0.005
 
@@ -109,7 +109,7 @@ class Lateness:
         self._arm()
 
     def stop(self) -> float:
-        """End the measurement; the longest lateness in seconds."""
+        """End the measurement; returns the longest delay in seconds."""
         self._timer.cancel()
         return self.longest
 
@@ -123,7 +123,7 @@ class Lateness:
 
 
 def percentile(values: list[float], share: float) -> float:
-    """The value below which this share of the values lies."""
+    """The value that this share of the values does not exceed."""
     return sorted(values)[min(len(values) - 1, int(share * len(values)))]
 
 

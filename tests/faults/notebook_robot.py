@@ -1,4 +1,4 @@
-"""The simulated robot, which writes down what it begins and ends: what really happened."""
+"""The simulated robot that records the start and the end of each move in a file."""
 
 import os
 
@@ -6,7 +6,7 @@ from taskrpc.robot import KinematicRobot
 
 
 class NotebookRobot(KinematicRobot):
-    """Writes a line to the file that $NOTEBOOK names, before it moves and after."""
+    """Writes a line to the file named by $NOTEBOOK before and after each move."""
 
     def __init__(self, world, speed):
         super().__init__(world, speed=speed)

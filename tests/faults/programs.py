@@ -1,4 +1,4 @@
-"""Programs that a harness starts, kills and ends: real processes with the product in them."""
+"""Programs that a harness starts, kills and stops: real processes that use the product."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ sys.exit(main(sys.argv[1:]))
 
 
 class Programs:
-    """Starts programs and ends them, each by its process id."""
+    """Starts programs and stops each by its process id."""
 
     def __init__(self, folder: Path, bug: Bug | None) -> None:
         self._folder = folder
@@ -76,7 +76,7 @@ class Programs:
             _close(program)
 
     def command(self, script: Path, *arguments: str) -> list[str]:
-        """What starts a script of the harness's own, with the bug in it."""
+        """The command that starts a script of the harness, with the planted bug."""
         planting = [] if self._bug is None else ["-c", PLANTING, self._bug.place]
         return [sys.executable, *planting, str(script), *arguments]
 
@@ -90,7 +90,7 @@ class Programs:
         self, source: str, arguments: tuple[str, ...], ready: str, name: str
     ) -> subprocess.Popen[str]:
         script = self._folder / name
-        with self._writing:  # no program may find its script while another writes it anew
+        with self._writing:  # one file each: none is read while another program writes it
             if not script.exists() or script.read_text() != source:
                 script.write_text(source)
         program = subprocess.Popen(
@@ -112,7 +112,7 @@ class Programs:
 
 
 async def kill(program: subprocess.Popen[str]) -> None:
-    """`kill -9`, and wait until it is gone."""
+    """`kill -9`, and wait until the process has ended."""
     program.kill()
     await asyncio.to_thread(program.wait, 10)
     _close(program)
@@ -127,6 +127,6 @@ async def terminate(program: subprocess.Popen[str], patience: float = 30) -> int
 
 
 def _close(program: subprocess.Popen[str]) -> None:
-    """Let go of its pipes: in a soak ten thousand programs come and go."""
+    """Close the pipes: a soak run starts ten thousand programs."""
     for pipe in (program.stdin, program.stdout, program.stderr):
         pipe.close()

@@ -1,7 +1,7 @@
-"""Wires that break at seeded points: a TCP proxy on loopback, and pipes in memory.
+"""Connections that break at seeded points: a TCP proxy on loopback, and pipes in memory.
 
-Neither loses or doubles bytes in the middle of a stream: TCP does not. They delay, truncate, cut,
-reset, or swallow everything from some byte on (a black hole: nobody is told).
+Like TCP, they neither lose nor repeat bytes within a stream. They delay, truncate, close,
+reset, or discard everything from some byte on (a black hole: no side is notified).
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ KINDS = (DELAY, TRUNCATE, CUT, RESET, HOLE)
 
 @dataclass
 class Fault:
-    """What happens to a stream after so many bytes; a delay of so many seconds."""
+    """A fault of a stream: its kind, the byte where it happens, and the delay in seconds."""
 
     kind: str
     after: int
@@ -31,11 +31,11 @@ class Fault:
 
 
 class Faults:
-    """Draws what befalls each stream, from a seed.
+    """Draws the faults of streams from a seed.
 
     Args:
-        share: of the streams that are struck at all.
-        reach: a fault strikes within so many bytes after `skip`.
+        share: the share of the streams that have a fault.
+        reach: a fault happens within this many bytes after `skip`.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Faults:
         self._share, self._skip, self._reach = share, skip, reach
 
     def draw(self) -> Fault | None:
-        """What will befall a new stream."""
+        """Draw the fault of a new stream."""
         chance = self._chance
         if chance.random() >= self._share:
             return None
@@ -64,7 +64,7 @@ def faulty_pipe(faults: Faults) -> type[Pipe]:
     """The class of pipes to patch into `taskrpc.transport.memory.Pipe`."""
 
     class FaultyPipe(Pipe):
-        """A pipe that breaks when as many bytes were written as its fault says."""
+        """A pipe that breaks when its fault's number of bytes was written."""
 
         def __init__(self, protocol: Any, name: str) -> None:
             super().__init__(protocol, name)
@@ -94,7 +94,7 @@ def faulty_pipe(faults: Faults) -> type[Pipe]:
                     self._loop.call_later(fault.seconds, self._catch_up)
                 case "truncated":
                     super().write(data[:at])
-                    self._swallows = True  # nothing follows upon half a frame
+                    self._swallows = True  # after half a frame nothing may follow
                     self._loop.call_soon(self._loop.call_soon, self.close)
                 case "cut":
                     self.close()
@@ -114,7 +114,7 @@ def faulty_pipe(faults: Faults) -> type[Pipe]:
 
 
 class Proxy:
-    """Stands on loopback before a server; `address` is what its clients are to dial."""
+    """A proxy on loopback in front of a server; clients dial `address`."""
 
     def __init__(self, target: str, faults: Faults) -> None:
         host, _, port = target.rpartition(":")
@@ -142,7 +142,7 @@ class Proxy:
         self._faults.counts["connections through the proxy"] += 1
         there = None
         try:
-            # Cancelled only at the end; and asyncio logs a callback that ends as cancelled.
+            # Cancelled only at the end; asyncio would log the cancelled callback.
             with contextlib.suppress(OSError, asyncio.CancelledError):
                 back, there = await asyncio.open_connection(*self._target)
                 await self._joined((reader, there), (back, writer))
@@ -153,7 +153,7 @@ class Proxy:
                     each.close()
 
     async def _joined(self, *ways: tuple[asyncio.StreamReader, asyncio.StreamWriter]) -> None:
-        """Carry both ways until one ends: then the other ends as well."""
+        """Forward in both directions until one ends; then end the other as well."""
         pumps = [asyncio.ensure_future(self._pump(*way, self._faults.draw())) for way in ways]
         try:
             await asyncio.wait(pumps, return_when=asyncio.FIRST_COMPLETED)

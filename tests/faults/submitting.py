@@ -1,4 +1,4 @@
-"""Submits to a store as many callers do, and says what it asked for and what it was told."""
+"""Submits to a store from many callers, and prints the requests and their results."""
 
 import asyncio
 import itertools
@@ -29,7 +29,7 @@ def task(number, operation):
 
 
 class Caller:
-    """Queues tasks, changes them and has them forgotten, one thing after the other."""
+    """Queues tasks, changes them and drops them, one after the other."""
 
     def __init__(self, store, say, operations, numbers, chance):
         self.store, self.say, self.chance = store, say, chance
@@ -64,7 +64,7 @@ async def main(folder, seed, count, limit):
     store = SqliteStore(Path(folder) / "tasks.db")
     await store.load()
     if limit:
-        import resource  # which Windows has not; nor has it strace
+        import resource  # not on Windows, which has no strace either
 
         resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
     callers = [
@@ -82,7 +82,7 @@ async def main(folder, seed, count, limit):
 
 
 def often_checkpointed(connect):
-    """So that a short recording has checkpoints, too."""
+    """Makes checkpoints frequent, so that a short recording contains some."""
 
     def connected(path):
         connection = connect(path)

@@ -1,4 +1,4 @@
-"""Promise 1: every call has a deadline, and hears of it never early and at most a tick late."""
+"""Promise 1: each call has a deadline, and ends never early and at most one tick late."""
 
 import asyncio
 import random
@@ -34,7 +34,7 @@ def no_deadline_unless_said(patch):
 
 
 async def heard(client, number, clock, **options):
-    """Seconds after which the caller of a callback that never answers heard of its deadline."""
+    """Seconds until a call ends whose callback never answers."""
     began = clock()
     with pytest.raises(taskrpc.DeadlineExceeded):
         await asyncio.wait_for(client.call(ask(number), **options), 60)
@@ -69,7 +69,7 @@ async def test_calls_end_at_most_one_tick_after_their_deadline_and_never_early(c
         taskrpc.Node("server", transport="memory", token="s") as server,
         taskrpc.Node("client", transport="memory", token="c") as node,
     ):
-        # What runs, what waits for its turn, and what waits to be sent.
+        # Executing calls, queued calls, and calls that wait to be sent.
         server.create_service(Add, "add", Gate(), concurrency=50)
         client = node.create_client(Add, "add")
         assert await client.wait_for_service(5)

@@ -1,4 +1,4 @@
-"""Promise 2: the deadline travels as the time that is left, and expired work is not run."""
+"""Promise 2: the deadline is sent as the time left, and expired calls are not executed."""
 
 import asyncio
 import contextlib
@@ -17,7 +17,7 @@ pytestmark = pytest.mark.faults
 
 SPAN = 0.1
 ROUNDING = 0.001 + 1e-6
-"""Seconds: the time that is left travels in whole milliseconds, rounded up."""
+"""Seconds: the time left is sent in whole milliseconds, rounded up."""
 
 
 def runs_whatever_waited(patch):
@@ -63,7 +63,7 @@ def says_that_nothing_had_begun(patch):
 
 
 class Clock:
-    """When each call is due, by the clock of its caller, which is the callback's as well."""
+    """The deadline of each call, by the one clock of caller and callback."""
 
     def __init__(self, counts, unread=0.0):
         self.loop, self.counts, self.due = asyncio.get_running_loop(), counts, {}
@@ -138,7 +138,7 @@ async def test_none_of_5000_queued_calls_starts_after_its_deadline(counts, seed,
     Bug(counts_from_when_a_request_is_handled, "started after expiry"),
 )
 async def test_no_call_starts_after_its_deadline_behind_a_blocking_callback(counts, seed, large):
-    # What is not read yet, because one callback holds the loop, has no clock that could count.
+    # A request that is unread while a callback blocks the loop cannot expire earlier.
     clock, chance = Clock(counts, unread=0.03), random.Random(seed)
 
     def busy(request, response):

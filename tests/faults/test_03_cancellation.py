@@ -1,4 +1,4 @@
-"""Promise 3: cancelling a call cancels its async callback, and nothing is left of it."""
+"""Promise 3: cancelling a call cancels its async callback and leaves nothing behind."""
 
 import asyncio
 import collections
@@ -51,7 +51,7 @@ def _job_done_without_an_answer(service, call, job):
 
 
 class Sessions:
-    """Every session that is made, so that what they hold can be counted."""
+    """Records every session, so that its contents can be counted."""
 
     def __init__(self, monkeypatch):
         self.all = []
@@ -68,14 +68,14 @@ class Sessions:
 
 
 def timers():
-    """The timers that are set; those of the connections' own look after themselves."""
+    """The scheduled timers, without those of the connections themselves."""
     loop = asyncio.get_running_loop()
     return sum(not handle.cancelled() for handle in loop._scheduled)
 
 
 @contextlib.asynccontextmanager
 async def clients_of(callback, count, **options):
-    """Clients of one service, each with a connection of its own."""
+    """Clients of one service, each with its own connection."""
     async with contextlib.AsyncExitStack() as stack:
         server = taskrpc.Node("server", transport="memory", token="s")
         await stack.enter_async_context(server)
@@ -132,7 +132,7 @@ async def test_10000_random_cancels_leave_nothing_behind(counts, seed, large, mo
         await asyncio.sleep(chance.uniform(0, 5))
         takes = chance.choice([0, 1, 10, 60_000])
         call = client.call_async(ask(number, takes), timeout=None)
-        # At once, in the next turns, while it waits anywhere or runs, as it is answered.
+        # Cancelled at once, a few iterations later, in any queue, in the callback, or at its end.
         for _ in range(chance.randrange(8)):
             await asyncio.sleep(0)
         await asyncio.sleep(chance.choice([0, 0, 0.001, 0.01, chance.random()]))

@@ -1,5 +1,5 @@
-"""Promises 4 and 6: whatever breaks, a plain call runs once or not at all, and its caller is told
-which, or that nobody can know."""
+"""Promises 4 and 6: despite any fault a plain call executes at most once, and its caller learns
+whether it did, or that the outcome is unknown."""
 
 import asyncio
 import collections
@@ -28,7 +28,7 @@ TOLD = ("answered", "told unknown", "told not run", "sent again", "given up")
 
 
 class Truth:
-    """A service that remembers what it ran, and callers that are compared with it."""
+    """A service that records its executions, and callers whose outcomes are compared with them."""
 
     def __init__(self, chance, counts, span=0.5):
         self.chance, self.counts, self.span = chance, counts, span
@@ -53,7 +53,7 @@ class Truth:
         job = asyncio.ensure_future(client.call(ask(number, takes), timeout=1.5, retry=retry))
         if chance.random() < 0.1:
             asyncio.get_running_loop().call_later(chance.uniform(0, 0.05), job.cancel)
-        # Two deadlines: whoever has no answer by then is never going to get one.
+        # Two timeouts: a call that has no response by then never gets one.
         done, _ = await asyncio.wait([job], timeout=3.0)
         self.counts["no answer"] += not done
         job.cancel()
@@ -75,7 +75,7 @@ class Truth:
             self.counts["wrong answer"] += got.sum != -number
 
     def judge(self):
-        """Compare what callers were told with what was done; nothing runs any more."""
+        """Compare the callers' outcomes with the executions, after everything has ended."""
         self.counts["runs"] += self.runs.total()
         self.counts["ran twice"] += sum(count > 1 for count in self.runs.values())
         for number, not_executed in self.told.items():
@@ -129,7 +129,7 @@ async def test_calls_in_memory_execute_at_most_once_and_callers_know_the_outcome
         chance = random.Random(f"{seed} {number}")
         counts["seeds"] += 1
         with monkeypatch.context() as patch:
-            # Bytes 0 to 250 are the handshake, and 60 a call.
+            # The handshake has about 250 bytes, a call 60.
             faults = Faults(chance, counts, skip=chance.choice([0, 250]), reach=900)
             patch.setattr(memory, "Pipe", faulty_pipe(faults))
             await _one_seed(Truth(chance, counts))
@@ -148,7 +148,7 @@ async def _one_seed(truth):
         server.create_service(Add, "add", truth.run, concurrency=4)
         client = node.create_client(Add, "add")
         await asyncio.gather(*[truth.call(client, number) for number in range(1, 9)])
-        await asyncio.sleep(5)  # whatever still travels has arrived
+        await asyncio.sleep(5)  # all frames on their way have arrived
         truth.judge()
 
 
@@ -160,7 +160,7 @@ async def test_calls_on_sockets_execute_at_most_once_and_callers_know_the_outcom
     kinds = (DELAY, TRUNCATE, CUT, RESET)
     for number in range(1000 if large else 24):
         chance = random.Random(f"{seed} {number}")
-        kind = kinds[number % len(kinds)]  # each in turn: the machine's own chance is not seeded
+        kind = kinds[number % len(kinds)]  # one after the other: the machine's timing is not seeded
         faults = Faults(chance, counts, kinds=(kind,), skip=200, reach=1500)
         truth = Truth(chance, counts, span=0.05)
         counts["seeds"] += 1
@@ -172,7 +172,7 @@ async def test_calls_on_sockets_execute_at_most_once_and_callers_know_the_outcom
         ):
             client = node.create_client(Add, "add")
             await asyncio.gather(*[truth.call(client, number) for number in range(1, 41)])
-            # Whatever the callback's longest run may still do is done.
+            # The longest callback has ended by now.
             await asyncio.sleep(0.1)
         truth.judge()
         if counts.broken(*BROKEN):
@@ -181,7 +181,7 @@ async def test_calls_on_sockets_execute_at_most_once_and_callers_know_the_outcom
 
 
 class _served:
-    """Offers the service before the proxy asks for the server's address."""
+    """Creates the service before the proxy requests the server's address."""
 
     def __init__(self, server, truth):
         server.create_service(Add, "add", truth.run, concurrency=8)

@@ -1,4 +1,4 @@
-"""Promise 5: while a server is killed again and again, each request becomes exactly one task."""
+"""Promise 5: while a server is killed repeatedly, each request becomes exactly one task."""
 
 import asyncio
 import collections
@@ -56,7 +56,7 @@ def lose_the_completions(patch):
 
 
 class Server:
-    """The task server in a process of its own, which can be killed and started again."""
+    """The task server in a separate process, which can be killed and restarted."""
 
     def __init__(self, folder, programs):
         self.db = folder / "tasks.db"
@@ -64,7 +64,7 @@ class Server:
         self._program = None
 
     async def start(self):
-        # Tasks that wait are counted, not driven: a queue that is paused stays so.
+        # Queued tasks are counted and never run: the queue stays paused.
         options = ["--db", str(self.db), "--queue-limit", "1000000", "--log-level", "error"]
         self._program = await self._programs.start(
             TASK_SERVER, *options, ready="taskrpc-server", name="server.py"
@@ -74,14 +74,14 @@ class Server:
         await kill(self._program)
 
     def stored(self):
-        """How many tasks there are of each target, as the file says; by nobody's leave."""
+        """The number of tasks for each target, read directly from the file."""
         with contextlib.closing(sqlite3.connect(self.db)) as file:
             rows = file.execute("SELECT json_extract(record, '$.target') FROM task").fetchall()
         return collections.Counter(target for (target,) in rows)
 
 
 class Rehearsal:
-    """Clients that submit, and what they were told."""
+    """Clients that submit tasks, and the responses they received."""
 
     def __init__(self, server, counts, chance):
         self.server = server
@@ -91,7 +91,7 @@ class Rehearsal:
         self.over = False
 
     async def client(self, number, node):
-        # With a policy, who finds no server waits for the next.
+        # With a retry policy, a client without a server waits for the next one.
         retry = taskrpc.RetryPolicy()
         client = node.create_client(RobotTask, "/robot_task", timeout=60, retry=retry)
         each = 0
@@ -129,14 +129,14 @@ class Rehearsal:
             await asyncio.sleep(self.chance.uniform(0.02, 0.4))
             await self.server.kill()
             self.counts["kills"] += 1
-            if number & (number - 1) == 0:  # ever more seldom: there are ever more tasks to look at
+            if number & (number - 1) == 0:  # less often over time: each look reads more tasks
                 self.compare()
             await self.server.start()
             if self.counts.broken(*BROKEN):
                 break
 
     def compare(self):
-        """Compare what clients were told with what is in the file; returns that."""
+        """Compare the clients' responses with the file; returns its contents."""
         stored = self.server.stored()
         known = {target: task_id for target, task_id in self.told.items() if task_id is not None}
         ids = collections.Counter(known.values())
@@ -148,7 +148,7 @@ class Rehearsal:
 
 @pytest.fixture
 def sent_again(counts, monkeypatch):
-    """Counts how often a client repeats what may have run."""
+    """Counts how often a client repeats a request that may have been executed."""
     wait = Attempts._wait_after
 
     def counted(self, error):
@@ -168,7 +168,7 @@ def sent_again(counts, monkeypatch):
 async def test_requests_to_a_repeatedly_killed_server_execute_exactly_once(
     tmp_path, programs, counts, seed, large
 ):
-    # Some kills a store: with ever more tasks in one, ever more of the time would go to read them.
+    # A few kills for each store: reading a growing store would take most of the time.
     kills, stores = (50, 200) if large else (30, 1)
     chance = random.Random(seed)
     for number in range(stores):

@@ -1,6 +1,6 @@
-"""Promise 5: a request that the server has forgotten is refused as SessionExpired, and never run.
+"""Promise 5: a request that the server has forgotten is refused as SessionExpired.
 
-Copies of requests come late: after their client called them settled, after its lease has ended, and
+Copies of requests arrive late: after their client settled them, after its lease has ended, and
 after restarts. On virtual time, below the network, so that thousands of days pass in seconds.
 """
 
@@ -55,7 +55,7 @@ class FakeTransport:
 
 
 class Call(IncomingCall, eq=False):
-    """One copy of a request, and what it was answered."""
+    """One copy of a request and its response."""
 
     answer: object = None
 
@@ -67,13 +67,13 @@ class Call(IncomingCall, eq=False):
 
 
 class Rehearsal:
-    """Clients that count their requests, and a network that repeats them days later."""
+    """Clients that number their requests, and a network that repeats requests days later."""
 
     def __init__(self, counts, seed):
         self.counts, self.chance = counts, random.Random(seed)
         self.store = taskrpc.MemoryCompletions()
         self.runs = collections.Counter()
-        self.sent = []  # what may be repeated: client, sequence, first incomplete
+        self.sent = []  # requests that may be repeated: client, sequence, first incomplete
         self.clients = []
         self.service = None
 
@@ -102,7 +102,7 @@ class Rehearsal:
         self.start_server()
 
     async def wait(self):
-        """Most clients are forgotten meanwhile."""
+        """The server forgets most clients in this time."""
         self.counts["leases"] += 1
         await asyncio.sleep(LEASE * self.chance.uniform(0.5, 1.5))
 
@@ -115,12 +115,12 @@ class Rehearsal:
         counted = numbers.request_id(sequence)
         answer = await self.deliver(number, sequence, counted.first_incomplete)
         numbers.settle(sequence)
-        if isinstance(answer, taskrpc.SessionExpired):  # the client counts anew
+        if isinstance(answer, taskrpc.SessionExpired):  # the client starts a new numbering
             self.counts["clients that count anew"] += 1
             self.clients[number] = RequestCounter(self.chance.randbytes(16))
             return
         self.counts["a wrong answer"] += answer != number + sequence
-        # The first request of a client looks the same for ever, as does one with a request id.
+        # A client's first request always looks the same, like one with a request id.
         if counted.first_incomplete > 1:
             self.sent.append((number, numbers.client, sequence, counted.first_incomplete))
 
@@ -137,7 +137,7 @@ class Rehearsal:
         loop = asyncio.get_running_loop()
         client = client or self.clients[number].client
         received = ReceivedId(client, sequence, first, b"")
-        # Requests of two clients with one number in `clients` are told apart by `a`.
+        # `a` distinguishes requests of two clients that have the same number in `clients`.
         a = number + 1000 * int.from_bytes(client[:4], "big")
         request = Add.Request(a=a, b=sequence)
         who = "/x", "/me", "", Role.ADMIN, 1, None, loop.time

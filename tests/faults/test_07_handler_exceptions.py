@@ -1,4 +1,4 @@
-"""Promise 7: whatever a callback raises reaches its caller at once, and nothing of the insides."""
+"""Promise 7: each exception in a callback reaches the caller at once, without internals."""
 
 import asyncio
 import builtins
@@ -38,11 +38,11 @@ class Falsy(Exception):
 
 
 class Own(BaseException):
-    """No Exception at all."""
+    """A BaseException that is not an Exception."""
 
 
 def made(kind):
-    """An exception of this type with the canary in it."""
+    """An exception of this type that contains the canary."""
     if issubclass(kind, BaseExceptionGroup):
         return kind(CANARY, [ValueError(CANARY)])
     for arguments in (
@@ -68,14 +68,14 @@ def kinds():
     own = {each for each in own if issubclass(each, taskrpc.TaskRpcError)}
     more = {asyncio.CancelledError, asyncio.InvalidStateError, Unprintable, Falsy, Own}
     ready = errors | own | more
-    # These say something to the caller on purpose.
+    # These errors carry a message for the caller on purpose.
     ready -= {taskrpc.HandlerError, taskrpc.HandlerFailed, taskrpc.InvalidName}
     ready = {each for each in ready if not each.__name__.startswith("_")}
     return sorted(ready, key=lambda each: each.__name__)
 
 
 class Raising:
-    """Callbacks of three kinds that raise the error of the number that they are asked."""
+    """Callbacks of three kinds that raise the error whose number is in the request."""
 
     def __init__(self):
         self.kinds = kinds()
@@ -137,7 +137,7 @@ async def test_each_handler_exception_is_answered_at_once_and_leaks_nothing(
                     counts["wrong type"] += 1
                 counts["not at once"] += loop.time() - began > 0.1
                 counts["raised"] += 1
-            # The service still answers.
+            # The service still works.
             await client.call(ask(-1))
     counts["leaks"] += sum(CANARY.encode() in data for data in sent)
     counts["types"] = len(raising.kinds)

@@ -1,5 +1,5 @@
-"""Promise 8: an unknown service answers at once; whoever waits for one is woken, and does not ask
-again and again; in whatever order programs start, no reply is lost."""
+"""Promise 8: a call of an unknown service fails at once; a waiting client is woken and does not
+poll; no response is lost in any order in which programs start."""
 
 import asyncio
 import contextlib
@@ -75,7 +75,7 @@ async def test_call_of_a_missing_service_fails_at_once_on_sockets(counts, bug):
         async with taskrpc.Node("client", peers=[server.address]) as asking:
             lateness, clock = Lateness(), asyncio.get_running_loop().time
             for number in range(100 if bug is None else 3):
-                for node in (here, asking):  # asks the registry; asks the peer itself
+                for node in (here, asking):  # looks into the registry; asks the peer itself
                     client = node.create_client(Add, f"unknown{number}")
                     began = clock()
                     error = await outcome(client.call(ask(number)))

@@ -1,4 +1,4 @@
-"""Promise 9: a dead server fails every pending call fast, as a call whose outcome is unknown."""
+"""Promise 9: when a server dies, its pending calls end quickly with an unknown outcome."""
 
 import asyncio
 import contextlib
@@ -60,7 +60,7 @@ async def test_1000_calls_in_flight_end_soon_after_their_server_died(counts, lar
 
 
 async def _one_death(counts, programs):
-    """Kill a server with 1000 calls in flight; how late each caller heard, and the loop was."""
+    """Kill a server with 1000 calls in flight; returns each caller's delay and the loop's."""
     server = await programs.start()
     heard = []
     async with contextlib.AsyncExitStack() as stack:
@@ -75,7 +75,7 @@ async def _one_death(counts, programs):
         ]
         for call in calls:
             call.add_done_callback(lambda _: heard.append(time.monotonic()))
-        for client in clients:  # behind all these, so that they have arrived
+        for client in clients:  # sent after the others, so that those have arrived
             await client.call(ask(1))
         lateness = Lateness()
         began = time.monotonic()

@@ -1,4 +1,4 @@
-"""Promise 10: a peer whose machine is gone is found, soon or sooner; a busy one is not cut off."""
+"""Promise 10: a peer whose machine has failed is detected; a busy peer is not disconnected."""
 
 import asyncio
 import contextlib
@@ -26,11 +26,11 @@ pytestmark = [
 ]
 
 FOUND_WITHIN = {"default": 9.0, "robot": 2.5}
-"""Seconds: 8 and 2 without an acknowledgement, and what the kernel's timers are late."""
+"""Seconds: 8 and 2 without an acknowledgement, and the delay of the kernel's timers."""
 STOPPED_FOR = {"default": 10.0, "robot": 5.0}
 
 LARGE = 1_000_000
-"""Bytes of a request that a kernel has no room for while its program does not read."""
+"""Bytes of a request that exceeds the kernel's buffers while the program does not read."""
 
 COUNTING = """\
 import sys
@@ -52,11 +52,11 @@ taskrpc.run(main())
 
 SO_ATTACH_FILTER = 26
 _drop_everything = ctypes.create_string_buffer(struct.pack("HBBI", 0x06, 0, 0, 0))
-"""One instruction of the kernel's packet filter: accept no byte of any packet."""
+"""One instruction of the kernel's packet filter: accept no bytes of any packet."""
 
 
 def black_hole(connection):
-    """The kernel throws away all that arrives for a socket, acknowledgements as well."""
+    """Let the kernel discard all packets for a socket, including acknowledgements."""
     program = struct.pack("HP", 1, ctypes.addressof(_drop_everything))
     sock = connection.transport.get_extra_info("socket")
     sock.setsockopt(socket.SOL_SOCKET, SO_ATTACH_FILTER, program)
@@ -96,19 +96,19 @@ def cuts_off_who_is_silent(patch):
 
 
 class Trial:
-    """Holes and stopped processes, around nodes of one profile."""
+    """Black holes and stopped processes around nodes with one keepalive profile."""
 
     def __init__(self, counts, profile):
         self.counts, self.profile = counts, profile
 
     def node(self, name):
-        """A node with sockets of its own."""
+        """A node with its own sockets."""
         self.counts["nodes"] += 1
         token = f"{name} {self.counts['nodes']}"
         return taskrpc.Node(name, token=token, keepalive=self.profile)
 
     async def call_in_flight(self):
-        """A call that the server has acknowledged and works on when its machine goes."""
+        """A call that the server has acknowledged and executes when its machine fails."""
         async with self.node("server") as server, self.node("client") as node:
             server.create_service(Add, f"slow_{self.profile}", Gate())
             client = node.create_client(Add, f"slow_{self.profile}")
@@ -129,7 +129,7 @@ class Trial:
             await self.found(connection, call, "until a call into the hole was told")
 
     async def caller_gone(self):
-        """A caller whose machine goes: the server works for nobody."""
+        """A caller whose machine fails: the server executes the call in vain."""
         gate = Gate()
         async with self.node("server") as server, self.node("client") as node:
             server.create_service(Add, f"other_{self.profile}", gate)
@@ -143,7 +143,7 @@ class Trial:
             call.cancel()
 
     async def full_peer_gone(self, programs):
-        """A machine goes whose program had stopped, with more on the way than it has room for."""
+        """A machine fails while its program is stopped and its buffers are full."""
         async with self.counting(programs) as (server, client):
             os.kill(server.pid, signal.SIGSTOP)
             call = client.call_async(Text.Request(target="x" * LARGE), timeout=None)
@@ -166,10 +166,10 @@ class Trial:
         connection.abort(taskrpc.ConnectionLost("the test is over"))
 
     late = float("-inf")
-    """Seconds beyond what is allowed."""
+    """Seconds beyond the allowed delay."""
 
     async def stopped(self, programs):
-        """A process that does nothing for longer than a dead one is given; its kernel answers."""
+        """A process that is stopped longer than a dead peer's timeout; its kernel acknowledges."""
         counts = self.counts
         async with self.counting(programs) as (server, client):
             os.kill(server.pid, signal.SIGSTOP)
@@ -185,7 +185,7 @@ class Trial:
 
     @contextlib.asynccontextmanager
     async def counting(self, programs):
-        """A program that counts letters, and a client of it alone."""
+        """A program that counts letters, and its only client."""
         server = await programs.start(COUNTING, self.profile, name="counting.py")
         async with taskrpc.Node("looking") as node:
             place = next(each.address for each in await node.graph() if each.pid == server.pid)
@@ -206,7 +206,7 @@ class Trial:
 )
 async def test_silent_peer_is_detected_and_stopped_process_is_waited_for(counts, programs, bug):
     lateness = Lateness()
-    profiles = FOUND_WITHIN if bug is None else ["robot"]  # sooner to be seen
+    profiles = FOUND_WITHIN if bug is None else ["robot"]  # detected earlier
     trials = [Trial(counts, profile) for profile in profiles]
     await asyncio.gather(
         *(each.call_in_flight() for each in trials),

@@ -1,4 +1,4 @@
-"""Promise 11: clients come back to a restarted server, not in step, and lose nothing."""
+"""Promise 11: clients reconnect to a restarted server, not in step, and lose nothing."""
 
 import asyncio
 import collections
@@ -98,7 +98,7 @@ async def test_sixteen_clients_lose_nothing_while_their_server_is_killed_repeate
     Bug(comes_back_in_step, "in step"), Bug(comes_back_without_a_pause, "dials too many")
 )
 async def test_clients_without_a_server_do_not_retry_in_step(counts, monkeypatch):
-    # Each dials more and more seldom; from the tenth time on every four seconds or so.
+    # Each client dials less and less often; from the tenth time on about every four seconds.
     allowed = CLIENTS * 40
     loop = asyncio.get_running_loop()
     instants = collections.Counter()
@@ -116,7 +116,7 @@ async def test_clients_without_a_server_do_not_retry_in_step(counts, monkeypatch
     ):
         server.create_service(Add, "add", add)
         hub = clients[0]._channel._endpoint.network._hub
-        # It is known and does not answer, as a machine that starts anew.
+        # It is known and does not answer, like a machine that restarts.
         listeners, hub.listeners = hub.listeners, {}
         waiting = [asyncio.ensure_future(client.wait_for_service(600)) for client in clients]
         for _ in range(60):

@@ -1,6 +1,6 @@
-"""Promise 12: SIGTERM drains: calls in flight are answered, later ones move to another server.
+"""Promise 12: SIGTERM drains: calls in flight are answered, later calls move to another server.
 
-One that offers the same name beside it, or one that stands by and goes on with the same tasks.
+That is a second server of the same name, or a standby that continues the same tasks.
 """
 
 import asyncio
@@ -51,7 +51,7 @@ async def test_callers_notice_nothing_of_draining_servers(counts, seed, large, p
             number += 1
             in_flight += 1
             try:
-                # No retries: what is moved was never begun, and whoever has begun answers.
+                # No retries: a moved call was never started, and a started call is answered.
                 answer = await client.call(ask(number, chance.randrange(40)))
                 counts["wrong answers"] += answer.sum != number
                 counts["answers"] += 1
@@ -89,7 +89,7 @@ async def test_callers_notice_nothing_of_draining_servers(counts, seed, large, p
         "ended badly",
         happened=("SIGTERMs", "answers"),
     )
-    # Some four fifths of what these callers can have in flight, on a machine with time for it.
+    # About four fifths of the calls that these callers can have in flight, on an idle machine.
     counts.require(in_flight_at_a_SIGTERM=round(0.5 * CLIENTS * AT_ONCE * counts["SIGTERMs"]))
 
 
@@ -110,11 +110,11 @@ def stands_by_for_ever(patch):
 
 
 LOAD = 24
-"""Answers between two SIGTERMs."""
+"""Responses between two SIGTERMs."""
 
 
 class Relay:
-    """Task servers of one file, each of which goes on where the one before it was told to end."""
+    """Task servers of one file, each of which continues where the one before it was stopped."""
 
     def __init__(self, folder, programs, counts, chance, patience):
         self.patience = patience
@@ -125,7 +125,7 @@ class Relay:
         self.over = asyncio.Event()
 
     async def start(self, *options, says="taskrpc-server"):
-        """A server; tasks wait in a queue that is paused, and stays so."""
+        """A server; its queue is paused and stays paused."""
         limit = ["--queue-limit", "1000000"]
         options = ["--db", str(self.db), *limit, "--log-level", "error", *options]
         return await self.programs.start(TASK_SERVER, *options, ready=says, name="server.py")
@@ -152,7 +152,7 @@ class Relay:
             await self.under_load()
             self.counts["in flight at a SIGTERM"] += self.in_flight
             self.counts["SIGTERMs"] += 1
-            # The one after the next comes already: of two that stand by, one goes on.
+            # The next standby starts already: one of two standbys takes over.
             code, after = await asyncio.gather(terminate(running), self.stand_by())
             self.counts["ended badly"] += code != 0
             running, next_one = next_one, after
@@ -161,14 +161,14 @@ class Relay:
         return running, next_one
 
     async def under_load(self):
-        """Return at some instant when the server has taken tasks and is at it."""
+        """Return at a random moment while the server accepts tasks."""
         least = self.counts["answers"] + LOAD
         while self.counts["answers"] < least and not self.counts["errors that callers saw"]:
             await asyncio.sleep(0.002)
         await asyncio.sleep(self.chance.uniform(0, 0.02))
 
     async def keep_submitting(self, node, number):
-        # Who has a policy waits for a server; without one, that there is none now is told.
+        # With a retry policy a client waits for a server; without one the call fails at once.
         retry = taskrpc.RetryPolicy()
         client = node.create_client(RobotTask, "/robot_task", timeout=self.patience, retry=retry)
         each = 0
@@ -204,7 +204,7 @@ class Relay:
 async def test_callers_notice_nothing_when_tasks_move_to_the_next_server(
     counts, seed, large, bug, programs, tmp_path
 ):
-    # Some rounds a store: with ever more tasks in one, ever more of the time would go to read them.
+    # A few rounds for each store: reading a growing store would take most of the time.
     rounds, stores = (50, 20) if large else (30 if bug is None else 3, 1)
     chance, patience = random.Random(seed), 10 if bug is None else 3
     for number in range(stores):

@@ -1,4 +1,4 @@
-"""Promise 13: garbage ends one connection with one log line, and nobody else notices."""
+"""Promise 13: garbage ends one connection with one log line, and no other client notices."""
 
 import asyncio
 import collections
@@ -49,7 +49,7 @@ def memory(pid="self"):
 
 
 def drift(before, pid="self"):
-    """Bytes beyond what is allowed, since the memory was `before`."""
+    """Bytes beyond the allowed growth since the memory was `before`."""
     return max(0, memory(pid) - before - DRIFT)
 
 
@@ -67,7 +67,7 @@ LENGTHS = [0, 1, 11, 12, 0xFFFFFFFF, 0x7FFFFFFF, DEFAULT_LIMITS.body + 13]
 
 
 class Mutator:
-    """Frames as a peer might send them, each with one thing wrong, or several, or none."""
+    """Frames of a peer, each with no, one or several mistakes."""
 
     def __init__(self, seed):
         self.chance = random.Random(seed)
@@ -107,7 +107,7 @@ class Mutator:
 
 
 def opened(*, is_client):
-    """A session behind its handshake, made in a tenth of a handshake's time."""
+    """A session after its handshake, created in a tenth of a handshake's time."""
     end = Session(CLIENT if is_client else SERVER, is_client=is_client)
     end._magic_seen = True
     end._open(Peer(b"P" * 16, "/peer", DEFAULT_LIMITS))
@@ -130,7 +130,7 @@ def lies_about_length(frame):
 
 
 def hear(end, frame, counts):
-    """Feed one frame; count what must not be."""
+    """Feed one frame, and count violations."""
     clean = end.state is State.OPEN and not end.mid_frame
     counts["frames"] += 1
     try:
@@ -153,7 +153,7 @@ def hear(end, frame, counts):
 
 
 def bombard(frames, seed, counts):
-    """Feed mutated frames to sessions until so many were heard."""
+    """Feed mutated frames to sessions until this many were accepted."""
     mutator = Mutator(seed)
     while counts["frames"] < frames:
         make = greeted if mutator.chance.random() < 0.05 else opened
@@ -253,11 +253,11 @@ async def main():
 
 asyncio.run(main())
 """
-"""Reads how many seconds it shall call, and says how long the slowest hundredth of calls took."""
+"""Reads for how many seconds to call, and prints the slowest hundredth of the call times."""
 
 
 async def shake_hands(reader, writer):
-    """Become a caller that has proved itself."""
+    """Authenticate as a caller."""
     me = Identity(os.urandom(16), os.urandom(16), TOKEN, name="/hostile")
     session = Session(me, is_client=True)
     while session.state is State.HANDSHAKE:
@@ -268,7 +268,7 @@ async def shake_hands(reader, writer):
 
 
 class Attack:
-    """Connections that say what nobody should, and a neighbour that goes on calling."""
+    """Connections that send garbage, and another client that continues to call."""
 
     def __init__(self, program, place, counts, seed):
         host, _, port = place.rpartition(":")
@@ -296,12 +296,12 @@ class Attack:
         except TimeoutError:
             self.counts["hangs"] += 1
         except OSError:
-            pass  # closed while we still talked
+            pass  # closed while this side still wrote
         finally:
             writer.close()
 
     async def pretend(self, reader, writer):
-        """Ask for work although the server has refused the proof."""
+        """Request work although the server has refused the proof."""
         line = Line(reader, writer, b"")
         with contextlib.suppress(EOFError):
             await line.hello()
@@ -406,7 +406,7 @@ def thinks_long_about_each_offence(patch):
 
 @contextlib.contextmanager
 def cores_apart(*pids):
-    """These processes have one core, we have another."""
+    """Put these processes on one core, and this one on another."""
     before = os.sched_getaffinity(0)
     ours, theirs, *_ = before
     for pid in pids:
@@ -441,7 +441,7 @@ async def test_other_clients_get_their_responses_hardly_later(
     counts["alone: p99 in us"], counts["under attack: p99 in us"] = (
         round(each * 1_000_000) for each in (alone, await measured)
     )
-    # Twice as long at most; where the machine has other work, only what nobody could mistake.
+    # At most twice as long; on a busy machine only an unmistakable delay counts.
     allowed = 2 * alone + 0.001 if large else 5 * alone + 0.01
     counts["neighbour slowed"] = await measured > allowed
     counts.check("neighbour slowed", "hangs", happened=("frames",))

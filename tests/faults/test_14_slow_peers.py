@@ -1,4 +1,4 @@
-"""Promise 14: who does not read, hardly writes or never stops asking costs a bounded memory."""
+"""Promise 14: peers that do not read, write slowly or flood cost bounded memory."""
 
 import asyncio
 import contextlib
@@ -66,11 +66,11 @@ def memory(pid):
 
 
 class Peer:
-    """A caller with a socket of its own, that reads and writes only what it wants."""
+    """A caller with its own socket, which reads and writes only on request."""
 
     def __init__(self):
         self.sock = socket.socket()
-        # Small, so that what is not read stays in the server and not in the kernel.
+        # Small, so that unread data stays in the server and not in the kernel.
         self.sock.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
         self.sock.setblocking(False)
         me = Identity(os.urandom(16), os.urandom(16), TOKEN, name="/slow")
@@ -86,7 +86,7 @@ class Peer:
         return self.session.feed(data)
 
     async def connect(self, where):
-        """Connect and prove itself; returns the number of the service that answers at length."""
+        """Connect and authenticate; returns the id of the service with the long responses."""
         await self.loop.sock_connect(self.sock, where)
         while self.session.state is State.HANDSHAKE:
             await self.say()
@@ -101,13 +101,13 @@ class Peer:
     async def ask_and_never_read(self, where):
         method = await self.connect(where)
         body = codec_of(Text.Request).encode(Text.Request())
-        # The kernel's own buffers take the first answers.
+        # The kernel's buffers take the first responses.
         for call_id in range(10, 16):
             request = pack_frame(FrameType.REQUEST, 0, method, call_id, NO_DEADLINE, body)
             await self.loop.sock_sendall(self.sock, request)
 
     async def dribble(self, where, is_over):
-        """Send a frame a few bytes at a time; returns whether we are cut off before it is over."""
+        """Send a frame a few bytes at a time; returns whether the server disconnects before."""
         await self.connect(where)
         began = time.monotonic()
         try:
@@ -123,7 +123,7 @@ class Peer:
 
 
 class Siege:
-    """Slow peers around a server, its memory, and a neighbour that goes on calling."""
+    """Slow peers around a server, its memory, and another client that continues to call."""
 
     def __init__(self, program, where, counts):
         self.pid, self.where, self.counts = program.pid, where, counts
@@ -153,7 +153,7 @@ class Siege:
                 await asyncio.sleep(0.01)
 
     def is_late(self, seconds):
-        """Whether whoever has dribbled for so long should have been cut off."""
+        """Whether a peer that has written so slowly for so long should have been disconnected."""
         return seconds > CUT_AFTER + self.late
 
     async def run(self, readers, dribblers):
@@ -170,7 +170,8 @@ class Siege:
         self.counts["not cut off in time"] += dribblers - sum(cut)
         for each in peers + slow:
             each.sock.close()
-        await asyncio.sleep(1)  # what they had asked for is let go, and nobody else waits for it
+        # The server discards their responses; no other caller waits for them.
+        await asyncio.sleep(1)
         self.over = True
         await asyncio.gather(*others)
 
@@ -197,7 +198,7 @@ async def test_a_thousand_slow_peers_cost_little(counts, large, bug, programs):
     host, _, port = entry.address.rpartition(":")
     siege = Siege(program, (host, int(port)), counts)
     for _ in range(5 if large else 1):
-        # A bug that keeps memory shows by those who never read alone.
+        # Peers that never read are enough to show a bug that keeps memory.
         dribblers = 0 if bug is not None and bug.breaks == "memory" else 10
         await siege.run(1000 if bug is None else 80, dribblers)
         siege.over = False
@@ -206,7 +207,7 @@ async def test_a_thousand_slow_peers_cost_little(counts, large, bug, programs):
     counts.require(never_read=80, neighbour_calls=100, MiB_grown=10)
 
 
-# Who asks and asks
+# Floods
 
 TAKING = """\
 import asyncio, sys
@@ -242,7 +243,7 @@ def takes_whatever_comes(patch):
 
 
 class Loop:
-    """A program that makes node after node, and asks on each for more than it can get."""
+    """A program that creates many nodes, and requests more on each than it can receive."""
 
     def __init__(self, counts, stack):
         self.counts, self.stack = counts, stack
@@ -295,7 +296,7 @@ async def test_flood_over_many_connections_gets_only_its_fair_share(counts, prog
         await Loop(counts, stack).run()
         over = True
         await asyncio.gather(*others)
-    # Half of all is one caller's; each request is read into pieces, joined, and decoded.
+    # One caller may hold half; each request is read in pieces, joined, and decoded.
     counts["memory"] = max(0, counts["MiB grown"] - (ALL // 2 + 12 * SIZE) // MEBI)
     counts.check("memory", "refused, and perhaps run", happened=("refused", "taken"))
     counts.require(neighbour_calls=50)

@@ -1,4 +1,4 @@
-"""Promise 15: four times the load that a service can bear costs it a tenth of its work at most."""
+"""Promise 15: four times a service's capacity costs at most a tenth of its goodput."""
 
 import asyncio
 import contextlib
@@ -15,11 +15,11 @@ pytestmark = pytest.mark.faults
 WORK = 0.05  # seconds that a call takes
 CONCURRENCY = 4
 PEAK = CONCURRENCY / WORK  # calls a second
-CALLERS = 8  # together they may have more in flight than a queue has places
+CALLERS = 8  # together they may have more calls in flight than the queue holds
 
 
 class Load:
-    """Callers that send at a fixed rate, whatever becomes of their calls."""
+    """Callers that send at a fixed rate, independent of the outcome of their calls."""
 
     def __init__(self, counts, deadline):
         self.counts = counts
@@ -37,7 +37,7 @@ class Load:
         self.counts["calls"] += 1
         try:
             await client.call(ask(number), timeout=self.deadline)
-            # What still waits when the load ends is answered too, and is no work under load.
+            # Calls that are still queued when the load ends are answered too, and do not count.
             self.counts["answered"] += asyncio.get_running_loop().time() < self.ends
         except taskrpc.TaskRpcError as error:
             kind = "refused" if error.not_executed else "in vain"

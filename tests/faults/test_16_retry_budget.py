@@ -17,7 +17,7 @@ BURST = 10  # retries that a full budget allows at once
 
 
 class Outage:
-    """A service that fails every call in a way that may be repeated, and is then well again."""
+    """A service that fails every call with a retryable error, and then recovers."""
 
     def __init__(self, counts):
         self.counts = counts

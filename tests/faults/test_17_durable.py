@@ -1,7 +1,7 @@
-"""Promise 17: what was acknowledged is on the disk, and what was refused never comes to light.
+"""Promise 17: acknowledged tasks are on the disk, and refused tasks never appear.
 
-A store under load is recorded, call by call; from the recording come the disks which a failure of
-the machine could leave behind at any moment. Each of them is opened, and holds what it must.
+A store under load is recorded, call by call. From the recording the harness generates disks that a
+machine failure could leave behind at any moment. Each of them is opened and checked.
 """
 
 import asyncio
@@ -25,10 +25,10 @@ pytestmark = [pytest.mark.faults, pytest.mark.real_time]
 
 ROOT = Path(__file__).parents[2]
 PROGRAM = Path(submitting.__file__)
-FAST = Path("/dev/shm")  # where there is one: thousands of small files are made there
+FAST = Path("/dev/shm")  # if there is one: thousands of small files are created there
 
 SYNC_FAILS = "fdatasync:error=EIO:when={}"
-MOMENTS = range(20, 50, 3)  # at which a sync fails: some of them are those of a COMMIT
+MOMENTS = range(20, 50, 3)  # the syncs that fail: some of them belong to a COMMIT
 BROKEN = ("lost", "came to light", "torn apart", "corrupt")
 
 
@@ -75,14 +75,14 @@ def folder(tmp_path, counts):
     probe = subprocess.run(["strace", "-f", "true"], capture_output=True, text=True, check=False)
     if probe.returncode:
         pytest.skip(f"strace may not follow programs here: {probe.stderr.splitlines()[0]}")
-    # A name of its own: other processes run the same test.
+    # A unique name: other processes run the same test.
     made = Path(tempfile.mkdtemp(prefix="disks-", dir=FAST if FAST.is_dir() else tmp_path))
     yield made
     shutil.rmtree(made)
 
 
 class Ledger:
-    """What the program said: what a disk must hold, may hold and must not hold."""
+    """The program's output: the tasks that a disk must, may and must not contain."""
 
     def __init__(self):
         self.begun, self.done, self.refused = {}, set(), set()
@@ -98,7 +98,7 @@ class Ledger:
                 self.refused.add(int(operation))
 
     def judge(self, stored, counts):
-        """Count what is wrong with what a store has found."""
+        """Count the differences between a store's tasks and the expected ones."""
         there = {completion.sequence for completion in stored.completions}
         counts["lost"] += len(self.done - there)
         counts["came to light"] += len(self.refused & there)
@@ -112,7 +112,7 @@ class Ledger:
 
 
 async def look(folder, files, ledger, counts):
-    """Open a disk as the next server would."""
+    """Open a disk as the next server does."""
     shutil.rmtree(folder, ignore_errors=True)
     folder.mkdir()
     for name, content in files.items():
@@ -131,7 +131,7 @@ async def look(folder, files, ledger, counts):
 
 
 async def rehearse(folder, programs, seed, counts, *, large, limit=0, inject=()):
-    """Record the program, then look at a bounded number of disks at moments that chance picks."""
+    """Record the program, then check a bounded number of disks at random moments."""
     operations, disks = (2400, 8_000) if large else (240, 300)
     there = folder / "recorded"
     shutil.rmtree(there, ignore_errors=True)
@@ -157,7 +157,7 @@ async def rehearse(folder, programs, seed, counts, *, large, limit=0, inject=())
 
 
 def _moments(events, count, chance):
-    """Any, but more of those at which something was just refused."""
+    """Random moments, more of them just after a refusal."""
     refusals = [
         moment
         for moment, (kind, name, detail) in enumerate(events)

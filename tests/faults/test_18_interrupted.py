@@ -1,6 +1,6 @@
-"""Promise 18: a task that ran when the server died is INTERRUPTED, and never silently run again.
+"""Promise 18: a task that ran when the server died is INTERRUPTED, and never restarts silently.
 
-The server is killed in the middle of tasks; a robot that writes down what it does is the witness.
+The server is killed during tasks; the robot's own record shows what happened.
 """
 
 import asyncio
@@ -53,7 +53,7 @@ def says_nothing_of_it(patch):
 
 
 class Notebook:
-    """What the robot wrote."""
+    """The robot's record."""
 
     def __init__(self, path):
         self.path = path
@@ -62,26 +62,26 @@ class Notebook:
         return self.path.read_text().split("\n")[:-1] if self.path.exists() else []
 
     def runs(self):
-        """How often each target's task was begun."""
+        """How often the task of each target was started."""
         return collections.Counter(each[6:] for each in self.lines() if each.startswith("began"))
 
     def in_hand(self):
-        """The target of the task that was begun last, if it did not end."""
+        """The target of the last started task, if it has not ended."""
         last = (self.lines() or [""])[-1]
         return last.removeprefix("began ") if last.startswith("began") else None
 
 
 class Rehearsal:
-    """A server that is killed in mid-task, and a user who decides what becomes of the task."""
+    """A server that is killed during a task, and a user who decides about the task."""
 
     def __init__(self, folder, programs, counts, seed):
         self.db, self.notebook = folder / "tasks.db", Notebook(folder / "notebook")
         self.programs, self.counts, self.chance = programs, counts, random.Random(seed)
-        self.allowed = collections.Counter()  # how often each target may be begun
+        self.allowed = collections.Counter()  # how often the task of each target may start
         self.dropped = set()
 
     async def start(self):
-        """Start the server; returns what it says of the tasks before."""
+        """Start the server; returns its line about earlier tasks."""
         robot = ["--robot", "tests.faults.notebook_robot:NotebookRobot", "--speed", "20"]
         options = ["--db", str(self.db), "--log-level", "error", "--settle", "0", *robot]
         self.server = await self.programs.start(
@@ -90,7 +90,7 @@ class Rehearsal:
         return self.programs.said
 
     async def kill_in_mid_task(self):
-        """Kill it while the robot drives; returns the target to which it drove."""
+        """Kill it while the robot drives; returns the target of the drive."""
         while True:
             while self.notebook.in_hand() is None:
                 await asyncio.sleep(0.005)
@@ -108,7 +108,7 @@ class Rehearsal:
                 await self.submit(2 - self.to_come())
                 target = await self.kill_in_mid_task()
                 said = await self.start()
-                if target is None:  # it ended in the last moment
+                if target is None:  # it ended just before the kill
                     self.counts["ended as it was killed"] += 1
                     continue
                 await self.decide(target, said, requeue=each % 2 == 0)
@@ -122,7 +122,7 @@ class Rehearsal:
 
     async def submit(self, count):
         for _ in range(count):
-            # One after the other at two ends of a corridor, so that each drive takes a while.
+            # Alternately at the two ends of a corridor, so that each drive takes some time.
             number = len(self.allowed)
             target = f"{3 + number % 2 * 3},{4 - number / 100000:.5f}"
             self.allowed[target] = 1
@@ -132,11 +132,11 @@ class Rehearsal:
             assert answer.success, answer.message
 
     def to_come(self):
-        """How many tasks may still be begun."""
+        """The number of tasks that may still start."""
         return self.allowed.total() - self.notebook.runs().total()
 
     async def tasks(self):
-        """All tasks by their targets."""
+        """All tasks by target."""
         found, page = {}, ""
         while True:
             answer = await self.call(ListTasks, "/robot_task/list", all=True, page=page)
@@ -146,7 +146,7 @@ class Rehearsal:
                 return found
 
     async def decide(self, target, said, *, requeue):
-        """Look at what was interrupted, and have it run again or give it up."""
+        """Find the interrupted task, and requeue it or drop it."""
         task = (await self.tasks())[target]
         if task.state != "INTERRUPTED":
             self.counts["not interrupted"] += 1

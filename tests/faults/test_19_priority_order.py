@@ -1,9 +1,9 @@
 """Promise 19: the robot takes tasks by priority, first come first served among equals, whoever
 submits, drops, moves, pauses and resumes at the same time.
 
-Each history of what callers asked and were told, and of what the robot began, must be
-linearizable: every request took effect at one instant between its call and its answer, and at each
-instant at which a task began it was the first of a plain sorted queue.
+Each history of the callers' requests and responses, and of the robot's starts, must be
+linearizable: each request took effect at one instant between call and response, and at each
+instant at which a task started it was the first of a plain sorted queue.
 """
 
 import asyncio
@@ -47,19 +47,19 @@ def begins_while_paused(patch):
 
 @dataclass
 class Operation:
-    """What was asked, from the call to the answer; or a task that the robot began."""
+    """An operation from its call to its response, or the start of a task."""
 
     kind: str
     argument: tuple
     called: int
     answered: int = 0
     told: tuple = ()
-    """What the caller was told: the task's number, whether it was done."""
+    """The response: the task's id, or whether the operation was done."""
 
 
 @dataclass(frozen=True)
 class Queue:
-    """The model: what waits, by (-priority, arrival); whether it stands still; the next arrival."""
+    """The model: queued tasks by (-priority, arrival), whether it is paused, the next arrival."""
 
     waiting: frozenset = field(default_factory=frozenset)
     """Of (-priority, arrival, task_id)."""
@@ -68,7 +68,7 @@ class Queue:
     dropped: frozenset = field(default_factory=frozenset)
 
     def after(self, operation):
-        """The queue once this operation took effect; None where it could not have, as told."""
+        """The queue after this operation; None if its response is impossible here."""
         return getattr(self, operation.kind)(operation)
 
     def submit(self, operation):
@@ -80,7 +80,7 @@ class Queue:
         (task_id,), (done,) = operation.argument, operation.told
         entry = self._entry(task_id)
         if entry is None:
-            # To drop once more what was dropped is no mistake.
+            # Dropping a dropped task again is allowed.
             return self if not done or task_id in self.dropped else None
         rest, dropped = self.waiting - {entry}, self.dropped | {task_id}
         return replace(self, waiting=rest, dropped=dropped) if done else None
@@ -110,7 +110,7 @@ class Queue:
 
 
 def is_linearizable(history, counts):
-    """Whether some order of the operations, none before one that had been answered, fits."""
+    """Whether an order of the operations fits that respects responses before later calls."""
     history = sorted(history, key=lambda each: each.called)
     tried = set()
     ways = [(frozenset(range(len(history))), Queue())]
@@ -132,7 +132,7 @@ def is_linearizable(history, counts):
 
 
 class Recorder:
-    """Asks the manager from several callers at once, and writes down what happens."""
+    """Calls the manager from several callers at once, and records the history."""
 
     def __init__(self, manager, robot, chance, counts):
         self.manager, self.chance, self.counts = manager, chance, counts
@@ -142,7 +142,7 @@ class Recorder:
         self._execute, robot.execute = robot.execute, self._begun
 
     async def _begun(self, *arguments):
-        # It was taken at some instant since the robot became free.
+        # It was taken at some instant after the robot became free.
         task_id = self.manager.running.task_id
         began = Operation("begin", (task_id,), self._free, next(self._instants))
         self.history.append(began)
@@ -179,7 +179,7 @@ class Recorder:
 
 
 async def one_history(chance, counts):
-    """Four callers at once; returns whether what happened is linearizable, and all of it."""
+    """Run four callers at once; returns whether the history is linearizable, and the history."""
     robot, store = LineRobot(speed=chance.choice([1, 5])), FullStore()
     store.delay = chance.choice([0, 0.01, 0.5])
     manager = TaskManager(robot, store, TaskSettings(settle=chance.choice([0, 0.1])))
@@ -187,7 +187,7 @@ async def one_history(chance, counts):
     await manager.start()
     await asyncio.gather(*[recorder.caller(8) for _ in range(4)])
     await recorder._ask("resume")
-    await asyncio.sleep(1000)  # until all is done
+    await asyncio.sleep(1000)  # until all tasks are done
     counts["left behind"] += len(manager.queue)
     await manager.close()
     return is_linearizable(recorder.history, counts), recorder.history

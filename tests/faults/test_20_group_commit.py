@@ -1,6 +1,6 @@
-"""Promise 20: durable acceptance is fast, since what is asked for at one moment waits once.
+"""Promise 20: durable acceptance is fast, because concurrent requests share one commit.
 
-A store takes tasks, 64 at a time, on a loop that serves a stream of calls from another process.
+A store accepts tasks, 64 at a time, on a loop that also serves calls from another process.
 """
 
 import asyncio
@@ -45,7 +45,7 @@ asyncio.run(main())
 
 @contextlib.asynccontextmanager
 async def called(counts):
-    """A loop that serves calls while the block runs."""
+    """Serve calls on a loop during the block."""
 
     def work(request, response):
         counts["calls served"] += 1
@@ -64,7 +64,7 @@ async def called(counts):
 
 
 async def accept(store, seconds, counts):
-    """Have tasks accepted for so long."""
+    """Submit tasks for this many seconds."""
     numbers, end = itertools.count(1), time.monotonic() + seconds
 
     async def caller():

@@ -1,4 +1,4 @@
-"""Promise 21: after very many calls, some of them faulted, everything is as it was before."""
+"""Promise 21: after very many calls, some with faults, no object or timer is left."""
 
 import asyncio
 import collections
@@ -25,7 +25,7 @@ pytestmark = [
 
 CALLERS = 50
 FAULTS = 0.01
-OWN_TIMERS = 4  # a lookout for deadlines and a tick at either end: set, or just not
+OWN_TIMERS = 4  # timers for deadlines and ticks at either end may or may not be set
 OURS = ("ServedCall", "OpenCall", "RequestReceived", "ServingConnection", "CallingConnection")
 
 
@@ -36,7 +36,7 @@ async def work(request, response):
 
 
 class Traffic:
-    """Callers of whose calls some are cancelled, late, or lose their connection."""
+    """Callers; some of their calls are cancelled, expire, or lose their connection."""
 
     def __init__(self, client, chance, counts):
         self.client, self.chance, self.counts = client, chance, counts
@@ -72,7 +72,7 @@ class Traffic:
 
 
 async def belongings(client):
-    """What there is while one call's connection is open and nothing is in flight."""
+    """Counts of objects while one connection is open and no call is in flight."""
     for _ in range(100):
         with contextlib.suppress(taskrpc.TaskRpcError):
             await client.call(ask(1))

@@ -1,4 +1,4 @@
-"""Promises 13 and 22, attacked by clients that do not give up when a handshake fails."""
+"""Promises 13 and 22, attacked by clients that continue after a failed handshake."""
 
 import asyncio
 import hashlib
@@ -38,7 +38,7 @@ HIDDEN = (server_side.RequestReceived, server_side.ResolveReceived, server_side.
 
 
 class Target:
-    """A server with a service and a topic, which notes what was reached."""
+    """A server with a service and a topic, which records what clients reached."""
 
     def __init__(self, node):
         self.ran = 0
@@ -76,7 +76,7 @@ def files(tmp_path, authority):
 
 
 def believing(own):
-    """A context that accepts every certificate, and shows one where it has one."""
+    """A TLS context that accepts every certificate, and presents one if it has one."""
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_CLIENT)
     context.check_hostname = False
     context.verify_mode = ssl.CERT_NONE
@@ -99,7 +99,7 @@ def servers(files):
 
 
 async def attacked(counts, target, hostile, name):
-    """Go every wrong way; none may reach anything."""
+    """Try every wrong handshake; none may reach anything."""
     tokens = TOKENS["ana"], TOKENS["gone"], TOKENS["old"]
     wrong = wrong_proofs(OWN, *tokens) | replays(hostile, OWN)
     if hostile.context is None:
@@ -122,7 +122,7 @@ async def attacked(counts, target, hostile, name):
 
 
 async def honest(counts, target, hostile):
-    """The same bytes with right proofs reach all: otherwise the attack would show nothing."""
+    """The same bytes with right proofs reach everything: otherwise the attack proves nothing."""
     before = target.ran
     for way in (knowing(OWN), knowing(TOKENS["ana"], "ana")):
         heard = await hostile.attempt(way)
@@ -272,7 +272,7 @@ def roles_not_compared(patch):
 
 @pytest.mark.planted(Bug(roles_not_compared, "ran"))
 async def test_client_that_ignores_a_permission_error_gains_nothing(counts, files):
-    """It calls numbers that nobody gave to it, and subscribes to what is not for its role."""
+    """The client calls service ids that it never received, and subscribes without permission."""
     async with taskrpc.Node("server", token=OWN, accounts=files["accounts"]) as node:
         target = Target(node)
         hostile = Attacker(target.address, topic=TOPIC)
@@ -285,7 +285,7 @@ async def test_client_that_ignores_a_permission_error_gains_nothing(counts, file
 
 
 async def test_flood_of_wrong_proofs_leaves_nothing_behind(counts, files):
-    """Hundreds at once, from one place; then a right proof is served as before."""
+    """Hundreds at once, from one address; then a right proof is served as before."""
     async with taskrpc.Node("server", token=OWN, accounts=files["accounts"]) as node:
         target = Target(node)
         hostile = Attacker(target.address, topic=TOPIC)

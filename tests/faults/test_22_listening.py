@@ -1,4 +1,4 @@
-"""Promise 22: nobody listens beyond loopback unprotected, and nobody unproved is heard."""
+"""Promise 22: no server listens beyond loopback unprotected, or serves unauthenticated clients."""
 
 import datetime
 import itertools
@@ -164,7 +164,7 @@ async def test_client_without_proof_is_refused_before_anything_is_decoded(
             accounts = Accounts([asks["accounts"]]) if "accounts" in asks else None
             async with taskrpc.Node("server", tls=tls, token=GOOD, accounts=accounts) as server:
                 server.create_service(Add, "add", lambda request, response: response)
-                # Another runtime folder stands for another machine.
+                # A different runtime folder simulates another machine.
                 patch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
                 await attempt(counts, name, server.address, **options)
         counts["tried"] += 1

@@ -313,7 +313,7 @@ def writes_for_everybody(patch):
     Bug(leaves_files_open, "readable by others"), Bug(writes_for_everybody, "readable by others")
 )
 def test_files_of_a_class_cannot_be_read_by_others(counts, tmp_path):
-    """Whatever the umask is, and also where their folder is open."""
+    """Under every umask, and also if their folder is readable by others."""
     from taskrpc.classroom.authority import make_certificates
     from taskrpc.classroom.register import Place, Register
 

@@ -100,7 +100,7 @@ asyncio.run(main())
 
 
 def opens_the_registry(patch):
-    """Folders and files as Python makes them, under the umask of the server."""
+    """Folders and files with Python's default modes, under the umask of the server."""
     from taskrpc import platform
 
     def private_dir(path):
@@ -115,7 +115,7 @@ def opens_the_registry(patch):
 
 
 def opens_the_socket(patch):
-    """A socket that anybody may reach, and nobody is asked who he is."""
+    """A socket that every user may reach, without a check of the peer's user."""
     from taskrpc.transport.tcp import tcp_network, unix_sockets
 
     opens_the_registry(patch)
@@ -127,14 +127,14 @@ def opens_the_socket(patch):
 
 @pytest.fixture
 def runtime():
-    """A folder that everybody may enter: what lies in it must keep others out by itself."""
+    """A folder that every user may enter: its files must keep others out themselves."""
     with tempfile.TemporaryDirectory() as made:
         Path(made).chmod(0o755)
         yield Path(made)
 
 
 def makes_readable_files(patch):
-    """Their folder keeps others out still, as long as nobody moves or copies it."""
+    """Their folder still keeps others out, unless it is moved or copied."""
     from taskrpc import platform
 
     known = platform.open_private
@@ -173,7 +173,7 @@ async def test_second_user_can_neither_read_the_token_nor_call(
     assert server.poll() is None
     for path in runtime.rglob(
         "*"
-    ):  # each by itself: one that keeps others out must not hide another
+    ):  # each separately: one barrier must not hide that another is missing
         counts["files"] += 1
         counts["open to others"] += bool(path.lstat().st_mode & 0o077)
     assert found.returncode == 0, found.stderr
@@ -190,7 +190,7 @@ async def test_second_user_can_neither_read_the_token_nor_call(
 
 
 def _addresses(runtime: Path) -> str:
-    """Where the server takes calls, as root can see it."""
+    """The addresses where the server accepts calls, as root sees them."""
     from taskrpc.transport.discovery.registry import Registry
 
     entries = Registry(0).entries()

@@ -1,6 +1,6 @@
-"""Promise 25: messages come in order, losses are counted, a slow reader costs a bounded memory.
+"""Promise 25: messages arrive in order, losses are counted, slow readers cost bounded memory.
 
-Publishers are killed and come back, subscribers are cut off, crash, or do not read; all of it in
+Publishers are killed and restarted, subscribers are disconnected, crash, or do not read; all in
 memory, on virtual time, from one seed.
 """
 
@@ -25,7 +25,7 @@ SIZE = 8_000
 LISTENERS = 5
 SECONDS = 6.0
 BUFFERS = 200_000
-"""Bytes that may be on their way beside what is owed: two buffers, and a message in each."""
+"""Bytes that may be in transit besides the queued ones: two buffers, and a message in each."""
 
 
 def keeps_whatever_comes(patch):
@@ -74,7 +74,7 @@ def forgets_nobody(patch):
 
 
 class Talker:
-    """A program that publishes numbers, and may be killed; each life has a letter of its own."""
+    """A program that publishes numbers and may be killed; each start has its own letter."""
 
     def __init__(self, network, counts, chance):
         self.life = 0
@@ -109,7 +109,7 @@ class Talker:
         self._counts["published"] += 1
 
     def look(self):
-        """Nobody costs more than the depth, and what is on its way."""
+        """No subscriber costs more than the queue depth and the bytes in transit."""
         for feed in self.publisher._publication.feeds.values():
             transport = feed._subscriber.connection.transport
             buffered = 0 if transport is None else transport.get_write_buffer_size()
@@ -119,7 +119,7 @@ class Talker:
 
 
 class Listener:
-    """A program that subscribes and judges what comes."""
+    """A program that subscribes and checks the messages."""
 
     def __init__(self, number, network, counts, chance):
         self.program = f"listener{number}"
@@ -221,9 +221,9 @@ async def rehearse(counts, chance, number):
 
 
 async def judge(counts, talker, listeners):
-    """All is quiet: everybody must have, or get, the newest message, and know what it lacks."""
+    """All faults have ended: each subscriber must get the newest message, and know its losses."""
     publisher = talker.publisher
-    for _ in range(2):  # the last one of the turmoil, then one more
+    for _ in range(2):  # the last message during the faults, then one more
         newest = publisher.sent - 1
         for listener in listeners:
             has = lambda each=listener, n=newest: each.seen.get(talker.life) == n  # noqa: E731
@@ -235,7 +235,7 @@ async def judge(counts, talker, listeners):
 
 
 async def test_each_message_arrived_or_was_counted_at_both_ends(counts, seed, large):
-    """Of one publisher, on one connection or over many: came + lost = published since the first."""
+    """For one publisher, over all connections: arrived + lost = published since the first."""
     for round_ in range(20 if large else 3):
         chance = random.Random(f"{seed} {round_}")
         with FaultyNetwork(seed=round_, delay=(0.0, 0.01), pieces=3000) as network:

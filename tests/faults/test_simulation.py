@@ -1,4 +1,4 @@
-"""The whole system on virtual time, from seeds: kills, restarts, and a network that fails."""
+"""Simulates the whole system on virtual time, from seeds: kills, restarts, network failures."""
 
 import asyncio
 import os
@@ -70,7 +70,7 @@ FAULTS = (
     "lost messages",
 )
 STRIDE = 20
-"""Worlds between two looks at the counts."""
+"""Simulations between two checks of the counts."""
 
 
 def forget_what_was_done(patch):
@@ -342,7 +342,7 @@ def test_callers_learn_the_true_outcome_in_300_simulations(counts, seed, large, 
     hundred = Counts()
     for number in range(100_000 if large else 300):
         play(seed * 1_000_000 + number, hundred)
-        # A planted bug is looked for until it shows as what it is.
+        # Simulations continue until the planted bug shows.
         if number % STRIDE == STRIDE - 1 if bug is None else hundred[bug.breaks]:
             hundred.check(*PROMISES, "failed")
         if number % 100 == 99:
