@@ -1,9 +1,11 @@
-"""Counts and times of a program's calls, and of its tasks, for Prometheus."""
+"""Metrics for Prometheus: counts and durations of a program's calls, messages and tasks.
 
-from taskrpc.metrics.collector import Metrics
-from taskrpc.metrics.families import Family, Histogram, Kind, Sample
-from taskrpc.metrics.prometheus import CONTENT_TYPE, render
-from taskrpc.metrics.stores import store_families
+Start reading with `collector`, the observer that counts calls; `tasks` measures a task server.
+`prometheus` has the values and their text format. Nothing here serves HTTP; `taskrpc.web` does.
+"""
+
+from taskrpc.metrics.collector import Metrics, store_families
+from taskrpc.metrics.prometheus import CONTENT_TYPE, Family, Histogram, Kind, Sample, render
 
 __all__ = [
     "CONTENT_TYPE",

@@ -1,4 +1,4 @@
-"""What is measured of a task server: its queue, its robot, and how long its store takes."""
+"""Metrics of a task server: its queue, its robot, and the duration of its store's changes."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ import asyncio
 from collections import Counter
 from collections.abc import Sequence
 
-from taskrpc.metrics.families import Family, Histogram, Kind, Sample, by_label
-from taskrpc.metrics.stores import store_families
+from taskrpc.metrics.collector import store_families
+from taskrpc.metrics.prometheus import Family, Histogram, Kind, Sample, by_label
 from taskrpc.request_ids.ids import ClientKey, Completion
 from taskrpc.tasks.manager import TaskManager
 from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, Task, TaskState
@@ -18,7 +18,7 @@ _ROBOT_STATES = ("idle", "working", "paused")
 
 
 def task_families(manager: TaskManager) -> list[Family]:
-    """What a task manager has to do: `metrics.add(lambda: task_families(server.manager))`."""
+    """Return a task manager's metrics: `metrics.add(lambda: task_families(server.manager))`."""
     tasks = list(manager.repository.tasks())
     states = Counter(task.state for task in tasks)
     waiting = Counter(task.priority for task in tasks if task.state is TaskState.QUEUED)
@@ -27,24 +27,24 @@ def task_families(manager: TaskManager) -> list[Family]:
     return [
         _gauge(
             "taskrpc_queue_tasks",
-            "Tasks that wait, by priority (10 runs first).",
+            "Queued tasks, by priority (10 runs first).",
             [Sample(waiting[each], {"priority": str(each)}) for each in priorities],
         ),
         _gauge(
             "taskrpc_tasks",
-            "Tasks that are remembered, by state; the oldest ended ones are forgotten.",
+            "Remembered tasks, by state; the server forgets the oldest ended tasks.",
             [Sample(states[state], {"state": state.value}) for state in TaskState],
         ),
         _gauge(
             "taskrpc_robot_state",
-            "1 for the state in which the robot is, 0 for the others.",
+            "1 for the robot's current state, 0 for the other states.",
             by_label("state", {state: state == robot for state in _ROBOT_STATES}),
         ),
     ]
 
 
 class MeasuredStore:
-    """A `TaskStore` that measures another one: how long it takes until a change is safe."""
+    """A `TaskStore` around another one that measures how long each change takes."""
 
     def __init__(self, store: TaskStore) -> None:
         self._store = store
@@ -53,18 +53,18 @@ class MeasuredStore:
         self._failures = 0
 
     def families(self) -> list[Family]:
-        """What was measured, for `Metrics.add`."""
+        """Return the measurements, for `Metrics.add`."""
         return [
             Family(
                 "taskrpc_store_seconds",
                 Kind.HISTOGRAM,
-                "How long a change waits until it is stored.",
+                "Seconds that a change takes until it is stored.",
                 self._seconds.samples(),
             ),
             Family(
                 "taskrpc_store_tasks_total",
                 Kind.COUNTER,
-                "Tasks written; each change of a task's state writes it once.",
+                "Tasks that were written; each change of a task's state writes it once.",
                 [Sample(self._tasks)],
             ),
             Family(
@@ -77,7 +77,7 @@ class MeasuredStore:
         ]
 
     async def load(self) -> Stored:
-        """Return everything that is remembered; see `TaskStore.load`."""
+        """Return everything that the store remembers; see `TaskStore.load`."""
         return await self._store.load()
 
     async def apply(
@@ -87,7 +87,7 @@ class MeasuredStore:
         completion: Completion | None = None,
         clients: Sequence[ClientKey] = (),
     ) -> None:
-        """Remember and forget, all or nothing; see `TaskStore.apply`."""
+        """Remember and forget tasks and completions; see `TaskStore.apply`."""
         now = asyncio.get_running_loop().time
         began = now()
         try:
@@ -99,15 +99,15 @@ class MeasuredStore:
         self._tasks += len(saved)
 
     async def remember_pause(self, paused: bool) -> None:
-        """Remember whether the queue stands still."""
+        """Remember whether the queue is paused."""
         await self._store.remember_pause(paused)
 
     async def clear(self) -> None:
-        """Forget everything and begin again with number 1."""
+        """Forget everything and begin again with task 1."""
         await self._store.clear()
 
     async def close(self) -> None:
-        """Let others use what the store used."""
+        """Release what the store uses."""
         await self._store.close()
 
 

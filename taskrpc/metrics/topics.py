@@ -1,13 +1,14 @@
-"""What became of messages, by topic."""
+"""Counts of published, received and lost messages, by topic."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping
 
-from taskrpc.metrics.families import Family, Kind, Sample, by_label
+from taskrpc.metrics.prometheus import Family, Kind, Sample, by_label
 from taskrpc.observer import NodeStatus, TopicStatus
 
+# label of the place of a loss -> field of `TopicStatus`
 _LOSSES = {
     "sending": "lost_sending",
     "coming": "lost_coming",
@@ -16,19 +17,19 @@ _LOSSES = {
 
 
 class TopicCounts:
-    """Adds up the topics of all nodes, those that have ended included."""
+    """Adds up the topics of all nodes, ended nodes included."""
 
     def __init__(self) -> None:
-        self._before: Counter[tuple[str, str]] = Counter()
+        self._ended: Counter[tuple[str, str]] = Counter()
 
-    def note_ended(self, status: NodeStatus) -> None:
-        """A node ends: what it has done stays counted."""
-        self._before.update(_counts(status.topics))
+    def node_ended(self, status: NodeStatus) -> None:
+        """Keep the counts of a node that ends."""
+        self._ended.update(_counts(status.topics))
 
     def families(self, statuses: Iterable[NodeStatus]) -> list[Family]:
-        """What there is to tell of the topics of these nodes."""
+        """Return the metrics of the topics of these nodes and of all ended ones."""
         statuses = list(statuses)
-        counts = self._before.copy()
+        counts = self._ended.copy()
         now: Counter[tuple[str, str]] = Counter()
         for status in statuses:
             counts.update(_counts(status.topics))
@@ -51,25 +52,25 @@ class TopicCounts:
             Family(
                 f"{prefix}_received_total",
                 counter,
-                "Messages that this program's subscriptions got.",
+                "Messages that this program's subscriptions received.",
                 by_label("topic", _of(counts, "received")),
             ),
             Family(
                 f"{prefix}_lost_total",
                 counter,
-                "Messages that were dropped, by where.",
+                "Messages that were dropped, by the place of the loss.",
                 losses,
             ),
             Family(
                 f"{prefix}_subscriptions",
                 Kind.GAUGE,
-                "Subscriptions that get messages of this program.",
+                "Subscriptions that receive messages from this program.",
                 by_label("topic", _of(now, "subscriptions")),
             ),
             Family(
                 f"{prefix}_publishers",
                 Kind.GAUGE,
-                "Publishers that this program's subscriptions get messages of.",
+                "Publishers that send messages to this program's subscriptions.",
                 by_label("topic", _of(now, "publishers")),
             ),
         ]

@@ -1,4 +1,8 @@
-"""The robot: the Protocol for one's own hardware, and a kinematic stub that drives on a map."""
+"""The robot: the Protocol for your own hardware, and a simulated robot that drives on a map.
+
+Start reading with `protocol`. `driver` is the simulated robot, `kinematics` its motion, and `world`
+and `mapfile` the map. Nothing here knows about tasks, queues or the network.
+"""
 
 from taskrpc.robot.document import MapError
 from taskrpc.robot.driver import KinematicRobot

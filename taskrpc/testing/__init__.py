@@ -1,5 +1,7 @@
-"""Tools for testing programs that use taskrpc: connected nodes, a clock that jumps, a network that
-fails.
+"""Tools for tests of programs that use taskrpc: connected nodes, virtual time, a faulty network.
+
+Start reading with `clock`, the event loop in virtual time, and `network`, the nodes and the faults;
+`faulty_connections` carries the faults out. The other packages never use it.
 """
 
 from taskrpc.testing.clock import NothingWillEverHappen, VirtualTimeLoop

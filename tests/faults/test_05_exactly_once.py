@@ -7,14 +7,13 @@ import random
 import sqlite3
 
 import pytest
-from taskrpc.tasks.records.completions import TaskCompletions
 
 import srvgen
 import taskrpc
 from taskrpc.attempts import Attempts
 from taskrpc.request_ids.ids import StoredCompletions
 from taskrpc.request_ids.ledger import Ledger, Verdict
-from taskrpc.tasks.records.repository import TaskRepository
+from taskrpc.tasks.records.repository import TaskCompletions, TaskRepository
 from tests.faults.harness import Bug
 from tests.faults.programs import TASK_SERVER, kill
 

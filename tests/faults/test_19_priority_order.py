@@ -28,7 +28,7 @@ WEIGHTS = (10, 2, 3, 1, 3)
 
 
 def last_come_first_served(patch):
-    patch(Task, "key", property(lambda task: (-task.priority, -task.arrival)))
+    patch(Task, "order_key", property(lambda task: (-task.priority, -task.arrival)))
 
 
 def moves_only_in_the_list(patch):

@@ -17,7 +17,7 @@ from taskrpc.exactly_once import Deduplicator, Execution
 from taskrpc.exactly_once.store_state import LeaseClock, StoreState
 from taskrpc.request_ids.ledger import Ledger, Verdict
 from taskrpc.tasks.manager import TaskManager
-from taskrpc.tasks.model import Task, TaskState
+from taskrpc.tasks.model import LEVELS, Task, TaskState
 from taskrpc.tasks.records.repository import TaskRepository
 from taskrpc.tasks.server import TaskServer
 from taskrpc.tasks.worker import Worker
@@ -160,7 +160,7 @@ def store_the_task_without_its_completion(patch):
 
 
 def take_the_newest_first(patch):
-    patch(Task, "key", property(lambda task: (-task.arrival, task.task_id)))
+    patch(Task, "order_key", property(lambda task: (LEVELS[0], -task.arrival)))
 
 
 def leave_the_worker_behind(patch):

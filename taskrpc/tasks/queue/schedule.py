@@ -7,6 +7,7 @@ leaves from the middle changes only the plans that follow it directly, not all p
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain
 from typing import NamedTuple, TypeAlias
@@ -52,7 +53,7 @@ class Schedule:
         self._plan = plan
         self._start_pose = start_pose
         self._levels: dict[int, SumTree[_PlannedTask]] = {level: SumTree() for level in LEVELS}
-        self._planned: dict[int, _PlannedTask] = {}  # by arrival
+        self._planned: dict[int, _PlannedTask] = {}  # by task_id
 
     def insert(self, task: Task) -> list[Shift]:
         """Add a task at its place; returns the shifts of the tasks behind it."""
@@ -61,16 +62,16 @@ class Schedule:
         start = before.plan.end if before else self._start_pose
         added = _PlannedTask(task, key, start, self._plan(task, start))
         self._levels[level].insert(arrival, added, added.plan.seconds)
-        self._planned[arrival] = added
+        self._planned[task.task_id] = added
         return self._shifts(key, added.plan.seconds, added)
 
     def replace(self, task: Task) -> None:
         """Replace a scheduled task by a newer value that has the same place and plan."""
-        self._planned[task.arrival].task = task
+        self._planned[task.task_id].task = task
 
     def remove(self, task: Task) -> list[Shift]:
         """Take a task out; returns the shifts of the tasks behind it."""
-        removed = self._planned.pop(task.arrival)
+        removed = self._planned.pop(task.task_id)
         level, arrival = removed.key
         self._levels[level].remove(arrival)
         return self._shifts(removed.key, -removed.plan.seconds, self._before(level, arrival))
@@ -83,7 +84,7 @@ class Schedule:
         first = next(self._planned_after(RUNNING_KEY))
         level, arrival = first.key
         self._levels[level].remove(arrival)
-        del self._planned[arrival]
+        del self._planned[first.task.task_id]
         self._start_pose = first.plan.end
         return first.plan
 
@@ -96,7 +97,7 @@ class Schedule:
 
     def seconds_through(self, task: Task) -> float:
         """Return the robot seconds from the start of the first task to the end of this one."""
-        own_level, arrival = self._planned[task.arrival].key
+        own_level, arrival = self._planned[task.task_id].key
         ahead = 0.0
         for level, tasks in self._levels.items():
             if level >= own_level:
@@ -128,7 +129,7 @@ class Schedule:
         own_level, arrival = key
         for level, tasks in self._levels.items():
             if level >= own_level and tasks:
-                yield from tasks.behind(arrival if level == own_level else -1)
+                yield from tasks.behind(arrival if level == own_level else -math.inf)
 
     def _shifts(self, key: OrderKey, seconds: float, before: _PlannedTask | None) -> list[Shift]:
         """Return the shifts behind a place where a task came or went.

@@ -119,7 +119,7 @@ class SumTree(Generic[_Value]):
         ahead = sum(sum(node.weights[:at]) for node, at in path)
         return ahead + sum(leaf.weights[: bisect_right(leaf.numbers, number)])
 
-    def behind(self, number: int) -> Iterator[_Value]:
+    def behind(self, number: float) -> Iterator[_Value]:
         """Iterate over the values with greater numbers; weights may change during the iteration."""
         if number >= self._highest:
             return
@@ -129,7 +129,7 @@ class SumTree(Generic[_Value]):
             for part in node.parts[at + 1 :]:
                 yield from _values(part)
 
-    def _leaf(self, number: int) -> tuple[_Node, list[tuple[_Node, int]]]:
+    def _leaf(self, number: float) -> tuple[_Node, list[tuple[_Node, int]]]:
         """Return the leaf for a number, and the path to it from the root."""
         node, path = self._root, []
         while not node.is_leaf:

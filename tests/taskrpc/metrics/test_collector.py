@@ -145,7 +145,7 @@ async def test_a_loop_that_is_held_up_is_late():
     assert late["_count"] == 1
     assert late["_sum"] > 0.1
     await asyncio.sleep(0)
-    assert metrics._lateness._timer is None
+    assert metrics._loop_lateness._timer is None
 
 
 async def test_an_exactly_once_service_tells_what_it_knew_of_its_requests(lab):
@@ -203,4 +203,4 @@ async def test_a_part_that_cannot_be_told_does_not_take_the_rest_away(lab, caplo
     lab.metrics.add(lambda: [Family("lab_total", Kind.COUNTER, "Lab.", [Sample(1 / 0)])])
     lab.metrics.add(lambda: [Family("cats", Kind.GAUGE, "Cats.", [Sample(2)])])
     assert values(lab.metrics.text(), "cats") == {"": 2}
-    assert "a part of the metrics cannot be told" in caplog.text
+    assert "a part of the metrics cannot be collected" in caplog.text

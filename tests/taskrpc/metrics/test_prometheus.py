@@ -96,12 +96,12 @@ def test_a_label_of_prometheus_own_is_refused():
 
 
 def test_a_family_that_comes_twice_is_refused():
-    with pytest.raises(ValueError, match="x comes twice"):
+    with pytest.raises(ValueError, match="two families have the name x"):
         render([Family("x", Kind.GAUGE, "What.", [Sample(1)])] * 2)
 
 
 def test_bounds_that_do_not_rise_are_refused():
-    with pytest.raises(ValueError, match="expected numbers that rise"):
+    with pytest.raises(ValueError, match="expected ascending numbers"):
         Histogram([1, 1])
 
 

@@ -3,6 +3,8 @@
 import asyncio
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from taskrpc.errors import StoreError
 from taskrpc.request_ids.ids import Completion
@@ -13,6 +15,7 @@ from taskrpc.tasks.pages import page
 from taskrpc.tasks.records.sqlite_store import SqliteStore
 from taskrpc.tasks.records.store import MemoryStore
 from taskrpc.tasks.responses import Resumed
+from taskrpc.testing import VirtualTimeLoop
 from tests.taskrpc.tasks.fakes import LineRobot
 
 
@@ -516,3 +519,50 @@ async def test_only_a_stored_task_is_logged_as_queued(caplog):
     await manager.submit("move", "3", 4)
     assert "Task 2 queued: move to 3 (priority: 4)" in caplog.text
     await manager.close()
+
+
+def run_virtually(work):
+    with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
+        return runner.run(work)
+
+
+async def orders_of(priorities, changes):
+    """Submit and move tasks; returns each order that the task server shows or follows."""
+    store, robot = MemoryStore(), LineRobot()
+    old = TaskManager(LineRobot(), store)
+    await old.start()
+    await old.pause()
+    await submit(old, *((str(number), each) for number, each in enumerate(priorities)))
+    for number, priority in changes:
+        await old.reprioritise(1 + number % len(priorities), priority)
+    tasks = sorted((old.repository.find(1 + each) for each in range(len(priorities))), key=place)
+    estimates = {task.task_id: old.estimate(task.task_id) for task in tasks}
+    orders = {
+        "expected": [task.task_id for task in tasks],
+        "queue": [task.task_id for task, _ in old.queue.ordered()],
+        "pages": [row.task.task_id for row in page(old, "").rows],
+        "estimates": sorted(estimates, key=estimates.get),
+    }
+    await old.close()
+    manager = TaskManager(robot, store)
+    await manager.start()
+    await manager.resume()
+    await idle(manager)
+    orders["execution after a restart"] = [1 + int(target) for _, target in robot.log]
+    await manager.close()
+    return orders
+
+
+def place(task):
+    return -task.priority, task.task_id
+
+
+@settings(max_examples=40)
+@given(
+    priorities=st.lists(st.integers(1, 10), min_size=1, max_size=12),
+    changes=st.lists(st.tuples(st.integers(0, 11), st.integers(1, 10)), max_size=6),
+)
+def test_queue_pages_estimates_and_execution_share_one_order(priorities, changes):
+    orders = run_virtually(orders_of(priorities, changes))
+    expected = orders.pop("expected")
+    assert orders == dict.fromkeys(orders, expected)
