@@ -21,9 +21,9 @@ from taskrpc.retry import reconnect_delay
 from taskrpc.transport.base import Mode, Tell, Unsent
 from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.transport.connection.client_side import CallingConnection, OpenCall
-from taskrpc.transport.connection.client_threads import ThreadedConnection, Told, Waiter
+from taskrpc.transport.connection.client_threads import CallbackWaiter, ThreadedConnection, Waiter
 from taskrpc.transport.connection.dialling import Dialler, why_silent
-from taskrpc.transport.discovery.availability import News
+from taskrpc.transport.discovery.availability import Availability
 from taskrpc.transport.network import Address, Network
 from taskrpc.wire.frames import Flag
 from taskrpc.wire.messages import Endpoint as Named
@@ -38,13 +38,13 @@ RESOLVE_TIMEOUT = 3.0
 _EXACTLY_ONCE, _TRACED = int(Flag.EXACTLY_ONCE), int(Flag.TRACED)
 
 
-class Home(Protocol):
+class ChannelContext(Protocol):
     """What the channels of one endpoint share."""
 
     loop: asyncio.AbstractEventLoop
     network: Network
     dialler: Dialler
-    news: News
+    availability: Availability
     counters: RequestCounters
 
     def channel_closed(self, named: Named) -> None:
@@ -55,7 +55,7 @@ class RemoteChannel:
     """The `Channel` of an endpoint."""
 
     def __init__(
-        self, endpoint: Home, named: Named, srv_type: ServiceType, *, otherwise: str = ""
+        self, endpoint: ChannelContext, named: Named, srv_type: ServiceType, *, otherwise: str = ""
     ) -> None:
         self.mode = Mode.AT_MOST_ONCE
         self.store_id = b""
@@ -76,7 +76,7 @@ class RemoteChannel:
         self._moves: set[asyncio.Task[None]] = set()
         self._line: dict[Unsent, None] = {}
         """Calls that wait for the connection, in order."""
-        self._mark = endpoint.news.mark()
+        self._mark = endpoint.availability.mark()
         self._somebody = False
         self._closed = False
         self._said = ""
@@ -167,12 +167,16 @@ class RemoteChannel:
         waiter = Waiter()
         return waiter if self._begin_in_thread(waiter, request, deadline) else None
 
-    def tell_in_thread(self, request: Any, deadline: float | None, tell: Tell) -> Told | None:
+    def tell_in_thread(
+        self, request: Any, deadline: float | None, tell: Tell
+    ) -> CallbackWaiter | None:
         """The same where nobody waits, but a function is to be told."""
-        told = Told(tell)
+        told = CallbackWaiter(tell)
         return told if self._begin_in_thread(told, request, deadline) else None
 
-    def _begin_in_thread(self, waiter: Waiter | Told, request: Any, deadline: float | None) -> bool:
+    def _begin_in_thread(
+        self, waiter: Waiter | CallbackWaiter, request: Any, deadline: float | None
+    ) -> bool:
         # The loop may find another server at any moment: one's number means another service there.
         connection, method = self._connection, self._method
         if not isinstance(connection, ThreadedConnection) or connection.epoch != self._epoch:
@@ -240,7 +244,7 @@ class RemoteChannel:
             self._connecting.cancel()
         self._endpoint.channel_closed(self._named)
         # Whoever still waits for the service must learn it.
-        self._endpoint.news.pulse()
+        self._endpoint.availability.notify()
 
     def _warn(self, error: TaskRpcError) -> None:
         log.warning("%s", error, extra={"service": self._named.name})
@@ -257,11 +261,11 @@ class RemoteChannel:
 
         delay = reconnect_delay(failures, random.random()) if self._somebody else None
         limits = [each for each in (left, delay) if each is not None]
-        changed = await self._endpoint.news.wait(self._mark, min(limits, default=None))
+        changed = await self._endpoint.availability.wait(self._mark, min(limits, default=None))
         return 0 if changed else failures + 1
 
     async def _connect(self) -> None:
-        self._mark = self._endpoint.news.mark()
+        self._mark = self._endpoint.availability.mark()
         addresses = self._locate()
         self._somebody = bool(addresses)
         problem = ServiceUnavailable(f"nobody offers {self._shown}")

@@ -29,12 +29,12 @@ from taskrpc.transport.connection.client_side import CallingConnection
 from taskrpc.transport.connection.connection import READ_BUFFER, Connection, Traffic
 from taskrpc.transport.connection.deadline_timer import clock_of
 from taskrpc.transport.connection.dialling import READY_TIMEOUT, Dialler, placed
-from taskrpc.transport.connection.threads import Handing
-from taskrpc.transport.discovery.availability import News
-from taskrpc.transport.discovery.entries import Change, Entry, Roster, entry_of
+from taskrpc.transport.connection.threads import ThreadHandoff
+from taskrpc.transport.discovery.availability import Availability
+from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry, entry_of
 from taskrpc.transport.discovery.registry import this_process
 from taskrpc.transport.limits.keepalive import DEFAULT, Keepalive
-from taskrpc.transport.limits.log_throttling import FewLines
+from taskrpc.transport.limits.log_throttling import LimitedLog
 from taskrpc.transport.network import Address, Network
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import DEFAULT_LIMITS, Listing, Resolve, TopicEndpoint
@@ -44,8 +44,8 @@ if TYPE_CHECKING:
     from taskrpc.observer import Connections
     from taskrpc.transport.connection.server_side import ServingConnection
     from taskrpc.transport.limits.admission import Admission
-    from taskrpc.transport.limits.backpressure import Unread
-    from taskrpc.transport.limits.calls_in_flight import Load
+    from taskrpc.transport.limits.backpressure import Backpressure
+    from taskrpc.transport.limits.calls_in_flight import CallsInFlight
     from taskrpc.transport.pubsub.endpoint_topics import Topics
     from taskrpc.transport.pubsub.publishing import Publication
     from taskrpc.transport.pubsub.subscribing import Reception
@@ -59,7 +59,7 @@ LISTING_TIMEOUT = 2.0
 CLOSE_TIMEOUT = 1.0
 
 
-class Endpoint(Handing):
+class Endpoint(ThreadHandoff):
     """The `Transport` that frames travel on; shared by the nodes of one loop and network.
 
     `forget` is called when the last holder has gone and nobody may join any more. `threads` says
@@ -80,7 +80,7 @@ class Endpoint(Handing):
         self._calling = _calling_class(threads=threads)
         self.now = clock_of(self.loop)
         self.network = network
-        self.news = News(network)
+        self.availability = Availability(network)
         self.dialler = Dialler(network, self._caller)
         self.read_buffer = memoryview(bytearray(READ_BUFFER))
         platform.keep_freed_memory(DEFAULT_LIMITS.body)
@@ -89,13 +89,13 @@ class Endpoint(Handing):
         self.id = os.urandom(16)
         self.call_numbers = itertools.count(1)
         self.counters = RequestCounters(lambda: os.urandom(16))
-        self.unread: Unread
-        """Made by `_take_connections`, as `load` is: many programs only call."""
-        self.load: Load
-        self.refusals = FewLines(log)
-        self._offers = Offers()
+        self.backpressure: Unread
+        """Made by `_take_connections`, as `calls_in_flight` is: many programs only call."""
+        self.calls_in_flight: CallsInFlight
+        self.refusals = LimitedLog(log)
+        self._offers = OfferTable()
         self.offers = self._offers.by_method
-        self._roster = Roster(this_process())
+        self._roster = TrackedEntry(this_process())
         self._served: dict[ServingConnection, None] = {}  # in order of arrival
         self._admission: Admission | None = None
         self._ticker: asyncio.TimerHandle | None = None
@@ -288,10 +288,14 @@ class Endpoint(Handing):
         """Listen, from the first service or publisher on."""
         if not self.address:
             from taskrpc.transport.limits.admission import Admission
-            from taskrpc.transport.limits.backpressure import Unread
-            from taskrpc.transport.limits.calls_in_flight import Load
+            from taskrpc.transport.limits.backpressure import Backpressure
+            from taskrpc.transport.limits.calls_in_flight import CallsInFlight
 
-            self.unread, self.load, self._admission = Unread(), Load(), Admission()
+            self.backpressure, self.calls_in_flight, self._admission = (
+                Backpressure(),
+                CallsInFlight(),
+                Admission(),
+            )
             self.address = self.network.listen(self._accepted)
             if self._watches_files:  # they may change before the first connection
                 self._look_again()
@@ -309,7 +313,7 @@ class Endpoint(Handing):
         me = self._identity(address.token, name)
         if address.domain is not None:
             me = msgspec.structs.replace(me, domain=address.domain)
-        return self._calling(self, me, self.news.pulse)
+        return self._calling(self, me, self.availability.notify)
 
     def _accepted(self) -> ServingConnection:
         me, book = self._identity(self.network.token, ""), self.network.accounts
@@ -386,8 +390,8 @@ class Endpoint(Handing):
         if connections or (self.address and self._watches_files):
             self._look_again()
         if self._admission is not None:
-            self.unread.measure_all()
-            self.load.settle()
+            self.backpressure.measure_all()
+            self.calls_in_flight.settle()
         # Thousands have their pings, and the time that this takes, spread over the second.
         slices = min(SLICES, 1 + len(connections) // SLICE)
         for number in range(1, slices):
@@ -433,7 +437,7 @@ def _named(offer: Offer) -> Named:
     return Named(offer.name, offer.srv_type._TYPE, offer.srv_type._HASH, offer.node)
 
 
-class Offers:
+class OfferTable:
     """At most one offer of a name; a number is never given twice."""
 
     def __init__(self) -> None:

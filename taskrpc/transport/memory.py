@@ -18,7 +18,7 @@ import msgspec
 
 from taskrpc.errors import NameInUse
 from taskrpc.security.roles import account_of
-from taskrpc.transport.discovery.entries import Change, Entry, Roster
+from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
 from taskrpc.transport.network import Address, Factory
 
 if TYPE_CHECKING:
@@ -53,25 +53,25 @@ class Hub:
 
     def __init__(self) -> None:
         self.token = os.urandom(32)
-        self.rosters: dict[MemoryNetwork, Roster] = {}
+        self.rosters: dict[MemoryNetwork, TrackedEntry] = {}
         self.listeners: dict[str, Listener] = {}
         self.conditions: Conditions | None = None
         self.revision = 0
         self.names = 0
-        self._news: asyncio.Future[None] | None = None
+        self._next: asyncio.Future[None] | None = None
 
     def changed(self) -> None:
         """Wake everybody who waits for a change."""
         self.revision += 1
-        if self._news is not None and not self._news.done():
-            self._news.set_result(None)
-        self._news = None
+        if self._next is not None and not self._next.done():
+            self._next.set_result(None)
+        self._next = None
 
-    async def news(self) -> None:
+    async def next_change(self) -> None:
         """Return at the next change."""
-        if self._news is None:
-            self._news = asyncio.get_running_loop().create_future()
-        await asyncio.shield(self._news)
+        if self._next is None:
+            self._next = asyncio.get_running_loop().create_future()
+        await asyncio.shield(self._next)
 
 
 _hubs: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[int, Hub]] = (
@@ -144,7 +144,7 @@ class MemoryNetwork:
             raise ConnectionRefusedError(f"nobody listens at {address.place}")
         return listener
 
-    def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
+    def publish(self, roster: TrackedEntry, change: Change, *, claim: str = "") -> None:
         """Tell everybody in this loop of a change to what this endpoint has."""
         for network, other in self._hub.rosters.items():
             if claim and network is not self and other.offers(claim):
@@ -194,7 +194,7 @@ class MemoryNetwork:
     async def changed(self, mark: object, is_hurried: Callable[[], bool]) -> None:
         """Return when the hub looks different from the mark."""
         while self._hub.revision == mark:
-            await self._hub.news()
+            await self._hub.next_change()
 
     async def stop_listening(self) -> None:
         """Take no more connections."""

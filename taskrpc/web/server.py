@@ -16,7 +16,7 @@ from aiohttp import web
 from taskrpc.errors import CannotListen
 from taskrpc.security.tls import ServerTls, Tls
 from taskrpc.transport.connection.connection import shown
-from taskrpc.transport.limits.log_throttling import SeldomLog
+from taskrpc.transport.limits.log_throttling import ThrottledLog
 from taskrpc.transport.network import Factory
 from taskrpc.transport.tcp.listening import Listener
 from taskrpc.transport.tcp.tcp_network import bound, is_loopback, join_place, split_place
@@ -159,7 +159,7 @@ class _Places:
         """Connections in order of arrival."""
         self._answered: set[web.RequestHandler] = set()
         """Connections whose response is being made."""
-        self.malformed = SeldomLog(log)
+        self.malformed = ThrottledLog(log)
 
     def take(self, connection: web.RequestHandler, transport: asyncio.Transport) -> None:
         """Add a connection; if there are too many, close the oldest with an unfinished request."""

@@ -45,7 +45,7 @@ class ResolveReceived(msgspec.Struct):
     ticket: Any = None
 
 
-class Announced(msgspec.Struct, gc=False):
+class LargeRequestBegan(msgspec.Struct, gc=False):
     """The peer has begun to send a large request, and will have more in flight than it has without
     asking: let it have more, or `skip_large`."""
 
@@ -53,7 +53,7 @@ class Announced(msgspec.Struct, gc=False):
     size: int
 
 
-class Crowded(msgspec.Struct, gc=False):
+class QuotaExceeded(msgspec.Struct, gc=False):
     """The peer's calls in flight are more than it has without asking; this is the last of them.
 
     Let it have more, or fail this one.
@@ -83,7 +83,7 @@ class UnsubscribeReceived(msgspec.Struct, gc=False):
     subscription_id: int
 
 
-class Overrun(msgspec.Struct, gc=False):
+class LimitsExceeded(msgspec.Struct, gc=False):
     """The peer called beyond our limits: its last call was not begun, and it may call no more.
 
     Close the connection once the calls in flight are answered.
@@ -92,7 +92,7 @@ class Overrun(msgspec.Struct, gc=False):
     error: TaskRpcError
 
 
-class Answered(msgspec.Struct, gc=False):
+class ResponseReceived(msgspec.Struct, gc=False):
     """A call of ours got its response."""
 
     ticket: Any
@@ -102,25 +102,25 @@ class Answered(msgspec.Struct, gc=False):
     """Microseconds in the server."""
 
 
-class Failed(msgspec.Struct, gc=False):
+class ErrorReceived(msgspec.Struct, gc=False):
     """A call of ours got an error."""
 
     ticket: Any
     error: TaskRpcError
 
 
-class Advertised(msgspec.Struct, gc=False):
+class ServicesChanged(msgspec.Struct, gc=False):
     """The peer's services changed: what was not there may be there now."""
 
 
-class PublishersTold(msgspec.Struct, gc=False):
+class PublishersReceived(msgspec.Struct, gc=False):
     """Who publishes, at the peer, the topic of a subscription of ours."""
 
     subscription_id: int
     publishers: list[messages.Publishing]
 
 
-class Published(msgspec.Struct, gc=False):
+class MessageReceived(msgspec.Struct, gc=False):
     """A message for a subscription of ours, from the publisher that was announced so."""
 
     subscription_id: int
@@ -146,17 +146,17 @@ Event: TypeAlias = (
     Ready
     | RequestReceived
     | ResolveReceived
-    | Announced
-    | Crowded
+    | LargeRequestBegan
+    | QuotaExceeded
     | CancelReceived
     | SubscribeReceived
     | UnsubscribeReceived
-    | Overrun
-    | Answered
-    | Failed
-    | Advertised
-    | PublishersTold
-    | Published
+    | LimitsExceeded
+    | ResponseReceived
+    | ErrorReceived
+    | ServicesChanged
+    | PublishersReceived
+    | MessageReceived
     | Draining
     | Closed
 )

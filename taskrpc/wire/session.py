@@ -1,10 +1,9 @@
-"""One end of a connection without its socket: bytes in and what happened out, what is wanted in
-and bytes out.
+"""One end of a connection without its socket: bytes and requests in, events and bytes out.
 
-The session knows call ids, what is in flight and who may still call; its `Link` knows frames and
-the handshake. It knows no clock: a deadline is the time left. Every call gets exactly one terminal
-frame (RESPONSE or ERROR); only then are its id and its place in the limits free. After GOAWAY the
-server drops newer calls unseen, and the client knows that they never began.
+`Session` knows call ids, the calls in flight and who may still call; its base class knows frames
+and the handshake. It knows no clock: a deadline travels as the time that is left. Every call gets
+exactly one terminal frame (RESPONSE or ERROR); only then are its id and its place in the limits
+free. After GOAWAY the server drops newer calls, and the client knows that they never began.
 """
 
 from __future__ import annotations
@@ -14,18 +13,19 @@ from typing import Any
 
 from taskrpc.errors import ConnectionLost, OutcomeUnknown, ProtocolError, TaskRpcError
 from taskrpc.wire import messages, status, topics
+from taskrpc.wire.base_session import BaseSession, ConnectionState
 from taskrpc.wire.events import (
-    Advertised,
-    Announced,
-    Answered,
     CancelReceived,
-    Crowded,
     Draining,
+    ErrorReceived,
     Event,
-    Failed,
-    Overrun,
+    LargeRequestBegan,
+    LimitsExceeded,
+    QuotaExceeded,
     RequestReceived,
     ResolveReceived,
+    ResponseReceived,
+    ServicesChanged,
 )
 from taskrpc.wire.frames import (
     FIRST_OPTIONAL_TYPE,
@@ -38,7 +38,6 @@ from taskrpc.wire.frames import (
     LargeBody,
 )
 from taskrpc.wire.handshake import Identity
-from taskrpc.wire.link import Link, State
 
 LAST_CALL_ID = 3 * 2**30
 """A connection that has made so many calls retires."""
@@ -48,13 +47,13 @@ LONGEST_TIME = 0xFFFFFFFF
 
 
 # Looking a member up in its class costs as much as packing a header.
-_, _OPEN, _DRAINING, _CLOSED = State
+_, _OPEN, _DRAINING, _CLOSED = ConnectionState
 _REQUEST, _RESPONSE = int(FrameType.REQUEST), int(FrameType.RESPONSE)
 _SUBSCRIBE, _PUBLISH = int(FrameType.SUBSCRIBE), int(FrameType.PUBLISH)
 _pack = HEADER.pack
 
 
-class Session(Link):
+class Session(BaseSession):
     """One connection, seen from one of its ends."""
 
     __slots__ = (
@@ -72,7 +71,7 @@ class Session(Link):
         self.last_call_id = 0
         """The newest call id: ours as a client, accepted as a server."""
         self.free_calls, self.free_bytes = self.limits.calls, self.limits.bytes
-        """What may be in flight before a request is reported as `Crowded`."""
+        """What may be in flight before a request is reported as `QuotaExceeded`."""
         self.open_calls: dict[int, Any] = {}
         """Calls without a terminal frame, by their ids: for a client (ticket, size), for a server
         the request."""
@@ -81,7 +80,7 @@ class Session(Link):
         """False while the peer does not read, where the answers would only pile up."""
 
     def set_quota(self, calls: int, size: int) -> None:
-        """Allow so many calls, and bytes of their requests, before `Crowded` or `Announced`."""
+        """Report requests beyond so many calls in flight, or bytes of their requests."""
         self.free_calls, self.free_bytes = calls, size
 
     def answer_pings(self, *, wanted: bool) -> None:
@@ -179,7 +178,7 @@ class Session(Link):
     def lost(self) -> list[Any]:
         """The connection is gone: every ticket without an answer; see `unknown_error`."""
         tickets = self.open_tickets()
-        self.state = State.CLOSED
+        self.state = ConnectionState.CLOSED
         self.open_calls = {}
         return tickets
 
@@ -255,7 +254,7 @@ class Session(Link):
     def drain(self) -> None:
         """Take no new calls; those in flight are still answered."""
         if self.state is _OPEN:
-            self.state = State.DRAINING
+            self.state = ConnectionState.DRAINING
             self.send(FrameType.GOAWAY, 0, 0, 0, self.last_call_id, b"")
 
     # Inside
@@ -277,7 +276,7 @@ class Session(Link):
             elif large is not None and not large.is_announced:
                 large.is_announced = True
                 if self.bytes_coming > self.free_bytes and self._is_next(large):
-                    events.append(Announced(large.header[2], large.size))
+                    events.append(LargeRequestBegan(large.header[2], large.size))
         return events
 
     def _is_next(self, large: LargeBody) -> bool:
@@ -295,7 +294,7 @@ class Session(Link):
         type_, flags, method, call_id, arg, body = frame
         if type_ == _RESPONSE:
             ticket = self._settled(call_id)
-            return None if ticket is None else Answered(ticket, body, arg)
+            return None if ticket is None else ResponseReceived(ticket, body, arg)
         if type_ != _REQUEST:
             if _SUBSCRIBE <= type_ <= _PUBLISH:
                 return topics.received(frame, is_client=self.is_client)
@@ -314,7 +313,7 @@ class Session(Link):
         self.bytes_in_flight += size
         request = RequestReceived(call_id, method, flags, arg, body, size)
         open_calls[call_id] = request
-        return Crowded(request) if is_crowded else request
+        return QuotaExceeded(request) if is_crowded else request
 
     def _on_resolve(self, call_id: int, arg: int, body: Body) -> ResolveReceived | None:
         question = messages.decode_resolve(body)
@@ -343,7 +342,7 @@ class Session(Link):
             case FrameType.ADVERTISE | FrameType.GOAWAY if not self.is_client:
                 raise ProtocolError(f"frame type {type_} is not a client's to send")
             case FrameType.ADVERTISE:
-                return Advertised()
+                return ServicesChanged()
             case FrameType.GOAWAY:
                 return self._on_goaway(arg)
             case FrameType.PING | FrameType.PONG:
@@ -358,7 +357,7 @@ class Session(Link):
         many = len(self.open_calls) >= limits.calls
         return many or self.bytes_in_flight + size > limits.bytes
 
-    def _overrun(self) -> Overrun | None:
+    def _overrun(self) -> LimitsExceeded | None:
         if self.is_client:
             raise ProtocolError("a server may not call")
         if self.state is _DRAINING:
@@ -367,7 +366,7 @@ class Session(Link):
         limits = self.limits
         too_many = len(self.open_calls) >= limits.calls
         limit = f"{limits.calls} calls" if too_many else f"{limits.bytes} bytes"
-        return Overrun(ProtocolError(f"more than {limit} in flight on one connection"))
+        return LimitsExceeded(ProtocolError(f"more than {limit} in flight on one connection"))
 
     def _refuse(self, call_id: int) -> None:
         """Drop a call that crossed our GOAWAY, which tells that it never began; refuse others."""
@@ -388,11 +387,11 @@ class Session(Link):
         if call_id == 0:
             raise error
         ticket = self._settled(call_id)
-        return None if ticket is None else Failed(ticket, error)
+        return None if ticket is None else ErrorReceived(ticket, error)
 
     def _on_goaway(self, last_accepted: int) -> Draining:
         if self.state is _OPEN:
-            self.state = State.DRAINING
+            self.state = ConnectionState.DRAINING
         never_begun = [call_id for call_id in self.open_calls if call_id > last_accepted]
         refused = [self.open_calls.pop(call_id)[0] for call_id in never_begun]
         return Draining([ticket for ticket in refused if ticket is not None])

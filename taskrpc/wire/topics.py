@@ -10,14 +10,14 @@ from typing import Literal, TypeAlias
 
 from taskrpc.errors import ProtocolError
 from taskrpc.wire import messages
+from taskrpc.wire.base_session import BaseSession
 from taskrpc.wire.events import (
-    Published,
-    PublishersTold,
+    MessageReceived,
+    PublishersReceived,
     SubscribeReceived,
     UnsubscribeReceived,
 )
 from taskrpc.wire.frames import Body, Frame, FrameType
-from taskrpc.wire.link import Link
 from taskrpc.wire.messages import TopicEndpoint
 
 # Looking a member up in its class costs as much as packing a header.
@@ -44,38 +44,44 @@ def mismatch_of(publisher: TopicEndpoint, subscription: TopicEndpoint) -> Mismat
     return None
 
 
-def subscribe(session: Link, subscription_id: int, wanted: TopicEndpoint) -> None:
+def subscribe(session: BaseSession, subscription_id: int, wanted: TopicEndpoint) -> None:
     """Ask for a topic's messages."""
     body = messages.encode(wanted)
     session.send(_SUBSCRIBE, 0, 0, subscription_id, 0, body)
 
 
-def unsubscribe(session: Link, subscription_id: int) -> None:
+def unsubscribe(session: BaseSession, subscription_id: int) -> None:
     """Want no more messages."""
     session.send(_UNSUBSCRIBE, 0, 0, subscription_id, 0, b"")
 
 
-def announce(session: Link, subscription_id: int, publishers: list[messages.Publishing]) -> None:
+def announce(
+    session: BaseSession, subscription_id: int, publishers: list[messages.Publishing]
+) -> None:
     """Tell a subscription who publishes its topic here."""
     body = messages.encode(messages.Announcement(publishers))
     session.send(_SUBSCRIBE, 0, 0, subscription_id, 0, body)
 
 
-def publish(session: Link, subscription_id: int, publisher: int, sequence: int, body: Body) -> None:
+def publish(
+    session: BaseSession, subscription_id: int, publisher: int, sequence: int, body: Body
+) -> None:
     """Send a message to a subscription; `publisher` is the number that was announced."""
     session.send(_PUBLISH, 0, publisher, subscription_id, sequence, body)
 
 
 def received(
     frame: Frame, *, is_client: bool
-) -> SubscribeReceived | UnsubscribeReceived | PublishersTold | Published:
+) -> SubscribeReceived | UnsubscribeReceived | PublishersReceived | MessageReceived:
     """What a SUBSCRIBE, UNSUBSCRIBE or PUBLISH frame says. Raises ProtocolError."""
     type_, _, publisher, subscription_id, sequence, body = frame
     if is_client:
         if type_ == _PUBLISH:
-            return Published(subscription_id, publisher, sequence, body)
+            return MessageReceived(subscription_id, publisher, sequence, body)
         if type_ == _SUBSCRIBE:
-            return PublishersTold(subscription_id, messages.decode_announcement(body).publishers)
+            return PublishersReceived(
+                subscription_id, messages.decode_announcement(body).publishers
+            )
         raise ProtocolError("a server may not unsubscribe")
     if type_ == _SUBSCRIBE:
         return SubscribeReceived(subscription_id, messages.decode_subscription(body))

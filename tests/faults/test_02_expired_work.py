@@ -35,7 +35,7 @@ def counts_from_when_a_request_is_handled(patch):
     requested = server_side.ServingConnection._requested
 
     def late(connection, event):
-        connection.read_at = connection.host.now()
+        connection.read_at = connection.server.now()
         requested(connection, event)
 
     handlers = {**server_side.ServingConnection.handlers, RequestReceived: late}
@@ -43,23 +43,23 @@ def counts_from_when_a_request_is_handled(patch):
 
 
 def says_nothing_of_what_it_cancels(patch):
-    fail = incoming_call.ServedCall.fail
+    fail = incoming_call.RemoteCall.fail
 
     def silent(call, error):
         error.not_executed = None
         fail(call, error)
 
-    patch(incoming_call.ServedCall, "fail", silent)
+    patch(incoming_call.RemoteCall, "fail", silent)
 
 
 def says_that_nothing_had_begun(patch):
-    cancel = incoming_call.ServedCall.cancel
+    cancel = incoming_call.RemoteCall.cancel
 
     def careless(call):
         cancel(call)
         call.started = False
 
-    patch(incoming_call.ServedCall, "cancel", careless)
+    patch(incoming_call.RemoteCall, "cancel", careless)
 
 
 class Clock:

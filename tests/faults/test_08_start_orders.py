@@ -9,7 +9,7 @@ import pytest
 
 import taskrpc
 from taskrpc.transport import channel
-from taskrpc.transport.discovery.availability import News
+from taskrpc.transport.discovery.availability import Availability
 from taskrpc.transport.memory import MemoryNetwork, Pipe
 from tests.faults.harness import Bug, Lateness, milliseconds
 from tests.taskrpc.transport.helpers import Add, add, ask, outcome
@@ -22,7 +22,7 @@ def hears_no_news(patch):
         await asyncio.sleep(1000 if timeout is None else timeout)
         return False
 
-    patch(News, "wait", deaf)
+    patch(Availability, "wait", deaf)
 
 
 def asks_again_and_again(patch):

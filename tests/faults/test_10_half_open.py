@@ -80,7 +80,7 @@ def is_more_patient_than_it_says(patch):
 
 
 def takes_the_full_for_dead(patch):
-    patch(keepalive.Patience, "is_over", lambda self: False)
+    patch(keepalive.TcpTimeouts, "is_over", lambda self: False)
 
 
 def waits_for_the_full_for_ever(patch):

@@ -18,10 +18,10 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.transport import endpoint
 from taskrpc.transport.connection.server_side import ServingConnection
 from taskrpc.wire import messages
+from taskrpc.wire.base_session import ConnectionState
 from taskrpc.wire.events import Closed, Event
 from taskrpc.wire.frames import HEADER, NO_DEADLINE, Splitter
 from taskrpc.wire.handshake import Identity, Peer
-from taskrpc.wire.link import State
 from taskrpc.wire.messages import DEFAULT_LIMITS, Auth, Hello, HelloAck, Resolve, encode
 from taskrpc.wire.session import Session
 from tests.faults.attacker import Line, questions
@@ -131,7 +131,7 @@ def lies_about_length(frame):
 
 def hear(end, frame, counts):
     """Feed one frame, and count violations."""
-    clean = end.state is State.OPEN and not end.mid_frame
+    clean = end.state is ConnectionState.OPEN and not end.mid_frame
     counts["frames"] += 1
     try:
         events = end.feed(frame)
@@ -146,8 +146,8 @@ def hear(end, frame, counts):
     counts["no reason"] += not all(isinstance(each, TaskRpcError) for each in reasons)
     if clean and lies_about_length(frame):
         counts["lies"] += 1
-        counts["believed"] += end.state is not State.CLOSED
-    if end.state is State.CLOSED:
+        counts["believed"] += end.state is not ConnectionState.CLOSED
+    if end.state is ConnectionState.CLOSED:
         counts["closed"] += 1
         counts["heard after the end"] += bool(end.feed(frame))
 
@@ -162,7 +162,7 @@ def bombard(frames, seed, counts):
         began = time.monotonic()
         for frame in mutator.stream(20):
             hear(end, frame, counts)
-            if end.state is State.CLOSED:
+            if end.state is ConnectionState.CLOSED:
                 break
         counts["hangs"] += time.monotonic() - began > HANG
     assert len(mutator.kinds) == KINDS
@@ -260,7 +260,7 @@ async def shake_hands(reader, writer):
     """Authenticate as a caller."""
     me = Identity(os.urandom(16), os.urandom(16), TOKEN, name="/hostile")
     session = Session(me, is_client=True)
-    while session.state is State.HANDSHAKE:
+    while session.state is ConnectionState.HANDSHAKE:
         writer.write(b"".join(session.take()))
         if not (data := await reader.read(65_536)):
             raise ConnectionResetError("closed in the handshake")

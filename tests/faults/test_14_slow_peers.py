@@ -14,10 +14,10 @@ from taskrpc.transport.codec import codec_of
 from taskrpc.transport.connection import connection
 from taskrpc.transport.connection.server_side import ServingConnection
 from taskrpc.transport.limits import calls_in_flight
-from taskrpc.wire.events import Answered
+from taskrpc.wire.base_session import ConnectionState
+from taskrpc.wire.events import ResponseReceived
 from taskrpc.wire.frames import NO_DEADLINE, FrameType, pack_frame, pack_header
 from taskrpc.wire.handshake import Identity
-from taskrpc.wire.link import State
 from taskrpc.wire.messages import Resolve, decode_resolved
 from taskrpc.wire.session import Session
 from tests.faults.harness import Bug
@@ -88,14 +88,14 @@ class Peer:
     async def connect(self, where):
         """Connect and authenticate; returns the id of the service with the long responses."""
         await self.loop.sock_connect(self.sock, where)
-        while self.session.state is State.HANDSHAKE:
+        while self.session.state is ConnectionState.HANDSHAKE:
             await self.say()
             await self.hear()
         self.session.resolve("", Resolve("/big"))
         await self.say()
         while True:
             for event in await self.hear():
-                if isinstance(event, Answered):
+                if isinstance(event, ResponseReceived):
                     return decode_resolved(event.body).method
 
     async def ask_and_never_read(self, where):
@@ -239,7 +239,7 @@ LOOPS, EACH, SIZE = 40, 2, 4 * MEBI
 
 
 def takes_whatever_comes(patch):
-    patch(calls_in_flight.Load, "refusal", lambda self, connection: None)
+    patch(calls_in_flight.CallsInFlight, "refusal", lambda self, connection: None)
 
 
 class Loop:

@@ -13,7 +13,7 @@ import taskrpc
 from taskrpc.errors import ConnectionLost
 from taskrpc.transport.connection.deadline_timer import Deadlines
 from taskrpc.transport.connection.dialling import Dialler
-from taskrpc.transport.connection.incoming_call import ServedCall
+from taskrpc.transport.connection.incoming_call import RemoteCall
 from tests.faults.harness import Bug
 from tests.taskrpc.transport.helpers import Add, ask
 
@@ -26,7 +26,7 @@ pytestmark = [
 CALLERS = 50
 FAULTS = 0.01
 OWN_TIMERS = 4  # timers for deadlines and ticks at either end may or may not be set
-OURS = ("ServedCall", "OpenCall", "RequestReceived", "ServingConnection", "CallingConnection")
+OURS = ("RemoteCall", "OpenCall", "RequestReceived", "ServingConnection", "CallingConnection")
 
 
 async def work(request, response):
@@ -103,8 +103,8 @@ def lost_connections_are_kept(patch):
 
 
 def calls_are_kept(patch):
-    kept, fail = [], ServedCall.fail
-    patch(ServedCall, "fail", lambda self, error: kept.append(self) or fail(self, error))
+    kept, fail = [], RemoteCall.fail
+    patch(RemoteCall, "fail", lambda self, error: kept.append(self) or fail(self, error))
 
 
 def descriptors_are_kept(patch):
@@ -120,7 +120,7 @@ def descriptors_are_kept(patch):
 @pytest.mark.planted(
     Bug(timers_run_on, "timers"),
     Bug(lost_connections_are_kept, "CallingConnection"),
-    Bug(calls_are_kept, "ServedCall"),
+    Bug(calls_are_kept, "RemoteCall"),
     Bug(descriptors_are_kept, "descriptors"),
 )
 async def test_many_calls_with_faults_leave_nothing_behind(counts, seed, large, bug):

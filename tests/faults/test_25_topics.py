@@ -52,17 +52,17 @@ def overtakes_what_waits(patch):
     def behind(self):
         return self.connection.writing_paused and not len(self.feeds_behind) % 2
 
-    patch(publishing.Subscriber, "is_behind", property(behind))
+    patch(publishing.RemoteSubscriber, "is_behind", property(behind))
 
 
 def never_comes_back(patch):
-    use = subscribing.Link._use
+    use = subscribing.SubscriptionLink._use
 
     async def once(self, connection):
         await use(self, connection)
         await asyncio.Event().wait()
 
-    patch(subscribing.Link, "_use", once)
+    patch(subscribing.SubscriptionLink, "_use", once)
 
 
 def gives_kept_messages_twice(patch):
@@ -70,7 +70,7 @@ def gives_kept_messages_twice(patch):
 
 
 def forgets_nobody(patch):
-    patch(publishing.Subscriber, "unsubscribe", lambda self, number: None)
+    patch(publishing.RemoteSubscriber, "unsubscribe", lambda self, number: None)
 
 
 class Talker:

@@ -282,13 +282,13 @@ def give_kept_messages_twice(patch):
 
 
 def let_a_lost_subscription_go(patch):
-    use = subscribing.Link._use
+    use = subscribing.SubscriptionLink._use
 
     async def once(self, connection):
         await use(self, connection)
         await asyncio.Event().wait()
 
-    patch(subscribing.Link, "_use", once)
+    patch(subscribing.SubscriptionLink, "_use", once)
 
 
 def count_no_lost_message(patch):

@@ -114,7 +114,7 @@ async def test_what_is_off_leaves_calls_as_they_are(server, listener):
     await listener.create_client(Add, "add").call(ask(2, 3))
     (connection,) = server._transport._served
     (route,) = connection._routes.values()
-    assert route.call.__name__ == "ServedCall"
+    assert route.call.__name__ == "RemoteCall"
     entries = await listener.graph()
     assert not [each for entry in entries for each in entry.publishers]
 

@@ -7,7 +7,7 @@ import pytest
 import taskrpc
 import taskrpc.sync
 from taskrpc import Code
-from taskrpc.transport.connection.incoming_call import ObservedCall, ServedCall
+from taskrpc.transport.connection.incoming_call import ObservedCall, RemoteCall
 from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask
 
 
@@ -210,7 +210,7 @@ async def test_calls_that_nobody_watches_are_plain_ones(pair):
     async with taskrpc.Node("unwatched", transport="memory", token="unwatched") as node:
         node.create_service(Add, "unwatched", add)
         await pair.client.create_client(Add, "unwatched").call(ask())
-        assert kinds(node) == {ServedCall}
+        assert kinds(node) == {RemoteCall}
         assert type(node.create_client(Add, "work")) is taskrpc.Client
 
 

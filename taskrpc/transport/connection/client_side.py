@@ -23,14 +23,14 @@ from taskrpc.request_ids.ids import RequestCounter
 from taskrpc.transport.connection.connection import Connection, Owner
 from taskrpc.wire import messages
 from taskrpc.wire.events import (
-    Advertised,
-    Answered,
     Closed,
     Draining,
-    Failed,
-    Published,
-    PublishersTold,
+    ErrorReceived,
+    MessageReceived,
+    PublishersReceived,
     Ready,
+    ResponseReceived,
+    ServicesChanged,
 )
 from taskrpc.wire.frames import LARGE, NO_DEADLINE, Body
 from taskrpc.wire.handshake import Identity
@@ -113,10 +113,10 @@ class OpenCall(msgspec.Struct, eq=False):
 class TopicEvents(Protocol):
     """Receives what the server sends for our subscriptions."""
 
-    def publishers_told(self, event: PublishersTold) -> None:
+    def publishers_received(self, event: PublishersReceived) -> None:
         """The server listed the publishers of a subscription's topic."""
 
-    def published(self, event: Published, read: int) -> None:
+    def published(self, event: MessageReceived, read: int) -> None:
         """A message arrived; messages of one read have the same number `read`."""
 
 
@@ -234,7 +234,7 @@ class CallingConnection(Connection):
         if self.session.out:
             self.flush()
 
-    def _answered(self, event: Answered) -> None:
+    def _answered(self, event: ResponseReceived) -> None:
         call: OpenCall = event.ticket
         future = call.future
         try:
@@ -244,7 +244,7 @@ class CallingConnection(Connection):
         except asyncio.InvalidStateError:
             pass  # cancelled in this very turn
 
-    def _failed(self, event: Failed) -> None:
+    def _failed(self, event: ErrorReceived) -> None:
         # Only the server itself says so: what a callback raises comes as HandlerFailed.
         gone = type(event.error) is ServiceUnavailable and event.error.not_executed
         (event.ticket.refused if gone else event.ticket.failed)(event.error)
@@ -260,27 +260,27 @@ class CallingConnection(Connection):
             call.refused(refused_error())
         self.retire()
 
-    def _advertised(self, event: Advertised) -> None:
+    def _advertised(self, event: ServicesChanged) -> None:
         self.epoch += 1
         self._on_advertised()
 
-    def _publishers_told(self, event: PublishersTold) -> None:
+    def _publishers_told(self, event: PublishersReceived) -> None:
         if self.link is not None:
-            self.link.publishers_told(event)
+            self.link.publishers_received(event)
 
-    def _published(self, event: Published) -> None:
+    def _published(self, event: MessageReceived) -> None:
         if self.link is not None:
             self.link.published(event, self.received)
 
     serves = False
     handlers: ClassVar = {
-        Answered: _answered,
-        Failed: _failed,
-        Published: _published,
-        PublishersTold: _publishers_told,
+        ResponseReceived: _answered,
+        ErrorReceived: _failed,
+        MessageReceived: _published,
+        PublishersReceived: _publishers_told,
         Ready: _opened,
         Draining: _drained,
-        Advertised: _advertised,
+        ServicesChanged: _advertised,
         Closed: Connection._closed,
     }
 

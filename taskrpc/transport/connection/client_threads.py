@@ -84,7 +84,7 @@ class Waiter:
         return self._result
 
 
-class Told:
+class CallbackWaiter:
     """What an `OpenCall` has instead of a future, where a function is to be told of the answer.
 
     `tell(answer, error)` is called once, on the event loop's thread; one of the two is None.

@@ -11,11 +11,11 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol, cast
 
 from taskrpc.errors import ConnectionLost, ProtocolError, TaskRpcError
 from taskrpc.transport.connection.deadline_timer import Deadlines, Expiring
-from taskrpc.transport.limits.keepalive import Keepalive, Patience, drop_dead_peers
-from taskrpc.transport.limits.log_throttling import FewLines
+from taskrpc.transport.limits.keepalive import Keepalive, TcpTimeouts, drop_dead_peers
+from taskrpc.transport.limits.log_throttling import LimitedLog
+from taskrpc.wire.base_session import ConnectionState
 from taskrpc.wire.events import Closed, Event
 from taskrpc.wire.handshake import Identity
-from taskrpc.wire.link import State
 from taskrpc.wire.session import Session
 
 if TYPE_CHECKING:
@@ -46,7 +46,7 @@ class Owner(Protocol):
     """The loop's clock."""
     read_buffer: memoryview
     keepalive: Keepalive
-    refusals: FewLines
+    refusals: LimitedLog
     """The log of connections that were ended for what their peers said."""
     behind: list[None]
     """One for each thing that another thread has handed to the loop, which has not done it yet."""
@@ -69,9 +69,9 @@ class Connection(asyncio.BufferedProtocol):
         "_handshake_timer",
         "_kernel_asks",
         "_lost",
-        "_patience",
         "_read_buffer",
         "_splitter",
+        "_tcp_timeouts",
         "_watch",
         "in_turn",
         "look_before",
@@ -109,7 +109,7 @@ class Connection(asyncio.BufferedProtocol):
         self._lost = False
         self._kernel_asks = False
         """Whether the kernel asks a silent peer for a sign of life; only TCP does."""
-        self._patience: Patience | None = None
+        self._tcp_timeouts: TcpTimeouts | None = None
         """Only while the peer has not acknowledged everything."""
         self.read_at = 0.0
         """When what is being handled was read, by the loop's clock."""
@@ -241,7 +241,7 @@ class Connection(asyncio.BufferedProtocol):
     @property
     def is_open(self) -> bool:
         """Whether calls may begin on this connection."""
-        return self.session.state is State.OPEN and self.transport is not None
+        return self.session.state is ConnectionState.OPEN and self.transport is not None
 
     def flush(self) -> None:
         """Write what the session has to say."""
@@ -285,7 +285,7 @@ class Connection(asyncio.BufferedProtocol):
 
     def tick(self, now: float) -> None:
         """Look after the connection, about once a second: silence, and peers that do not move."""
-        if self.transport is None or self.session.state is State.HANDSHAKE:
+        if self.transport is None or self.session.state is ConnectionState.HANDSHAKE:
             return
         unread = self.transport.get_write_buffer_size()
         owes = self.session.mid_frame or unread > self.unread_limit
@@ -302,13 +302,15 @@ class Connection(asyncio.BufferedProtocol):
 
     def _acknowledges_nothing(self, transport: asyncio.Transport) -> bool:
         """Whether the kernel has asked the peer in vain for room for what we have written."""
-        if self._patience is None:
+        if self._tcp_timeouts is None:
             if not self._watch.has_written():
                 return False
-            self._patience = Patience(transport.get_extra_info("socket"), self.owner.keepalive)
-        is_over = self._patience.is_over()
-        if not self._patience.is_busy:
-            self._patience = None
+            self._tcp_timeouts = TcpTimeouts(
+                transport.get_extra_info("socket"), self.owner.keepalive
+            )
+        is_over = self._tcp_timeouts.is_over()
+        if not self._tcp_timeouts.is_busy:
+            self._tcp_timeouts = None
         return is_over
 
     def _closed(self, event: Closed) -> None:
@@ -323,7 +325,7 @@ class Connection(asyncio.BufferedProtocol):
         self.close(error)
 
     def _handshake_late(self) -> None:
-        if self.session.state is State.HANDSHAKE:
+        if self.session.state is ConnectionState.HANDSHAKE:
             problem = f"no handshake within {HANDSHAKE_TIMEOUT:g} s"
             if self.session.is_client:
                 self._refuse(ConnectionLost(problem, not_executed=True))

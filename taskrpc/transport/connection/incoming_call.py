@@ -26,7 +26,7 @@ from taskrpc.security.roles import Role
 from taskrpc.transport.base import IncomingCall, Mode, Offer
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.connection.connection import Owner
-from taskrpc.transport.limits.quotas import Caller
+from taskrpc.transport.limits.quotas import QuotaKey
 from taskrpc.wire import messages
 from taskrpc.wire.frames import LARGE, Body
 from taskrpc.wire.messages import Resolved
@@ -58,7 +58,7 @@ class CallConnection(Protocol):
     in_turn: bool
 
     @property
-    def host(self) -> CallNumbering:
+    def server(self) -> CallNumbering:
         """The process that takes the calls."""
 
     @property
@@ -70,7 +70,7 @@ class CallConnection(Protocol):
         """The caller's key in the fair queues of services."""
 
     @property
-    def shares(self) -> Caller:
+    def quota_key(self) -> QuotaKey:
         """The caller's key in the quotas."""
 
     def answered_at_length(self, service: str, size: int) -> None:
@@ -79,17 +79,17 @@ class CallConnection(Protocol):
     def flush_soon(self) -> None:
         """Write at the end of this turn of the event loop."""
 
-    def answer_in_thread(self, call: ServedCall, body: bytes) -> bool:
+    def answer_in_thread(self, call: RemoteCall, body: bytes) -> bool:
         """Answer from another thread than the event loop's; False where that is impossible."""
 
-    def must_wait(self, call: ServedCall) -> bool:
+    def must_wait(self, call: RemoteCall) -> bool:
         """Whether the call may not begin yet."""
 
-    def hold(self, event: ServedCall) -> None:
+    def hold(self, event: RemoteCall) -> None:
         """Begin the call later."""
 
 
-class ServedCall(IncomingCall, eq=False):
+class RemoteCall(IncomingCall, eq=False):
     """A call that arrived on a connection."""
 
     connection: CallConnection
@@ -104,7 +104,7 @@ class ServedCall(IncomingCall, eq=False):
         size, session = len(body), connection.session
         if size > session.body_limit:
             raise self._too_large(size)
-        spent = int((connection.host.now() - self.arrived) * 1e6 + 0.5)
+        spent = int((connection.server.now() - self.arrived) * 1e6 + 0.5)
         if session.respond(self.call_id, body, spent):
             if size >= LARGE:
                 connection.answered_at_length(self.service, size)
@@ -140,7 +140,7 @@ class ServedCall(IncomingCall, eq=False):
     @property
     def machine(self) -> str:
         """The address of the machine that called, "" for this one."""
-        return self.connection.shares[1]
+        return self.connection.quota_key[1]
 
     def must_wait(self) -> bool:
         """Whether too many answers wait for its caller to read them, or for all callers."""
@@ -164,7 +164,7 @@ class Route(msgspec.Struct, frozen=True, eq=False):
     caller: str
     decode: Callable[[Body], Any]
     encode: Callable[[Any], bytes]
-    call: type[ServedCall]
+    call: type[RemoteCall]
     """What a request becomes: an `ObservedCall` where somebody wants to know of it."""
     split_id: Callable[[Body], tuple[ReceivedId, Body]]
     """Splits a body into its request id and the message."""
@@ -226,10 +226,10 @@ def mismatch(question: messages.Resolve, offer: Offer) -> TypeMismatch:
     )
 
 
-def call_class(offer: Offer) -> type[ServedCall]:
+def call_class(offer: Offer) -> type[RemoteCall]:
     """Asked when a caller first wants a service, so that a call itself need not ask."""
     if offer.observer is None and not log.isEnabledFor(logging.DEBUG):
-        return ServedCall
+        return RemoteCall
     return ObservedCall
 
 
@@ -243,7 +243,7 @@ def resolved(
     return Resolved(handle, int(offer.mode), srv_type._TYPE, srv_type._HASH, text, name)
 
 
-class ObservedCall(ServedCall, eq=False):
+class ObservedCall(RemoteCall, eq=False):
     """A call that tells of its begin and its end."""
 
     ended: bool = False
@@ -286,7 +286,7 @@ class ObservedCall(ServedCall, eq=False):
 
 def refused(connection: CallConnection, route: Route, error: TaskRpcError) -> None:
     """Tell of a request that was refused before it became a call."""
-    host, offer = connection.host, route.offer
+    host, offer = connection.server, route.offer
     who = route.caller, connection.principal, connection.role
     call = CallInfo(offer.name, *who, next(host.call_numbers), None, host.now, False)
     _tell_end(call, offer.observer, code_of(error), 0.0)

@@ -20,23 +20,24 @@ from taskrpc.security.roles import Account, Accounts, Role
 from taskrpc.transport.base import Offer
 from taskrpc.transport.connection.connection import UNREAD_LIMIT, Connection, Owner
 from taskrpc.transport.connection.incoming_call import (
+    RemoteCall,
     Route,
-    ServedCall,
     mismatch,
     refused,
     resolved,
     route_to,
 )
-from taskrpc.transport.limits.backpressure import Unread
-from taskrpc.transport.limits.calls_in_flight import FREE, Load
-from taskrpc.transport.limits.quotas import Caller, caller_of
+from taskrpc.transport.limits.backpressure import Backpressure
+from taskrpc.transport.limits.calls_in_flight import FREE, CallsInFlight
+from taskrpc.transport.limits.quotas import QuotaKey, quota_key_of
 from taskrpc.wire import messages
+from taskrpc.wire.base_session import ConnectionState
 from taskrpc.wire.events import (
-    Announced,
     CancelReceived,
     Closed,
-    Crowded,
-    Overrun,
+    LargeRequestBegan,
+    LimitsExceeded,
+    QuotaExceeded,
     Ready,
     RequestReceived,
     ResolveReceived,
@@ -45,7 +46,6 @@ from taskrpc.wire.events import (
 )
 from taskrpc.wire.frames import NO_DEADLINE, Flag
 from taskrpc.wire.handshake import Identity
-from taskrpc.wire.link import State
 from taskrpc.wire.messages import Listing, cut_span
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ _GRACE = 2 * LINGER
 read the reason."""
 
 
-_Held: TypeAlias = "ServedCall | ResolveReceived"
+_Held: TypeAlias = "RemoteCall | ResolveReceived"
 
 
 class SubscriberEvents(Protocol):
@@ -98,16 +98,16 @@ class PublishedTopics(Protocol):
         """The subscriptions of a connection's caller."""
 
 
-class Host(Owner, Protocol):
+class ServerContext(Owner, Protocol):
     """What a process offers, as far as its connections need it."""
 
     call_numbers: count[int]
     """Counts calls, for logs."""
     offers: dict[int, Offer]
     """The services by their method ids."""
-    unread: Unread
+    backpressure: Backpressure
     """Responses that callers have not read."""
-    load: Load
+    calls_in_flight: CallsInFlight
     """Calls of callers that are in flight."""
 
     @property
@@ -133,26 +133,26 @@ class ServingConnection(Connection):
         "_linger",
         "_routes",
         "account",
+        "backpressure",
         "caller",
         "flow",
-        "host",
         "host_name",
         "principal",
+        "quota_key",
         "role",
-        "shares",
+        "server",
         "subscriber",
-        "unread",
         "writing_paused",
     )
 
-    def __init__(self, host: Host, me: Identity) -> None:
+    def __init__(self, host: ServerContext, me: Identity) -> None:
         super().__init__(host, me, is_client=False, frames_a_turn=FRAMES_A_TURN)
-        self.host = host
-        self.unread = host.unread
+        self.server = host
+        self.backpressure = host.backpressure
         self.host_name = ""
         """The caller's machine, "" for this one; known once it is connected."""
         self.caller = ""
-        self.shares: Caller = ("", "")
+        self.quota_key: QuotaKey = ("", "")
         """Who he is where seats and memory are divided."""
         self.flow: Hashable = b""
         """Who he is where callers take turns: a program of this machine is somebody there."""
@@ -182,7 +182,7 @@ class ServingConnection(Connection):
         """The caller has caught up."""
         self.writing_paused = False
         self._resume_reading()
-        self.unread.measure(self)
+        self.backpressure.measure(self)
         self.release()
         if self.subscriber is not None:
             self.subscriber.caught_up()
@@ -196,15 +196,15 @@ class ServingConnection(Connection):
             self.session.take()
         else:
             self.flush()
-            self.unread.answered(service, self, size)
+            self.backpressure.answered(service, self, size)
 
-    def answer_in_thread(self, call: ServedCall, body: bytes) -> bool:
+    def answer_in_thread(self, call: RemoteCall, body: bytes) -> bool:
         """Answer a call from another thread than the loop's; False where only the loop can."""
         return False
 
-    def must_wait(self, call: ServedCall) -> bool:
+    def must_wait(self, call: RemoteCall) -> bool:
         """Whether a call may not begin yet, since too many answers are unread."""
-        return self.writing_paused or self.unread.forbids(call.service)
+        return self.writing_paused or self.backpressure.forbids(call.service)
 
     def hold(self, event: _Held) -> None:
         """Begin this once the caller reads, or other callers do."""
@@ -212,7 +212,7 @@ class ServingConnection(Connection):
             self._held = []
         self._held.append(event)
         if not self.writing_paused:  # else it goes on when its own caller reads
-            self.unread.hold(self)
+            self.backpressure.hold(self)
 
     def release(self) -> None:
         """Begin what had to wait, as far as there is room now."""
@@ -227,11 +227,11 @@ class ServingConnection(Connection):
     @property
     def unread_limit(self) -> int:
         """Bytes that the caller may leave unread for long."""
-        return 0 if self.unread.pressed else UNREAD_LIMIT
+        return 0 if self.backpressure.is_active else UNREAD_LIMIT
 
     def read_on(self) -> None:
         """More frames came than one turn may take: the other connections have theirs first."""
-        if self.transport is not None and self.session.state is not State.CLOSED:
+        if self.transport is not None and self.session.state is not ConnectionState.CLOSED:
             self.transport.pause_reading()
             self.owner.loop.call_soon(self._catch_up)
 
@@ -245,17 +245,17 @@ class ServingConnection(Connection):
         if self.transport is not None and not waits and not self.transport.is_closing():
             self.transport.resume_reading()
 
-    def expiring(self) -> Iterable[ServedCall]:
+    def expiring(self) -> Iterable[RemoteCall]:
         """The calls that we have not answered."""
-        return cast("list[ServedCall]", self.session.open_tickets())
+        return cast("list[RemoteCall]", self.session.open_tickets())
 
     def ended(self) -> None:
         """The caller is gone: what still runs for it is cancelled."""
         if self._linger is not None:
             self._linger.cancel()
         self._held = None
-        self.unread.left(self)
-        self.host.load.left(self)
+        self.backpressure.left(self)
+        self.server.calls_in_flight.left(self)
         if self.subscriber is not None:
             self.subscriber.left()
         for call in self.session.lost():
@@ -273,7 +273,7 @@ class ServingConnection(Connection):
             if self.why_closed is not None:
                 self.refuse(self.why_closed)
             else:
-                self._close_after(LINGER if self.session.state is State.DRAINING else 0.0)
+                self._close_after(LINGER if self.session.state is ConnectionState.DRAINING else 0.0)
 
     def refuse(self, error: TaskRpcError) -> None:
         """End the connection; the caller has a moment to read why, and to close it himself."""
@@ -289,14 +289,14 @@ class ServingConnection(Connection):
         drains: its caller connects anew and gets what the account allows now.
         """
         proved = self.account
-        if proved is None or self.session.state is State.CLOSED:
+        if proved is None or self.session.state is ConnectionState.CLOSED:
             return
         account = accounts.find(proved.name, today)
         if account is None or account.secret != proved.secret:
             why = accounts.refusal(proved.name, today) or f"{proved.name} has another secret now"
             _accounts_log.warning("closed the connection from %s: %s", self.peer_name, why)
             self._shut_out()
-        elif account != proved and self.session.state is State.OPEN:
+        elif account != proved and self.session.state is ConnectionState.OPEN:
             _accounts_log.info(
                 "the account %s changed; its connections are made again", proved.name
             )
@@ -317,7 +317,7 @@ class ServingConnection(Connection):
         self._linger = self.owner.loop.call_later(seconds, self.close)
 
     def _requested(self, event: RequestReceived) -> None:
-        host, session = self.host, self.session
+        host, session = self.server, self.session
         route = self._routes.get(event.method)
         if route is None or route.method not in host.offers:
             gone = ServiceUnavailable("the service is no longer offered here")
@@ -361,25 +361,25 @@ class ServingConnection(Connection):
             route,
             event.call_id,
         )
-        if self.writing_paused or self.unread.pressed:
+        if self.writing_paused or self.backpressure.is_active:
             self._serve(call)
         else:
             route.offer.serve(call)
 
-    def _announced(self, event: Announced) -> None:
-        if (refusal := self.host.load.refusal(self)) is not None:
+    def _announced(self, event: LargeRequestBegan) -> None:
+        if (refusal := self.server.calls_in_flight.refusal(self)) is not None:
             self.session.skip_large(refusal)
             self._tell_of_refusal(event.method, refusal)
 
-    def _crowded(self, event: Crowded) -> None:
-        request, refusal = event.request, self.host.load.refusal(self)
+    def _crowded(self, event: QuotaExceeded) -> None:
+        request, refusal = event.request, self.server.calls_in_flight.refusal(self)
         if refusal is None:
             self._requested(request)
         else:
             self.session.fail(request.call_id, refusal)
             self._tell_of_refusal(request.method, refusal)
 
-    def _serve(self, call: ServedCall) -> None:
+    def _serve(self, call: RemoteCall) -> None:
         if self.must_wait(call):
             self.hold(call)
         else:
@@ -393,7 +393,7 @@ class ServingConnection(Connection):
             unstarted = None if call.started else True
             call.fail(TaskRpcError("cancelled by the caller", not_executed=unstarted))
 
-    def _overran(self, event: Overrun) -> None:
+    def _overran(self, event: LimitsExceeded) -> None:
         error = self.why_closed = event.error
         log.warning("%s is cut off once it has its answers: %s", self.peer_name, error)
         self._draining = True
@@ -405,9 +405,9 @@ class ServingConnection(Connection):
         if (account := peer.account) is not None:
             self.account, self.principal, self.role = account, account.name, account.role
         where = None if self.transport is None else self.transport.get_extra_info("peername")
-        self.shares = caller_of(self.principal, where)
-        self.flow = self.shares if any(self.shares) else peer.id
-        self.host.caller_proved(self)
+        self.quota_key = quota_key_of(self.principal, where)
+        self.flow = self.quota_key if any(self.quota_key) else peer.id
+        self.server.caller_proved(self)
 
     def _resolved(self, event: ResolveReceived) -> None:
         question = event.question
@@ -415,10 +415,10 @@ class ServingConnection(Connection):
             self.hold(event)
             return
         if not question.name:
-            self.session.respond(event.call_id, messages.encode(self.host.listing()))
+            self.session.respond(event.call_id, messages.encode(self.server.listing()))
             return
-        method = self.host.method_of(question.name)
-        offer = self.host.offers.get(method)
+        method = self.server.method_of(question.name)
+        offer = self.server.offers.get(method)
         store_id = offer.store_id() if offer is not None and offer.store_id is not None else None
         if store_id is not None and not store_id.done():
             store_id.add_done_callback(lambda known: self._resolve_late(event, method, known))
@@ -442,8 +442,8 @@ class ServingConnection(Connection):
                 self.session.respond(event.call_id, messages.encode(body))
 
     def _subscribed(self, event: SubscribeReceived) -> None:
-        if self.session.state is State.OPEN:
-            self.host.topics.subscriber_of(self).subscribe(event)
+        if self.session.state is ConnectionState.OPEN:
+            self.server.topics.subscriber_of(self).subscribe(event)
 
     def _unsubscribed(self, event: UnsubscribeReceived) -> None:
         if self.subscriber is not None:
@@ -456,7 +456,7 @@ class ServingConnection(Connection):
         if self.transport is not None:
             error = store_id.exception()
             # Asked for once more, a store that cannot be opened would be read for ever.
-            if method in self.host.offers and isinstance(error, TaskRpcError):
+            if method in self.server.offers and isinstance(error, TaskRpcError):
                 self.session.fail(event.call_id, error)
             else:
                 self._resolved(event)
@@ -474,20 +474,20 @@ class ServingConnection(Connection):
     def _tell_of_refusal(self, method: int, error: TaskRpcError) -> None:
         """A request ended before it became a call."""
         route = self._routes.get(method)
-        if route is None or route.call is ServedCall:
+        if route is None or route.call is RemoteCall:
             return
         refused(self, route, error)
 
     serves = True
     handlers: ClassVar = {
         RequestReceived: _requested,
-        Announced: _announced,
-        Crowded: _crowded,
+        LargeRequestBegan: _announced,
+        QuotaExceeded: _crowded,
         ResolveReceived: _resolved,
         CancelReceived: _cancelled,
         SubscribeReceived: _subscribed,
         UnsubscribeReceived: _unsubscribed,
-        Overrun: _overran,
+        LimitsExceeded: _overran,
         Ready: _opened,
         Closed: Connection._closed,
     }

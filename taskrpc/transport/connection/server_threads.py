@@ -9,12 +9,12 @@ from __future__ import annotations
 
 import time
 
-from taskrpc.transport.connection.incoming_call import ServedCall
-from taskrpc.transport.connection.server_side import Host, ServingConnection
+from taskrpc.transport.connection.incoming_call import RemoteCall
+from taskrpc.transport.connection.server_side import ServerContext, ServingConnection
 from taskrpc.transport.connection.threads import ThreadSocket
+from taskrpc.wire.base_session import ConnectionState
 from taskrpc.wire.frames import LARGE
 from taskrpc.wire.handshake import Identity
-from taskrpc.wire.link import State
 
 
 class ThreadedServing(ServingConnection):
@@ -22,16 +22,16 @@ class ThreadedServing(ServingConnection):
 
     __slots__ = ("_freed", "_here", "_was_asked")
 
-    def __init__(self, host: Host, me: Identity) -> None:
+    def __init__(self, host: ServerContext, me: Identity) -> None:
         self._here = ThreadSocket()
         self._was_asked = False
         self._freed: list[int] = []
         """Sizes of requests that threads have answered, of which the session is yet to learn."""
         super().__init__(host, me)
 
-    def answer_in_thread(self, call: ServedCall, body: bytes) -> bool:
+    def answer_in_thread(self, call: RemoteCall, body: bytes) -> bool:
         """Answer a call from another thread than the loop's; False where only the loop can."""
-        session, now = self.session, self.host.now
+        session, now = self.session, self.server.now
         if now is not time.monotonic or len(body) >= LARGE or len(body) > session.body_limit:
             return False
         with self._here.lock:
@@ -58,7 +58,7 @@ class ThreadedServing(ServingConnection):
         if not self._was_asked:  # most connections never are, and need no descriptor more
             self._was_asked = True
             here.open(transport)
-        return here.is_open and here.is_idle and self.session.state is State.OPEN
+        return here.is_open and here.is_idle and self.session.state is ConnectionState.OPEN
 
     # The loop's own ways to the session and to the socket
 

@@ -76,7 +76,7 @@ class ThreadSocket:
             transport.write(rest)
 
 
-class Handing:
+class ThreadHandoff:
     """The part of an endpoint that other threads hand their work to, in order."""
 
     def __init__(self) -> None:

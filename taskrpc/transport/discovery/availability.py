@@ -19,7 +19,7 @@ class Directory(Protocol):
         """Return when the directory differs from the mark."""
 
 
-class News:
+class Availability:
     """What changed in a network since a mark."""
 
     def __init__(self, directory: Directory) -> None:
@@ -34,7 +34,7 @@ class News:
         """What is known now."""
         return self._pulses, self._directory.mark()
 
-    def pulse(self) -> None:
+    def notify(self) -> None:
         """Something changed that the directory does not show."""
         self._pulses += 1
         if self._next is not None:
@@ -69,4 +69,4 @@ class News:
         while True:
             await self._directory.changed(mark, lambda: self._hurried > 0)
             mark = self._directory.mark()
-            self.pulse()
+            self.notify()

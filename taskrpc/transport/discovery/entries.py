@@ -82,7 +82,7 @@ class Change(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
         return f"Change(node={self.node!r}, service={self.service!r}, client={self.client!r})"
 
 
-class Roster:
+class TrackedEntry:
     """What one process has, kept up to date change by change, each in constant time."""
 
     def __init__(self, entry: Entry) -> None:

@@ -15,7 +15,7 @@ from pathlib import Path
 import msgspec
 
 from taskrpc import platform
-from taskrpc.transport.discovery.entries import Change, Entry, Roster
+from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
 
 _SLACK = 4096
 """Bytes of changes that are never worth a new entry."""
@@ -46,7 +46,7 @@ class Journal:
         self._room = 0
         self._written = 0
 
-    def write(self, roster: Roster, change: Change) -> None:
+    def write(self, roster: TrackedEntry, change: Change) -> None:
         """Write down a change of what is in a roster, which takes note of it then."""
         if self._size >= self._room:
             self._roll_up(roster)
@@ -60,7 +60,7 @@ class Journal:
         """Close the file, and so give up its lock."""
         os.close(self._descriptor)
 
-    def _roll_up(self, roster: Roster) -> None:
+    def _roll_up(self, roster: TrackedEntry) -> None:
         whole = line_of(self._number + 1, roster.entry())
         old = self._size
         # Behind all that it replaces at first, so that wherever this ends, one of them is whole.
@@ -91,7 +91,7 @@ class JournalReader:
     """What the journal of another process says; reads on from where it stopped."""
 
     def __init__(self) -> None:
-        self.roster: Roster | None = None
+        self.roster: TrackedEntry | None = None
         """None as long as nothing could be believed."""
         self._number = 0
         self._head = b""
@@ -114,7 +114,7 @@ class JournalReader:
         for line in data.split(b"\n")[:-1]:
             number, record = _parsed(line)
             if isinstance(record, Entry) and number > self._number:
-                began, self.roster = place, Roster(record)
+                began, self.roster = place, TrackedEntry(record)
             elif isinstance(record, Change) and self.roster and number == self._number + 1:
                 self.roster.apply(record)
             else:

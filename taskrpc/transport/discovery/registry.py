@@ -17,7 +17,7 @@ from pathlib import Path
 
 from taskrpc import platform
 from taskrpc.errors import NameInUse
-from taskrpc.transport.discovery.entries import Change, Entry, Roster
+from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
 from taskrpc.transport.discovery.journal import TIME_STEP, Journal, JournalReader
 
 
@@ -29,11 +29,11 @@ class Registry:
         self._lock = self._folder / "lock"
         self._path = self._folder / f"{os.getpid()}-{id(self):x}-{time.time_ns():x}.json"
         self._journal: Journal | None = None
-        self._mine: Roster | None = None
+        self._mine: TrackedEntry | None = None
         self._readers: dict[Path, tuple[tuple[int, int], JournalReader]] = {}
         _open_registries.add(self)
 
-    def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
+    def publish(self, roster: TrackedEntry, change: Change, *, claim: str = "") -> None:
         """Tell everybody of a change to what this process has; the roster takes note of it.
 
         `claim` names a service that nobody else may offer; raises NameInUse when somebody does.
@@ -47,14 +47,14 @@ class Registry:
             self._mine = roster
             self._ring()
 
-    def rosters(self) -> list[Roster]:
+    def rosters(self) -> list[TrackedEntry]:
         """What all living processes have, this one included, oldest first."""
         mine = [] if self._mine is None else [self._mine]
         return sorted(mine + self.others(), key=lambda roster: roster.about.since)
 
-    def others(self) -> list[Roster]:
+    def others(self) -> list[TrackedEntry]:
         """What all other living processes have."""
-        found: list[Roster] = []
+        found: list[TrackedEntry] = []
         unclear = []
         for path in self._others():
             with contextlib.suppress(OSError), self._opened(path) as descriptor:
@@ -133,7 +133,7 @@ class Registry:
         finally:
             os.close(descriptor)
 
-    def _read(self, path: Path, descriptor: int) -> Roster | None:
+    def _read(self, path: Path, descriptor: int) -> TrackedEntry | None:
         status = os.fstat(descriptor)
         sign = (status.st_mtime_ns, status.st_size)
         known, reader = self._readers.get(path) or (None, JournalReader())
@@ -142,7 +142,7 @@ class Registry:
             self._readers[path] = sign, reader
         return reader.roster
 
-    def _second_look(self, paths: list[Path]) -> list[Roster]:
+    def _second_look(self, paths: list[Path]) -> list[TrackedEntry]:
         """Those that were only just being made or written; the dead ones' files are removed."""
         found = []
         with platform.locked(self._lock):

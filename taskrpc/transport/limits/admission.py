@@ -13,8 +13,8 @@ if TYPE_CHECKING:
     import asyncio
 
     from taskrpc.errors import TaskRpcError
-from taskrpc.transport.limits.log_throttling import SeldomLog
-from taskrpc.transport.limits.quotas import ByHost, Caller, host_of, name_of
+from taskrpc.transport.limits.log_throttling import ThrottledLog
+from taskrpc.transport.limits.quotas import HostQueues, QuotaKey, host_of, name_of
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -35,7 +35,7 @@ class AdmittedConnection(Protocol):
     """The caller's machine, "" for this one; admission sets it."""
 
     @property
-    def shares(self) -> Caller:
+    def quota_key(self) -> QuotaKey:
         """The caller's key in the quotas."""
 
     @property
@@ -73,13 +73,13 @@ class Admission:
         descriptors = platform.descriptor_limit()
         self._most = min(MAX_CONNECTIONS, descriptors * 3 // 4)
         self._most_strangers = min(MAX_STRANGERS, descriptors // 8)
-        self._strangers = ByHost[AdmittedConnection]()
-        self._known: dict[Caller, dict[AdmittedConnection, None]] = {}
+        self._strangers = HostQueues[AdmittedConnection]()
+        self._known: dict[QuotaKey, dict[AdmittedConnection, None]] = {}
         """By caller, in the order in which they came."""
         self._count = 0
-        self._crowded = SeldomLog(log)
-        self._full = SeldomLog(log)
-        self._greedy = SeldomLog(log)
+        self._crowded = ThrottledLog(log)
+        self._full = ThrottledLog(log)
+        self._greedy = ThrottledLog(log)
         self._problem = f"the server has {self._most} connections, as many as it can"
 
     def came(self, connection: AdmittedConnection, peername: object) -> None:
@@ -93,11 +93,11 @@ class Admission:
         """Somebody showed that he may be here; he stays unless the server is full."""
         if not self._strangers.remove(connection.host_name, connection):
             return
-        if self._count >= self._most and not self._make_room(connection.shares):
+        if self._count >= self._most and not self._make_room(connection.quota_key):
             self._strangers.add(connection.host_name, connection)
             self._refuse(connection)
             return
-        self._known.setdefault(connection.shares, {})[connection] = None
+        self._known.setdefault(connection.quota_key, {})[connection] = None
         self._count += 1
 
     def left(self, connection: AdmittedConnection) -> None:
@@ -106,14 +106,14 @@ class Admission:
         self._forget(connection)
 
     def _forget(self, connection: AdmittedConnection) -> None:
-        known = self._known.get(connection.shares, {})
+        known = self._known.get(connection.quota_key, {})
         if connection in known:
             del known[connection]
             self._count -= 1
             if not known:
-                del self._known[connection.shares]
+                del self._known[connection.quota_key]
 
-    def _greediest(self, newcomer: Caller) -> Caller | None:
+    def _greediest(self, newcomer: QuotaKey) -> QuotaKey | None:
         """Who has most, of the account that has most; None where that is the newcomer himself."""
         own, accounts = newcomer[0], Counter[str]()
         for (account, _), theirs in self._known.items():
@@ -126,7 +126,7 @@ class Admission:
         is_he = most == own and having.get(greedy, 0) <= having.get(newcomer, 0) + 1
         return None if is_he else greedy
 
-    def _make_room(self, newcomer: Caller) -> bool:
+    def _make_room(self, newcomer: QuotaKey) -> bool:
         """Send a connection away of who has most; False where that is the newcomer himself."""
         greedy = self._greediest(newcomer)
         if greedy is None:

@@ -36,11 +36,11 @@ class UnreadConnection(Protocol):
         """Begin the calls that it holds back."""
 
 
-class Unread:
+class Backpressure:
     """Counts the answers that wait to be read."""
 
     def __init__(self) -> None:
-        self.pressed = False
+        self.is_active = False
         """Whether there are too many."""
         self._total = 0
         self._sizes: dict[UnreadConnection, int] = {}
@@ -62,7 +62,7 @@ class Unread:
 
     def forbids(self, service: str) -> bool:
         """Whether a service's calls may not begin now."""
-        return self.pressed and service in self._large
+        return self.is_active and service in self._large
 
     def hold(self, connection: UnreadConnection) -> None:
         """A connection whose caller reads holds a call back; `release` it when there is room."""
@@ -106,8 +106,8 @@ class Unread:
 
     def _judge(self) -> None:
         if self._total > MAX_UNREAD:
-            self.pressed = True
-        elif self.pressed and not self._next and self._total <= MAX_UNREAD // 2:
+            self.is_active = True
+        elif self.is_active and not self._next and self._total <= MAX_UNREAD // 2:
             self._next, self._waiting = self._waiting, {}
             self._release()
 
@@ -118,8 +118,8 @@ class Unread:
         nobody else would be served meanwhile, and what is raised by each attempt to answer one
         would keep its answer.
         """
-        self.pressed = self._total > MAX_UNREAD
-        if self.pressed:
+        self.is_active = self._total > MAX_UNREAD
+        if self.is_active:
             self._waiting, self._next = self._next | self._waiting, {}
         elif self._next:
             connection = next(iter(self._next))
@@ -128,5 +128,5 @@ class Unread:
             if not self._next:  # it is the turn of those who have come meanwhile
                 self._next, self._waiting = self._waiting, {}
             if self._next:
-                self.pressed = True  # what comes now stays behind what waits
+                self.is_active = True  # what comes now stays behind what waits
                 connection.loop.call_soon(self._release)

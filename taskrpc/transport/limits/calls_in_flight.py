@@ -11,8 +11,8 @@ import logging
 from typing import TYPE_CHECKING, Protocol
 
 from taskrpc.errors import ServerBusy
-from taskrpc.transport.limits.log_throttling import SeldomLog
-from taskrpc.transport.limits.quotas import Caller, Shares, name_of
+from taskrpc.transport.limits.log_throttling import ThrottledLog
+from taskrpc.transport.limits.quotas import FairQuota, QuotaKey, name_of
 from taskrpc.wire.frames import LARGE
 from taskrpc.wire.messages import Limits
 
@@ -44,22 +44,22 @@ class QuotaConnection(Protocol):
         """Its event loop."""
 
     @property
-    def shares(self) -> Caller:
+    def quota_key(self) -> QuotaKey:
         """The caller's key in the quotas."""
 
 
-class Load:
+class CallsInFlight:
     """Lends shares to the connections of one endpoint, and takes back what they do not need."""
 
     def __init__(self) -> None:
-        self._calls = Shares(MAX_CALLS)
-        self._bytes = Shares(MAX_BYTES)
+        self._calls = FairQuota(MAX_CALLS)
+        self._bytes = FairQuota(MAX_BYTES)
         self._lent: set[QuotaConnection] = set()
-        self._refused = SeldomLog(log)
+        self._refused = ThrottledLog(log)
 
     def refusal(self, connection: QuotaConnection) -> ServerBusy | None:
         """Lend what the calls that have come to a connection need; what to say where it cannot."""
-        session, caller = connection.session, connection.shares
+        session, caller = connection.session, connection.quota_key
         limits = session.limits
         self._lent.add(connection)
         calls, size = len(session.open_calls), session.bytes_coming
@@ -89,7 +89,7 @@ class Load:
             self._lower(connection, 0, 0)
 
     def _lower(self, connection: QuotaConnection, calls: int, size: int) -> None:
-        session, caller = connection.session, connection.shares
+        session, caller = connection.session, connection.quota_key
         # A quota that is below FREE was never lent: the client's limits are that small.
         calls = min(max(FREE.calls, calls), session.free_calls)
         size = min(max(FREE.bytes, size), session.free_bytes)
@@ -100,7 +100,7 @@ class Load:
         session.set_quota(calls, size)
 
 
-def _raised(shares: Shares, caller: Caller, lent: int, needed: int, most: int) -> int:
+def _raised(shares: FairQuota, caller: QuotaKey, lent: int, needed: int, most: int) -> int:
     """What a connection has after it has asked for more: twice its need, if that is not to be its
     need, else what it had."""
     for wanted in (min(2 * needed, most), needed):

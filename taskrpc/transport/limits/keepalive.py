@@ -56,7 +56,7 @@ _IN_VAIN = 2
 """Unanswered questions for room, since any one may be lost."""
 
 
-class Patience:
+class TcpTimeouts:
     """Lets the kernel end a connection whose peer is gone, and no other.
 
     For a connection that has written something, after `drop_dead_peers`. It is not needed any

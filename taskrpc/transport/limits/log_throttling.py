@@ -8,7 +8,7 @@ PERIOD = 10.0
 """Seconds between two lines."""
 
 
-class SeldomLog:
+class ThrottledLog:
     """One kind of trouble; lines that are left out are counted in the next one."""
 
     def __init__(self, log: logging.Logger) -> None:
@@ -32,7 +32,7 @@ LINES = 100
 """Lines about strangers in each such period; a flood of them must not fill a disk with its log."""
 
 
-class FewLines:
+class LimitedLog:
     """One kind of line of which each says something; more than a bound are only counted."""
 
     def __init__(self, log: logging.Logger) -> None:

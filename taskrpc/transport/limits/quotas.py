@@ -9,11 +9,11 @@ from typing import Generic, TypeAlias, TypeVar
 
 _Item = TypeVar("_Item")
 
-Caller: TypeAlias = tuple[str, str]
+QuotaKey: TypeAlias = tuple[str, str]
 """Who calls, where things are divided: the account, and the address of another machine."""
 
 
-def caller_of(principal: str, peername: object) -> Caller:
+def quota_key_of(principal: str, peername: object) -> QuotaKey:
     """Between whom things are divided: `peername` is the other end's, as a socket has it.
 
     One account may be a whole class, and so may be all who have the server's own token: then each
@@ -33,14 +33,14 @@ def _machine(host: str) -> str:
     return "" if address.is_loopback else host
 
 
-def name_of(caller: Caller) -> str:
+def name_of(caller: QuotaKey) -> str:
     """A caller, for logs."""
     account, host = caller
     where = f"the machine {host}" if host else "this machine"
     return f"the account {account} at {where}" if account else where
 
 
-class Shares:
+class FairQuota:
     """A quota that callers share. A caller may have as much of it as is left for the others.
 
     One caller alone gets half, two get a third each: some is always left for the next caller.
@@ -52,9 +52,9 @@ class Shares:
         self._total = total
         self.left = total
         """The amount that is not taken."""
-        self._taken: dict[Caller, int] = {}
+        self._taken: dict[QuotaKey, int] = {}
 
-    def take(self, caller: Caller, amount: int) -> bool:
+    def take(self, caller: QuotaKey, amount: int) -> bool:
         """Take more, if it is not too much."""
         taken = self._taken.get(caller, 0) + amount
         if taken > self.left - amount:
@@ -63,7 +63,7 @@ class Shares:
         self._taken[caller] = taken
         return True
 
-    def give(self, caller: Caller, amount: int) -> None:
+    def give(self, caller: QuotaKey, amount: int) -> None:
         """Give back what was taken."""
         self.left += amount
         self._taken[caller] -= amount
@@ -73,10 +73,10 @@ class Shares:
 
 def host_of(peername: object) -> str:
     """The address of the machine at the other end, "" for this one."""
-    return caller_of("", peername)[1]
+    return quota_key_of("", peername)[1]
 
 
-class ByHost(Generic[_Item]):
+class HostQueues(Generic[_Item]):
     """Items in order of arrival, each from a machine; machines take turns."""
 
     __slots__ = ("_count", "_hosts")

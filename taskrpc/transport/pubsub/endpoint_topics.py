@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import Deliver, OnMismatch
 from taskrpc.transport.discovery.entries import Change
-from taskrpc.transport.pubsub.publishing import Publication, RemoteSubscription, Subscriber
-from taskrpc.transport.pubsub.subscribing import Home, Link, Reception
+from taskrpc.transport.pubsub.publishing import Publication, RemoteSubscriber, RemoteSubscription
+from taskrpc.transport.pubsub.subscribing import Reception, SubscriptionLink, TopicsContext
 from taskrpc.wire import topics as wire
 from taskrpc.wire.messages import TopicEndpoint
 
@@ -23,12 +23,12 @@ _Item = TypeVar("_Item")
 class Topics:
     """Matches publishers and subscriptions, those of this process and those of others."""
 
-    def __init__(self, home: Home) -> None:
+    def __init__(self, home: TopicsContext) -> None:
         self._home = home
         self._publications: dict[str, dict[Publication, None]] = {}
         self._wanted: dict[str, dict[RemoteSubscription, None]] = {}
         self._receptions: dict[str, dict[Reception, None]] = {}
-        self._links: dict[str, Link] = {}
+        self._links: dict[str, SubscriptionLink] = {}
         self._numbers = 0
         self._publishers = 0
         self._changed: dict[str, None] = {}
@@ -85,7 +85,7 @@ class Topics:
     def subscriber_of(self, connection: ServingConnection) -> SubscriberEvents:
         """What the caller of a connection has subscribed to."""
         if connection.subscriber is None:
-            connection.subscriber = Subscriber(self, connection)
+            connection.subscriber = RemoteSubscriber(self, connection)
         return connection.subscriber
 
     def subscribed(self, subscription: RemoteSubscription) -> None:
@@ -191,9 +191,9 @@ class Topics:
     async def _searched(self) -> None:
         """Look who publishes, whenever that may have changed."""
         while True:
-            mark = self._home.news.mark()
+            mark = self._home.availability.mark()
             self._look()
-            await self._home.news.wait(mark, None, hurried=False)
+            await self._home.availability.wait(mark, None, hurried=False)
 
     def _look(self) -> None:
         self._will_look = False
@@ -207,7 +207,7 @@ class Topics:
             there.add(address.place)
             link = self._links.get(address.place)
             if link is None:
-                link = self._links[address.place] = Link(home, address)
+                link = self._links[address.place] = SubscriptionLink(home, address)
             link.address = address
             for topic in topics:
                 link.want(self._receptions[topic])

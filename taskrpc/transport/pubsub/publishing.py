@@ -160,7 +160,7 @@ class Feed:
     __slots__ = ("_publication", "_subscriber", "_subscription_id", "waiting")
 
     def __init__(
-        self, publication: Publication, subscriber: Subscriber, subscription_id: int
+        self, publication: Publication, subscriber: RemoteSubscriber, subscription_id: int
     ) -> None:
         self._publication = publication
         self._subscriber = subscriber
@@ -210,7 +210,7 @@ class Feed:
 class RemoteSubscription:
     """One subscription of another process."""
 
-    def __init__(self, subscriber: Subscriber, number: int, wanted: TopicEndpoint) -> None:
+    def __init__(self, subscriber: RemoteSubscriber, number: int, wanted: TopicEndpoint) -> None:
         self.subscriber = subscriber
         self.number = number
         self.wanted = wanted
@@ -244,7 +244,7 @@ class RemoteSubscription:
         )
 
 
-class Subscriber:
+class RemoteSubscriber:
     """Another process's end of a connection: its subscriptions, and what they are owed."""
 
     def __init__(self, topics: PublishingTopics, connection: ServingConnection) -> None:

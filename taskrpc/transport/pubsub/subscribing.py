@@ -19,14 +19,14 @@ from taskrpc.transport.base import Deliver, OnMismatch
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.network import Address, Network
 from taskrpc.wire import topics as wire
-from taskrpc.wire.events import Published, PublishersTold
+from taskrpc.wire.events import MessageReceived, PublishersReceived
 from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import Publishing, TopicEndpoint
 
 if TYPE_CHECKING:
     from taskrpc.transport.connection.client_side import CallingConnection
     from taskrpc.transport.connection.dialling import Dialler
-    from taskrpc.transport.discovery.availability import News
+    from taskrpc.transport.discovery.availability import Availability
     from taskrpc.transport.discovery.entries import Change
 
 MOST_TOLD = 100
@@ -39,7 +39,7 @@ _HALF = wire.SEQUENCE_MASK // 2
 log = logging.getLogger("taskrpc.topics")
 
 
-class Home(Protocol):
+class TopicsContext(Protocol):
     """What the topics of an endpoint need of it."""
 
     id: bytes
@@ -47,7 +47,7 @@ class Home(Protocol):
     loop: asyncio.AbstractEventLoop
     network: Network
     dialler: Dialler
-    news: News
+    availability: Availability
     address: str
 
     def publish(self, change: Change, *, claim: str = "") -> None:
@@ -108,7 +108,7 @@ class Reception:
         """Deliver a message of a publisher of this process."""
         self._deliver(body, 0)
 
-    def arrived(self, link: Link, event: Published, read: int) -> None:
+    def arrived(self, link: SubscriptionLink, event: MessageReceived, read: int) -> None:
         """A message came, with others of the same read."""
         source = (link.peer_id, event.publisher)
         last = self._sequences.get(source)
@@ -119,7 +119,7 @@ class Reception:
         self._sequences[source] = event.sequence
         self._deliver(event.body, read)
 
-    def announced(self, link: Link, publishers: list[Publishing]) -> None:
+    def announced(self, link: SubscriptionLink, publishers: list[Publishing]) -> None:
         """A process has said who publishes the topic there."""
         self.forget(link)
         numbers = {each.number for each in publishers}
@@ -129,7 +129,7 @@ class Reception:
                 self.publishers[link, each.number] = each.publisher
         self.matches_changed()
 
-    def forget(self, link: Link) -> None:
+    def forget(self, link: SubscriptionLink) -> None:
         """A process publishes nothing any more, or says anew what it does."""
         for source in [each for each in self.publishers if each[0] is link]:
             del self.publishers[source]
@@ -172,10 +172,10 @@ class Reception:
         return True
 
 
-class Link:
+class SubscriptionLink:
     """This process's subscriptions at one other process."""
 
-    def __init__(self, home: Home, address: Address) -> None:
+    def __init__(self, home: TopicsContext, address: Address) -> None:
         self.address = address
         self.peer_id = b""
         """The program at the other end, once connected."""
@@ -204,14 +204,14 @@ class Link:
         if self.receptions.pop(reception.number, None) is not None and self._connection:
             self._connection.say(lambda session: wire.unsubscribe(session, reception.number))
 
-    def publishers_told(self, event: PublishersTold) -> None:
+    def publishers_received(self, event: PublishersReceived) -> None:
         """The process has said who publishes a topic there."""
         self._is_answered = True
         reception = self.receptions.get(event.subscription_id)
         if reception is not None:
             reception.announced(self, event.publishers)
 
-    def published(self, event: Published, read: int) -> None:
+    def published(self, event: MessageReceived, read: int) -> None:
         """A message came, with others of the same read."""
         reception = self.receptions.get(event.subscription_id)
         if reception is not None:
@@ -245,7 +245,7 @@ class Link:
             else:
                 said, began = "", loop.time()
                 await self._use(connection)
-                self._home.news.pulse()  # perhaps it is dialled in vain from now on
+                self._home.availability.notify()  # perhaps it is dialled in vain from now on
                 if loop.time() - began >= STEADY:
                     failures = 0
                     continue

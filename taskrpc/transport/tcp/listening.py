@@ -18,8 +18,8 @@ from typing import Any, NamedTuple
 
 from taskrpc.security.tls import reason_of
 from taskrpc.transport.connection.connection import HANDSHAKE_TIMEOUT, shown
-from taskrpc.transport.limits.log_throttling import FewLines, SeldomLog
-from taskrpc.transport.limits.quotas import ByHost, host_of
+from taskrpc.transport.limits.log_throttling import LimitedLog, ThrottledLog
+from taskrpc.transport.limits.quotas import HostQueues, host_of
 from taskrpc.transport.network import Factory
 
 log = logging.getLogger("taskrpc.transport")
@@ -69,13 +69,13 @@ class Listener:
         self._factory = factory
         self._context = context
         self._reserve: socket.socket | None = _spare()
-        self._waiting = ByHost[_Accepted]()
-        self._arriving = ByHost[asyncio.Task[None]]()
+        self._waiting = HostQueues[_Accepted]()
+        self._arriving = HostQueues[asyncio.Task[None]]()
         self._closing = False
-        self._exhausted = SeldomLog(log)
-        self._crowded = SeldomLog(log)
-        self._flooded = SeldomLog(log)
-        self._refusals = FewLines(log)
+        self._exhausted = ThrottledLog(log)
+        self._crowded = ThrottledLog(log)
+        self._flooded = ThrottledLog(log)
+        self._refusals = LimitedLog(log)
         self._accepting = self._loop.create_task(self._accept())
         self._accepting.add_done_callback(self._stopped)
 

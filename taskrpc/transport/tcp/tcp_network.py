@@ -19,7 +19,7 @@ from taskrpc.errors import AuthenticationFailed, CannotListen, TaskRpcError
 from taskrpc.security.lab import Lab
 from taskrpc.security.roles import account_of
 from taskrpc.security.tls import ServerTls, Tls, common_name, digest, pinned_context
-from taskrpc.transport.discovery.entries import Change, Entry, Roster
+from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
 from taskrpc.transport.discovery.registry import Registry
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.tcp.unix_sockets import (
@@ -157,7 +157,7 @@ class TcpNetwork:
         assert self._server_tls is not None, "only then connections that come are encrypted"
         return self._server_tls.shown_with(encrypted.context)
 
-    def publish(self, roster: Roster, change: Change, *, claim: str = "") -> None:
+    def publish(self, roster: TrackedEntry, change: Change, *, claim: str = "") -> None:
         """Tell everybody on this machine of a change to what this process has."""
         self._registry.publish(roster, change, claim=claim)
 

@@ -9,9 +9,9 @@ from typing import Any
 from msgspec.structs import replace
 
 from taskrpc.wire import messages
+from taskrpc.wire.base_session import ConnectionState
 from taskrpc.wire.events import Event
 from taskrpc.wire.handshake import Identity
-from taskrpc.wire.link import State
 from taskrpc.wire.messages import Limits
 from taskrpc.wire.session import Session
 
@@ -87,7 +87,7 @@ def open_pair(*, limits: Limits | None = None) -> ConnectionPair:
     """A pair whose handshake is done."""
     pair = ConnectionPair(limits=limits)
     pair.run()
-    assert pair.client.state is pair.server.state is State.OPEN
+    assert pair.client.state is pair.server.state is ConnectionState.OPEN
     return pair
 
 

@@ -9,10 +9,10 @@ from msgspec.structs import replace
 
 from taskrpc.errors import AuthenticationFailed, ProtocolError, TaskRpcError
 from taskrpc.wire import messages
-from taskrpc.wire.events import Advertised, Announced, Closed, Ready, RequestReceived
+from taskrpc.wire.base_session import HANDSHAKE_LIMIT, ConnectionState
+from taskrpc.wire.events import Closed, LargeRequestBegan, Ready, RequestReceived, ServicesChanged
 from taskrpc.wire.frames import LARGE, MAGIC, FrameType, pack_frame
 from taskrpc.wire.handshake import Voucher
-from taskrpc.wire.link import HANDSHAKE_LIMIT, State
 from taskrpc.wire.messages import DEFAULT_LIMITS, Auth, Hello, HelloAck, Limits, Resolve
 from taskrpc.wire.session import Session
 from tests.taskrpc.wire.helpers import (
@@ -73,7 +73,7 @@ def test_both_sides_prove_the_token_and_know_each_other(piece):
     assert at_client.peer.limits == Limits(1000, 3, 2000)
     assert isinstance(at_server, Ready)
     assert (at_server.peer.id, at_server.peer.name) == (CLIENT.id, "/caller")
-    assert pair.client.state is pair.server.state is State.OPEN
+    assert pair.client.state is pair.server.state is ConnectionState.OPEN
     assert pair.client.body_limit == 1000
     assert pair.server.body_limit == DEFAULT_LIMITS.body
 
@@ -136,7 +136,7 @@ def test_both_sides_know_the_same_of_an_encrypted_connection():
     for end in (pair.client, pair.server):
         end.vouch(None, b"k" * 32)
     pair.run()
-    assert pair.client.state is pair.server.state is State.OPEN
+    assert pair.client.state is pair.server.state is ConnectionState.OPEN
 
 
 def test_a_server_that_believes_to_speak_on_another_connection_is_left():
@@ -207,7 +207,7 @@ def test_a_stranger_is_closed_at_once_and_hears_nothing(name, piece):
     error = why_closed(events)
     assert isinstance(error, ProtocolError)
     assert str(error).startswith("the peer does not speak taskrpc: it began with b'")
-    assert server.state is State.CLOSED
+    assert server.state is ConnectionState.CLOSED
     assert not server.out
 
 
@@ -215,7 +215,7 @@ def test_a_stranger_is_closed_at_once_and_hears_nothing(name, piece):
 def test_a_beginning_that_may_still_become_a_handshake_is_waited_for(beginning):
     server = Session(SERVER, is_client=False)
     assert receive(server, beginning) == []
-    assert server.state is State.HANDSHAKE
+    assert server.state is ConnectionState.HANDSHAKE
 
 
 BAD_GREETINGS = {
@@ -275,7 +275,7 @@ def test_frames_that_may_be_skipped_are_skipped_in_the_handshake_too():
     assert events == []
     client = Session(CLIENT, is_client=True)
     assert receive(client, extra + b"".join(server.take())) == []
-    assert client.state is State.HANDSHAKE
+    assert client.state is ConnectionState.HANDSHAKE
 
 
 @pytest.mark.parametrize(
@@ -315,7 +315,7 @@ def test_the_cuts_of_a_handshake_and_of_what_follows_make_no_difference(cuts):
     for start, end in zip([0, *edges], [*edges, len(stream)], strict=True):
         events += receive(server, stream[start:end])
     # What comes in one piece need not be announced.
-    events = [event for event in events if not isinstance(event, Announced)]
+    events = [event for event in events if not isinstance(event, LargeRequestBegan)]
     assert [type(event) for event in events] == [Ready, RequestReceived, RequestReceived]
     assert [len(event.body) for event in events[1:]] == [5000, LARGE + 5]
 
@@ -326,7 +326,7 @@ def test_what_a_server_says_right_behind_the_handshake_is_heard():
     pair.deliver(pair.client)
     pair.deliver(pair.server)
     pair.server.advertise()
-    assert [type(event) for event in pair.deliver(pair.client)] == [Ready, Advertised]
+    assert [type(event) for event in pair.deliver(pair.client)] == [Ready, ServicesChanged]
 
 
 def test_an_empty_question_is_a_listing():
@@ -347,7 +347,7 @@ def test_garbage_in_a_handshake_only_closes(data, is_client, with_magic):
     session = Session(CLIENT if is_client else SERVER, is_client=is_client)
     events = receive(session, (MAGIC if with_magic else b"") + data)
     assert all(isinstance(event, Closed) for event in events)
-    assert session.state in (State.HANDSHAKE, State.CLOSED)
+    assert session.state in (ConnectionState.HANDSHAKE, ConnectionState.CLOSED)
     assert all(isinstance(event.error, TaskRpcError) for event in events)
 
 

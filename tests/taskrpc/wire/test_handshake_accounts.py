@@ -10,10 +10,10 @@ from msgspec.structs import replace
 
 from taskrpc import Account, Accounts, AuthenticationFailed, Role, TaskRpcError
 from taskrpc.wire import messages
+from taskrpc.wire.base_session import ConnectionState
 from taskrpc.wire.events import Closed, Ready
 from taskrpc.wire.frames import MAGIC, FrameType, pack_frame
 from taskrpc.wire.handshake import Voucher
-from taskrpc.wire.link import State
 from taskrpc.wire.messages import Auth, Hello
 from taskrpc.wire.session import Session
 from tests.taskrpc.wire.helpers import CLIENT, SERVER, TOKEN, ConnectionPair, receive
@@ -224,7 +224,7 @@ def conversation(token, number, voucher=None):
         pair.collect()
         said.append(bytes(pair.wire[end]).removeprefix(MAGIC))
         pair.deliver(end)
-    assert pair.server.state is State.OPEN
+    assert pair.server.state is ConnectionState.OPEN
     return said
 
 

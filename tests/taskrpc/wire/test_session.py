@@ -14,22 +14,22 @@ from taskrpc.errors import (
     ServerBusy,
     TaskRpcError,
 )
+from taskrpc.wire.base_session import ConnectionState
 from taskrpc.wire.events import (
-    Advertised,
-    Announced,
-    Answered,
     CancelReceived,
     Closed,
-    Crowded,
     Draining,
+    ErrorReceived,
     Event,
-    Failed,
-    Overrun,
+    LargeRequestBegan,
+    LimitsExceeded,
+    QuotaExceeded,
     RequestReceived,
     ResolveReceived,
+    ResponseReceived,
+    ServicesChanged,
 )
 from taskrpc.wire.frames import HEADER, LARGE, NO_DEADLINE, FrameType, pack_frame, pack_header
-from taskrpc.wire.link import State
 from taskrpc.wire.messages import DEFAULT_LIMITS, Limits, Resolve
 from taskrpc.wire.session import LONGEST_TIME, refused_error, unknown_error
 from tests.taskrpc.wire.helpers import ConnectionPair, open_pair, receive
@@ -59,7 +59,7 @@ def test_a_call_is_answered(piece):
     assert pair.server.in_flight == 1
     pair.server.respond(call_id, b"answer", 1234)
     (answered,) = pair.deliver(pair.client, piece=piece)
-    assert answered == Answered("ticket", b"answer", 1234)
+    assert answered == ResponseReceived("ticket", b"answer", 1234)
     assert pair.client.in_flight == pair.server.in_flight == 0
 
 
@@ -69,7 +69,7 @@ def test_an_answer_resumed_out_beside_what_the_session_says():
     pair.deliver(pair.server)
     frame, size = pair.server.answer_beside(call_id, b"answer", LONGEST_TIME + 1)
     assert not pair.server.out
-    assert receive(pair.client, frame) == [Answered("ticket", b"answer", LONGEST_TIME)]
+    assert receive(pair.client, frame) == [ResponseReceived("ticket", b"answer", LONGEST_TIME)]
     assert (size, pair.server.bytes_in_flight, pair.server.in_flight) == (8, 8, 0)
     pair.server.freed(size)
     assert pair.server.bytes_in_flight == 0
@@ -194,7 +194,7 @@ def test_any_number_of_questions_fits_beside_a_full_house():
         pair.client.resolve(n, Resolve(f"/service_{n}"))
     events = pair.deliver(pair.server)
     assert types(events) == [RequestReceived] * 2 + [ResolveReceived] * 20
-    assert pair.server.state is State.OPEN
+    assert pair.server.state is ConnectionState.OPEN
 
 
 def test_a_client_that_exceeds_its_calls_has_its_answers_and_the_reason():
@@ -207,7 +207,7 @@ def test_a_client_that_exceeds_its_calls_has_its_answers_and_the_reason():
     assert pair.deliver(pair.client) == [Draining([2, 3, 4])]
     for call_id in ids[:2]:
         pair.server.respond(call_id, b"")
-    assert types(pair.deliver(pair.client)) == [Answered] * 2
+    assert types(pair.deliver(pair.client)) == [ResponseReceived] * 2
     pair.server.reject(overrun.error)
     (closed,) = pair.deliver(pair.client)
     assert str(closed.error) == str(overrun.error)
@@ -218,7 +218,7 @@ def test_who_heeds_no_farewell_is_not_heard_and_costs_nothing():
     pair.client.their_limits = UNHEEDED
     for n in range(1000):
         pair.client.request(n, 1, b"", NO_DEADLINE)
-    assert types(pair.deliver(pair.server)) == [RequestReceived] * 2 + [Overrun]
+    assert types(pair.deliver(pair.server)) == [RequestReceived] * 2 + [LimitsExceeded]
     assert pair.server.in_flight == 2
     assert len(b"".join(pair.server.out)) == SIZE_OF_HEADER
 
@@ -245,7 +245,7 @@ def test_a_client_that_exceeds_its_bytes_has_its_answers_and_the_reason():
     pair.client.their_limits = UNHEEDED
     pair.client.request("too much", 1, b"", NO_DEADLINE)
     *_, overrun = pair.deliver(pair.server)
-    assert isinstance(overrun, Overrun)
+    assert isinstance(overrun, LimitsExceeded)
     assert str(overrun.error) == "more than 100 bytes in flight on one connection"
 
 
@@ -261,7 +261,7 @@ def test_one_body_above_the_bytes_in_flight_is_sent_alone():
 def test_an_advertisement_tells_the_client_to_look_again():
     pair = open_pair()
     pair.server.advertise()
-    assert types(pair.deliver(pair.client)) == [Advertised]
+    assert types(pair.deliver(pair.client)) == [ServicesChanged]
 
 
 # Drain
@@ -276,7 +276,7 @@ def test_a_draining_server_answers_what_it_has():
     assert pair.deliver(pair.client) == [Draining([])]
     assert not pair.client.request("no room", 1, b"", NO_DEADLINE)
     pair.server.respond(call_id, b"done")
-    assert pair.deliver(pair.client) == [Answered("ticket", b"done", 0)]
+    assert pair.deliver(pair.client) == [ResponseReceived("ticket", b"done", 0)]
 
 
 @pytest.mark.parametrize("question", [False, True])
@@ -293,8 +293,8 @@ def test_a_call_that_crosses_goaway_never_runs_and_its_owner_learns_that(questio
     assert pair.server.in_flight == 1
     assert pair.deliver(pair.client) == [Draining(["crossing"])]
     pair.server.respond(first, b"")
-    assert types(pair.run()[0]) == [Answered]
-    assert pair.client.state is State.DRAINING
+    assert types(pair.run()[0]) == [ResponseReceived]
+    assert pair.client.state is ConnectionState.DRAINING
     assert pair.client.lost() == []
     assert refused_error().not_executed is True
 
@@ -321,7 +321,7 @@ def test_a_server_that_drains_before_the_handshake_says_nothing():
     pair.server.drain()
     pair.server.advertise()
     assert not pair.server.out
-    assert pair.server.state is State.HANDSHAKE
+    assert pair.server.state is ConnectionState.HANDSHAKE
 
 
 # Ends
@@ -380,10 +380,10 @@ def test_what_came_before_the_offence_is_heard_and_nothing_after_it(bad):
             pair.client.request(ticket, 1, b"", NO_DEADLINE)
         stream = frame(FrameType.RESPONSE, 2) + bad + frame(FrameType.ADVERTISE)
         events = receive(pair.client, stream, piece)
-        assert events[0] == Answered("b", b"", 0)
-        assert types(events[1:]) in ([Closed], [Answered, Closed])
-        assert pair.client.state is State.CLOSED
-        assert len(pair.client.lost()) == 2 - types(events).count(Answered)
+        assert events[0] == ResponseReceived("b", b"", 0)
+        assert types(events[1:]) in ([Closed], [ResponseReceived, Closed])
+        assert pair.client.state is ConnectionState.CLOSED
+        assert len(pair.client.lost()) == 2 - types(events).count(ResponseReceived)
 
 
 def question(call_id=1, body=b"\x91\xa0"):
@@ -429,7 +429,7 @@ def test_frames_that_may_be_skipped_are_skipped(type_):
     pair = open_pair()
     for end in (pair.client, pair.server):
         assert receive(end, frame(type_, 9, 9, b"later version")) == []
-        assert end.state is State.OPEN
+        assert end.state is ConnectionState.OPEN
 
 
 def test_an_error_for_the_connection_says_why_it_ends():
@@ -468,7 +468,7 @@ def hear(end, stream, piece):
     """Feed a session what a hostile peer sent; only documented events may come of it."""
     events = receive(end, stream, piece)
     assert all(isinstance(event, DOCUMENTED) for event in events)
-    assert types(events).count(Closed) == (end.state is State.CLOSED)
+    assert types(events).count(Closed) == (end.state is ConnectionState.CLOSED)
     assert not events or Closed not in types(events[:-1])
     assert all(isinstance(event.error, TaskRpcError) for event in events if type(event) is Closed)
     return events
@@ -562,10 +562,10 @@ def test_call_can_fail_only_once():
     pair.deliver(pair.server)
     assert pair.server.fail(call_id, TaskRpcError("no"))
     assert not pair.server.fail(call_id, TaskRpcError("no"))
-    assert types(pair.deliver(pair.client)) == [Failed]
+    assert types(pair.deliver(pair.client)) == [ErrorReceived]
 
 
-@pytest.mark.parametrize(("second", "kind"), [(5, RequestReceived), (6, Crowded)])
+@pytest.mark.parametrize(("second", "kind"), [(5, RequestReceived), (6, QuotaExceeded)])
 def test_request_is_crowded_when_it_exceeds_the_free_bytes(second, kind):
     pair = open_pair()
     pair.server.free_bytes = 10
@@ -580,7 +580,7 @@ def test_large_request_that_exceeds_the_free_bytes_is_announced_once_and_can_be_
     server.free_bytes = LARGE
     refused = pair.client.request("large", 3, bytes(size), 250)
     pair.client.request("small", 4, b"x", 250)
-    assert pair.deliver(server, LARGE) == [Announced(3, size)]
+    assert pair.deliver(server, LARGE) == [LargeRequestBegan(3, size)]
     assert server.bytes_coming == size
     server.skip_large(ServerBusy("no room", retry_after=0.5))
     assert types(pair.deliver(server)) == [RequestReceived], "the rest is not announced again"
@@ -594,14 +594,14 @@ def test_only_a_request_that_may_begin_is_announced():
     header = pack_header(FrameType.REQUEST, 0, 3, 1, 250, 2 * LARGE)
     publish = pack_header(FrameType.PUBLISH, 0, 3, 9, 250, 2 * LARGE)
     for data, state, announced in (
-        (header, State.OPEN, True),
-        (header, State.DRAINING, False),
-        (publish, State.OPEN, False),
+        (header, ConnectionState.OPEN, True),
+        (header, ConnectionState.DRAINING, False),
+        (publish, ConnectionState.OPEN, False),
     ):
         server = open_pair().server
         server.free_bytes, server.state = LARGE, state
         events = receive(server, data + bytes(100))
-        assert (types(events) == [Announced]) is announced
+        assert (types(events) == [LargeRequestBegan]) is announced
 
 
 def test_nothing_is_skipped_where_nothing_large_arrives():

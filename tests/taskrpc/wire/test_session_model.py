@@ -13,18 +13,18 @@ from hypothesis.stateful import (
 )
 
 from taskrpc.errors import TaskRpcError
+from taskrpc.wire.base_session import ConnectionState
 from taskrpc.wire.events import (
-    Announced,
-    Answered,
     CancelReceived,
-    Crowded,
     Draining,
-    Failed,
+    ErrorReceived,
+    LargeRequestBegan,
+    QuotaExceeded,
     RequestReceived,
     ResolveReceived,
+    ResponseReceived,
 )
 from taskrpc.wire.frames import LARGE
-from taskrpc.wire.link import State
 from taskrpc.wire.messages import Limits, Resolve, encode
 from tests.taskrpc.wire.helpers import open_pair
 
@@ -75,7 +75,7 @@ class Talk(RuleBasedStateMachine):
         ticket = client.last_call_id + 1
         call_id = client.request(ticket, 1, bytes(size), 1000)
         assert bool(call_id) == (
-            client.state is State.OPEN
+            client.state is ConnectionState.OPEN
             and len(in_flight) < LIMITS.calls
             and (not in_flight or counted + size <= LIMITS.bytes)
         )
@@ -85,7 +85,7 @@ class Talk(RuleBasedStateMachine):
         self.sizes[ticket] = size
         return ticket
 
-    @precondition(lambda self: self.pair.client.state is State.OPEN)
+    @precondition(lambda self: self.pair.client.state is ConnectionState.OPEN)
     @precondition(lambda self: len(self.asked) < len(self.sizes))
     @rule(target=calls)
     def resolve(self):
@@ -112,7 +112,7 @@ class Talk(RuleBasedStateMachine):
         server = self.pair.server
         if how == "fail":
             server.fail(call, TaskRpcError(f"no {call}"))
-        elif how == "beside" and size < LARGE and server.state is State.OPEN:
+        elif how == "beside" and size < LARGE and server.state is ConnectionState.OPEN:
             frame, freed = server.answer_beside(call, bytes(size), call)
             server.freed(freed)
             self.pair.wire[self.pair.client] += frame
@@ -141,12 +141,12 @@ class Talk(RuleBasedStateMachine):
                 case RequestReceived():
                     assert len(event.body) == self.sizes[event.call_id]
                     self.begin(event.call_id)
-                case Crowded():
+                case QuotaExceeded():
                     assert self.begun
                     self.begin(event.request.call_id)
                     if event.request.size % 2:
                         self.refuse(event.request.call_id)
-                case Announced():
+                case LargeRequestBegan():
                     assert event.size > 70
                 case ResolveReceived():
                     assert event.call_id in self.asked
@@ -159,7 +159,7 @@ class Talk(RuleBasedStateMachine):
                     raise AssertionError(event)
 
         arriving = server.splitter.large
-        if events and isinstance(events[-1], Announced) and arriving and arriving.size % 2:
+        if events and isinstance(events[-1], LargeRequestBegan) and arriving and arriving.size % 2:
             call = arriving.header[3]
             self.begun[call] = True
             server.skip_large(TaskRpcError(f"no {call}"))
@@ -179,10 +179,10 @@ class Talk(RuleBasedStateMachine):
         events = self.pair.deliver(self.pair.client, count, piece=piece)
         for event in events:
             match event:
-                case Answered():
+                case ResponseReceived():
                     assert event.server_time == event.ticket
                     self.end(event.ticket, "answered")
-                case Failed():
+                case ErrorReceived():
                     assert str(event.error) == f"no {event.ticket}"
                     self.end(event.ticket, "failed")
                 case Draining():
@@ -224,7 +224,7 @@ class Talk(RuleBasedStateMachine):
             assert server.in_flight <= LIMITS.calls + questions
             assert server.in_flight == list(self.begun.values()).count(False)
             if not self.lost:
-                assert State.CLOSED not in (client.state, server.state)
+                assert ConnectionState.CLOSED not in (client.state, server.state)
 
     def teardown(self):
         """Answer and carry over everything: then every call has ended, and nothing is held."""

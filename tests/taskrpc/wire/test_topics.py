@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from taskrpc.wire import topics
-from taskrpc.wire.events import Closed, Published, PublishersTold, SubscribeReceived
+from taskrpc.wire.events import Closed, MessageReceived, PublishersReceived, SubscribeReceived
 from taskrpc.wire.frames import LARGE, FrameType, pack_frame
 from taskrpc.wire.messages import Publishing, TopicEndpoint
 from tests.taskrpc.wire.helpers import open_pair, receive
@@ -38,7 +38,7 @@ publishings = st.builds(Publishing, st.integers(0, 0xFFFF), endpoints, names)
 def test_an_announcement_arrives(number, publishers):
     pair = open_pair()
     topics.announce(pair.server, number, publishers)
-    assert pair.deliver(pair.client) == [PublishersTold(number, publishers)]
+    assert pair.deliver(pair.client) == [PublishersReceived(number, publishers)]
 
 
 @given(st.lists(st.tuples(u32, st.integers(0, 0xFFFF), u32, st.binary(max_size=50)), max_size=20))
@@ -46,7 +46,7 @@ def test_messages_arrive_in_order(messages):
     pair = open_pair()
     for message in messages:
         topics.publish(pair.server, *message)
-    assert pair.deliver(pair.client) == [Published(*message) for message in messages]
+    assert pair.deliver(pair.client) == [MessageReceived(*message) for message in messages]
 
 
 @pytest.mark.parametrize("size", [LARGE - 1, LARGE, 3 * LARGE])
@@ -58,7 +58,7 @@ def test_a_large_message_arrives_between_calls(size):
     topics.publish(pair.server, 1, 2, 3, body[:size])
     pair.server.respond(call_id, b"answer")
     message, answered = pair.deliver(pair.client, piece=10_000)
-    assert message == Published(1, 2, 3, body[:size])
+    assert message == MessageReceived(1, 2, 3, body[:size])
     assert answered.body == b"answer"
 
 

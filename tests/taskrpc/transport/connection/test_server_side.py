@@ -172,7 +172,7 @@ async def test_callers_that_never_read_leave_no_more_than_the_bound_unread(
         assert len(late.result().message) == 4 * LARGE
         await until(lambda: len(server._transport._served) == 1, 600)
         assert not unread_bytes()
-        assert not server._transport.unread.pressed
+        assert not server._transport.backpressure.is_active
 
 
 async def test_questions_wait_too_while_their_answers_are_not_read():

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from taskrpc.classroom import register
 from taskrpc.security import accounts
 from taskrpc.security.lab import Lab
-from taskrpc.transport.discovery.entries import Change, Entry, Roster
+from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
 from taskrpc.transport.network import Address
 from taskrpc.wire import handshake
 from taskrpc.wire.messages import Endpoint
@@ -23,7 +23,7 @@ def endpoint(name):
 
 @given(st.lists(st.tuples(st.sampled_from(["node", "client", "service"]), NAMES, st.booleans())))
 def test_what_came_and_has_not_gone_is_there_as_often_as_it_came(steps):
-    roster = Roster(ABOUT)
+    roster = TrackedEntry(ABOUT)
     expected = {"node": Counter(), "client": Counter(), "service": Counter()}
     for kind, name, gone in steps:
         counts = expected[kind]
@@ -36,20 +36,20 @@ def test_what_came_and_has_not_gone_is_there_as_often_as_it_came(steps):
     assert Counter(entry.nodes) == +expected["node"]
     assert Counter(entry.clients) == Counter(map(endpoint, expected["client"].elements()))
     assert Counter(entry.services) == Counter(map(endpoint, expected["service"].elements()))
-    assert Roster(entry).entry() == entry
+    assert TrackedEntry(entry).entry() == entry
     for name in "abc":
         offered = any(name in one for one in (+expected["service"]))
         assert roster.offers(f"/{name}") == entry.offers(f"/{name}") == offered
 
 
 def test_an_entry_is_not_made_anew_while_nothing_changes():
-    roster = Roster(ABOUT)
+    roster = TrackedEntry(ABOUT)
     roster.apply(Change(node="/a"))
     assert roster.entry() is roster.entry()
 
 
 def test_a_roster_learns_where_its_process_takes_calls():
-    roster = Roster(ABOUT)
+    roster = TrackedEntry(ABOUT)
     roster.apply(Change(address="127.0.0.1:7", token="ab", certificate="PEM"))
     roster.apply(Change(node="/a"))
     entry = roster.entry()
@@ -58,7 +58,7 @@ def test_a_roster_learns_where_its_process_takes_calls():
 
 
 def test_the_oldest_node_is_the_first_that_is_still_there():
-    roster = Roster(ABOUT)
+    roster = TrackedEntry(ABOUT)
     assert roster.first_node == ""
     for node in ("/a", "/b"):
         roster.apply(Change(node=node))

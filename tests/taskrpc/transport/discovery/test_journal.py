@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskrpc.transport.discovery import journal as module
-from taskrpc.transport.discovery.entries import Change, Entry, Roster
+from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
 from taskrpc.transport.discovery.journal import Journal, JournalReader, line_of
 from taskrpc.wire.messages import Endpoint
 
@@ -89,7 +89,7 @@ def test_wherever_a_write_ends_readers_find_the_old_state_or_the_new(changes, tm
     with pytest.MonkeyPatch.context() as monkeypatch, scratch(folder) as cut:
         monkeypatch.setattr(module, "_SLACK", 0)  # so that new entries are often written
         disk = Disk(monkeypatch)
-        journal, roster = Journal(folder / "journal"), Roster(ABOUT)
+        journal, roster = Journal(folder / "journal"), TrackedEntry(ABOUT)
         # They look at each, and at every fiftieth, of the states.
         readers = {1: JournalReader(), 50: JournalReader()}
         old, looks = None, 0
@@ -122,7 +122,7 @@ def test_a_full_disk_leaves_the_old_state_and_the_next_write_succeeds(
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(module, "_SLACK", 0)
         disk = Disk(monkeypatch)
-        journal, roster = Journal(path), Roster(ABOUT)
+        journal, roster = Journal(path), TrackedEntry(ABOUT)
         for number, change in enumerate(changes):
             if number == at:
                 disk.fails_after = full
@@ -151,7 +151,7 @@ def test_a_reader_takes_no_line_twice_and_none_out_of_turn(tmp_path):
 
 def test_a_journal_stays_small_however_much_comes_and_goes(tmp_path):
     path = tmp_path / "journal"
-    journal, roster = Journal(path), Roster(ABOUT)
+    journal, roster = Journal(path), TrackedEntry(ABOUT)
     for n in range(2000):
         journal.write(roster, Change(node="/n", gone=bool(n % 2)))
         assert path.stat().st_size < 8192
@@ -160,7 +160,7 @@ def test_a_journal_stays_small_however_much_comes_and_goes(tmp_path):
 
 def test_a_reader_reads_on_instead_of_beginning_anew(tmp_path, monkeypatch):
     path = tmp_path / "journal"
-    journal, roster, reader = Journal(path), Roster(ABOUT), JournalReader()
+    journal, roster, reader = Journal(path), TrackedEntry(ABOUT), JournalReader()
     read, total = os.read, []
     monkeypatch.setattr(os, "read", lambda *args: total.append(read(*args)) or total[-1])
     for n in range(1000):

@@ -14,7 +14,7 @@ import pytest
 
 import taskrpc
 from taskrpc import platform
-from taskrpc.transport.discovery.entries import Change, Entry, Roster
+from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
 from taskrpc.transport.discovery.journal import line_of
 from taskrpc.transport.discovery.registry import Registry
 from taskrpc.wire.messages import Endpoint
@@ -29,7 +29,7 @@ def entry(**fields):
 
 def publish(registry, wanted, **options):
     """The first thing that a process says of itself."""
-    registry.publish(Roster(wanted), Change(), **options)
+    registry.publish(TrackedEntry(wanted), Change(), **options)
 
 
 @pytest.fixture
@@ -52,7 +52,7 @@ def files(registry):
 
 def test_what_one_process_publishes_the_others_see(registry, other):
     mine = entry(services=(ADD,), address="127.0.0.1:7", token="ab")
-    roster = Roster(mine)
+    roster = TrackedEntry(mine)
     registry.publish(roster, Change())
     assert other.entries() == [mine]
     registry.publish(roster, Change(node="/a"))
@@ -76,11 +76,11 @@ def test_a_closed_registry_leaves_no_file(registry, other):
 
 DIES = """
 import os, sys, time
-from taskrpc.transport.discovery.entries import Change, Entry, Roster
+from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
 from taskrpc.transport.discovery.registry import Registry
 registry = Registry(0)
 dead = Entry(pid=os.getpid(), script="dead.py", folder="/", since=0.0)
-registry.publish(Roster(dead), Change())
+registry.publish(TrackedEntry(dead), Change())
 print("there", flush=True)
 time.sleep(60)
 """
@@ -150,7 +150,7 @@ def test_a_reader_never_sees_half_an_entry(registry):
     """Neither torn contents nor a living process missing, while its entry grows and shrinks."""
     stop = threading.Event()
     names = [f"/node{n}_{'x' * 50}" for n in range(300)]
-    roster = Roster(entry())
+    roster = TrackedEntry(entry())
     registry.publish(roster, Change())
 
     def write():
@@ -213,7 +213,7 @@ def test_every_change_changes_the_signature(registry, other, monkeypatch):
     """Also where the system's clock stands still, and over many new entries of one length."""
     monkeypatch.setattr(time, "time_ns", lambda: 10**18)
     seen = {other.signature()}
-    roster = Roster(entry())
+    roster = TrackedEntry(entry())
     for _ in range(250):
         for gone in (False, True):
             registry.publish(roster, Change(node="/n", gone=gone))
@@ -224,7 +224,7 @@ def test_every_change_changes_the_signature(registry, other, monkeypatch):
 
 
 def test_readers_see_each_of_many_changes_at_once(registry, other):
-    roster = Roster(entry())
+    roster = TrackedEntry(entry())
     for n in range(300):
         registry.publish(roster, Change(node="/n", client=ADD, gone=bool(n % 2)))
         assert other.entries() == [roster.entry()]
@@ -235,7 +235,7 @@ def test_of_two_who_claim_a_name_at_once_one_gets_it(registry):
     wins = []
 
     def claim(own):
-        roster = Roster(entry())
+        roster = TrackedEntry(entry())
         for n in range(60):
             service = Endpoint(f"/s{n}", "a/srv/B", "RIHS01_1", "/a")
             try:
@@ -271,7 +271,7 @@ def test_what_is_written_for_a_service_does_not_grow_with_their_number(registry,
     written = []
     write = os.write
     monkeypatch.setattr(os, "write", lambda fd, data: written.append(len(data)) or write(fd, data))
-    roster = Roster(entry())
+    roster = TrackedEntry(entry())
 
     def spent(count):
         written.clear()
@@ -287,12 +287,12 @@ def test_what_is_written_for_a_service_does_not_grow_with_their_number(registry,
 def test_each_server_of_one_name_is_kept_until_it_goes(registry, other):
     """Nodes of one program may offer the same name."""
     first, second = (Endpoint("/s", "a/srv/B", "R", node) for node in ("/a", "/b"))
-    roster = Roster(entry())
+    roster = TrackedEntry(entry())
     for server in (first, second, second):
         registry.publish(roster, Change(service=server))
     (seen,) = other.entries()
     assert sorted(each.node for each in seen.services) == ["/a", "/b", "/b"]
-    assert sorted(each.node for each in Roster(seen).entry().services) == ["/a", "/b", "/b"]
+    assert sorted(each.node for each in TrackedEntry(seen).entry().services) == ["/a", "/b", "/b"]
     for server in (second, first):
         registry.publish(roster, Change(service=server, gone=True))
         assert roster.offers("/s")
@@ -365,7 +365,7 @@ def test_every_change_changes_the_signature_also_where_the_clock_stands_ahead(
     registry, other, monkeypatch
 ):
     monkeypatch.setattr(time, "time_ns", lambda: 3 * 10**18)
-    roster, seen = Roster(entry()), []
+    roster, seen = TrackedEntry(entry()), []
     for gone in (False, True, False):
         registry.publish(roster, Change(node="/n", gone=gone))
         seen.append(other.signature())

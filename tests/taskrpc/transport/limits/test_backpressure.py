@@ -6,10 +6,10 @@ from types import SimpleNamespace
 import pytest
 
 from taskrpc.transport.limits import backpressure
-from taskrpc.transport.limits.backpressure import Unread
+from taskrpc.transport.limits.backpressure import Backpressure
 
 
-class Caller:
+class QuotaKey:
     """A connection whose caller reads as much as the test says."""
 
     def __init__(self):
@@ -26,7 +26,7 @@ class Caller:
 @pytest.fixture
 def kept(monkeypatch):
     monkeypatch.setattr(backpressure, "MAX_UNREAD", 1000)
-    return Unread()
+    return Backpressure()
 
 
 def answer(kept, caller, size, sent):
@@ -37,38 +37,38 @@ def answer(kept, caller, size, sent):
 
 
 def test_of_an_answer_that_is_sent_in_part_all_is_kept(kept):
-    one, other = Caller(), Caller()
+    one, other = QuotaKey(), QuotaKey()
     answer(kept, one, 600, sent=590)
-    assert not kept.pressed
+    assert not kept.is_active
     answer(kept, other, 600, sent=590)
-    assert kept.pressed
+    assert kept.is_active
     assert kept.forbids("/big")
     assert not kept.forbids("/small")
 
 
 def test_once_its_last_byte_is_sent_nothing_of_it_is_kept(kept):
-    one, other = Caller(), Caller()
+    one, other = QuotaKey(), QuotaKey()
     answer(kept, one, 700, sent=690)
     answer(kept, other, 400, sent=390)
-    assert kept.pressed
+    assert kept.is_active
     kept.hold(other)
     one.written, one.buffered = one.written + 20, 20  # a small answer behind it
     kept.measure(one)
-    assert not kept.pressed, "400 of the other and 20"
+    assert not kept.is_active, "400 of the other and 20"
     assert other.released == 1
 
 
 def test_answers_that_wait_behind_it_are_counted_once(kept):
-    caller = Caller()
+    caller = QuotaKey()
     answer(kept, caller, 400, sent=100)
     answer(kept, caller, 400, sent=0)
-    assert not kept.pressed, "800 are kept"
+    assert not kept.is_active, "800 are kept"
     answer(kept, caller, 201, sent=0)
-    assert kept.pressed
+    assert kept.is_active
 
 
 def test_a_connection_that_is_gone_keeps_nothing(kept):
-    one, other = Caller(), Caller()
+    one, other = QuotaKey(), QuotaKey()
     for caller in (one, other):
         answer(kept, caller, 600, sent=590)
     one.transport = None
@@ -81,7 +81,7 @@ def test_a_connection_that_is_gone_keeps_nothing(kept):
 @pytest.fixture
 def crowd(kept):
     """Five callers that wait for one who has read nothing, and has now gone."""
-    gone, crowd = Caller(), [Caller() for _ in range(5)]
+    gone, crowd = QuotaKey(), [QuotaKey() for _ in range(5)]
     answer(kept, gone, 1001, sent=0)
     for caller in crowd:
         caller.turns = crowd[0].turns
@@ -103,32 +103,32 @@ def test_of_those_who_waited_one_goes_on_in_a_turn_and_what_comes_stays_behind(k
         assert len(crowd[0].turns) == 1
         crowd[0].turns.popleft()()
     assert released(crowd) == [1] * 5
-    assert not kept.pressed
+    assert not kept.is_active
     assert not crowd[0].turns
 
 
 def test_they_wait_on_in_their_order_when_there_is_no_room_again(kept, crowd):
-    late = Caller()
+    late = QuotaKey()
     kept.hold(late)
     answer(kept, crowd[0], 1001, sent=0)
     crowd[0].turns.popleft()()
-    assert kept.pressed
+    assert kept.is_active
     assert list(kept._waiting) == [*crowd[1:], late]
     assert not crowd[0].turns
 
 
 def test_who_came_while_others_had_their_turns_has_his_behind_them(kept, crowd):
-    late = Caller()
+    late = QuotaKey()
     late.loop = crowd[0].loop
     crowd[0].turns.popleft()()
     kept.hold(late)
     for _ in range(3):
         crowd[0].turns.popleft()()
     assert [*released(crowd), late.released] == [1] * 5 + [0]
-    assert kept.pressed
+    assert kept.is_active
     crowd[0].turns.popleft()()
     assert late.released == 1
-    assert not kept.pressed
+    assert not kept.is_active
     assert not crowd[0].turns
 
 
@@ -137,4 +137,4 @@ def test_who_leaves_before_his_turn_is_not_let_go_on(kept, crowd):
         kept.left(caller)
     crowd[0].turns.popleft()()
     assert released(crowd) == [1, 0, 0, 0, 0]
-    assert not kept.pressed
+    assert not kept.is_active

@@ -125,7 +125,7 @@ async def test_shares_come_back_when_calls_end_and_when_connections_do(lab, monk
     monkeypatch.setattr(calls_in_flight, "MAX_CALLS", 1000)
     gate, server = Gate(), await lab.server()
     server.create_service(Add, "work", gate, concurrency=1000)
-    shares = server._transport.load._calls
+    shares = server._transport.calls_in_flight._calls
     client, other = await lab.client(1), await lab.client(1)
     calls = [each.call_async(ask(n)) for n in range(100) for each in (client, other)]
     await until(lambda: len(gate.started) == 200)
@@ -137,7 +137,7 @@ async def test_shares_come_back_when_calls_end_and_when_connections_do(lab, monk
     await asyncio.gather(*map(outcome, calls))
     await asyncio.sleep(3)
     assert shares.left == 1000
-    assert not server._transport.load._lent
+    assert not server._transport.calls_in_flight._lent
 
 
 @pytest.mark.parametrize("size", [3 * LARGE, 20 * LARGE])
@@ -229,7 +229,7 @@ async def test_the_laptop_with_most_connections_gives_one_to_another_of_its_clas
         modest = await lab.client(laptop)
         assert (await modest.call(ask(1, 2))).sum == 3
     await asyncio.sleep(1)
-    places = sorted(each.shares for each in server._transport._served)
+    places = sorted(each.quota_key for each in server._transport._served)
     assert places.count(("class", "192.0.2.1")) == 2
     assert {("class", "192.0.2.2"), ("class", "192.0.2.3")} < set(places)
     assert len(greedy) == 4

@@ -11,7 +11,7 @@ import pytest
 import taskrpc
 from taskrpc.testing import FaultyNetwork
 from taskrpc.transport.limits.keepalive import _INFO as INFO
-from taskrpc.transport.limits.keepalive import PROFILES, Patience, drop_dead_peers
+from taskrpc.transport.limits.keepalive import PROFILES, TcpTimeouts, drop_dead_peers
 from taskrpc.transport.tcp.tcp_network import bound
 from taskrpc.wire.frames import FrameType
 from tests.taskrpc.transport.helpers import Add, Gate, ask, until
@@ -148,7 +148,7 @@ async def test_an_idle_connection_keeps_nothing_for_a_full_peer():
 
         def is_idle_after_a_look():
             served.tick(asyncio.get_running_loop().time())
-            return served._patience is None
+            return served._tcp_timeouts is None
 
         await until(is_idle_after_a_look)
 
@@ -164,7 +164,7 @@ async def test_a_peer_without_room_is_spared_until_it_reads_on():
         reader = stack.enter_context((await loop.sock_accept(listening))[0])
         sender.setblocking(False)
         drop_dead_peers(sender, *PROFILES["robot"])
-        patience = Patience(sender, PROFILES["robot"])
+        patience = TcpTimeouts(sender, PROFILES["robot"])
 
         def borne():
             return sender.getsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT)
@@ -199,7 +199,7 @@ class Ending:
 @pytest.mark.parametrize("error", [OSError(9, "bad file descriptor"), ValueError("negative")])
 def test_a_full_connection_that_has_just_ended_is_no_trouble(error):
     sock = Ending()
-    patience = Patience(sock, PROFILES["robot"])
+    patience = TcpTimeouts(sock, PROFILES["robot"])
     assert not patience.is_over()
     sock.error = error
     assert not patience.is_over()

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from taskrpc.transport.limits.quotas import ByHost, Shares, caller_of, host_of, name_of
+from taskrpc.transport.limits.quotas import FairQuota, HostQueues, host_of, name_of, quota_key_of
 
 ADA, BO = ("ada", ""), ("bo", "")
 callers = st.sampled_from([ADA, BO, ("", "192.0.2.7")])
@@ -19,14 +19,14 @@ def take_all(shares, caller):
 
 
 def test_one_alone_has_a_half_and_the_next_half_of_the_rest():
-    shares = Shares(1000)
+    shares = FairQuota(1000)
     assert take_all(shares, ADA) == 500
     assert take_all(shares, BO) == 250
     assert not shares.take(ADA, 1)
 
 
 def test_those_who_take_in_turn_have_the_same():
-    shares = Shares(1000)
+    shares = FairQuota(1000)
     names = [(str(number), "") for number in range(9)]
     for _ in range(1000):
         for name in names:
@@ -35,7 +35,7 @@ def test_those_who_take_in_turn_have_the_same():
 
 
 def test_what_is_given_back_can_be_taken_again():
-    shares = Shares(100)
+    shares = FairQuota(100)
     assert shares.take(ADA, 50)
     assert not shares.take(ADA, 1)
     shares.give(ADA, 50)
@@ -44,7 +44,7 @@ def test_what_is_given_back_can_be_taken_again():
 
 @given(steps)
 def test_there_is_always_as_much_left_as_anybody_just_took(steps):
-    shares, held = Shares(300), {}
+    shares, held = FairQuota(300), {}
     for is_taken, caller, amount in steps:
         if is_taken:
             fits = held.get(caller, 0) + amount <= 300 - sum(held.values()) - amount
@@ -70,8 +70,8 @@ def test_there_is_always_as_much_left_as_anybody_just_took(steps):
     ],
 )
 def test_each_machine_counts_for_itself_in_an_account_and_without_one(peername, host):
-    assert caller_of("class", peername) == ("class", host)
-    assert caller_of("", peername) == ("", host)
+    assert quota_key_of("class", peername) == ("class", host)
+    assert quota_key_of("", peername) == ("", host)
 
 
 def test_a_caller_is_named_for_the_log():
@@ -85,7 +85,7 @@ def test_a_caller_is_named_for_the_log():
 
 
 def test_machines_take_turns_and_the_largest_loses_its_oldest():
-    waiting = ByHost()
+    waiting = HostQueues()
     for number in range(5):
         waiting.add("192.0.2.7", f"flood {number}")
     waiting.add("", "here")

@@ -10,7 +10,7 @@ import pytest
 
 import taskrpc
 from taskrpc.transport.limits import admission
-from taskrpc.transport.limits.log_throttling import LINES, PERIOD, FewLines, SeldomLog
+from taskrpc.transport.limits.log_throttling import LINES, PERIOD, LimitedLog, ThrottledLog
 from taskrpc.transport.tcp import listening
 from taskrpc.transport.tcp.listening import Listener
 from taskrpc.transport.tcp.tcp_network import bound
@@ -236,7 +236,7 @@ async def test_a_closed_listener_leaves_nothing(recwarn):
 def test_lines_that_were_left_out_are_counted_in_the_next_one(caplog):
     import logging
 
-    seldom = SeldomLog(logging.getLogger("test"))
+    seldom = ThrottledLog(logging.getLogger("test"))
     for second in (0, 1, PERIOD - 1, PERIOD, PERIOD + 1):
         seldom.warning(100 + second, "trouble with %s", second)
     assert [each.message for each in caplog.records] == [
@@ -248,7 +248,7 @@ def test_lines_that_were_left_out_are_counted_in_the_next_one(caplog):
 def test_a_flood_of_strangers_fills_no_log(caplog):
     import logging
 
-    few = FewLines(logging.getLogger("test"))
+    few = LimitedLog(logging.getLogger("test"))
     for number in range(10_000):
         few.warning(number / 1000, "stranger %d", number)
     few.warning(PERIOD, "stranger %d", 10_000)

@@ -31,7 +31,7 @@ HANDSHAKE_LIMIT = 4096
 """Bytes of a body before the peer has proved itself."""
 
 
-class State(Enum):
+class ConnectionState(Enum):
     """Where a connection stands."""
 
     HANDSHAKE = "handshake"
@@ -40,7 +40,7 @@ class State(Enum):
     CLOSED = "closed"
 
 
-class Link:
+class BaseSession:
     """Knows how to speak; what is said besides the handshake is a `Session`'s."""
 
     __slots__ = (
@@ -58,7 +58,7 @@ class Link:
     )
 
     def __init__(self, me: Identity, *, is_client: bool) -> None:
-        self.state = State.HANDSHAKE
+        self.state = ConnectionState.HANDSHAKE
         self.is_client = is_client
         self.handshake: ClientHandshake | ServerHandshake | None
         """None once it is done."""
@@ -109,13 +109,13 @@ class Link:
 
     def reject(self, error: TaskRpcError) -> None:
         """Tell the peer why its connection ends; nothing is heard or said after it."""
-        if not self.is_client and self.state is not State.CLOSED:
+        if not self.is_client and self.state is not ConnectionState.CLOSED:
             self.out.append(refusal(error))
-        self.state = State.CLOSED
+        self.state = ConnectionState.CLOSED
 
     def close(self) -> None:
         """Read and send nothing more."""
-        self.state = State.CLOSED
+        self.state = ConnectionState.CLOSED
 
     def ping(self, nonce: int) -> None:
         """Ask the peer for a sign of life."""
@@ -163,7 +163,7 @@ class Link:
             self.out.append(answer)
 
     def _open(self, peer: Peer) -> Ready:
-        self.state = State.OPEN
+        self.state = ConnectionState.OPEN
         self.handshake = None
         self.their_limits = peer.limits
         self.body_limit = peer.limits.body
@@ -173,13 +173,13 @@ class Link:
     def _closed(self, error: TaskRpcError) -> Closed:
         if self._magic_seen:
             self.reject(error)
-        self.state = State.CLOSED
+        self.state = ConnectionState.CLOSED
         # Its traceback has the frames through which it came, and these have what it came with.
         return Closed(error.with_traceback(None))
 
     def send(self, type_: int, flags: int, method: int, call_id: int, arg: int, body: Body) -> None:
         """Let any frame go out."""
-        if self.state is State.CLOSED:
+        if self.state is ConnectionState.CLOSED:
             return
         size = len(body)
         if size < LARGE:
