@@ -16,7 +16,7 @@ from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import IncomingCall, Offer, Transport
 from taskrpc.transport.codec import ServiceType, codec_of
-from taskrpc.wire.messages import Endpoint
+from taskrpc.wire.messages import ServiceEndpoint
 
 if TYPE_CHECKING:
     from taskrpc.observer import Observer, ServiceStatus
@@ -107,7 +107,7 @@ class DeferredService:
         self._offer = Offer(
             name, srv_type, node, self._arrived, join=join, observer=observer, role=role
         )
-        self._others: list[Endpoint] = []
+        self._others: list[ServiceEndpoint] = []
         transport.offer(self._offer)
 
     def add_server(self, node: str) -> None:
@@ -116,7 +116,7 @@ class DeferredService:
         `take` still gets all calls. The graph then counts every server of a program that
         distributes its calls.
         """
-        server = Endpoint(self.service_name, self.srv_type._TYPE, self.srv_type._HASH, node)
+        server = ServiceEndpoint(self.service_name, self.srv_type._TYPE, self.srv_type._HASH, node)
         self._others.append(server)
         self._transport.add_server(server)
 

@@ -23,7 +23,7 @@ from taskrpc.retry import RetryPolicy
 from taskrpc.security.roles import Accounts, Role
 from taskrpc.security.tls import Tls
 from taskrpc.transport.base import Mode, Transport
-from taskrpc.transport.discovery.entries import Entry
+from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.transport.shared_endpoint import lab_namespace, shared_transport
 
 if TYPE_CHECKING:
@@ -310,7 +310,7 @@ class Node(NodeTopics):
         self._clients[client] = None
         return client
 
-    async def graph(self) -> list[Entry]:
+    async def graph(self) -> list[RegistryEntry]:
         """Every process that this node can see: its nodes, and what they have."""
         return await self._started().graph()
 

@@ -14,7 +14,7 @@ from taskrpc.execution.callbacks import HOLDS_LOOP_AFTER, Callback, CallbackRunn
 from taskrpc.message_types import MsgT
 from taskrpc.qos import QoS
 from taskrpc.security.roles import Role
-from taskrpc.transport.base import OnMismatch, Reception, Transport
+from taskrpc.transport.base import OnMismatch, TopicSubscription, Transport
 from taskrpc.wire.frames import Body
 from taskrpc.wire.messages import TopicEndpoint
 
@@ -208,7 +208,7 @@ class Subscription(Generic[MsgT]):
         self._reception = transport.reception(
             named(msg_type, name, node, qos), msg_type, self._arrived, on_mismatch
         )
-        self._elsewhere: Reception | None = None
+        self._elsewhere: TopicSubscription | None = None
         if otherwise:
             there = named(msg_type, otherwise, node, qos)
             heard = self._arrived_elsewhere

@@ -13,7 +13,7 @@ from taskrpc.cli.shared.remote import HERE
 from taskrpc.cli.topic.topic_graph import topics
 
 if TYPE_CHECKING:
-    from taskrpc.transport.discovery.entries import Entry
+    from taskrpc.transport.discovery.entries import RegistryEntry
 
 
 def complete(parser: ArgumentParser) -> NoReturn:
@@ -21,7 +21,7 @@ def complete(parser: ArgumentParser) -> NoReturn:
     completion.complete(parser, _FINDERS)
 
 
-def _entries() -> list[Entry]:
+def _entries() -> list[RegistryEntry]:
     return graph.look(HERE)
 
 

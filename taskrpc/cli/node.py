@@ -12,7 +12,7 @@ from taskrpc.cli.shared import graph, quoting
 from taskrpc.cli.shared.command import Exit, NotFound, hinted
 from taskrpc.cli.shared.parsing import add_command, add_group, print_names
 from taskrpc.cli.shared.remote import add_connect, add_discovery, remote_of
-from taskrpc.wire.messages import Endpoint, TopicEndpoint
+from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
 _SECTIONS = (
     "Subscribers",
@@ -80,7 +80,7 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _of_node(
-    node: str, groups: Iterable[Iterable[Endpoint | TopicEndpoint]], hidden: bool
+    node: str, groups: Iterable[Iterable[ServiceEndpoint | TopicEndpoint]], hidden: bool
 ) -> dict[str, str]:
     """Names and types of what a node has, sorted."""
     found = {each.name: each.type_name for group in groups for each in group if each.node == node}

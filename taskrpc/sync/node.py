@@ -32,7 +32,7 @@ from taskrpc.service import Callback, Service
 from taskrpc.sync.loop_thread import SLICE, LoopThread, wait
 from taskrpc.sync.topics import SyncTopics
 from taskrpc.transport.base import Tell
-from taskrpc.transport.discovery.entries import Entry
+from taskrpc.transport.discovery.entries import RegistryEntry
 
 if TYPE_CHECKING:
     from taskrpc.observer import NodeStatus, Observer
@@ -179,7 +179,7 @@ class Node(SyncTopics):
         """What this node has to do now, and what it has done since it started."""
         return self._loop.do(self._node.status, "status()")
 
-    def graph(self) -> list[Entry]:
+    def graph(self) -> list[RegistryEntry]:
         """Every process that this node can see: its nodes, and what they have."""
         return self._loop.run(self._node.graph(), "graph()")
 

@@ -18,9 +18,9 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.request_ids.ids import ReceivedId, RequestCounter, RequestId
 from taskrpc.security.roles import Role
 from taskrpc.transport.codec import ServiceType
-from taskrpc.transport.discovery.entries import Entry
+from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.wire.frames import Body
-from taskrpc.wire.messages import Endpoint, TopicEndpoint
+from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -246,7 +246,7 @@ Deliver: TypeAlias = Callable[[Body, int], object]
 that this very process is in the midst of publishing."""
 
 
-class Publication(Protocol):
+class TopicPublisher(Protocol):
     """A publisher's way to the subscriptions of its topic."""
 
     def encode(self, message: Any) -> bytes:
@@ -277,7 +277,7 @@ class Publication(Protocol):
         """Publish no more."""
 
 
-class Reception(Protocol):
+class TopicSubscription(Protocol):
     """A subscription's way to the publishers of its topic."""
 
     @property
@@ -320,10 +320,10 @@ class Transport(Protocol):
     def withdraw(self, offer: Offer) -> None:
         """Stop taking calls for a service; those that came before may still be answered."""
 
-    def add_server(self, server: Endpoint) -> None:
+    def add_server(self, server: ServiceEndpoint) -> None:
         """Announce another server of a service of this process; it takes no calls itself."""
 
-    def remove_server(self, server: Endpoint) -> None:
+    def remove_server(self, server: ServiceEndpoint) -> None:
         """Withdraw such an announcement."""
 
     def replace(self, offer: Offer, by: Offer) -> None:
@@ -340,7 +340,7 @@ class Transport(Protocol):
         msg_type: Any,
         role: Role,
         on_mismatch: OnMismatch | None = None,
-    ) -> Publication:
+    ) -> TopicPublisher:
         """A way to publish for a node; `role` is the least that a subscriber must be.
 
         Subscriptions that do not match are logged, unless `on_mismatch` is to be told.
@@ -352,10 +352,10 @@ class Transport(Protocol):
         msg_type: Any,
         deliver: Deliver,
         on_mismatch: OnMismatch | None = None,
-    ) -> Reception:
+    ) -> TopicSubscription:
         """A way to subscribe for a node."""
 
-    async def graph(self) -> list[Entry]:
+    async def graph(self) -> list[RegistryEntry]:
         """Every process that can be seen: its nodes, and what they have."""
 
     async def definition(self, name: str) -> tuple[str, str]:

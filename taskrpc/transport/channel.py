@@ -26,8 +26,7 @@ from taskrpc.transport.connection.dialling import Dialler, why_silent
 from taskrpc.transport.discovery.availability import Availability
 from taskrpc.transport.network import Address, Network
 from taskrpc.wire.frames import Flag
-from taskrpc.wire.messages import Endpoint as Named
-from taskrpc.wire.messages import Resolve
+from taskrpc.wire.messages import Resolve, ServiceEndpoint
 
 if TYPE_CHECKING:
     from concurrent.futures import Future
@@ -47,7 +46,7 @@ class ChannelContext(Protocol):
     availability: Availability
     counters: RequestCounters
 
-    def channel_closed(self, named: Named) -> None:
+    def channel_closed(self, named: ServiceEndpoint) -> None:
         """A client is gone."""
 
 
@@ -55,7 +54,12 @@ class RemoteChannel:
     """The `Channel` of an endpoint."""
 
     def __init__(
-        self, endpoint: ChannelContext, named: Named, srv_type: ServiceType, *, otherwise: str = ""
+        self,
+        endpoint: ChannelContext,
+        named: ServiceEndpoint,
+        srv_type: ServiceType,
+        *,
+        otherwise: str = "",
     ) -> None:
         self.mode = Mode.AT_MOST_ONCE
         self.store_id = b""

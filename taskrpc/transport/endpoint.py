@@ -31,14 +31,13 @@ from taskrpc.transport.connection.deadline_timer import clock_of
 from taskrpc.transport.connection.dialling import READY_TIMEOUT, Dialler, placed
 from taskrpc.transport.connection.threads import ThreadHandoff
 from taskrpc.transport.discovery.availability import Availability
-from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry, entry_of
+from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry, entry_of
 from taskrpc.transport.discovery.registry import this_process
 from taskrpc.transport.limits.keepalive import DEFAULT, Keepalive
 from taskrpc.transport.limits.log_throttling import LimitedLog
 from taskrpc.transport.network import Address, Network
 from taskrpc.wire.handshake import Identity
-from taskrpc.wire.messages import DEFAULT_LIMITS, Listing, Resolve, TopicEndpoint
-from taskrpc.wire.messages import Endpoint as Named
+from taskrpc.wire.messages import DEFAULT_LIMITS, Listing, Resolve, ServiceEndpoint, TopicEndpoint
 
 if TYPE_CHECKING:
     from taskrpc.observer import Connections
@@ -47,8 +46,8 @@ if TYPE_CHECKING:
     from taskrpc.transport.limits.backpressure import Backpressure
     from taskrpc.transport.limits.calls_in_flight import CallsInFlight
     from taskrpc.transport.pubsub.endpoint_topics import Topics
-    from taskrpc.transport.pubsub.publishing import Publication
-    from taskrpc.transport.pubsub.subscribing import Reception
+    from taskrpc.transport.pubsub.publishing import LocalPublisher
+    from taskrpc.transport.pubsub.subscribing import LocalSubscription
 
 log = logging.getLogger("taskrpc.transport")
 
@@ -89,7 +88,7 @@ class Endpoint(ThreadHandoff):
         self.id = os.urandom(16)
         self.call_numbers = itertools.count(1)
         self.counters = RequestCounters(lambda: os.urandom(16))
-        self.backpressure: Unread
+        self.backpressure: Backpressure
         """Made by `_take_connections`, as `calls_in_flight` is: many programs only call."""
         self.calls_in_flight: CallsInFlight
         self.refusals = LimitedLog(log)
@@ -108,18 +107,18 @@ class Endpoint(ThreadHandoff):
 
     def add_node(self, name: str) -> None:
         """Announce a node."""
-        self.publish(Change(node=name))
+        self.publish(EntryChange(node=name))
 
     def remove_node(self, name: str) -> None:
         """Withdraw a node's announcement."""
-        self.publish(Change(node=name, gone=True))
+        self.publish(EntryChange(node=name, gone=True))
 
     def offer(self, offer: Offer) -> None:
         """Take calls for a service."""
         self._take_connections()
         self._offers.add(offer)
         try:
-            self.publish(Change(service=_named(offer)), claim="" if offer.join else offer.name)
+            self.publish(EntryChange(service=_named(offer)), claim="" if offer.join else offer.name)
         except BaseException:
             self._offers.remove(offer)
             raise
@@ -128,16 +127,16 @@ class Endpoint(ThreadHandoff):
     def withdraw(self, offer: Offer) -> None:
         """Stop taking calls for a service."""
         if self._offers.remove(offer):
-            self.publish(Change(service=_named(offer), gone=True))
+            self.publish(EntryChange(service=_named(offer), gone=True))
             self._advertise()
 
-    def add_server(self, server: Named) -> None:
+    def add_server(self, server: ServiceEndpoint) -> None:
         """Announce another server of a service of this process; it takes no calls itself."""
-        self.publish(Change(service=server))
+        self.publish(EntryChange(service=server))
 
-    def remove_server(self, server: Named) -> None:
+    def remove_server(self, server: ServiceEndpoint) -> None:
         """Withdraw such an announcement."""
-        self.publish(Change(service=server, gone=True))
+        self.publish(EntryChange(service=server, gone=True))
 
     def replace(self, offer: Offer, by: Offer) -> None:
         """Take the calls that come from now on for another offer of the same service."""
@@ -149,24 +148,24 @@ class Endpoint(ThreadHandoff):
         self, name: str, srv_type: ServiceType, node: str, *, otherwise: str = ""
     ) -> RemoteChannel:
         """A way to call a service for a node; the service `otherwise` where nobody offers it."""
-        named = Named(name, srv_type._TYPE, srv_type._HASH, node)
-        self.publish(Change(client=named))
+        named = ServiceEndpoint(name, srv_type._TYPE, srv_type._HASH, node)
+        self.publish(EntryChange(client=named))
         return RemoteChannel(self, named, srv_type, otherwise=otherwise)
 
-    def channel_closed(self, named: Named) -> None:
+    def channel_closed(self, named: ServiceEndpoint) -> None:
         """A client is gone."""
-        self.publish(Change(client=named, gone=True))
+        self.publish(EntryChange(client=named, gone=True))
 
     def publication(
         self, named: TopicEndpoint, msg_type: Any, role: Role, on_mismatch: Any = None
-    ) -> Publication:
+    ) -> LocalPublisher:
         """A publisher's way to its subscriptions."""
         self._take_connections()
         return self.topics.publication(named, msg_type, role, on_mismatch)
 
     def reception(
         self, named: TopicEndpoint, msg_type: Any, deliver: Any, on_mismatch: Any = None
-    ) -> Reception:
+    ) -> LocalSubscription:
         """A subscription's way to the publishers of its topic."""
         return self.topics.reception(named, msg_type, deliver, on_mismatch)
 
@@ -181,7 +180,7 @@ class Endpoint(ThreadHandoff):
 
     # Transport: the graph
 
-    async def graph(self) -> list[Entry]:
+    async def graph(self) -> list[RegistryEntry]:
         """Every process that can be seen, unreachable peers left out."""
         asked = [self._list_peer(address) for address in self.network.peers()]
         remote = await asyncio.gather(*asked)
@@ -338,7 +337,7 @@ class Endpoint(ThreadHandoff):
             channel = self.network.channel(connection.transport, serving=connection.serves)
             connection.session.vouch(voucher, channel)
 
-    def publish(self, change: Change, *, claim: str = "") -> None:
+    def publish(self, change: EntryChange, *, claim: str = "") -> None:
         """Tell everybody of a change to what this process has."""
         if self._closed:
             return
@@ -364,7 +363,7 @@ class Endpoint(ThreadHandoff):
             connection.session.advertise()
             connection.flush()
 
-    async def _list_peer(self, address: Address) -> Entry | None:
+    async def _list_peer(self, address: Address) -> RegistryEntry | None:
         deadline = self.loop.time() + LISTING_TIMEOUT
         try:
             connection = await self.dialler.connection(address, deadline)
@@ -403,7 +402,7 @@ class Endpoint(ThreadHandoff):
             for served in list(self._served):
                 served.check_account(book.now, time.time())
         if self.address and self.network.certificate != self._roster.about.certificate:
-            self.publish(Change())
+            self.publish(EntryChange())
 
     def _look_again(self) -> None:
         if self._ticker is None and not self._closed:
@@ -433,8 +432,8 @@ def _serving_class(*, threads: bool) -> type[ServingConnection]:
     return ThreadedServing
 
 
-def _named(offer: Offer) -> Named:
-    return Named(offer.name, offer.srv_type._TYPE, offer.srv_type._HASH, offer.node)
+def _named(offer: Offer) -> ServiceEndpoint:
+    return ServiceEndpoint(offer.name, offer.srv_type._TYPE, offer.srv_type._HASH, offer.node)
 
 
 class OfferTable:

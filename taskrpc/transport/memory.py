@@ -18,7 +18,7 @@ import msgspec
 
 from taskrpc.errors import NameInUse
 from taskrpc.security.roles import account_of
-from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
+from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.network import Address, Factory
 
 if TYPE_CHECKING:
@@ -144,7 +144,7 @@ class MemoryNetwork:
             raise ConnectionRefusedError(f"nobody listens at {address.place}")
         return listener
 
-    def publish(self, roster: TrackedEntry, change: Change, *, claim: str = "") -> None:
+    def publish(self, roster: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
         """Tell everybody in this loop of a change to what this endpoint has."""
         for network, other in self._hub.rosters.items():
             if claim and network is not self and other.offers(claim):
@@ -179,7 +179,7 @@ class MemoryNetwork:
         given = self._account_token
         return network.token if given is None or network.accounts is None else given
 
-    def entries(self) -> list[Entry]:
+    def entries(self) -> list[RegistryEntry]:
         """What every endpoint of this loop has."""
         return [roster.entry() for roster in self._hub.rosters.values()]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import msgspec
 
-from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
+from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.wire.handshake import Voucher
 
 if TYPE_CHECKING:
@@ -69,7 +69,7 @@ class Network(Protocol):
     def channel(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
         """What both ends know of a connection, and nobody between them can have the same of two."""
 
-    def publish(self, roster: TrackedEntry, change: Change, *, claim: str = "") -> None:
+    def publish(self, roster: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
         """Tell everybody of a change to what this process has; the roster takes note of it.
 
         Raises NameInUse, and nothing has changed, if another process offers the service `claim`.
@@ -81,7 +81,7 @@ class Network(Protocol):
     def publishing(self, topics: Collection[str]) -> list[tuple[Address, Collection[str]]]:
         """Which other processes publish any of these topics, or must be asked, and which."""
 
-    def entries(self) -> list[Entry]:
+    def entries(self) -> list[RegistryEntry]:
         """What the directory knows of every process, this one included."""
 
     def peers(self) -> list[Address]:

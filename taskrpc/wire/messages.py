@@ -91,7 +91,7 @@ class Resolved(msgspec.Struct, array_like=True):
     """The store of an exactly-once service, towards which requests are counted; else empty."""
 
 
-class Endpoint(msgspec.Struct, array_like=True, frozen=True):
+class ServiceEndpoint(msgspec.Struct, array_like=True, frozen=True):
     """One service or client that a node has."""
 
     name: Name
@@ -133,8 +133,8 @@ class Listing(msgspec.Struct, array_like=True):
     """What a process has to offer, and who is in it."""
 
     nodes: list[Name]
-    services: list[Endpoint]
-    clients: list[Endpoint]
+    services: list[ServiceEndpoint]
+    clients: list[ServiceEndpoint]
     publishers: list[TopicEndpoint] = []
     subscriptions: list[TopicEndpoint] = []
 

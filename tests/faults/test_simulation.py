@@ -21,9 +21,9 @@ from taskrpc.tasks.model import LEVELS, Task, TaskState
 from taskrpc.tasks.records.repository import TaskRepository
 from taskrpc.tasks.server import TaskServer
 from taskrpc.tasks.worker import Worker
-from taskrpc.transport import endpoint
 from taskrpc.transport.base import IncomingCall
 from taskrpc.transport.connection.client_side import CallingConnection, OpenCall
+from taskrpc.transport.connection.server_side import ServingConnection
 from taskrpc.transport.pubsub import publishing, subscribing
 from tests.faults.harness import Bug, Counts
 from tests.simulation.ledger import PROMISES
@@ -203,7 +203,7 @@ def know_a_request_id_only_from_one_program(patch):
 
 
 def leave_their_connections_to_the_revoked(patch):
-    patch(endpoint, "look_after_accounts", lambda served, accounts, today: None)
+    patch(ServingConnection, "check_account", lambda served, accounts, today: None)
 
 
 def count_leases_by_the_wall_clock(patch):
@@ -292,13 +292,13 @@ def let_a_lost_subscription_go(patch):
 
 
 def count_no_lost_message(patch):
-    arrived = subscribing.Reception.arrived
+    arrived = subscribing.LocalSubscription.arrived
 
     def uncounted(self, link, event, read):
         arrived(self, link, event, read)
         self.lost = 0
 
-    patch(subscribing.Reception, "arrived", uncounted)
+    patch(subscribing.LocalSubscription, "arrived", uncounted)
 
 
 def publish_to_whoever_asks(patch):

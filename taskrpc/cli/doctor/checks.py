@@ -19,10 +19,10 @@ from taskrpc.cli.shared.remote import HERE, PATIENCE, Remote
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
 from taskrpc.security.lab import remembered_lab
-from taskrpc.transport.discovery.entries import Entry
+from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.transport.limits.keepalive import keepalive_of
 from taskrpc.transport.tcp.tcp_network import domain_id, environment_peers
-from taskrpc.wire.messages import Endpoint
+from taskrpc.wire.messages import ServiceEndpoint
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,7 +131,7 @@ async def programs() -> AsyncIterator[Finding]:
             yield note(f"in domain {domain} there are {', '.join(elsewhere)}", advice)
 
 
-async def _reach(entry: Entry) -> Finding:
+async def _reach(entry: RegistryEntry) -> Finding:
     try:
         await HERE.listing(entry.address)
     except TaskRpcError as error:
@@ -140,7 +140,7 @@ async def _reach(entry: Entry) -> Finding:
     return ok(f"{_who(entry)} at {entry.address} offers {listed}")
 
 
-def _silent(entry: Entry, error: TaskRpcError) -> Finding:
+def _silent(entry: RegistryEntry, error: TaskRpcError) -> Finding:
     """Why a program does not answer that the registry knows, and so still lives."""
     if platform.is_stopped(entry.pid):
         return problem(
@@ -159,13 +159,13 @@ def _silent(entry: Entry, error: TaskRpcError) -> Finding:
     return problem(f"{_who(entry)} does not answer: {error}", advice)
 
 
-def _who(entry: Entry) -> str:
+def _who(entry: RegistryEntry) -> str:
     return f"{entry.script} (pid {entry.pid}, in {entry.folder})"
 
 
-def _disagreements(serving: Sequence[Entry]) -> Iterator[Finding]:
+def _disagreements(serving: Sequence[RegistryEntry]) -> Iterator[Finding]:
     """Services whose definition is not the same everywhere."""
-    first: dict[str, tuple[Endpoint, Entry]] = {}
+    first: dict[str, tuple[ServiceEndpoint, RegistryEntry]] = {}
     for entry in serving:
         for service in entry.services:
             known, owner = first.setdefault(service.name, (service, entry))
@@ -181,7 +181,7 @@ def _disagreements(serving: Sequence[Entry]) -> Iterator[Finding]:
             yield from _differs_here(type_name, type_hash, entry)
 
 
-def _differs_here(type_name: str, type_hash: str, entry: Entry) -> Iterator[Finding]:
+def _differs_here(type_name: str, type_hash: str, entry: RegistryEntry) -> Iterator[Finding]:
     try:
         local = srvgen.type_hash(type_name)
     except srvgen.DefinitionError:
@@ -223,14 +223,14 @@ async def ask_health(remote: Remote) -> AsyncIterator[Finding]:
                 yield finding
 
 
-async def _services(remote: Remote) -> Iterable[Endpoint]:
+async def _services(remote: Remote) -> Iterable[ServiceEndpoint]:
     if remote.place:
         return (await remote.listing(remote.place)).services
     here = graph.domains().get(domain_id(), [])
     return [service for entry in here for service in entry.services]
 
 
-def _health_services(services: Iterable[Endpoint]) -> list[str]:
+def _health_services(services: Iterable[ServiceEndpoint]) -> list[str]:
     asked = {each.name for each in services if each.type_name == _HEALTH_TYPE}
     return sorted(name for name in asked if name.endswith("/health"))
 

@@ -8,7 +8,7 @@ from typing import Any
 import srvgen
 from taskrpc.cli.shared.command import NotFound, hinted
 from taskrpc.node import Node
-from taskrpc.transport.discovery.entries import Entry
+from taskrpc.transport.discovery.entries import RegistryEntry
 
 
 class ParamServices:
@@ -55,14 +55,14 @@ class ParamServices:
             client.destroy()
 
 
-def owners(entries: Iterable[Entry]) -> list[str]:
+def owners(entries: Iterable[RegistryEntry]) -> list[str]:
     """The nodes that have parameters, sorted."""
     end = "/list_parameters"
     names = (service.name for entry in entries for service in entry.services)
     return sorted(name.removesuffix(end) for name in names if name.endswith(end))
 
 
-def checked_owner(name: str, entries: Iterable[Entry]) -> str:
+def checked_owner(name: str, entries: Iterable[RegistryEntry]) -> str:
     """The node that is meant. Raises NotFound."""
     from srvgen.definitions.names import did_you_mean
 

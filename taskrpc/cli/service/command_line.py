@@ -12,8 +12,8 @@ from taskrpc.cli.shared.parsing import Commands, add_command, add_group, print_n
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:
-    from taskrpc.transport.discovery.entries import Entry
-    from taskrpc.wire.messages import Endpoint
+    from taskrpc.transport.discovery.entries import RegistryEntry
+    from taskrpc.wire.messages import ServiceEndpoint
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -179,7 +179,7 @@ def _info(options: argparse.Namespace) -> int:
     return Exit.DONE
 
 
-def _facts(kind: str, endpoint: Endpoint, entry: Entry) -> dict[str, str | int]:
+def _facts(kind: str, endpoint: ServiceEndpoint, entry: RegistryEntry) -> dict[str, str | int]:
     """What is known of one end of a service, under the names that are printed."""
     from taskrpc.cli.shared import graph
 
@@ -207,14 +207,14 @@ def _print_facts(facts: Mapping[str, object]) -> None:
     print("\n".join(graph.qos_lines()))
 
 
-def _look(options: argparse.Namespace) -> list[Entry]:
+def _look(options: argparse.Namespace) -> list[RegistryEntry]:
     from taskrpc.cli.shared import graph
     from taskrpc.cli.shared.remote import remote_of
 
     return graph.look(remote_of(options))
 
 
-def _unknown(options: argparse.Namespace, name: str, entries: Iterable[Entry]) -> NotFound:
+def _unknown(options: argparse.Namespace, name: str, entries: Iterable[RegistryEntry]) -> NotFound:
     from taskrpc.cli.shared import graph
 
     hint = graph.unknown_service_hint(name, entries, options.connect or "")

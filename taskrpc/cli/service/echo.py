@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     import argparse
     from collections.abc import Iterable
 
-    from taskrpc.transport.discovery.entries import Entry
+    from taskrpc.transport.discovery.entries import RegistryEntry
 
 _DEPTH = 100
 
@@ -88,7 +88,7 @@ async def _echo(options: argparse.Namespace) -> None:
         await feed.wait()
 
 
-def _service_type(given: str, name: str, entries: Iterable[Entry]) -> Any:
+def _service_type(given: str, name: str, entries: Iterable[RegistryEntry]) -> Any:
     types = [given] if given else graph.services(entries, hidden=True).get(name, [])
     if not types:
         hint = graph.unknown_service_hint(name, entries, "")

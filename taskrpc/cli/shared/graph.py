@@ -13,10 +13,10 @@ from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
 from taskrpc.security.lab import remembered_lab
 from taskrpc.transport.connection.dialling import STOPPED
-from taskrpc.transport.discovery.entries import Entry, entry_of
+from taskrpc.transport.discovery.entries import RegistryEntry, entry_of
 from taskrpc.transport.discovery.registry import Registry
 from taskrpc.transport.tcp.tcp_network import domain_id, environment_peers
-from taskrpc.wire.messages import Endpoint, TopicEndpoint
+from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
 _SHOWN = 5
 _OF_EVERY_NODE = {
@@ -30,29 +30,29 @@ _OF_EVERY_NODE = {
 }
 
 
-def look(remote: Remote) -> list[Entry]:
+def look(remote: Remote) -> list[RegistryEntry]:
     """Every process in this domain, or the one elsewhere; never the one that asks."""
     return asyncio.run(_look(remote))
 
 
-async def _look(remote: Remote) -> list[Entry]:
+async def _look(remote: Remote) -> list[RegistryEntry]:
     async with remote.node() as node:
         return await entries_of(remote, node)
 
 
-async def entries_of(remote: Remote, node: Node) -> list[Entry]:
+async def entries_of(remote: Remote, node: Node) -> list[RegistryEntry]:
     """The same for a command that has a node already."""
     if remote.place:
         return [entry_of(remote.place, await remote.listing(remote.place))]
     return others(await node.graph())
 
 
-def others(entries: Iterable[Entry]) -> list[Entry]:
+def others(entries: Iterable[RegistryEntry]) -> list[RegistryEntry]:
     """The entries of all processes but this one."""
     return [entry for entry in entries if entry.pid != os.getpid()]
 
 
-def services(entries: Iterable[Entry], *, hidden: bool = False) -> dict[str, list[str]]:
+def services(entries: Iterable[RegistryEntry], *, hidden: bool = False) -> dict[str, list[str]]:
     """Each service that is offered, by name, with its type; several where servers disagree."""
     found: dict[str, set[str]] = {}
     for entry in entries:
@@ -62,7 +62,7 @@ def services(entries: Iterable[Entry], *, hidden: bool = False) -> dict[str, lis
     return {name: sorted(found[name]) for name in sorted(found)}
 
 
-def gid(entry: Entry, endpoint: Endpoint | TopicEndpoint, kind: int) -> str:
+def gid(entry: RegistryEntry, endpoint: ServiceEndpoint | TopicEndpoint, kind: int) -> str:
     """The GID of an endpoint as ros2 prints it; rclpy programs see the same GID.
 
     `kind` is the value of rclpy's `EndpointTypeEnum`.
@@ -87,7 +87,7 @@ def qos_lines(*, reliable: bool = True, depth: int = 10, latched: bool = False) 
     ]
 
 
-def domains() -> dict[int, list[Entry]]:
+def domains() -> dict[int, list[RegistryEntry]]:
     """Every taskrpc process of this user on this machine, by domain."""
     found = {}
     for folder in sorted(platform.runtime_dir().glob("domain_*")):
@@ -124,7 +124,7 @@ def _out_of_reach(place: str, lost: TaskRpcError, waited: str) -> ServiceUnavail
     return hinted(ServiceUnavailable(problem), f"find out why: {doctor}")
 
 
-def _silent(entry: Entry, service: str, waited: str) -> ServiceUnavailable:
+def _silent(entry: RegistryEntry, service: str, waited: str) -> ServiceUnavailable:
     """The error for a running process that offers a service and does not answer."""
     who = f"{entry.script} (pid {entry.pid})"
     if platform.is_stopped(entry.pid):
@@ -139,7 +139,7 @@ def _silent(entry: Entry, service: str, waited: str) -> ServiceUnavailable:
     )
 
 
-def unknown_service_hint(service: str, entries: Iterable[Entry], place: str = "") -> str:
+def unknown_service_hint(service: str, entries: Iterable[RegistryEntry], place: str = "") -> str:
     """A hint for the user of a service that no program offers."""
     from srvgen.definitions.names import near
 

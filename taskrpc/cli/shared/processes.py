@@ -9,7 +9,7 @@ from pathlib import Path
 
 from taskrpc import names
 from taskrpc.cli.shared import graph
-from taskrpc.transport.discovery.entries import Entry
+from taskrpc.transport.discovery.entries import RegistryEntry
 
 
 @dataclass(frozen=True, slots=True)
@@ -17,7 +17,7 @@ class Process:
     """A process and what it has; one of several domains or event loops has several entries."""
 
     domain: int
-    entries: tuple[Entry, ...]
+    entries: tuple[RegistryEntry, ...]
 
     @property
     def pid(self) -> int:
@@ -71,7 +71,7 @@ def _is_tail(name: str, script: Path) -> bool:
 
 def processes() -> list[Process]:
     """All processes but this one, oldest first."""
-    found: dict[int, list[tuple[int, Entry]]] = {}
+    found: dict[int, list[tuple[int, RegistryEntry]]] = {}
     for domain, entries in graph.domains().items():
         for entry in entries:
             found.setdefault(entry.pid, []).append((domain, entry))
@@ -95,6 +95,6 @@ def listing(found: Iterable[Process]) -> str:
     return ", ".join(str(process) for process in found)
 
 
-def _is_command(entry: Entry) -> bool:
+def _is_command(entry: RegistryEntry) -> bool:
     # A command that only looks, such as `service list`, is not what a user started to run.
     return bool(entry.nodes) and not entry.services and all(map(names.is_hidden, entry.nodes))

@@ -11,7 +11,7 @@ from taskrpc.cli.shared import graph, quoting
 from taskrpc.cli.shared.command import Exit, NotFound, hinted
 from taskrpc.cli.shared.parsing import print_names
 from taskrpc.cli.shared.remote import remote_of
-from taskrpc.transport.discovery.entries import Entry
+from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.wire.messages import TopicEndpoint
 
 if TYPE_CHECKING:
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _KINDS = {"PUBLISHER": 1, "SUBSCRIPTION": 2}
 """The kinds of endpoints, with their values in rclpy's `EndpointTypeEnum`."""
 
-Ends: TypeAlias = list[tuple[TopicEndpoint, Entry]]
+Ends: TypeAlias = list[tuple[TopicEndpoint, RegistryEntry]]
 
 
 class Topic:
@@ -36,7 +36,7 @@ class Topic:
         return sorted({each.type_name for each, _ in self.publishers + self.subscriptions})
 
 
-def topics(entries: Iterable[Entry], *, hidden: bool = False) -> dict[str, Topic]:
+def topics(entries: Iterable[RegistryEntry], *, hidden: bool = False) -> dict[str, Topic]:
     """Every topic by its name."""
     found: dict[str, Topic] = {}
     for entry in entries:
@@ -122,7 +122,7 @@ def print_info(options: argparse.Namespace) -> int:
     return Exit.DONE
 
 
-def _end(kind: str, end: TopicEndpoint, entry: Entry) -> Iterator[str]:
+def _end(kind: str, end: TopicEndpoint, entry: RegistryEntry) -> Iterator[str]:
     namespace, _, node = end.node.rpartition("/")
     yield f"Node name: {node}"
     yield f"Node namespace: {namespace or '/'}"

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from taskrpc.sync.loop_thread import LoopThread
     from taskrpc.sync.topics import Publisher, Subscription
     from taskrpc.transport.base import OnMismatch
-    from taskrpc.transport.discovery.entries import Entry
+    from taskrpc.transport.discovery.entries import RegistryEntry
 
 T = TypeVar("T")
 
@@ -64,7 +64,7 @@ class Bridge:
         """Run a coroutine on the loop, and wait for what it returns."""
         return self._loop.run(coroutine, "a node's method")
 
-    def graph(self) -> list[Entry]:
+    def graph(self) -> list[RegistryEntry]:
         """Every process that can be seen."""
         return self.native.graph()
 

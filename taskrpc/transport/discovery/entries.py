@@ -8,12 +8,12 @@ from typing import TypeVar
 
 import msgspec
 
-from taskrpc.wire.messages import Endpoint, Listing, TopicEndpoint
+from taskrpc.wire.messages import Listing, ServiceEndpoint, TopicEndpoint
 
-_Item = TypeVar("_Item", str, Endpoint, TopicEndpoint)
+_Item = TypeVar("_Item", str, ServiceEndpoint, TopicEndpoint)
 
 
-class Entry(msgspec.Struct, frozen=True, tag=True, dict=True):
+class RegistryEntry(msgspec.Struct, frozen=True, tag="Entry", dict=True):
     """What one process says of itself."""
 
     pid: int
@@ -28,14 +28,14 @@ class Entry(msgspec.Struct, frozen=True, tag=True, dict=True):
     certificate: str = ""
     """PEM; what a caller of `address` must be shown, "" where it is a plain connection."""
     nodes: tuple[str, ...] = ()
-    services: tuple[Endpoint, ...] = ()
-    clients: tuple[Endpoint, ...] = ()
+    services: tuple[ServiceEndpoint, ...] = ()
+    clients: tuple[ServiceEndpoint, ...] = ()
     publishers: tuple[TopicEndpoint, ...] = ()
     subscriptions: tuple[TopicEndpoint, ...] = ()
 
     def __repr__(self) -> str:
         # Without the token: what is printed ends in logs.
-        return f"Entry(pid={self.pid}, script={self.script!r}, address={self.address!r})"
+        return f"RegistryEntry(pid={self.pid}, script={self.script!r}, address={self.address!r})"
 
     def offers(self, service: str) -> bool:
         """Whether the process offers a service of this absolute name."""
@@ -46,9 +46,9 @@ class Entry(msgspec.Struct, frozen=True, tag=True, dict=True):
         return frozenset(endpoint.name for endpoint in self.services)
 
 
-def entry_of(place: str, listing: Listing) -> Entry:
+def entry_of(place: str, listing: Listing) -> RegistryEntry:
     """What a process elsewhere has told of itself."""
-    return Entry(
+    return RegistryEntry(
         pid=0,
         script=place,
         folder="",
@@ -62,12 +62,12 @@ def entry_of(place: str, listing: Listing) -> Entry:
     )
 
 
-class Change(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
+class EntryChange(msgspec.Struct, frozen=True, tag="Change", omit_defaults=True):
     """What came to a process, or went from it."""
 
     node: str = ""
-    service: Endpoint | None = None
-    client: Endpoint | None = None
+    service: ServiceEndpoint | None = None
+    client: ServiceEndpoint | None = None
     publisher: TopicEndpoint | None = None
     subscription: TopicEndpoint | None = None
     gone: bool = False
@@ -79,25 +79,25 @@ class Change(msgspec.Struct, frozen=True, tag=True, omit_defaults=True):
 
     def __repr__(self) -> str:
         # Without the token: what is printed ends in logs.
-        return f"Change(node={self.node!r}, service={self.service!r}, client={self.client!r})"
+        return f"EntryChange(node={self.node!r}, service={self.service!r}, client={self.client!r})"
 
 
 class TrackedEntry:
     """What one process has, kept up to date change by change, each in constant time."""
 
-    def __init__(self, entry: Entry) -> None:
+    def __init__(self, entry: RegistryEntry) -> None:
         self.about = entry
         """Who and where the process is; its own lists say what was there at the beginning."""
-        self.services: dict[str, Endpoint] = {}
+        self.services: dict[str, ServiceEndpoint] = {}
         """One server of each service, by absolute name."""
-        self._servers: dict[Endpoint, int] = {}
+        self._servers: dict[ServiceEndpoint, int] = {}
         self._offered: dict[str, int] = {}
         self._nodes: dict[str, int] = {}
-        self._clients: dict[Endpoint, int] = {}
+        self._clients: dict[ServiceEndpoint, int] = {}
         self._publishers: dict[TopicEndpoint, int] = {}
         self._subscriptions: dict[TopicEndpoint, int] = {}
         self._topics: dict[str, int] = {}
-        self._entry: Entry | None = entry
+        self._entry: RegistryEntry | None = entry
         for node in entry.nodes:
             _add(self._nodes, node)
         for service in entry.services:
@@ -109,7 +109,7 @@ class TrackedEntry:
         for subscription in entry.subscriptions:
             _add(self._subscriptions, subscription)
 
-    def apply(self, change: Change) -> None:
+    def apply(self, change: EntryChange) -> None:
         """Take note of a change."""
         self._entry = None
         if change.address:
@@ -144,7 +144,7 @@ class TrackedEntry:
         """Whether the process publishes a topic of this absolute name."""
         return topic in self._topics
 
-    def entry(self) -> Entry:
+    def entry(self) -> RegistryEntry:
         """All of it, as it is now."""
         if self._entry is None:
             self._entry = msgspec.structs.replace(
@@ -157,7 +157,7 @@ class TrackedEntry:
             )
         return self._entry
 
-    def _count_server(self, server: Endpoint, *, gone: bool) -> None:
+    def _count_server(self, server: ServiceEndpoint, *, gone: bool) -> None:
         name = server.name
         if not gone:
             _add(self._servers, server)

@@ -15,7 +15,7 @@ from pathlib import Path
 import msgspec
 
 from taskrpc import platform
-from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
+from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 
 _SLACK = 4096
 """Bytes of changes that are never worth a new entry."""
@@ -25,10 +25,10 @@ TIME_STEP = 1000
 """Nanoseconds that every file system can tell apart."""
 
 _encode = msgspec.json.Encoder().encode
-_decode = msgspec.json.Decoder(Entry | Change).decode
+_decode = msgspec.json.Decoder(RegistryEntry | EntryChange).decode
 
 
-def line_of(number: int, record: Entry | Change) -> bytes:
+def line_of(number: int, record: RegistryEntry | EntryChange) -> bytes:
     """A record as it stands in a journal."""
     text = b"%d %s" % (number, _encode(record))
     return b"%08x %s\n" % (zlib.crc32(text), text)
@@ -46,7 +46,7 @@ class Journal:
         self._room = 0
         self._written = 0
 
-    def write(self, roster: TrackedEntry, change: Change) -> None:
+    def write(self, roster: TrackedEntry, change: EntryChange) -> None:
         """Write down a change of what is in a roster, which takes note of it then."""
         if self._size >= self._room:
             self._roll_up(roster)
@@ -113,9 +113,9 @@ class JournalReader:
         began, place = -1, self._place
         for line in data.split(b"\n")[:-1]:
             number, record = _parsed(line)
-            if isinstance(record, Entry) and number > self._number:
+            if isinstance(record, RegistryEntry) and number > self._number:
                 began, self.roster = place, TrackedEntry(record)
-            elif isinstance(record, Change) and self.roster and number == self._number + 1:
+            elif isinstance(record, EntryChange) and self.roster and number == self._number + 1:
                 self.roster.apply(record)
             else:
                 number = 0
@@ -125,7 +125,7 @@ class JournalReader:
         return began
 
 
-def _parsed(line: bytes) -> tuple[int, Entry | Change | None]:
+def _parsed(line: bytes) -> tuple[int, RegistryEntry | EntryChange | None]:
     checksum, _, text = line.partition(b" ")
     if checksum != b"%08x" % zlib.crc32(text):
         return 0, None

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from taskrpc import platform
 from taskrpc.errors import NameInUse
-from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
+from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.discovery.journal import TIME_STEP, Journal, JournalReader
 
 
@@ -33,7 +33,7 @@ class Registry:
         self._readers: dict[Path, tuple[tuple[int, int], JournalReader]] = {}
         _open_registries.add(self)
 
-    def publish(self, roster: TrackedEntry, change: Change, *, claim: str = "") -> None:
+    def publish(self, roster: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
         """Tell everybody of a change to what this process has; the roster takes note of it.
 
         `claim` names a service that nobody else may offer; raises NameInUse when somebody does.
@@ -67,7 +67,7 @@ class Registry:
             found += self._second_look(unclear)
         return found
 
-    def entries(self) -> list[Entry]:
+    def entries(self) -> list[RegistryEntry]:
         """The entries of all living processes, this one included, oldest first."""
         return [roster.entry() for roster in self.rosters()]
 
@@ -159,7 +159,7 @@ class Registry:
         return found
 
 
-def _second_server(name: str, entry: Entry) -> str:
+def _second_server(name: str, entry: RegistryEntry) -> str:
     since = time.strftime("%H:%M:%S", time.localtime(entry.since))
     return (
         f"{name} is already offered by {entry.script} (pid {entry.pid}, in {entry.folder},"
@@ -181,9 +181,9 @@ if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_abandon_all)
 
 
-def this_process() -> Entry:
+def this_process() -> RegistryEntry:
     """An entry that has nothing yet."""
-    return Entry(pid=os.getpid(), script=_script(), folder=_folder(), since=time.time())
+    return RegistryEntry(pid=os.getpid(), script=_script(), folder=_folder(), since=time.time())
 
 
 def _script() -> str:

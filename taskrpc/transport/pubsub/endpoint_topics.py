@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import Deliver, OnMismatch
-from taskrpc.transport.discovery.entries import Change
-from taskrpc.transport.pubsub.publishing import Publication, RemoteSubscriber, RemoteSubscription
-from taskrpc.transport.pubsub.subscribing import Reception, SubscriptionLink, TopicsContext
+from taskrpc.transport.discovery.entries import EntryChange
+from taskrpc.transport.pubsub.publishing import LocalPublisher, RemoteSubscriber, RemoteSubscription
+from taskrpc.transport.pubsub.subscribing import LocalSubscription, SubscriptionLink, TopicsContext
 from taskrpc.wire import topics as wire
 from taskrpc.wire.messages import TopicEndpoint
 
@@ -25,9 +25,9 @@ class Topics:
 
     def __init__(self, home: TopicsContext) -> None:
         self._home = home
-        self._publications: dict[str, dict[Publication, None]] = {}
+        self._publications: dict[str, dict[LocalPublisher, None]] = {}
         self._wanted: dict[str, dict[RemoteSubscription, None]] = {}
-        self._receptions: dict[str, dict[Reception, None]] = {}
+        self._receptions: dict[str, dict[LocalSubscription, None]] = {}
         self._links: dict[str, SubscriptionLink] = {}
         self._numbers = 0
         self._publishers = 0
@@ -47,11 +47,11 @@ class Topics:
         msg_type: Any,
         role: Role,
         on_mismatch: OnMismatch | None = None,
-    ) -> Publication:
+    ) -> LocalPublisher:
         """A new publisher's way to its subscriptions."""
-        self._home.publish(Change(publisher=named))
+        self._home.publish(EntryChange(publisher=named))
         number = self._number_for(named.name)
-        each = Publication(self, named, msg_type, number, role, on_mismatch)
+        each = LocalPublisher(self, named, msg_type, number, role, on_mismatch)
         _put(self._publications, named.name, each)
         for reception in self._receptions.get(named.name, ()):
             self._match_here(each, reception)
@@ -69,7 +69,7 @@ class Topics:
                 self._publishers += 1
         return self._publishers & wire.PUBLISHER_MASK
 
-    def publication_closed(self, publication: Publication) -> None:
+    def publication_closed(self, publication: LocalPublisher) -> None:
         """A publisher is gone."""
         named = publication.named
         if _drop(self._publications, named.name, publication):
@@ -79,7 +79,7 @@ class Topics:
             for feed in publication.feeds.values():
                 publication.lost += len(feed.waiting)
                 feed.drop_waiting()
-            self._home.publish(Change(publisher=named, gone=True))
+            self._home.publish(EntryChange(publisher=named, gone=True))
             self._announce_soon(named.name)
 
     def subscriber_of(self, connection: ServingConnection) -> SubscriberEvents:
@@ -134,11 +134,11 @@ class Topics:
         msg_type: Any,
         deliver: Deliver,
         on_mismatch: OnMismatch | None = None,
-    ) -> Reception:
+    ) -> LocalSubscription:
         """A new subscription's way to the publishers of its topic."""
-        self._home.publish(Change(subscription=named))
+        self._home.publish(EntryChange(subscription=named))
         self._numbers += 1
-        each = Reception(self, named, msg_type, self._numbers, deliver, on_mismatch)
+        each = LocalSubscription(self, named, msg_type, self._numbers, deliver, on_mismatch)
         _put(self._receptions, named.name, each)
         for publication in self._publications.get(named.name, ()):
             self._match_here(publication, each)
@@ -149,7 +149,7 @@ class Topics:
             self.soon(self._look)
         return each
 
-    def reception_closed(self, reception: Reception) -> None:
+    def reception_closed(self, reception: LocalSubscription) -> None:
         """A subscription is gone."""
         named = reception.named
         if _drop(self._receptions, named.name, reception):
@@ -159,7 +159,7 @@ class Topics:
                     publication.matches_changed()
             for link in self._links.values():
                 link.forget(reception)
-            self._home.publish(Change(subscription=named, gone=True))
+            self._home.publish(EntryChange(subscription=named, gone=True))
             if not self._receptions and self._search is not None:
                 self._search.cancel()
                 self._search = None
@@ -176,7 +176,7 @@ class Topics:
         if tasks:
             await asyncio.wait(tasks)
 
-    def _match_here(self, publication: Publication, reception: Reception) -> None:
+    def _match_here(self, publication: LocalPublisher, reception: LocalSubscription) -> None:
         if reception.refuses(publication.named):
             publication.refuses(reception.named, "of this process")
             return

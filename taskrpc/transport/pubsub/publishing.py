@@ -23,7 +23,7 @@ from taskrpc.wire.messages import DEFAULT_LIMITS, Publishing, TopicEndpoint
 
 if TYPE_CHECKING:
     from taskrpc.transport.connection.server_side import ServingConnection
-    from taskrpc.transport.pubsub.subscribing import Reception
+    from taskrpc.transport.pubsub.subscribing import LocalSubscription
 
 log = logging.getLogger("taskrpc.topics")
 
@@ -33,7 +33,7 @@ MAX_OWED = 32 * 1024 * 1024
 """Bytes of messages that wait for one connection to read."""
 
 
-class PublishingTopics(Protocol):
+class PublisherTopics(Protocol):
     """What publishers and remote subscriptions need from the topics of their process."""
 
     def soon(self, action: Callable[[], object]) -> None:
@@ -42,7 +42,7 @@ class PublishingTopics(Protocol):
     def announce_changed(self) -> None:
         """Announce new publishers to the subscriptions of other processes."""
 
-    def publication_closed(self, publication: Publication) -> None:
+    def publication_closed(self, publication: LocalPublisher) -> None:
         """Remove a publisher."""
 
     def subscribed(self, subscription: RemoteSubscription) -> None:
@@ -55,12 +55,12 @@ class PublishingTopics(Protocol):
         """Stop the publishers that the subscriber's new role may not see."""
 
 
-class Publication:
+class LocalPublisher:
     """One publisher, seen from the wire."""
 
     def __init__(
         self,
-        topics: PublishingTopics,
+        topics: PublisherTopics,
         named: TopicEndpoint,
         msg_type: Any,
         number: int,
@@ -74,7 +74,7 @@ class Publication:
         """The least that a subscriber's account must be."""
         self._encode = codec_of(msg_type).encode
         self.feeds: dict[RemoteSubscription, Feed] = {}
-        self.local: dict[Reception, None] = {}
+        self.local: dict[LocalSubscription, None] = {}
         self.on_matched: Callable[[], object] = _nothing
         """Called in a turn of its own when other subscriptions match."""
         self.is_announced = False
@@ -160,7 +160,7 @@ class Feed:
     __slots__ = ("_publication", "_subscriber", "_subscription_id", "waiting")
 
     def __init__(
-        self, publication: Publication, subscriber: RemoteSubscriber, subscription_id: int
+        self, publication: LocalPublisher, subscriber: RemoteSubscriber, subscription_id: int
     ) -> None:
         self._publication = publication
         self._subscriber = subscriber
@@ -215,14 +215,14 @@ class RemoteSubscription:
         self.number = number
         self.wanted = wanted
 
-    def announce(self, publications: list[Publication]) -> None:
+    def announce(self, publications: list[LocalPublisher]) -> None:
         """Tell it who publishes its topic here, and match it with those that it can have."""
         connection = self.subscriber.connection
         told = [Publishing(each.number, each.named, self.refusal(each)) for each in publications]
         wire.announce(connection.session, self.number, told)
         connection.flush_soon()
 
-    def match(self, publication: Publication) -> None:
+    def match(self, publication: LocalPublisher) -> None:
         """Feed it from a publisher, if it can have that one."""
         where = self.subscriber.connection.peer_name
         if self.refusal(publication) or publication.refuses(self.wanted, where):
@@ -233,7 +233,7 @@ class RemoteSubscription:
             for sequence, body in list(publication.latched)[-self.wanted.depth :]:
                 feed.send(sequence, body)
 
-    def refusal(self, publication: Publication) -> str:
+    def refusal(self, publication: LocalPublisher) -> str:
         """Why its caller's role is too small for a publisher, "" where it is not."""
         connection = self.subscriber.connection
         if connection.role >= publication.role:
@@ -247,7 +247,7 @@ class RemoteSubscription:
 class RemoteSubscriber:
     """Another process's end of a connection: its subscriptions, and what they are owed."""
 
-    def __init__(self, topics: PublishingTopics, connection: ServingConnection) -> None:
+    def __init__(self, topics: PublisherTopics, connection: ServingConnection) -> None:
         self.connection = connection
         self.owed = 0
         """Bytes that wait for it to read."""

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from taskrpc.transport.connection.client_side import CallingConnection
     from taskrpc.transport.connection.dialling import Dialler
     from taskrpc.transport.discovery.availability import Availability
-    from taskrpc.transport.discovery.entries import Change
+    from taskrpc.transport.discovery.entries import EntryChange
 
 MOST_TOLD = 100
 """Warnings of one subscription: peers can make up any number of mismatches."""
@@ -50,26 +50,26 @@ class TopicsContext(Protocol):
     availability: Availability
     address: str
 
-    def publish(self, change: Change, *, claim: str = "") -> None:
+    def publish(self, change: EntryChange, *, claim: str = "") -> None:
         """Tell everybody of a change to what this process has."""
 
 
-class ReceptionTopics(Protocol):
+class SubscriptionTopics(Protocol):
     """What a subscription needs from the topics of its process."""
 
     def soon(self, action: Callable[[], object]) -> None:
         """Do something in a later turn of the event loop."""
 
-    def reception_closed(self, reception: Reception) -> None:
+    def reception_closed(self, reception: LocalSubscription) -> None:
         """Remove a subscription."""
 
 
-class Reception:
+class LocalSubscription:
     """One subscription, seen from the wire."""
 
     def __init__(
         self,
-        topics: ReceptionTopics,
+        topics: SubscriptionTopics,
         named: TopicEndpoint,
         msg_type: Any,
         number: int,
@@ -179,7 +179,7 @@ class SubscriptionLink:
         self.address = address
         self.peer_id = b""
         """The program at the other end, once connected."""
-        self.receptions: dict[int, Reception] = {}
+        self.receptions: dict[int, LocalSubscription] = {}
         """Those that want something of that process."""
         self._home = home
         self._connection: CallingConnection | None = None
@@ -188,7 +188,7 @@ class SubscriptionLink:
         """A program that is not asked: ourselves, by another address, or one without topics."""
         self._task = home.loop.create_task(self._keep())
 
-    def want(self, receptions: Iterable[Reception]) -> None:
+    def want(self, receptions: Iterable[LocalSubscription]) -> None:
         """Subscribe, now or as soon as there is a connection."""
         for each in receptions:
             if each.number in self.receptions:
@@ -199,7 +199,7 @@ class SubscriptionLink:
             self.receptions[each.number] = each
             self._subscribe(each)
 
-    def forget(self, reception: Reception) -> None:
+    def forget(self, reception: LocalSubscription) -> None:
         """Unsubscribe."""
         if self.receptions.pop(reception.number, None) is not None and self._connection:
             self._connection.say(lambda session: wire.unsubscribe(session, reception.number))
@@ -282,7 +282,7 @@ class SubscriptionLink:
         for reception in self.receptions.values():
             reception.forget_counts(lambda peer_id, _: peer_id == self.peer_id)
 
-    def _tell_of_too_many(self, first: Reception) -> None:
+    def _tell_of_too_many(self, first: LocalSubscription) -> None:
         if not self._has_too_many:
             self._has_too_many = True
             log.warning(
@@ -292,7 +292,7 @@ class SubscriptionLink:
                 first.named.name,
             )
 
-    def _subscribe(self, reception: Reception) -> None:
+    def _subscribe(self, reception: LocalSubscription) -> None:
         if self._connection is not None and self.peer_id != self._mute:
             number, wanted = reception.number, reception.named
             self._connection.say(lambda session: wire.subscribe(session, number, wanted))

@@ -19,7 +19,7 @@ from taskrpc.errors import AuthenticationFailed, CannotListen, TaskRpcError
 from taskrpc.security.lab import Lab
 from taskrpc.security.roles import account_of
 from taskrpc.security.tls import ServerTls, Tls, common_name, digest, pinned_context
-from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
+from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.discovery.registry import Registry
 from taskrpc.transport.network import Address, Factory
 from taskrpc.transport.tcp.unix_sockets import (
@@ -157,7 +157,7 @@ class TcpNetwork:
         assert self._server_tls is not None, "only then connections that come are encrypted"
         return self._server_tls.shown_with(encrypted.context)
 
-    def publish(self, roster: TrackedEntry, change: Change, *, claim: str = "") -> None:
+    def publish(self, roster: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
         """Tell everybody on this machine of a change to what this process has."""
         self._registry.publish(roster, change, claim=claim)
 
@@ -186,7 +186,7 @@ class TcpNetwork:
                     found += [(_address(roster.about), there)] if there else []
         return found
 
-    def entries(self) -> list[Entry]:
+    def entries(self) -> list[RegistryEntry]:
         """What the registry knows; with peers given, only what is this process's."""
         entries = self._registry.entries()
         return [each for each in entries if each.pid == os.getpid()] if self._peers else entries
@@ -246,7 +246,7 @@ def _refuse_stranger(address: Address, host: str, *, encrypted: bool) -> None:
         )
 
 
-def _address(entry: Entry) -> Address:
+def _address(entry: RegistryEntry) -> Address:
     """Where another process of this machine reaches an entry's."""
     place = entry.address
     for everywhere, here in (("0.0.0.0:", "127.0.0.1:"), ("[::]:", "[::1]:")):

@@ -6,8 +6,8 @@ import json
 
 import pytest
 
-from taskrpc.transport.discovery.entries import Entry
-from taskrpc.wire.messages import Endpoint, TopicEndpoint
+from taskrpc.transport.discovery.entries import RegistryEntry
+from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
 pytestmark = pytest.mark.real_time
 
@@ -56,8 +56,8 @@ def test_node_info_of_an_unknown_node(server, run):
 
 def test_nodes_of_one_name_are_warned_of(run, monkeypatch):
     there = [
-        Entry(1, "n.py", "/home", 0.0, nodes=("/twin", "/one")),
-        Entry(2, "n.py", "/home", 0.0, nodes=("/twin",)),
+        RegistryEntry(1, "n.py", "/home", 0.0, nodes=("/twin", "/one")),
+        RegistryEntry(2, "n.py", "/home", 0.0, nodes=("/twin",)),
     ]
     monkeypatch.setattr("taskrpc.cli.shared.graph.look", lambda remote: there)
     assert run("node", "list", "--count") == (0, "3\n", "")
@@ -76,13 +76,13 @@ def test_nodes_of_one_name_are_warned_of(run, monkeypatch):
     assert run("node", "info", "/one")[2] == ""
 
 
-HIDDEN = Entry(
+HIDDEN = RegistryEntry(
     1,
     "n.py",
     "/home",
     0.0,
     nodes=("/lab/_secret", "/_lab/plain", "/seen"),
-    services=tuple(Endpoint(name, ADD, "", "/seen") for name in ("/a", "/a/_b", "/_c/d")),
+    services=tuple(ServiceEndpoint(name, ADD, "", "/seen") for name in ("/a", "/a/_b", "/_c/d")),
     publishers=tuple(
         TopicEndpoint(name, "std_msgs/msg/String", "", "/seen", 1, True, False)
         for name in ("/t", "/t/_u", "/_v/w")

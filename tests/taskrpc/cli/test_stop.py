@@ -12,8 +12,8 @@ import time
 import pytest
 
 from taskrpc.cli.shared.processes import Process
-from taskrpc.transport.discovery.entries import Entry
-from taskrpc.wire.messages import Endpoint
+from taskrpc.transport.discovery.entries import RegistryEntry
+from taskrpc.wire.messages import ServiceEndpoint
 
 pytestmark = pytest.mark.real_time
 
@@ -39,8 +39,8 @@ def test_ps_with_nobody_running(run):
 
 @pytest.mark.parametrize("name", ["17", "adder", "adder.py", "/other", "other", "/add", "add"])
 def test_a_program_is_meant_by_pid_script_node_or_service(name):
-    service = Endpoint("/add", ADD, "", "/other")
-    entry = Entry(17, "adder.py", "/home", 0.0, nodes=("/other",), services=(service,))
+    service = ServiceEndpoint("/add", ADD, "", "/other")
+    entry = RegistryEntry(17, "adder.py", "/home", 0.0, nodes=("/other",), services=(service,))
     assert Process(0, (entry,)).is_meant_by(name)
     assert not Process(0, (entry,)).is_meant_by(name + "x")
 
@@ -49,7 +49,7 @@ def test_a_program_is_meant_by_pid_script_node_or_service(name):
     "name", ["server.py", "server", "08_debugging/server.py", "/home/a/08_debugging/server.py"]
 )
 def test_a_script_is_meant_by_the_end_of_its_path_wherever_it_was_started(name):
-    entry = Entry(42, "08_debugging/server.py", "/home/a", 0.0)
+    entry = RegistryEntry(42, "08_debugging/server.py", "/home/a", 0.0)
     assert Process(0, (entry,)).is_meant_by(name)
     assert not Process(0, (entry,)).is_meant_by("erver.py")
     assert not Process(0, (entry,)).is_meant_by(f"b/{name}")

@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from typing import Any, TypeAlias
 
 from taskrpc.introspection import gid_of
-from taskrpc.transport.discovery.entries import Entry
+from taskrpc.transport.discovery.entries import RegistryEntry
 
 from ...endpoint_info import EndpointTypeEnum, ServiceEndpointInfo, TopicEndpointInfo
 from ...qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy, qos_profile_services_default
@@ -56,7 +56,7 @@ def forget(thing: Any) -> None:
     _ours.pop(thing, None)
 
 
-def publishers_of(entries: Iterable[Entry], topic: str) -> list[TopicEndpointInfo]:
+def publishers_of(entries: Iterable[RegistryEntry], topic: str) -> list[TopicEndpointInfo]:
     """The publishers of a topic."""
     kind = EndpointTypeEnum.PUBLISHER
     return [
@@ -67,7 +67,7 @@ def publishers_of(entries: Iterable[Entry], topic: str) -> list[TopicEndpointInf
     ]
 
 
-def subscriptions_of(entries: Iterable[Entry], topic: str) -> list[TopicEndpointInfo]:
+def subscriptions_of(entries: Iterable[RegistryEntry], topic: str) -> list[TopicEndpointInfo]:
     """The subscriptions of a topic."""
     kind = EndpointTypeEnum.SUBSCRIPTION
     return [
@@ -78,7 +78,7 @@ def subscriptions_of(entries: Iterable[Entry], topic: str) -> list[TopicEndpoint
     ]
 
 
-def servers_of(entries: Iterable[Entry], service: str) -> list[ServiceEndpointInfo]:
+def servers_of(entries: Iterable[RegistryEntry], service: str) -> list[ServiceEndpointInfo]:
     """The servers of a service."""
     kind = EndpointTypeEnum.SERVER
     return [
@@ -89,7 +89,7 @@ def servers_of(entries: Iterable[Entry], service: str) -> list[ServiceEndpointIn
     ]
 
 
-def clients_of(entries: Iterable[Entry], service: str) -> list[ServiceEndpointInfo]:
+def clients_of(entries: Iterable[RegistryEntry], service: str) -> list[ServiceEndpointInfo]:
     """The clients of a service."""
     kind = EndpointTypeEnum.CLIENT
     return [
@@ -106,7 +106,7 @@ def split(node: str) -> tuple[str, str]:
     return name, namespace or "/"
 
 
-def _topic(entry: Entry, one: Any, kind: EndpointTypeEnum) -> TopicEndpointInfo:
+def _topic(entry: RegistryEntry, one: Any, kind: EndpointTypeEnum) -> TopicEndpointInfo:
     name, namespace = split(one.node)
     return TopicEndpointInfo(
         node_name=name,
@@ -119,7 +119,7 @@ def _topic(entry: Entry, one: Any, kind: EndpointTypeEnum) -> TopicEndpointInfo:
     )
 
 
-def _service(entry: Entry, one: Any, kind: EndpointTypeEnum) -> ServiceEndpointInfo:
+def _service(entry: RegistryEntry, one: Any, kind: EndpointTypeEnum) -> ServiceEndpointInfo:
     name, namespace = split(one.node)
     return ServiceEndpointInfo(
         node_name=name,
@@ -133,7 +133,7 @@ def _service(entry: Entry, one: Any, kind: EndpointTypeEnum) -> ServiceEndpointI
     )
 
 
-def _whole_profile(entry: Entry, one: Any, kind: EndpointTypeEnum) -> QoSProfile | None:
+def _whole_profile(entry: RegistryEntry, one: Any, kind: EndpointTypeEnum) -> QoSProfile | None:
     if entry.pid != os.getpid():
         return None
     for *known, profile in list(_ours.values()):

@@ -8,7 +8,7 @@ from typing import Any
 
 from taskrpc import names
 from taskrpc.errors import InvalidName
-from taskrpc.transport.discovery.entries import Entry
+from taskrpc.transport.discovery.entries import RegistryEntry
 
 from ...endpoint_info import ServiceEndpointInfo, TopicEndpointInfo
 from ...exceptions import NodeNameNonExistentError
@@ -28,7 +28,7 @@ class NodeGraph:
     def __init__(self, node: NodeInterface) -> None:
         self._node = node
 
-    def _entries(self) -> list[Entry]:
+    def _entries(self) -> list[RegistryEntry]:
         """The visible processes, each with its nodes, topics and services."""
         return self._node.handle.bridge.graph()
 
@@ -129,7 +129,7 @@ class NodeGraph:
         return True
 
     def _by_node(
-        self, name: str, namespace: str, things: Callable[[Entry], Iterable[Any]]
+        self, name: str, namespace: str, things: Callable[[RegistryEntry], Iterable[Any]]
     ) -> NamesAndTypes:
         node = names.fully_qualified(namespace, name)
         entries = [entry for entry in self._entries() if node in entry.nodes]
@@ -139,7 +139,9 @@ class NodeGraph:
             )
         return _gathered(entries, lambda entry: [one for one in things(entry) if one.node == node])
 
-    def _count(self, name: str, is_service: bool, things: Callable[[Entry], Iterable[Any]]) -> int:
+    def _count(
+        self, name: str, is_service: bool, things: Callable[[RegistryEntry], Iterable[Any]]
+    ) -> int:
         full = self._absolute_name(name, is_service)
         return sum(one.name == full for entry in self._entries() for one in things(entry))
 
@@ -159,11 +161,13 @@ class NodeGraph:
         return resolve(name)
 
 
-def _topics(entry: Entry) -> list[Any]:
+def _topics(entry: RegistryEntry) -> list[Any]:
     return [*entry.publishers, *entry.subscriptions]
 
 
-def _gathered(entries: Iterable[Entry], things: Callable[[Entry], Iterable[Any]]) -> NamesAndTypes:
+def _gathered(
+    entries: Iterable[RegistryEntry], things: Callable[[RegistryEntry], Iterable[Any]]
+) -> NamesAndTypes:
     found: dict[str, set[str]] = {}
     for entry in entries:
         for one in things(entry):

@@ -8,7 +8,7 @@ import srvgen
 import taskrpc.sync
 from taskrpc.cli.doctor import checks
 from taskrpc.cli.main import main
-from taskrpc.wire.messages import Endpoint
+from taskrpc.wire.messages import ServiceEndpoint
 
 pytestmark = pytest.mark.real_time
 
@@ -51,7 +51,7 @@ def test_a_server_that_does_not_say_is_a_problem(node, capsys, monkeypatch):
 
 
 def test_a_server_that_answers_nothing_is_left_to_who_looked_for_it(capsys, monkeypatch):
-    gone = Endpoint("/gone/health", "std_srvs/srv/Trigger", Trigger._HASH, "/gone")
+    gone = ServiceEndpoint("/gone/health", "std_srvs/srv/Trigger", Trigger._HASH, "/gone")
 
     async def services(remote):
         return [gone]

@@ -9,15 +9,15 @@ from taskrpc import sync
 from taskrpc.cli.call import main as call_main
 from taskrpc.cli.main import main
 from taskrpc.cli.shared import graph
-from taskrpc.transport.discovery.entries import Entry
-from taskrpc.wire.messages import Endpoint, TopicEndpoint
+from taskrpc.transport.discovery.entries import RegistryEntry
+from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
 ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
 
 
-def entry(*names: str, type_name: str = "a/srv/A", pid: int = 1) -> Entry:
-    services = tuple(Endpoint(name, type_name, "", "/n") for name in names)
-    return Entry(pid, "s.py", "/", 0.0, "127.0.0.1:1", services=services)
+def entry(*names: str, type_name: str = "a/srv/A", pid: int = 1) -> RegistryEntry:
+    services = tuple(ServiceEndpoint(name, type_name, "", "/n") for name in names)
+    return RegistryEntry(pid, "s.py", "/", 0.0, "127.0.0.1:1", services=services)
 
 
 @pytest.mark.parametrize(
@@ -94,8 +94,8 @@ def test_gids_are_those_that_rclpy_programs_see():
 
     hash_ = "RIHS01_" + "0" * 64
     topic = TopicEndpoint("/t", "a/msg/A", hash_, "/n", 1, True, False)
-    service = Endpoint("/s", "a/srv/A", hash_, "/n")
-    one = Entry(
+    service = ServiceEndpoint("/s", "a/srv/A", hash_, "/n")
+    one = RegistryEntry(
         7,
         "s.py",
         "/",

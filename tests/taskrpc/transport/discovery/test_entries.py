@@ -8,17 +8,17 @@ from hypothesis import strategies as st
 from taskrpc.classroom import register
 from taskrpc.security import accounts
 from taskrpc.security.lab import Lab
-from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
+from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.network import Address
 from taskrpc.wire import handshake
-from taskrpc.wire.messages import Endpoint
+from taskrpc.wire.messages import ServiceEndpoint
 
-ABOUT = Entry(pid=1, script="a.py", folder="/", since=1.0)
+ABOUT = RegistryEntry(pid=1, script="a.py", folder="/", since=1.0)
 NAMES = st.sampled_from(["a", "b", "c", "c2"])  # the last two are one name on two nodes
 
 
 def endpoint(name):
-    return Endpoint(f"/{name[0]}", "a/srv/B", "R", f"/n{name}")
+    return ServiceEndpoint(f"/{name[0]}", "a/srv/B", "R", f"/n{name}")
 
 
 @given(st.lists(st.tuples(st.sampled_from(["node", "client", "service"]), NAMES, st.booleans())))
@@ -31,7 +31,7 @@ def test_what_came_and_has_not_gone_is_there_as_often_as_it_came(steps):
             continue
         counts[name] += -1 if gone else 1
         item = name if kind == "node" else endpoint(name)
-        roster.apply(Change(**{kind: item}, gone=gone))
+        roster.apply(EntryChange(**{kind: item}, gone=gone))
     entry = roster.entry()
     assert Counter(entry.nodes) == +expected["node"]
     assert Counter(entry.clients) == Counter(map(endpoint, expected["client"].elements()))
@@ -44,14 +44,14 @@ def test_what_came_and_has_not_gone_is_there_as_often_as_it_came(steps):
 
 def test_an_entry_is_not_made_anew_while_nothing_changes():
     roster = TrackedEntry(ABOUT)
-    roster.apply(Change(node="/a"))
+    roster.apply(EntryChange(node="/a"))
     assert roster.entry() is roster.entry()
 
 
 def test_a_roster_learns_where_its_process_takes_calls():
     roster = TrackedEntry(ABOUT)
-    roster.apply(Change(address="127.0.0.1:7", token="ab", certificate="PEM"))
-    roster.apply(Change(node="/a"))
+    roster.apply(EntryChange(address="127.0.0.1:7", token="ab", certificate="PEM"))
+    roster.apply(EntryChange(node="/a"))
     entry = roster.entry()
     assert (entry.address, entry.token, entry.certificate) == ("127.0.0.1:7", "ab", "PEM")
     assert "ab" not in repr(entry)
@@ -61,17 +61,17 @@ def test_the_oldest_node_is_the_first_that_is_still_there():
     roster = TrackedEntry(ABOUT)
     assert roster.first_node == ""
     for node in ("/a", "/b"):
-        roster.apply(Change(node=node))
+        roster.apply(EntryChange(node=node))
     assert roster.first_node == "/a"
-    roster.apply(Change(node="/a", gone=True))
+    roster.apply(EntryChange(node="/a", gone=True))
     assert roster.first_node == "/b"
 
 
 def test_no_repr_has_a_secret():
     secret = "canary"
     said = [
-        Entry(1, "x.py", "/", 0.0, "host:1", secret),
-        Change(node="/n", address="host:1", token=secret),
+        RegistryEntry(1, "x.py", "/", 0.0, "host:1", secret),
+        EntryChange(node="/n", address="host:1", token=secret),
         handshake._Key(secret.encode(), None),
         register._Row(secret),
         accounts._Row(secret),

@@ -8,16 +8,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from taskrpc.transport.discovery import journal as module
-from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
+from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.discovery.journal import Journal, JournalReader, line_of
-from taskrpc.wire.messages import Endpoint
+from taskrpc.wire.messages import ServiceEndpoint
 
-ABOUT = Entry(pid=1, script="a.py", folder="/", since=1.0)
+ABOUT = RegistryEntry(pid=1, script="a.py", folder="/", since=1.0)
 
 NAMES = st.sampled_from(["/a", "/b", "/Ünï", "/" + "x" * 50])
-ENDPOINTS = st.builds(Endpoint, NAMES, st.just("a/srv/B"), st.just("R"), NAMES)
+ENDPOINTS = st.builds(ServiceEndpoint, NAMES, st.just("a/srv/B"), st.just("R"), NAMES)
 CHANGES = st.builds(
-    Change,
+    EntryChange,
     node=st.just("") | NAMES,
     service=st.none() | ENDPOINTS,
     client=st.none() | ENDPOINTS,
@@ -140,10 +140,10 @@ def test_a_full_disk_leaves_the_old_state_and_the_next_write_succeeds(
 
 
 def test_a_reader_takes_no_line_twice_and_none_out_of_turn(tmp_path):
-    whole, change = line_of(1, ABOUT), line_of(2, Change(node="/a"))
+    whole, change = line_of(1, ABOUT), line_of(2, EntryChange(node="/a"))
     with scratch(tmp_path) as cut:
         assert said(whole + change + change, cut).nodes == ("/a",)
-        assert said(whole + line_of(3, Change(node="/a")), cut).nodes == ()
+        assert said(whole + line_of(3, EntryChange(node="/a")), cut).nodes == ()
         assert said(change + whole, cut).nodes == ()
         assert said(whole + b"garbage\n" + change, cut).nodes == ("/a",)
         assert said(whole + b"garbage" + change, cut).nodes == ()
@@ -153,7 +153,7 @@ def test_a_journal_stays_small_however_much_comes_and_goes(tmp_path):
     path = tmp_path / "journal"
     journal, roster = Journal(path), TrackedEntry(ABOUT)
     for n in range(2000):
-        journal.write(roster, Change(node="/n", gone=bool(n % 2)))
+        journal.write(roster, EntryChange(node="/n", gone=bool(n % 2)))
         assert path.stat().st_size < 8192
     journal.close()
 
@@ -164,7 +164,7 @@ def test_a_reader_reads_on_instead_of_beginning_anew(tmp_path, monkeypatch):
     read, total = os.read, []
     monkeypatch.setattr(os, "read", lambda *args: total.append(read(*args)) or total[-1])
     for n in range(1000):
-        journal.write(roster, Change(node=f"/n{n}"))
+        journal.write(roster, EntryChange(node=f"/n{n}"))
         with path.open("rb") as file:
             reader.read(file.fileno())
     assert reader.roster.entry() == roster.entry()

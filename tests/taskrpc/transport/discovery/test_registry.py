@@ -14,22 +14,22 @@ import pytest
 
 import taskrpc
 from taskrpc import platform
-from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
+from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.discovery.journal import line_of
 from taskrpc.transport.discovery.registry import Registry
-from taskrpc.wire.messages import Endpoint
+from taskrpc.wire.messages import ServiceEndpoint
 
-ADD = Endpoint("/add", "example_interfaces/srv/AddTwoInts", "RIHS01_1", "/adder")
+ADD = ServiceEndpoint("/add", "example_interfaces/srv/AddTwoInts", "RIHS01_1", "/adder")
 
 
 def entry(**fields):
     defaults = {"pid": os.getpid(), "script": "adder.py", "folder": "/home/me", "since": 1.0}
-    return Entry(**{**defaults, **fields})
+    return RegistryEntry(**{**defaults, **fields})
 
 
 def publish(registry, wanted, **options):
     """The first thing that a process says of itself."""
-    registry.publish(TrackedEntry(wanted), Change(), **options)
+    registry.publish(TrackedEntry(wanted), EntryChange(), **options)
 
 
 @pytest.fixture
@@ -53,10 +53,10 @@ def files(registry):
 def test_what_one_process_publishes_the_others_see(registry, other):
     mine = entry(services=(ADD,), address="127.0.0.1:7", token="ab")
     roster = TrackedEntry(mine)
-    registry.publish(roster, Change())
+    registry.publish(roster, EntryChange())
     assert other.entries() == [mine]
-    registry.publish(roster, Change(node="/a"))
-    registry.publish(roster, Change(service=ADD, gone=True))
+    registry.publish(roster, EntryChange(node="/a"))
+    registry.publish(roster, EntryChange(service=ADD, gone=True))
     changed = entry(nodes=("/a",), address="127.0.0.1:7", token="ab")
     assert other.entries() == registry.entries() == [changed]
 
@@ -76,11 +76,11 @@ def test_a_closed_registry_leaves_no_file(registry, other):
 
 DIES = """
 import os, sys, time
-from taskrpc.transport.discovery.entries import Change, Entry, TrackedEntry
+from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 from taskrpc.transport.discovery.registry import Registry
 registry = Registry(0)
-dead = Entry(pid=os.getpid(), script="dead.py", folder="/", since=0.0)
-registry.publish(TrackedEntry(dead), Change())
+dead = RegistryEntry(pid=os.getpid(), script="dead.py", folder="/", since=0.0)
+registry.publish(TrackedEntry(dead), EntryChange())
 print("there", flush=True)
 time.sleep(60)
 """
@@ -151,13 +151,13 @@ def test_a_reader_never_sees_half_an_entry(registry):
     stop = threading.Event()
     names = [f"/node{n}_{'x' * 50}" for n in range(300)]
     roster = TrackedEntry(entry())
-    registry.publish(roster, Change())
+    registry.publish(roster, EntryChange())
 
     def write():
         while not stop.is_set():
             for gone in (False, True):
                 for name in names:
-                    registry.publish(roster, Change(node=name, gone=gone))
+                    registry.publish(roster, EntryChange(node=name, gone=gone))
 
     writer = threading.Thread(target=write)
     writer.start()
@@ -185,7 +185,7 @@ def test_a_reader_never_sees_half_an_entry(registry):
         b"\xff" * 100,
         line_of(1, entry())[:-1],
         line_of(1, entry()).replace(b"adder.py", b"other.py"),
-        line_of(1, Change(node="/a")),
+        line_of(1, EntryChange(node="/a")),
     ],
 )
 def test_an_unreadable_entry_of_a_living_process_is_passed_over(registry, contents):
@@ -216,7 +216,7 @@ def test_every_change_changes_the_signature(registry, other, monkeypatch):
     roster = TrackedEntry(entry())
     for _ in range(250):
         for gone in (False, True):
-            registry.publish(roster, Change(node="/n", gone=gone))
+            registry.publish(roster, EntryChange(node="/n", gone=gone))
             seen.add(other.signature())
     registry.close()
     seen.add(other.signature())
@@ -226,7 +226,7 @@ def test_every_change_changes_the_signature(registry, other, monkeypatch):
 def test_readers_see_each_of_many_changes_at_once(registry, other):
     roster = TrackedEntry(entry())
     for n in range(300):
-        registry.publish(roster, Change(node="/n", client=ADD, gone=bool(n % 2)))
+        registry.publish(roster, EntryChange(node="/n", client=ADD, gone=bool(n % 2)))
         assert other.entries() == [roster.entry()]
 
 
@@ -237,9 +237,9 @@ def test_of_two_who_claim_a_name_at_once_one_gets_it(registry):
     def claim(own):
         roster = TrackedEntry(entry())
         for n in range(60):
-            service = Endpoint(f"/s{n}", "a/srv/B", "RIHS01_1", "/a")
+            service = ServiceEndpoint(f"/s{n}", "a/srv/B", "RIHS01_1", "/a")
             try:
-                own.publish(roster, Change(service=service), claim=service.name)
+                own.publish(roster, EntryChange(service=service), claim=service.name)
             except taskrpc.NameInUse:
                 continue
             wins.append(n)
@@ -277,7 +277,9 @@ def test_what_is_written_for_a_service_does_not_grow_with_their_number(registry,
         written.clear()
         for _ in range(count):
             name = f"/s{len(roster.services)}"
-            registry.publish(roster, Change(service=Endpoint(name, "a/srv/B", "R", "/a")))
+            registry.publish(
+                roster, EntryChange(service=ServiceEndpoint(name, "a/srv/B", "R", "/a"))
+            )
         return sum(written) / count
 
     first = spent(500)
@@ -286,17 +288,17 @@ def test_what_is_written_for_a_service_does_not_grow_with_their_number(registry,
 
 def test_each_server_of_one_name_is_kept_until_it_goes(registry, other):
     """Nodes of one program may offer the same name."""
-    first, second = (Endpoint("/s", "a/srv/B", "R", node) for node in ("/a", "/b"))
+    first, second = (ServiceEndpoint("/s", "a/srv/B", "R", node) for node in ("/a", "/b"))
     roster = TrackedEntry(entry())
     for server in (first, second, second):
-        registry.publish(roster, Change(service=server))
+        registry.publish(roster, EntryChange(service=server))
     (seen,) = other.entries()
     assert sorted(each.node for each in seen.services) == ["/a", "/b", "/b"]
     assert sorted(each.node for each in TrackedEntry(seen).entry().services) == ["/a", "/b", "/b"]
     for server in (second, first):
-        registry.publish(roster, Change(service=server, gone=True))
+        registry.publish(roster, EntryChange(service=server, gone=True))
         assert roster.offers("/s")
-    registry.publish(roster, Change(service=second, gone=True))
+    registry.publish(roster, EntryChange(service=second, gone=True))
     assert not roster.offers("/s")
     assert other.entries()[0].services == ()
 
@@ -367,7 +369,7 @@ def test_every_change_changes_the_signature_also_where_the_clock_stands_ahead(
     monkeypatch.setattr(time, "time_ns", lambda: 3 * 10**18)
     roster, seen = TrackedEntry(entry()), []
     for gone in (False, True, False):
-        registry.publish(roster, Change(node="/n", gone=gone))
+        registry.publish(roster, EntryChange(node="/n", gone=gone))
         seen.append(other.signature())
     assert len(set(seen)) == 3
 
