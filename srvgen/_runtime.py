@@ -37,7 +37,7 @@ class FieldError(ValueError):
         return f"{self.path}: {self.problem}" if self.path else self.problem
 
 
-def under(error: ValueError, name: str) -> FieldError:
+def with_prefix(error: ValueError, name: str) -> FieldError:
     """The same error seen from the message that has the faulty one in its field `name`."""
     # The error may come from another package's copy of this file: only its attributes are known.
     path = str(getattr(error, "path", ""))
@@ -45,7 +45,7 @@ def under(error: ValueError, name: str) -> FieldError:
     return FieldError(joined, str(getattr(error, "problem", error)))
 
 
-def shown(value: object) -> str:
+def short_repr(value: object) -> str:
     """A short text for a wrong value, with its type: `'abc' (str)`."""
     try:
         text = reprlib.repr(value)
@@ -55,7 +55,7 @@ def shown(value: object) -> str:
 
 
 def _wrong(path: str, expected: str, value: object) -> NoReturn:
-    raise FieldError(path, f"expected {expected}, got {shown(value)}")
+    raise FieldError(path, f"expected {expected}, got {short_repr(value)}")
 
 
 def _integer(name: str, low: int, high: int) -> Callable[[object, str], int]:
@@ -293,7 +293,7 @@ class NumericArray(_Elements[Number]):
         return type(self), (bytes(self.little_endian()),)
 
 
-_ARRAYS: dict[str, type[NumericArray[Any]]] = {}
+ARRAY_CLASSES: dict[str, type[NumericArray[Any]]] = {}
 """The classes below, by the type of their elements."""
 
 
@@ -301,7 +301,7 @@ def _array_class(code: str, convert: Callable[[Any, str], Number]) -> type[Numer
     element = convert.__name__.removeprefix("to_")
     facts = {"_CODE": code, "_SIZE": array(code).itemsize, "_CONVERT": staticmethod(convert)}
     names = {"__module__": __name__, "__slots__": (), **facts}
-    _ARRAYS[element] = made = type(f"{element.capitalize()}Array", (NumericArray,), names)
+    ARRAY_CLASSES[element] = made = type(f"{element.capitalize()}Array", (NumericArray,), names)
     return made
 
 
@@ -315,7 +315,7 @@ Int64Array = _array_class("q", to_int64)
 Uint64Array = _array_class("Q", to_uint64)
 Float32Array = _array_class("f", to_float32)
 Float64Array = _array_class("d", to_float64)
-_ARRAYS["char"] = Uint8Array
+ARRAY_CLASSES["char"] = Uint8Array
 
 # Messages carry arrays as raw bytes, which msgspec decodes without calling Python; `_check` makes
 # the arrays. Type checkers are told what a program sees.
@@ -342,7 +342,7 @@ def encode_hook(value: Any) -> memoryview:
     try:
         view: memoryview = value.little_endian()
     except AttributeError:
-        raise NotImplementedError(f"a message cannot carry {shown(value)}") from None
+        raise NotImplementedError(f"a message cannot carry {short_repr(value)}") from None
     return view
 
 
@@ -378,7 +378,7 @@ def to_items(
         return [convert(item, f"{path}[{i}]") for i, item in enumerate(items)]
 
 
-def wrong_class(value: object, expected: type[Any], path: str) -> None:
+def require_class(value: object, expected: type[Any], path: str) -> None:
     """Refuse a nested message of another class; subclasses only add checks."""
     if isinstance(value, expected):
         return
@@ -396,11 +396,11 @@ def to_messages(
     try:
         for item in items:
             if type(item) is not expected:
-                wrong_class(item, expected, "")
+                require_class(item, expected, "")
             item._check()
             checked += 1
     except ValueError as error:
-        raise under(error, f"{path}[{checked}]") from None
+        raise with_prefix(error, f"{path}[{checked}]") from None
     return items
 
 
@@ -460,7 +460,7 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
         cls = type(self)
         values = (getattr(self, attribute) for attribute in cls.__struct_fields__)
         parts = (
-            f"{name}={_plain(value)!r}"
+            f"{name}={to_plain(value)!r}"
             for (name, _), value in zip(cls._FIELDS, values, strict=True)
         )
         package = cls.__module__.rpartition(".")[0]
@@ -476,7 +476,7 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
         if type(other) is not type(self):
             return NotImplemented
         names = self.__struct_fields__
-        return all(_are_equal(getattr(self, name), getattr(other, name)) for name in names)
+        return all(are_equal(getattr(self, name), getattr(other, name)) for name in names)
 
 
 def _name_slots_as_rosidl(cls: type[Message]) -> None:
@@ -484,11 +484,11 @@ def _name_slots_as_rosidl(cls: type[Message]) -> None:
     slots = [f"_{name}" for name, _ in cls._FIELDS]
     for (name, _), slot in zip(cls._FIELDS, slots, strict=True):
         if not hasattr(cls, slot):
-            setattr(cls, slot, cls.__dict__[_attribute(cls, name)])
+            setattr(cls, slot, cls.__dict__[attribute_of(cls, name)])
     setattr(cls, "__slots__", [*slots, "_check_fields"])  # noqa: B010 - unknown to type checkers
 
 
-def _attribute(cls: type[Message], name: str) -> str:
+def attribute_of(cls: type[Message], name: str) -> str:
     """A field's attribute: its name, unless Python or we need that."""
     return name if name in cls.__dict__ else f"{name}_"
 
@@ -501,8 +501,8 @@ def _take_arrays_when_set(cls: type[Message]) -> None:
     taken = []
     for name, type_ in cls._FIELDS:
         element, bracket, _ = type_.partition("[")
-        if bracket and (array_class := _ARRAYS.get(element)):
-            attribute = _attribute(cls, name)
+        if bracket and (array_class := ARRAY_CLASSES.get(element)):
+            attribute = attribute_of(cls, name)
             slot = cls.__dict__[attribute]
             taken.append((slot.__get__, slot.__set__, array_class))
             setattr(cls, attribute, property(slot.__get__, _array_setter(slot, array_class)))
@@ -537,7 +537,7 @@ def _array_if_it_fits(array_class: type[NumericArray[Any]], values: Any) -> Any:
         return values
 
 
-def _are_equal(one: Any, other: Any) -> bool:
+def are_equal(one: Any, other: Any) -> bool:
     # numpy's arrays would be compared element by element; all else of one type has an answer.
     if type(one) is type(other) and (isinstance(one, array) or not hasattr(one, "tolist")):
         return bool(one == other)
@@ -546,10 +546,10 @@ def _are_equal(one: Any, other: Any) -> bool:
 
 def _numbers(value: Any) -> Any:
     # Bytes before and the array after a check are equal.
-    return list(value) if isinstance(value, (bytes, bytearray)) else _plain(value)
+    return list(value) if isinstance(value, (bytes, bytearray)) else to_plain(value)
 
 
-def _plain(value: Any) -> Any:
+def to_plain(value: Any) -> Any:
     # Lists before and after a check, arrays and numpy's arrays of the same numbers are equal.
     if isinstance(value, array) or hasattr(value, "tolist"):
         return value.tolist()
@@ -577,7 +577,7 @@ class MessageWithConstants(Message, kw_only=True, metaclass=_ConstantsMeta):
     """The base of messages that have constants or defaults, which nobody can set."""
 
 
-class _RenamingMeta(_ConstantsMeta):
+class RenamingMeta(_ConstantsMeta):
     """Lets a keyword field be written both as `from_` and as `from`."""
 
     def __init__(cls, *args: Any, **options: Any) -> None:
@@ -602,7 +602,7 @@ def _alias(attribute: str) -> property:
     return property(getter, lambda message, value: setattr(message, attribute, value))
 
 
-class RenamedMessage(MessageWithConstants, kw_only=True, metaclass=_RenamingMeta):
+class RenamedMessage(MessageWithConstants, kw_only=True, metaclass=RenamingMeta):
     """The base of messages with a field whose name Python keeps for itself."""
 
 

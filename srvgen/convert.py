@@ -1,35 +1,35 @@
-"""Messages as plain dicts, lists and numbers, and back."""
+"""Converts messages to and from plain dicts, lists and numbers."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from ._runtime import FieldError, Message, shown, to_list, under
-from .definitions.names import near
+from ._runtime import FieldError, Message, short_repr, to_list, with_prefix
+from .definitions.names import similar_names
 
 M = TypeVar("M", bound=Message)
 
 
 def to_builtins(message: Message) -> dict[str, Any]:
-    """A message as dict, list, int, float, str and bool, with ROS's names; a byte is an int.
+    """A message as dict, list, int, float, str and bool, with the names of ROS; a byte is an int.
 
-    The message is checked first, and brought to its exact types, as when it is sent.
+    The message is checked first, and its values are converted to their exact types.
 
     Raises:
-        FieldError: a field holds what its type does not allow.
-        TypeError: it is no message.
+        FieldError: a field has a value that its type does not allow.
+        TypeError: the argument is not a message.
     """
     _check(message)
     return _plain_message(message)
 
 
 def from_builtins(cls: type[M], obj: Any) -> M:
-    """A checked message from a dict; fields that are not named keep their defaults.
+    """A checked message from a dict; fields that are missing in it keep their defaults.
 
     Raises:
         FieldError: an unknown field, or a value that the field's type does not allow.
-        TypeError: `cls` is no message class.
+        TypeError: `cls` is not a message class.
     """
     if not is_message_class(cls):
         raise not_a_message_class(cls)
@@ -39,20 +39,20 @@ def from_builtins(cls: type[M], obj: Any) -> M:
 
 
 def is_message_class(cls: object) -> bool:
-    """Whether it is the class of a message, loaded or generated."""
+    """Whether it is a message class, loaded or generated."""
     return isinstance(cls, type) and hasattr(cls, "_FIELDS")
 
 
 def not_a_message(value: object) -> TypeError:
-    """The error for what should be a message."""
+    """The error for a value that is not a message."""
     example = "such as AddTwoInts.Request()"
-    return TypeError(f"expected a message, {example}, got {shown(value)}")
+    return TypeError(f"expected a message, {example}, got {short_repr(value)}")
 
 
 def not_a_message_class(value: object) -> TypeError:
-    """The error for what should be the class of a message."""
+    """The error for a value that is not a message class."""
     example = "such as AddTwoInts.Request"
-    return TypeError(f"expected a message class, {example}, got {shown(value)}")
+    return TypeError(f"expected a message class, {example}, got {short_repr(value)}")
 
 
 def _check(message: Message) -> None:
@@ -60,8 +60,8 @@ def _check(message: Message) -> None:
         raise not_a_message(message)
     try:
         message._check()
-    except ValueError as error:  # a generated package has a FieldError of its own
-        raise under(error, "") from None
+    except ValueError as error:  # a generated package has its own FieldError class
+        raise with_prefix(error, "") from None
 
 
 def _plain_message(message: Message) -> dict[str, Any]:
@@ -70,7 +70,7 @@ def _plain_message(message: Message) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    if hasattr(value, "_FIELDS"):  # a generated package's messages have a base of their own
+    if hasattr(value, "_FIELDS"):  # messages of a generated package have their own base class
         return _plain_message(value)
     if isinstance(value, bytes):
         return value[0]
@@ -84,7 +84,9 @@ def _build(cls: type[M], obj: Any, path: str) -> M:
         return obj
     if not isinstance(obj, Mapping):
         names = ", ".join(name for name, _ in cls._FIELDS) or "no fields"
-        raise FieldError(path, f"expected the fields of {cls._TYPE} ({names}), got {shown(obj)}")
+        raise FieldError(
+            path, f"expected the fields of {cls._TYPE} ({names}), got {short_repr(obj)}"
+        )
     attributes = {
         name: attribute
         for (name, _), attribute in zip(cls._FIELDS, cls.__struct_fields__, strict=True)
@@ -110,8 +112,8 @@ def _field(cls: type[Message], name: str, value: Any, path: str) -> Any:
 
 def _unknown(cls: type[Message], name: object, path: str) -> FieldError:
     known = [one for one, _ in cls._FIELDS]
-    similar = near(name, known) if isinstance(name, str) else []
+    similar = similar_names(name, known) if isinstance(name, str) else []
     hint = f"; did you mean {similar[0]!r}?" if similar else ""
     has = ", ".join(known) if known else "no fields"
     problem = f"unknown field {name!r}; {cls.__name__} has {has}{hint}"
-    return under(FieldError(str(name), problem), path)
+    return with_prefix(FieldError(str(name), problem), path)

@@ -1,4 +1,4 @@
-"""A definition as plain data: the interface of `srvgen describe --json`."""
+"""Shows a definition to programs (`srvgen describe`) and to people (`srvgen show`)."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from .definitions.model import (
 )
 
 Comments = Literal["own", "all", "none"]
-"""Whose comments are shown: of the definition itself, of the nested ones too, or nobody's."""
+"""Which comments are shown: of the definition itself, also of nested ones, or none."""
 
 Lookup = Callable[[str], tuple[str, Definition]]
 
 
 def describe(definition: Definition) -> dict[str, Any]:
-    """Everything that a definition says, ready for `json.dumps(..., allow_nan=False)`.
+    """A definition as plain data for `json.dumps(..., allow_nan=False)`.
 
-    Nested definitions are named, not followed. Strings keep their backslash escapes, as the
-    official parser leaves them; a number that JSON lacks is `{"$float": "nan"}`.
+    Nested definitions appear only by name. Strings keep their backslash escapes, as in the
+    official parser; a number that JSON does not have is `{"$float": "nan"}`.
     """
     return {"type": definition.full_name, "spec": _spec(definition)}
 
 
 def show(name: str, lookup: Lookup, *, comments: Comments = "own") -> Iterator[str]:
-    """The lines of a definition, each nested one under its field and indented by a tab.
+    """The lines of a definition; nested definitions follow their field, indented by a tab.
 
     Args:
         name: the full name of the type.
-        lookup: gives text and definition of a full name. No type may contain itself.
+        lookup: returns the text and the definition of a full name. No type may contain itself.
         comments: whose comments and blank lines are kept.
     """
     text, definition = lookup(name)

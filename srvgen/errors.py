@@ -1,4 +1,4 @@
-"""What can be wrong with an interface definition, said so that it can be put right."""
+"""The errors and warnings of srvgen: a message, a position, a hint and, if possible, a repair."""
 
 from __future__ import annotations
 
@@ -6,10 +6,10 @@ from collections.abc import Iterable
 from typing import ClassVar, NamedTuple, Self
 
 _LONGEST = 400
-"""Characters that are shown of a line or a sentence."""
+"""Characters shown of a line or a sentence."""
 
 SHOWN = 100
-"""Problems of one file that are shown to people; more are no help."""
+"""Problems shown for one file; a longer list does not help the reader."""
 
 
 class Repair(NamedTuple):
@@ -51,18 +51,17 @@ class InvalidText(Exception):
 class DefinitionError(ValueError):
     """A .srv, .msg or .action text is not a valid definition, or a type cannot be found.
 
-    The attributes come first and the printed text is built from them, so that an editor can use
-    the position and a person can read the sentence.
+    The printed text is built from the attributes, so that an editor can use the position.
 
     Attributes:
-        message: one sentence: what was expected and what came.
-        path: the file (or a name for text that has none).
-        line, column: where, counted from 1; 0 when the whole file is meant.
-        source_line: the offending line as it stands in the file, or "".
-        hint: what the writer most likely meant, or "".
+        message: one sentence: what was expected and what was received.
+        path: the file, or a name for text that is in no file.
+        line, column: the position, counted from 1; 0 if the whole file is meant.
+        source_line: the invalid line as it is in the file, or "".
+        hint: what the author most likely meant, or "".
         repair: what `srvgen fix` writes instead (offsets in the line, and the text), or None.
-        looked_in: where a type or package was looked for that was not found, in order.
-        readable: the definition without its invalid lines, where a text was read, or None.
+        looked_in: where a missing type or package was searched, in order.
+        readable: the `Definition` without its invalid lines if the parser raised this, or None.
     """
 
     level: ClassVar[str] = "error"
@@ -96,13 +95,13 @@ class DefinitionError(ValueError):
 
 
 class DefinitionWarning(DefinitionError):
-    """A line is valid, but hardly means what its writer meant. It is reported, never raised."""
+    """A line is valid, but probably not what its author meant. It is reported, not raised."""
 
     level = "warning"
 
 
 class DefinitionErrors(DefinitionError):
-    """Several problems of one file, found in one run; `problems` has them in order."""
+    """Several problems of one file; `problems` has them in order."""
 
     def __init__(self, problems: list[DefinitionError]) -> None:
         first = problems[0]
@@ -127,7 +126,7 @@ class DefinitionErrors(DefinitionError):
 
 
 def as_text(problem: DefinitionError) -> str:
-    """One problem as people see it, without the places that were looked at."""
+    """One problem as it is printed, without the places that were searched."""
     where = ":".join(str(part) for part in (problem.path, problem.line, problem.column) if part)
     message = _shortened(problem.message)
     lines = [f"{where}: {problem.level}: {message}" if where else message]
@@ -139,16 +138,16 @@ def as_text(problem: DefinitionError) -> str:
 
 
 def looked_in(problems: Iterable[DefinitionError]) -> list[str]:
-    """The line that says where all that was not found was looked for; none where all was found."""
+    """One line with all places that were searched for missing types; no line if there are none."""
     places = list(dict.fromkeys(place for problem in problems for place in problem.looked_in))
     return [f"  looked in: {', '.join(places)}"] if places else []
 
 
 def _pointed_at(line: str, column: int) -> list[str]:
-    """What is shown of a line, and a caret under the column if there is one."""
+    """The shown part of a line, and a caret under the column if there is one."""
     start = max(0, column - _LONGEST // 2) if len(line) > _LONGEST else 0
     shown = line[start : start + _LONGEST]
-    # What moves a terminal's cursor would move the caret too; a tab must stay one for it.
+    # Control characters would move the caret; a tab stays a tab to keep the caret in place.
     shown = "".join(
         one if one == "\t" or one >= " " else "\N{REPLACEMENT CHARACTER}" for one in shown
     )

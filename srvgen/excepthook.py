@@ -1,4 +1,4 @@
-"""Ends a script that lets an error of srvgen escape by one message instead of a traceback.
+"""Prints one message instead of a traceback if a script does not catch an error of srvgen.
 
 Errors of other kinds, such as a script's own TypeError, keep their traceback.
 """
@@ -14,10 +14,10 @@ if TYPE_CHECKING:
     from types import TracebackType
 
 _POSITIONAL = "Extra positional arguments provided"
-"""msgspec's text; a check of our own in the constructors would slow all calls."""
+"""The error text of msgspec; a check in our constructors would slow down all calls."""
 _BY_NAME = "a message takes its fields by name: write Request(a=1, b=2), not Request(1, 2)"
 _ROOT = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
-_OURS = tuple(os.path.join(_ROOT, package, "") for package in ("srvgen", "taskrpc"))
+_OWN_PACKAGES = tuple(os.path.join(_ROOT, package, "") for package in ("srvgen", "taskrpc"))
 
 
 def show_in_one_message(
@@ -30,9 +30,11 @@ def show_in_one_message(
     `is_ours` replaces one without.
     """
     hook = sys.excepthook
-    replaceable = hook is sys.__excepthook__ or (is_ours is not None and isinstance(hook, _Show))
+    replaceable = hook is sys.__excepthook__ or (
+        is_ours is not None and isinstance(hook, _OneMessageHook)
+    )
     if replaceable and not sys.flags.dev_mode:
-        sys.excepthook = _Show(is_ours or _is_of_srvgen, exit_status)
+        sys.excepthook = _OneMessageHook(is_ours or _is_of_srvgen, exit_status)
 
 
 def explain(error: BaseException | None) -> None:
@@ -41,7 +43,7 @@ def explain(error: BaseException | None) -> None:
         error.args = (_BY_NAME,)
 
 
-class _Show:
+class _OneMessageHook:
     """Replaces `sys.excepthook`. The SystemExit that it raises sets the exit status."""
 
     def __init__(
@@ -60,8 +62,8 @@ class _Show:
             sys.__excepthook__(kind, error, traceback)
             return
         for each in errors:
-            place = _place(each.__traceback__) or _place(traceback)
-            message = f"{place}{type(each).__name__}: {each}"
+            location = _location(each.__traceback__) or _location(traceback)
+            message = f"{location}{type(each).__name__}: {each}"
             print("\n  hint: ".join([message, *getattr(each, "__notes__", ())]), file=sys.stderr)
         if not hasattr(sys, "ps1") and not sys.flags.interactive:
             raise SystemExit(self._exit_status(errors[0]))
@@ -83,17 +85,17 @@ def _members(error: BaseException) -> Iterator[BaseException]:
         yield error
 
 
-def _place(traceback: TracebackType | None) -> str:
+def _location(traceback: TracebackType | None) -> str:
     """The last line of a traceback in the program itself, as `file.py:12: `."""
     import sysconfig
 
     folders = [sysconfig.get_path(name) for name in ("stdlib", "platstdlib", "purelib", "platlib")]
-    libraries = *_OURS, *(os.path.join(folder, "") for folder in folders)
-    place = ""
+    libraries = *_OWN_PACKAGES, *(os.path.join(folder, "") for folder in folders)
+    location = ""
     while traceback is not None:
         file = traceback.tb_frame.f_code.co_filename
         if not file.startswith(("<", *libraries)):
             folder = os.path.join(os.getcwd(), "")
-            place = f"{file.removeprefix(folder)}:{traceback.tb_lineno}: "
+            location = f"{file.removeprefix(folder)}:{traceback.tb_lineno}: "
         traceback = traceback.tb_next
-    return place
+    return location

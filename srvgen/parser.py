@@ -1,8 +1,8 @@
-"""From the text of a .msg, .srv or .action file to its model.
+"""Parses the text of a .msg, .srv or .action file into its model.
 
-One pass reads each line; a line that does not fit is looked at again by `diagnosis`, so that a
-valid file pays nothing for good messages, not even their import, and a bad one gets all of them in
-one run.
+One pass reads all lines. For an invalid line the parser calls `diagnostics.line_errors`, which
+finds every error and a hint; for a valid file that package is not even imported. All errors of a
+file are reported in one run.
 """
 
 from __future__ import annotations
@@ -41,55 +41,55 @@ _BOM = "\N{ZERO WIDTH NO-BREAK SPACE}"
 
 
 def parse_msg(text: str, package: str, name: str, *, path: str = "") -> MessageDef:
-    """Read the text of a .msg file as the message `package/msg/name`.
+    """Parse the text of a .msg file as the message `package/msg/name`.
 
     Raises:
-        DefinitionError: with file, line and column of what is wrong; a `DefinitionErrors` where
-            the text has several problems. `path` is what they call the file.
+        DefinitionError: the text is invalid; has the line and the column, and `path` as the
+            name of the file. A `DefinitionErrors` if there are several problems.
     """
-    file = _File(text, package, path)
-    file.check_names(name, "msg")
-    message = file.section(_Span(0, len(file.lines)), "msg", name)
-    file.raise_problems(message)
+    parser = _Parser(text, package, path)
+    parser.check_names(name, "msg")
+    message = parser.section(_Span(0, len(parser.lines)), "msg", name)
+    parser.raise_problems(message)
     return message
 
 
 def parse_srv(text: str, package: str, name: str, *, path: str = "") -> ServiceDef:
-    """Read the text of a .srv file as the service `package/srv/name`.
+    """Parse the text of a .srv file as the service `package/srv/name`.
 
     Raises:
         DefinitionError: as `parse_msg`.
     """
-    file = _File(text, package, path)
-    file.check_names(name, "srv", "_Request", "_Response")
-    request, response = file.split("srv", "service", ("request", "response"))
+    parser = _Parser(text, package, path)
+    parser.check_names(name, "srv", "_Request", "_Response")
+    request, response = parser.split("srv", "service", ("request", "response"))
     service = ServiceDef(
         package,
         name,
-        file.section(request, "srv", f"{name}_Request"),
-        file.section(response, "srv", f"{name}_Response"),
+        parser.section(request, "srv", f"{name}_Request"),
+        parser.section(response, "srv", f"{name}_Response"),
     )
-    file.raise_problems(service)
+    parser.raise_problems(service)
     return service
 
 
 def parse_action(text: str, package: str, name: str, *, path: str = "") -> ActionDef:
-    """Read the text of an .action file as the action `package/action/name`.
+    """Parse the text of an .action file as the action `package/action/name`.
 
     Raises:
         DefinitionError: as `parse_msg`.
     """
-    file = _File(text, package, path)
-    file.check_names(name, "action", "_Goal", "_Result", "_Feedback")
-    goal, result, feedback = file.split("action", "action", ("goal", "result", "feedback"))
+    parser = _Parser(text, package, path)
+    parser.check_names(name, "action", "_Goal", "_Result", "_Feedback")
+    goal, result, feedback = parser.split("action", "action", ("goal", "result", "feedback"))
     action = ActionDef(
         package,
         name,
-        file.section(goal, "action", f"{name}_Goal"),
-        file.section(result, "action", f"{name}_Result"),
-        file.section(feedback, "action", f"{name}_Feedback"),
+        parser.section(goal, "action", f"{name}_Goal"),
+        parser.section(result, "action", f"{name}_Result"),
+        parser.section(feedback, "action", f"{name}_Feedback"),
     )
-    file.raise_problems(action)
+    parser.raise_problems(action)
     return action
 
 
@@ -101,7 +101,7 @@ class _Span(NamedTuple):
 
 
 class _Entry(NamedTuple):
-    """A field or constant whose comment may still grow."""
+    """A field or constant; comment lines may still be added to it."""
 
     element: Callable[..., Field | Constant]
     arguments: tuple[Any, ...]
@@ -110,8 +110,13 @@ class _Entry(NamedTuple):
     column: int
 
 
-class _File:
-    """One text on its way to a model, and the problems found so far."""
+class _Parser:
+    """Parses one text and collects its problems.
+
+    Attributes:
+        lines: the lines with tabs replaced by spaces.
+        left: how many more fields, constants and elements of defaults the file may have.
+    """
 
     def __init__(self, text: str, package: str, path: str) -> None:
         self.path = path
@@ -137,7 +142,7 @@ class _File:
         hint: str = "",
         repair: Repair | None = None,
     ) -> None:
-        """Note a problem; line and column count from 1, 0 means the whole file."""
+        """Add a problem; line and column count from 1, 0 means the whole file."""
         if len(self.problems) >= limits.PROBLEMS:
             return
         source = self._source[line - 1] if 0 < line <= len(self.lines) else ""
@@ -152,7 +157,7 @@ class _File:
         return self.text.splitlines()
 
     def raise_problems(self, readable: Definition) -> None:
-        """End in an error if anything was noted; it has what could be read."""
+        """Raise the collected problems, if any, with the definition without its invalid lines."""
         if not self.problems:
             return
         self.problems.sort(key=lambda problem: (problem.line, problem.column))
@@ -162,7 +167,7 @@ class _File:
         raise error
 
     def check_names(self, name: str, kind: Kind, *suffixes: str) -> None:
-        """Note what is wrong with the package's name and with the type's (from the file's)."""
+        """Check the name of the package, and of the type, which is the name of the file."""
         if not is_package_name(self.package):
             meant = snake_case(self.package)
             self.problem(
@@ -177,18 +182,18 @@ class _File:
             )
 
     def split(self, kind: Kind, noun: str, names: Sequence[str]) -> list[_Span]:
-        """The sections of a service or action; empty ones stand in for what is missing."""
+        """Find the sections of a service or action; missing ones are empty."""
         wanted = len(names) - 1
         found = [at for at, line in enumerate(self.lines) if line == SEPARATOR]
         if len(found) < wanted:
             from .diagnostics.line_hints import looks_like_separator
 
-            alike = [at for at, line in enumerate(self.lines) if looks_like_separator(line)]
-            is_clear = len(alike) == wanted - len(found)
+            lookalikes = [at for at, line in enumerate(self.lines) if looks_like_separator(line)]
+            is_clear = len(lookalikes) == wanted - len(found)
             self._report_missing(
-                len(found), alike[: wanted - len(found)], noun, names, is_clear=is_clear
+                len(found), lookalikes[: wanted - len(found)], noun, names, is_clear=is_clear
             )
-            found = sorted(found + alike[: wanted - len(found)])
+            found = sorted(found + lookalikes[: wanted - len(found)])
         elif len(found) > wanted:
             hint = "a file with three sections is an action: name it .action"
             count = "one line" if wanted == 1 else "two lines"
@@ -207,7 +212,7 @@ class _File:
     def _report_missing(
         self,
         found: int,
-        alike: Sequence[int],
+        lookalikes: Sequence[int],
         noun: str,
         names: Sequence[str],
         *,
@@ -217,25 +222,25 @@ class _File:
 
         parts = f"{', '.join(names[:-1])} and {names[-1]}"
         count = "one line" if len(names) == 2 else "two lines"
-        for at in alike:
+        for at in lookalikes:
             self.problem(
                 f"expected the separator {SEPARATOR} between {parts}, got {self.lines[at]!r}",
                 at + 1,
                 1,
-                "write exactly three hyphens, alone on the line",
+                "write exactly three hyphens and nothing else on the line",
                 separator_repair(self.lines[at]) if is_clear else None,
             )
-        if not alike:
+        if not lookalikes:
             self.problem(
                 f"expected {count} {SEPARATOR} between {parts} of {_article(noun)}, "
                 f"got {found or 'none'} up to the end of the file",
                 max(len(self.lines), 1),
                 len(self.lines[-1].rstrip()) + 1 if self.lines else 1,
-                hint=f"put a line {SEPARATOR} after the {names[found]}, even if nothing follows",
+                hint=f"add a line {SEPARATOR} after the {names[found]}, even if nothing follows it",
             )
 
     def section(self, span: _Span, kind: Kind, name: str) -> MessageDef:
-        """Read one section, noting every problem on the way."""
+        """Parse one section and collect its problems."""
         lines = self.lines[span.start : span.end]
         leading = leading_comments(lines)
         entries = self._entries(lines[leading:], span.start + leading)
@@ -257,12 +262,12 @@ class _File:
         pending: list[str] = []
         for number, line in enumerate(lines, before + 1):
             if len(self.problems) >= limits.PROBLEMS:
-                break  # nobody reads more, and to explain a line costs far more than to read it
+                break  # explaining an invalid line costs far more than parsing a valid one
             code, mark, comment = line.partition("#")
             code_end = code.rstrip()
             if mark:
                 if not code_end and code:
-                    # An indented comment goes on with the definition above it.
+                    # An indented comment belongs to the definition above it.
                     if entries:
                         entries[-1].comments.append(comment.lstrip("#").rstrip())
                     continue
@@ -284,12 +289,10 @@ class _File:
         try:
             return _read(code, self.package, number, comments)
         except InvalidText:
-            from .diagnostics.line_errors import mistakes_in_line
+            from .diagnostics.line_errors import errors_in_line
 
-            for mistake in mistakes_in_line(code, self.package):
-                self.problem(
-                    mistake.message, number, mistake.offset + 1, mistake.hint, mistake.repair
-                )
+            for error in errors_in_line(code, self.package):
+                self.problem(error.message, number, error.offset + 1, error.hint, error.repair)
             return None
 
     def _is_new(self, entry: _Entry, known: dict[str, int]) -> bool:
@@ -336,8 +339,8 @@ def _weight(entry: _Entry) -> int:
 def _check_length(text: str, path: str) -> None:
     try:
         limits.check_length(text)
-    except InvalidText as mistake:
-        raise DefinitionError(mistake.message, path=path) from None
+    except InvalidText as error:
+        raise DefinitionError(error.message, path=path) from None
 
 
 def _build(entry: _Entry) -> Field | Constant:

@@ -1,4 +1,4 @@
-"""Type descriptions and their RIHS01 hashes, by which ROS 2 tells equal types."""
+"""Type descriptions and their RIHS01 hashes, by which ROS 2 recognises equal types."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import Any
 
 from msgspec import json
 
-from .definitions.derived import implied_types, whole
+from .definitions.derived import as_message, derived_types
 from .definitions.model import Definition, Field, FieldType, MessageDef
 
 _TYPE_IDS = {
@@ -33,17 +33,17 @@ _BOUNDED_STRING = {"string": 21, "wstring": 22}
 _FIXED_ARRAY, _BOUNDED_SEQUENCE, _SEQUENCE = 48, 96, 144
 
 HIDDEN_FIELD = Field("structure_needs_at_least_one_member", FieldType("uint8"))
-"""What the hash and the wire have in place of no fields at all."""
+"""The field that the hash and the encoding use for a message without fields."""
 
 Resolve = Callable[[str], Definition]
 
 
 def hash_of(definition: Definition, resolve: Resolve) -> str:
-    """`RIHS01_` and 64 hex digits for a message, service, action or implied type.
+    """`RIHS01_` and 64 hex digits for a message, service, action or derived type.
 
     Args:
-        definition: what to hash.
-        resolve: gives the definition of a full name such as `std_msgs/msg/Header`.
+        definition: the definition to hash.
+        resolve: returns the definition of a full name such as `std_msgs/msg/Header`.
     """
     return Hasher(resolve).hashes([definition])[definition.full_name]
 
@@ -61,10 +61,10 @@ def type_description(definition: Definition, resolve: Resolve) -> dict[str, Any]
 
 
 class Hasher:
-    """Hashes types that have others in common, and describes each of them only once.
+    """Hashes several types, and describes the types that they share only once.
 
     Args:
-        resolve: gives the definition of a full name such as `std_msgs/msg/Header`.
+        resolve: returns the definition of a full name such as `std_msgs/msg/Header`.
     """
 
     def __init__(self, resolve: Resolve) -> None:
@@ -74,18 +74,18 @@ class Hasher:
         self._texts: dict[str, bytes] = {}
 
     def hashes(self, definitions: Sequence[Definition]) -> dict[str, str]:
-        """The hash of each definition by its full name; they may refer to each other."""
+        """The hash of each definition by its full name; definitions may refer to each other."""
         self.know(definitions)
         return {one.full_name: self._hash(one.full_name) for one in definitions}
 
     def know(self, definitions: Sequence[Definition]) -> None:
-        """Use these, and what they imply, for their names."""
+        """Use these definitions and their derived types instead of calling `resolve`."""
         for definition in definitions:
-            for one in (*implied_types(definition), definition):
-                self._known.setdefault(one.full_name, whole(one))
+            for one in (*derived_types(definition), definition):
+                self._known.setdefault(one.full_name, as_message(one))
 
     def description(self, name: str) -> dict[str, Any]:
-        """The description of one type, without those inside it."""
+        """The description of one type without its nested types."""
         return {
             "type_name": name,
             "fields": [
@@ -95,7 +95,7 @@ class Hasher:
         }
 
     def inside(self, name: str) -> list[str]:
-        """The full names of all types inside a type, sorted."""
+        """The full names of all nested types of a type, sorted."""
         found: set[str] = set()
         waiting = {name}
         while waiting:
@@ -114,7 +114,7 @@ class Hasher:
     def _text(self, name: str) -> bytes:
         if name not in self._texts:
             compact = json.encode(self.description(name))
-            # ROS 2 hashes what Python's json.dumps writes: one line, a space behind `,` and `:`.
+            # ROS 2 hashes the format of Python's json.dumps: one line, a space after `,` and `:`.
             self._texts[name] = json.format(compact, indent=0)
         return self._texts[name]
 
@@ -126,7 +126,7 @@ class Hasher:
 
     def _fields(self, name: str) -> tuple[Field, ...]:
         if name not in self._known:
-            self._known[name] = whole(self._resolve(name))
+            self._known[name] = as_message(self._resolve(name))
         return self._known[name].fields or (HIDDEN_FIELD,)
 
 

@@ -151,7 +151,7 @@ def symlink():
 @pytest.fixture
 def ros_classes(monkeypatch):
     """The loader makes classes for programs for ROS, and none that earlier tests have loaded."""
-    monkeypatch.setattr(loader, "_base", loader._base)
+    monkeypatch.setattr(loader, "_runtime_module", loader._runtime_module)
     monkeypatch.setattr(loader, "_built", {})
     monkeypatch.setattr(loader, "_loaded", {})
     loader.make_ros_classes()

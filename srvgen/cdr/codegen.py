@@ -1,4 +1,4 @@
-"""What the sources of compiled encoders and decoders have in common."""
+"""Helpers that write and compile the source of encoders and decoders."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from typing import Any
 
 
 class Position:
-    """Where the next byte stands: a number as long as that is known, then a variable `at`.
+    """The position of the next byte: a number while it is known, later the variable `at`.
 
-    What is added is written down only when the position is asked for.
+    Additions become a statement of generated code only when the position is used.
     """
 
     def __init__(self, lines: list[str], *, is_known: bool) -> None:
@@ -18,21 +18,21 @@ class Position:
         self._terms: list[str] = []
 
     def add(self, size: int | str) -> None:
-        """Go on by a number of bytes, or by an expression of it."""
+        """Advance by a number of bytes, or by an expression."""
         if isinstance(size, int):
             self._number += size
         else:
             self._terms.append(size)
 
-    def ask(self) -> str:
-        """The position: `at`, once that is brought up to date, or a number."""
+    def current(self) -> str:
+        """The position as an expression: a number, or `at` after updating it."""
         if self._base == "" and not self._terms:
             return str(self._number)
         self.assign()
         return "at"
 
     def assign(self) -> None:
-        """Bring `at` up to date."""
+        """Write the statement that updates `at`."""
         terms = [*self._terms, *([str(self._number)] if self._number else ())]
         if self._base and terms:
             self._lines.append(f"at += {' + '.join(terms)}")
@@ -40,26 +40,26 @@ class Position:
             self._lines.append(f"at = {' + '.join(terms) or '0'}")
         self._base, self._number, self._terms = "at", 0, []
 
-    def moved(self) -> None:
-        """Generated code has assigned the new position to `at` itself."""
+    def reset(self) -> None:
+        """Use `at`, to which generated code has assigned the position itself."""
         self._base, self._number, self._terms = "at", 0, []
 
 
 class Names:
-    """The names of generated code that stand for objects of ours."""
+    """The names by which generated code uses objects of this process."""
 
     def __init__(self, **known: Any) -> None:
         self.known = known
 
     def of(self, value: Any, letter: str) -> str:
-        """A name for an object."""
+        """A new name for an object."""
         name = f"{letter}{len(self.known)}"
         self.known[name] = value
         return name
 
 
 def compiled(name: str, lines: list[str], names: Names, type_name: str) -> Any:
-    """The function of this name that the source lines define."""
+    """Compile the source lines and return the function of this name."""
     code = compile("\n".join(lines) + "\n", f"<srvgen CDR of {type_name}>", "exec")
     scope = dict(names.known)
     exec(code, scope)
@@ -67,5 +67,5 @@ def compiled(name: str, lines: list[str], names: Names, type_name: str) -> Any:
 
 
 def indented(lines: list[str]) -> list[str]:
-    """The lines, one level deeper."""
+    """The lines, indented by one more level."""
     return [f"    {line}" for line in lines]

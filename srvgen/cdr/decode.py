@@ -1,13 +1,13 @@
-"""A plan → a function that reads messages of one class from CDR, or a sequence of them.
+"""Compiles the decoder of a message class from its plan, and one for sequences of messages.
 
-The source for geometry_msgs/PoseStamped reads, with R for formats of `struct`, P for runs, which
-know the paths of their values, and C for classes:
+The generated source for geometry_msgs/PoseStamped is as follows. R are formats of `struct`, P are
+fixed parts, which know the paths of their values, and C are classes:
 
     def decode(data):
         try:
             header, v4, v5, n6 = R1(data, 0)
-        except FAULTS:
-            raise P2.fault(data, 0) from None
+        except READ_ERRORS:
+            raise P2.error(data, 0) from None
         if header != 0x100:
             raise foreign_header(data)
         at = 16 + n6 - 1
@@ -18,7 +18,7 @@ know the paths of their values, and C for classes:
         ...
         return C3(header=C4(stamp=C5(sec=v4, nanosec=v5), frame_id=v6), pose=...)
 
-Nothing is made that the data have not been seen to be long enough for.
+Before anything is allocated, the data must be long enough for it.
 """
 
 from __future__ import annotations
@@ -43,12 +43,12 @@ from .errors import (
     too_many,
     without_nul,
 )
-from .layout import Item, Run
-from .plan import KEPT_CLASSES, Node, Plan, Tail, Value, plan_of
+from .layout import FixedPart, Item
+from .plan import KEPT_CLASSES, Node, Plan, Value, VariablePart, plan_of
 from .values import booleans, from_wide, read_strings, read_wstrings, single_bytes
 
-# Where Python has 32 bits, a lying length makes an offset that `struct` cannot take.
-_FAULTS = (struct.error, OverflowError)
+# On 32-bit Python a wrong length can give an offset that is too large for `struct`.
+_READ_ERRORS = (struct.error, OverflowError)
 _HELPERS = (
     CdrError,
     booleans,
@@ -64,16 +64,16 @@ _HELPERS = (
     too_many,
     without_nul,
 )
-"""What generated code calls by name."""
+"""Functions that generated code calls by name."""
 
 _Sequence = tuple[list[Any], int]
 
 
 def decoder_of(cls: Any) -> Callable[[bytes], Any]:
-    """Decodes bytes with a header to a message of this class; raises CdrError."""
+    """Compile a function that decodes a message with its header, or raises CdrError."""
     reader = _Reader(plan_of(cls, is_element=False), is_element=False)
     result = reader.read_message()
-    end = reader.position.ask()
+    end = reader.position.current()
     body = [
         *reader.opening,
         *reader.lines,
@@ -88,14 +88,14 @@ def decoder_of(cls: Any) -> Callable[[bytes], Any]:
 
 @lru_cache(KEPT_CLASSES)
 def sequence_decoder_of(cls: Any) -> Callable[[bytes, int, int, str], _Sequence]:
-    """Decodes a number of messages from a position; returns them and where they end."""
+    """Compile a function that decodes messages at a position; it returns them and their end."""
     plan = plan_of(cls, is_element=True)
     reader = _Reader(plan, is_element=True)
     result = reader.read_message()
     reader.position.assign()
     lines = [
         "def decode(data, at, count, path):",
-        f"    if count * {plan.least} > len(data) - at:",
+        f"    if count * {plan.min_size} > len(data) - at:",
         "        raise not_that_many(path, count, at, data)",
         *indented(reader.opening),
         "    found = []",
@@ -113,10 +113,10 @@ def sequence_decoder_of(cls: Any) -> Callable[[bytes, int, int, str], _Sequence]
 
 
 class _Reader:
-    """Turns the steps of a plan into statements, and its tree into the message's expression.
+    """Writes statements for the steps of a plan, and an expression for the message.
 
     Attributes:
-        opening: what a function needs once, before all statements.
+        opening: statements that the function executes once, first.
         lines: the statements so far.
     """
 
@@ -124,16 +124,16 @@ class _Reader:
         self.plan = plan
         self.opening: list[str] = []
         self.lines: list[str] = []
-        self.names = Names(FAULTS=_FAULTS, **{one.__name__: one for one in _HELPERS})
+        self.names = Names(READ_ERRORS=_READ_ERRORS, **{one.__name__: one for one in _HELPERS})
         self.position = Position(self.lines, is_known=not is_element)
 
     def read_message(self) -> str:
         """Write the statements; returns the expression of the message."""
         for step in self.plan.steps:
-            if isinstance(step, Run):
-                self._run(step)
+            if isinstance(step, FixedPart):
+                self._fixed_part(step)
             else:
-                self._tail(step)
+                self._variable_part(step)
         return self._made(self.plan.root)
 
     def _made(self, node: Node) -> str:
@@ -144,7 +144,7 @@ class _Reader:
         return f"{self.names.of(node.cls, 'C')}({', '.join(values)})"
 
     def _converted(self, value: Value) -> str:
-        """The expression of a field's value from its content."""
+        """The expression that converts the content of a field to its value."""
         content = value.content
         match value.kind:
             case "bool" if value.is_array:
@@ -160,7 +160,7 @@ class _Reader:
 
     def _array(self, value: Value) -> str:
         array = f"a{value.number}"
-        # Filled from a view: the constructor would want bytes, and so a second copy of them.
+        # Filled from a memoryview: the constructor needs bytes, which would be a second copy.
         make = partial(array_type.__new__, value.cls, value.cls._CODE)
         self.lines.append(f"{array} = {self.names.of(make, 'A')}()")
         self.lines.append(f"{array}.frombytes({value.content})")
@@ -168,21 +168,21 @@ class _Reader:
             self.lines.append(f"{array}.byteswap()")
         return array
 
-    def _run(self, run: Run) -> None:
-        at = self.position.ask()
-        if run.is_settled:
-            read = f"{self.names.of(run.settled.unpack_from, 'R')}(data, {at})"
-            self.position.add(run.settled.size)
+    def _fixed_part(self, part: FixedPart) -> None:
+        at = self.position.current()
+        if part.has_one_layout:
+            read = f"{self.names.of(part.layout.unpack_from, 'R')}(data, {at})"
+            self.position.add(part.layout.size)
         else:
-            table = self.names.of(run.layouts, "R")
+            table = self.names.of(part.layouts, "R")
             layout = table.lower()
             self.lines.append(f"{layout} = {table}[{at} & 7]")
             read = f"{layout}.unpack_from(data, {at})"
             self.position.add(f"{layout}.size")
-        variables = "".join(f"{item.variable}, " for item in run.items if item.variable)
+        variables = "".join(f"{item.variable}, " for item in part.items if item.variable)
         statement = f"{variables[:-1]} = {read}" if variables else read
-        self._guard(statement, "FAULTS", f"{self.names.of(run, 'P')}.fault(data, {at})")
-        for item in run.items:
+        self._guard(statement, "READ_ERRORS", f"{self.names.of(part, 'P')}.error(data, {at})")
+        for item in part.items:
             self._check(item)
 
     def _check(self, item: Item) -> None:
@@ -194,11 +194,11 @@ class _Reader:
             case "bool":
                 self._refuse(f"{item.variable} > 1", f"not_boolean({item.path!r}, {item.variable})")
 
-    def _tail(self, tail: Tail) -> None:
-        value = tail.value
+    def _variable_part(self, part: VariablePart) -> None:
+        value = part.value
         if value.most is not None:
-            fault = f"too_many({value.path!r}, {value.most}, {value.count})"
-            self._refuse(f"{value.count} > {value.most}", fault)
+            error = f"too_many({value.path!r}, {value.most}, {value.count})"
+            self._refuse(f"{value.count} > {value.most}", error)
         if value.kind == "message":
             self._call(sequence_decoder_of(value.cls), value, "")
         elif value.is_array and not value.code:
@@ -207,35 +207,35 @@ class _Reader:
         elif value.kind == "string":
             self._string(value)
         else:
-            self._elements(value, tail.is_aligned)
+            self._elements(value, part.is_aligned)
 
     def _call(self, function: Callable[..., _Sequence], value: Value, more: str) -> None:
-        name, at = self.names.of(function, "F"), self.position.ask()
+        name, at = self.names.of(function, "F"), self.position.current()
         arguments = f"data, {at}, {value.count}, {value.path!r}{more}"
         self.lines.append(f"{value.content}, at = {name}({arguments})")
-        self.position.moved()
+        self.position.reset()
 
     def _string(self, value: Value) -> None:
         start = self._start(value)
-        # Without its NUL, which is in the next run and says whether the data are long enough. In
-        # front of a string of length 0, which has no NUL, stands a zero byte of the length.
+        # The NUL belongs to the next part, whose check shows whether the data are long enough. For
+        # a string of length 0 without NUL, the last byte of its length, a zero, is used instead.
         self.lines.append(f"at = {start} + {value.count} - 1")
-        self.position.moved()
-        fault = f"not_text({value.path!r}, error, at, data)"
+        self.position.reset()
+        error = f"not_text({value.path!r}, error, at, data)"
         decoded = f"{value.content} = data[{start}:at].decode()"
-        self._guard(decoded, "UnicodeDecodeError as error", fault)
+        self._guard(decoded, "UnicodeDecodeError as error", error)
         self._check_bound(value)
 
     def _elements(self, value: Value, is_aligned: bool) -> None:
         if not is_aligned:
-            gap = f"(4 - {self.position.ask()}) & {value.size - 1}"
+            gap = f"(4 - {self.position.current()}) & {value.size - 1}"
             self.position.add(f"({gap} if {value.count} else 0)")
         start = self._start(value)
         size, what = (4, "code units") if value.kind == "wstring" else (value.size, "elements")
         self.lines.append(f"at = {start} + {value.count} * {size}")
-        self.position.moved()
-        fault = f"not_that_many({value.path!r}, {value.count}, {start}, data, {what!r})"
-        self._refuse("at > len(data)", fault)
+        self.position.reset()
+        error = f"not_that_many({value.path!r}, {value.count}, {start}, data, {what!r})"
+        self._refuse("at > len(data)", error)
         content = f"data[{start}:at]"
         if value.kind == "number":
             content = f"view[{start}:at]"
@@ -246,8 +246,8 @@ class _Reader:
         self._check_bound(value)
 
     def _start(self, value: Value) -> str:
-        """Where a tail begins, once `at` is where it ends."""
-        start = self.position.ask()
+        """The start of a variable part; `at` is assigned its end afterwards."""
+        start = self.position.current()
         if start == "at":
             start = f"s{value.number}"
             self.lines.append(f"{start} = at")
@@ -255,16 +255,16 @@ class _Reader:
 
     def _check_bound(self, value: Value) -> None:
         if value.bound is not None:
-            fault = f"too_long({value.path!r}, {value.bound}, {value.content})"
-            self._refuse(f"len({value.content}) > {value.bound}", fault)
+            error = f"too_long({value.path!r}, {value.bound}, {value.content})"
+            self._refuse(f"len({value.content}) > {value.bound}", error)
 
-    def _refuse(self, condition: str, fault: str) -> None:
-        self.lines += [f"if {condition}:", f"    raise {fault}"]
+    def _refuse(self, condition: str, error: str) -> None:
+        self.lines += [f"if {condition}:", f"    raise {error}"]
 
-    def _guard(self, statement: str, errors: str, fault: str) -> None:
+    def _guard(self, statement: str, errors: str, error: str) -> None:
         self.lines += [
             "try:",
             f"    {statement}",
             f"except {errors}:",
-            f"    raise {fault} from None",
+            f"    raise {error} from None",
         ]

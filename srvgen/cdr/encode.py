@@ -1,6 +1,6 @@
-"""A plan → a function that writes messages of one class as CDR, or a sequence of them.
+"""Compiles the encoder of a message class from its plan, and one for sequences of messages.
 
-The source for geometry_msgs/PoseStamped reads, with R for formats of `struct`:
+The generated source for geometry_msgs/PoseStamped is as follows. R are formats of `struct`:
 
     def encode(message):
         m2 = message.header
@@ -20,8 +20,8 @@ from functools import lru_cache
 from typing import Any
 
 from .codegen import Names, Position, compiled, indented
-from .layout import Run
-from .plan import KEPT_CLASSES, Node, Plan, Tail, Value, plan_of
+from .layout import FixedPart
+from .plan import KEPT_CLASSES, Node, Plan, Value, VariablePart, plan_of
 from .values import add_strings, add_wstrings, wide
 
 _ARRAY = "{}" if sys.byteorder == "little" else "{}.little_endian()"
@@ -36,7 +36,7 @@ _LENGTHS = {"string": "len({}) + 1", "wstring": "len({}) // 4"}
 
 
 def encoder_of(cls: Any) -> Callable[[Any], bytes]:
-    """Encodes a checked message of this class, header included."""
+    """Compile a function that encodes a checked message with its header."""
     writer = _Writer(plan_of(cls, is_element=False), is_element=False)
     writer.write_message()
     chunks = ", ".join(writer.chunks)
@@ -52,7 +52,7 @@ def encoder_of(cls: Any) -> Callable[[Any], bytes]:
 
 @lru_cache(KEPT_CLASSES)
 def sequence_encoder_of(cls: Any) -> Callable[[list[bytes], list[Any], int], int]:
-    """Appends checked messages of this class, the first at a position; returns where they end."""
+    """Compile a function that appends checked messages at a position and returns their end."""
     writer = _Writer(plan_of(cls, is_element=True), is_element=True)
     writer.write_message()
     writer.flush()
@@ -69,12 +69,12 @@ def sequence_encoder_of(cls: Any) -> Callable[[list[bytes], list[Any], int], int
 
 
 class _Writer:
-    """Turns the steps of a plan into statements and, where it can wait, into expressions.
+    """Writes statements and expressions for the steps of a plan.
 
     Attributes:
         lines: the statements so far.
         chunks: expressions of bytes that no statement has added to `parts` yet.
-        is_long: whether there are `parts` at all.
+        is_long: whether the generated code has a list `parts`.
     """
 
     def __init__(self, plan: Plan, *, is_element: bool) -> None:
@@ -88,13 +88,13 @@ class _Writer:
     def write_message(self) -> None:
         self._read(self.plan.root)
         for step in self.plan.steps:
-            if isinstance(step, Run):
-                self._run(step)
+            if isinstance(step, FixedPart):
+                self._fixed_part(step)
             else:
-                self._tail(step)
+                self._variable_part(step)
 
     def flush(self) -> None:
-        """Add the waiting chunks to `parts`."""
+        """Write a statement that adds the chunks to `parts`."""
         if len(self.chunks) == 1:
             self.lines.append(f"parts.append({self.chunks[0]})")
         elif self.chunks:
@@ -107,7 +107,7 @@ class _Writer:
             if isinstance(one, Node):
                 self.lines.append(f"{one.variable} = {one.source}")
                 self._read(one)
-            elif one.is_array or not one.is_settled:
+            elif one.is_array or not one.has_fixed_size:
                 self._read_value(one)
 
     def _read_value(self, value: Value) -> None:
@@ -120,40 +120,40 @@ class _Writer:
             length = "len({})" if value.is_array else _LENGTHS[value.kind]
             self.lines.append(f"{value.count} = {length.format(value.content)}")
 
-    def _run(self, run: Run) -> None:
-        arguments = ", ".join(item.argument for item in run.items if item.argument)
-        if run.is_settled:
-            self.chunks.append(f"{self.names.of(run.settled.pack, 'R')}({arguments})")
-            self.position.add(run.settled.size)
+    def _fixed_part(self, part: FixedPart) -> None:
+        arguments = ", ".join(item.argument for item in part.items if item.argument)
+        if part.has_one_layout:
+            self.chunks.append(f"{self.names.of(part.layout.pack, 'R')}({arguments})")
+            self.position.add(part.layout.size)
             return
-        table = self.names.of(run.layouts, "R")
+        table = self.names.of(part.layouts, "R")
         layout = table.lower()
-        self.lines.append(f"{layout} = {table}[{self.position.ask()} & 7]")
+        self.lines.append(f"{layout} = {table}[{self.position.current()} & 7]")
         self.chunks.append(f"{layout}.pack({arguments})")
         self.position.add(f"{layout}.size")
 
-    def _tail(self, tail: Tail) -> None:
-        value = tail.value
+    def _variable_part(self, part: VariablePart) -> None:
+        value = part.value
         if value.kind == "message":
             self._call(sequence_encoder_of(value.cls), value)
         elif value.is_array and not value.code:
             self._call(add_strings if value.kind == "string" else add_wstrings, value)
         elif value.code:
-            self._elements(value, tail.is_aligned)
+            self._elements(value, part.is_aligned)
         else:
             self.chunks.append(value.content)
             self.position.add(f"len({value.content})")
 
     def _call(self, function: Callable[..., int], value: Value) -> None:
         self.flush()
-        at = self.position.ask()
+        at = self.position.current()
         self.lines.append(f"at = {self.names.of(function, 'F')}(parts, {value.content}, {at})")
-        self.position.moved()
+        self.position.reset()
 
     def _elements(self, value: Value, is_aligned: bool) -> None:
         if not is_aligned:
             gap = f"g{value.number}"
-            at = self.position.ask()
+            at = self.position.current()
             self.lines.append(f"{gap} = (4 - {at}) & {value.size - 1} if {value.count} else 0")
             self.chunks.append(f"bytes({gap})")
             self.position.add(gap)

@@ -1,8 +1,8 @@
-"""What can be wrong with CDR bytes, each in one sentence with the path of the field."""
+"""The errors of CDR data, each with the path of the field."""
 
 from __future__ import annotations
 
-from .._runtime import FieldError, under
+from .._runtime import FieldError, with_prefix
 
 REPRESENTATIONS = {
     0x0000: "big-endian XCDR1",
@@ -15,37 +15,37 @@ REPRESENTATIONS = {
     0x000A: "a big-endian XCDR2 parameter list",
     0x000B: "an XCDR2 parameter list",
 }
-"""What the first two bytes may announce instead of little-endian XCDR1."""
+"""Encodings that the first two bytes may announce instead of little-endian XCDR1."""
 
 
 class CdrError(FieldError):
     """Bytes are not a message of the class that they were decoded as.
 
     Attributes:
-        path: the field whose bytes are wrong: `poses[3].header.frame_id`; empty for the whole.
-        problem: what was expected and what came.
+        path: the invalid field: `poses[3].header.frame_id`; empty for the whole message.
+        problem: what was expected and what was received.
     """
 
 
 def inside(error: CdrError, name: str) -> CdrError:
-    """The same error seen from the message that has the faulty one in its field `name`."""
-    seen = under(error, name)
+    """The same error with the field `name` put in front of its path."""
+    seen = with_prefix(error, name)
     return CdrError(seen.path, seen.problem)
 
 
 def ended(path: str, what: str, at: int, data: bytes) -> CdrError:
-    """The data end before a value that begins at `at`, or within it."""
+    """The data end before or inside the value at `at`."""
     return CdrError(path, f"expected {what} at byte {at}, got the end at byte {len(data)}")
 
 
 def foreign_header(data: bytes) -> CdrError:
-    """The header announces another representation."""
+    """The header announces another encoding."""
     announced = REPRESENTATIONS.get(int.from_bytes(data[:2], "big"), "an unknown representation")
     return CdrError("", f"expected the header 00 01 of XCDR1, got {data[:2].hex(' ')}, {announced}")
 
 
 def left_over(at: int, data: bytes) -> CdrError:
-    """More bytes follow than padding explains."""
+    """More bytes follow than padding needs."""
     return CdrError("", f"expected the message to end at byte {at}, got {len(data)} bytes")
 
 
@@ -55,7 +55,7 @@ def too_many(path: str, most: int, count: int) -> CdrError:
 
 
 def not_that_many(path: str, count: int, at: int, data: bytes, what: str = "elements") -> CdrError:
-    """A sequence announces more elements than the bytes that are left can hold."""
+    """A sequence announces more elements than the remaining bytes can hold."""
     left = max(len(data) - at, 0)
     return CdrError(path, f"expected {count} {what}, got {left} bytes, which cannot hold them")
 
@@ -66,12 +66,12 @@ def too_long(path: str, bound: int, text: str) -> CdrError:
 
 
 def without_nul(path: str) -> CdrError:
-    """A string's last byte is not NUL."""
+    """The last byte of a string is not NUL."""
     return CdrError(path, "expected a string that ends in NUL, got another byte there")
 
 
 def not_text(path: str, error: UnicodeDecodeError, end: int, data: bytes) -> CdrError:
-    """A string's bytes are no text, or go on behind the end of the data."""
+    """The bytes of a string are not UTF-8, or exceed the data."""
     if end > len(data):
         return ended(path, "the NUL of a string", end, data)
     byte = error.object[error.start]
@@ -79,5 +79,5 @@ def not_text(path: str, error: UnicodeDecodeError, end: int, data: bytes) -> Cdr
 
 
 def not_boolean(path: str, byte: int) -> CdrError:
-    """A bool is neither 0 nor 1."""
+    """The byte of a bool is neither 0 nor 1."""
     return CdrError(path, f"expected a bool as 0 or 1, got {byte}")

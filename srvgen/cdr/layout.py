@@ -1,7 +1,8 @@
-"""Where values of fixed size stand in CDR: alignment, padding, one `struct.Struct` for a run.
+"""Alignment and padding of values of fixed size: one `struct.Struct` for consecutive values.
 
-A position is counted from the first byte of the header, so that slices need no offset; a codec
-is compiled with what is known of it then: the set of its possible remainders modulo 8.
+Positions count from the first byte of the header, so that slices need no offset. When a codec is
+compiled, only the possible remainders of a position modulo 8 are known; these sets are called
+`starts` and `ends`.
 """
 
 from __future__ import annotations
@@ -15,32 +16,32 @@ from typing import Literal
 from .errors import CdrError, ended
 
 ORIGIN = 4
-"""Alignment is counted from here, behind the header."""
+"""The position after the header, from which alignment counts."""
 
 ANYWHERE = frozenset(range(8))
-"""The remainders of a position of which nothing is known."""
+"""The possible remainders of an unknown position."""
 
 Role = Literal["header", "length", "nul", "bool", "value", "filler"]
-"""What a value of a run is there for."""
+"""The purpose of a value in a fixed part."""
 
 _struct = cache(Struct)
 
 
 def padding(position: int, alignment: int) -> int:
-    """How many bytes are skipped before a value of this alignment."""
+    """The number of padding bytes before a value of this alignment."""
     return (ORIGIN - position) % alignment
 
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """One value of a run."""
+    """One value of a fixed part."""
 
     path: str
-    """Its field, seen from the message that the codec is for."""
+    """The path of its field from the message of the codec."""
     what: str
-    """What it is, in an error: `float64`, `the length of a string`."""
+    """Its description in errors: `float64`, `the length of a string`."""
     code: str
-    """Its format for `struct`, without padding; `x` for what has no value."""
+    """Its format for `struct`, without padding; `x` for a byte without a value."""
     alignment: int
     role: Role
     variable: str
@@ -49,24 +50,24 @@ class Item:
     """The expression of generated code that is packed; empty for none."""
 
 
-class Run:
-    """Values of fixed size that follow each other, read or written by one call.
+class FixedPart:
+    """Consecutive values of fixed size, which one `struct` call reads or writes.
 
     Attributes:
         items: the values.
-        layouts: the run's format, padding included, for each remainder of its position.
-        is_settled: whether all possible positions have the same format.
-        ends: the possible remainders of the position behind the run.
+        layouts: the format, including padding, for each remainder of the start position.
+        has_one_layout: whether all possible start positions have the same format.
+        layout: the format of one possible start position; only useful if there is only one.
+        ends: the possible remainders of the position after the values.
     """
 
     def __init__(self, items: Sequence[Item], starts: frozenset[int]) -> None:
         self.items = tuple(items)
         self.layouts = tuple(_struct(self._format(start)) for start in range(8))
         used = {self.layouts[start] for start in starts}
-        self.is_settled = len(used) == 1
+        self.has_one_layout = len(used) == 1
         self.ends = frozenset((start + self.layouts[start].size) % 8 for start in starts)
-        self.settled = used.pop()
-        """The one format of a settled run."""
+        self.layout = used.pop()
 
     def _format(self, start: int) -> str:
         parts, at = ["<"], start
@@ -77,16 +78,16 @@ class Run:
         return "".join(parts)
 
     @property
-    def least(self) -> int:
-        """The size without any padding."""
+    def min_size(self) -> int:
+        """The size without padding."""
         return sum(calcsize("<" + item.code) for item in self.items)
 
-    def fault(self, data: bytes, at: int) -> CdrError:
-        """Which value it is that the data, read from `at`, do not have."""
+    def error(self, data: bytes, at: int) -> CdrError:
+        """The error of the first value that the data, read from `at`, do not contain."""
         for item in self.items:
             at += padding(at, item.alignment)
             end = at + calcsize("<" + item.code)
             if end > len(data):
                 return ended(item.path, item.what, at, data)
             at = end
-        raise AssertionError("the run is within the data")
+        raise AssertionError("all values are within the data")

@@ -1,18 +1,18 @@
-"""Messages as CDR, the encoding of ROS 2 robots: XCDR1, little-endian.
+"""Converts messages to and from CDR, the encoding of ROS 2: XCDR1, little-endian.
 
-Behind a header of four bytes (00 01 00 00) the fields follow in order. Numbers stand at multiples
-of their size, counted from behind the header, with zero bytes in the gaps; nested messages add
-nothing of their own. A string is its length with a NUL, then UTF-8, then the NUL; a wstring is a
-count of UTF-16 code units, then each in four bytes; a sequence is a count, then its elements; an
-array of fixed length has no count. A message without fields is one byte where it is nested.
+After a header of four bytes (00 01 00 00) the fields follow in order. The position of a number
+after the header is a multiple of its size; zero bytes fill the gaps. Nested messages have no header
+of their own. A string is its length including a NUL, then UTF-8, then the NUL; a wstring is a count
+of UTF-16 code units, then each unit in four bytes; a sequence is a count, then its elements; an
+array of fixed length has no count. A nested message without fields is one byte.
 
-For each class an encoder and a decoder are compiled when they are first asked for (`cdr_plan`,
-`cdr_encode`, `cdr_decode`), for loaded and for generated classes alike.
+The encoder and the decoder of a class are compiled at their first use (`plan`, `encode`,
+`decode`), for loaded and for generated classes.
 
-What is read more generously than it is written: the last two bytes of the header, which other
-vendors use for options; up to three bytes behind the message, with which DDS fills up to a
-multiple of four; a string of length 0, which lacks the NUL, as the empty one. Every other encoding
-is refused: no robot of today sends big-endian.
+The decoder accepts more than the encoder writes: any last two bytes of the header, which other
+vendors use for options; up to three bytes after the message, because DDS pads to a multiple of
+four; a string of length 0 without the NUL. Every other encoding is refused: current robots do not
+send big-endian data.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any, TypeVar
 
-from .._runtime import Message, under
+from .._runtime import Message, with_prefix
 from ..convert import is_message_class, not_a_message, not_a_message_class
 from .decode import decoder_of
 from .encode import encoder_of
@@ -33,7 +33,7 @@ M = TypeVar("M", bound=Message)
 
 
 class _Compiled(dict[Any, Callable[[Any], Any]]):
-    """A function for each class, made when it is first asked for."""
+    """A function for each class, compiled at its first use."""
 
     def __init__(self, make: Callable[[Any], Callable[[Any], Any]]) -> None:
         super().__init__()
@@ -55,35 +55,35 @@ _decoders = _Compiled(decoder_of)
 def to_cdr(message: Message) -> bytes:
     """A message as CDR, with its header.
 
-    The message is checked first, and brought to its exact types, as when it is sent.
+    The message is checked first, and its values are converted to their exact types.
 
     Raises:
-        FieldError: a field holds what its type does not allow.
-        TypeError: it is no message.
+        FieldError: a field has a value that its type does not allow.
+        TypeError: the argument is not a message.
     """
     cls = type(message)
     if cls not in _encoders and not is_message_class(cls):
         raise not_a_message(message)
     try:
         message._check()
-    except ValueError as error:  # a generated package has a FieldError of its own
-        raise under(error, "") from None
+    except ValueError as error:  # a generated package has its own FieldError class
+        raise with_prefix(error, "") from None
     data: bytes = _encoders[cls](message)
     return data
 
 
 def from_cdr(cls: type[M], data: bytes | bytearray | memoryview) -> M:
-    """The message of this class that the bytes are; it needs no further check.
+    """Decode a message of this class; it needs no further check.
 
-    Memory is bounded by the size of the data, whatever counts and lengths they announce.
+    The size of the data limits the memory, no matter which counts and lengths they announce.
 
     Args:
         cls: a message class, such as `AddTwoInts.Request`.
-        data: a whole message with its header.
+        data: a complete message with its header.
 
     Raises:
-        CdrError: the data are not such a message; says which field is wrong.
-        TypeError: `cls` is no message class, or `data` are no bytes.
+        CdrError: the data are not such a message; the error names the field.
+        TypeError: `cls` is not a message class, or `data` are not bytes.
     """
     if type(data) is not bytes:
         data = bytes(memoryview(data))

@@ -1,9 +1,9 @@
-"""A message class → the order in which its values stand in CDR, for the encoder and the decoder.
+"""The order of a message's values in CDR, from which the encoder and the decoder are compiled.
 
-A plan has two views of the same class: `root`, the tree of nested messages, which the encoder
-reads and the decoder builds; and `steps`, what stands behind what. A step is a `Run` of values of
-fixed size, or a `Tail`, whose size only its content tells, with its count in the run before it.
-Single nested messages are dissolved into the steps; only sequences of messages stay whole.
+A plan has two views of a class: `root` is the tree of nested messages, which the encoder reads and
+the decoder builds; `steps` is the order on the wire. A step is a `FixedPart` (values of fixed size)
+or a `VariablePart`, whose count is in the fixed part before it. The values of a single nested
+message become steps of the outer message; only sequences of messages stay whole.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import Any, Literal
 
-from .layout import ANYWHERE, Item, Role, Run, padding
+from .layout import ANYWHERE, FixedPart, Item, Role, padding
 
-Kind = Literal["number", "bool", "byte", "string", "wstring", "message"]
+ValueKind = Literal["number", "bool", "byte", "string", "wstring", "message"]
 
 _NUMBERS = {
     "char": "B",
@@ -30,7 +30,7 @@ _NUMBERS = {
     "float32": "f",
     "float64": "d",
 }
-_OTHERS: dict[str, tuple[Kind, str]] = {
+_OTHERS: dict[str, tuple[ValueKind, str]] = {
     "bool": ("bool", "B"),
     "byte": ("byte", "c"),
     "string": ("string", ""),
@@ -44,20 +44,20 @@ _TYPE = re.compile(
 
 @dataclass(frozen=True, slots=True)
 class Value:
-    """One field that is not a single message, as generated code names and types it."""
+    """One field that is not a single message, and its names in generated code."""
 
     number: int
-    """By which its local variables are told from others."""
+    """Makes the names of its local variables unique."""
     source: str
     """The expression of generated code that reads the field, `m1.ranges`."""
     path: str
-    """Seen from the message that the plan is for: `header.frame_id`."""
+    """The path from the message of the plan: `header.frame_id`."""
     declared: str
-    """As the definition spells it: `float32[<=3]`."""
-    kind: Kind
-    """Of one element."""
+    """The type as in the definition: `float32[<=3]`."""
+    kind: ValueKind
+    """The kind of one element."""
     code: str
-    """The format of one element for `struct`; empty where its size depends on its content."""
+    """The format of one element for `struct`; empty if its size depends on its content."""
     bound: int | None
     """N of `string<=N`."""
     is_array: bool
@@ -66,7 +66,7 @@ class Value:
     most: int | None
     """N of `[<=N]`."""
     cls: Any
-    """The class of the elements, where they are messages, or of a numeric array itself."""
+    """The class of the elements if they are messages, or of the numeric array itself."""
 
     @property
     def size(self) -> int:
@@ -74,38 +74,38 @@ class Value:
         return _SIZES[self.code.lower()]
 
     @property
-    def is_settled(self) -> bool:
-        """Whether its size does not depend on its content."""
+    def has_fixed_size(self) -> bool:
+        """Whether the size does not depend on the content."""
         return bool(self.code) and (not self.is_array or self.fixed is not None)
 
     @property
     def content(self) -> str:
-        """The local variable of generated code that holds what is on the wire."""
+        """The local variable of generated code with the content as on the wire."""
         return f"v{self.number}"
 
     @property
     def count(self) -> str:
-        """The local variable that holds its length, or the length itself where it is fixed."""
+        """The local variable with the length, or the length itself if it is fixed."""
         return f"n{self.number}" if self.fixed is None else str(self.fixed)
 
 
 @dataclass(frozen=True, slots=True)
-class Tail:
-    """A value whose size only its content tells, and what is known of its place."""
+class VariablePart:
+    """A value whose size depends on its content."""
 
     value: Value
     is_aligned: bool
-    """Whether its first element needs no padding, wherever it stands."""
+    """Whether its first element never needs padding."""
 
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """A message, the outermost or a nested one, with its fields by attribute."""
+    """The outermost or a nested message, with its fields by attribute."""
 
     cls: Any
     number: int
     variable: str
-    """The local variable of generated code that holds it."""
+    """The local variable of generated code with the message."""
     source: str
     """The expression that reads it."""
     fields: dict[str, Value | Node] = field(default_factory=dict)
@@ -113,18 +113,18 @@ class Node:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """The order of a class's values."""
+    """The values of a class in order."""
 
     root: Node
-    steps: tuple[Run | Tail, ...]
+    steps: tuple[FixedPart | VariablePart, ...]
     ends: frozenset[int]
-    """The possible remainders of the position behind the message."""
-    least: int
-    """No message is shorter: what a count is checked against before anything is made."""
+    """The possible remainders of the position after the message."""
+    min_size: int
+    """The minimum bytes of a message; counts are checked against it before memory is allocated."""
 
 
 KEPT_CLASSES = 1024
-"""Message classes whose plans and code are kept; a program may make any number as it runs."""
+"""Maximum number of classes whose plans and functions are kept in memory."""
 
 
 @lru_cache(KEPT_CLASSES)
@@ -134,12 +134,12 @@ def plan_of(cls: Any, is_element: bool) -> Plan:
 
 
 class _Planner:
-    """Walks the fields in order and keeps what is known of the position."""
+    """Visits the fields in order and keeps track of the possible positions."""
 
     def __init__(self, is_element: bool) -> None:
-        self.steps: list[Run | Tail] = []
+        self.steps: list[FixedPart | VariablePart] = []
         self.starts = ANYWHERE if is_element else frozenset({0})
-        self.least = 0
+        self.min_size = 0
         self._items: list[Item] = []
         self._numbers = 0
         if not is_element:
@@ -147,8 +147,8 @@ class _Planner:
 
     def plan(self, cls: Any) -> Plan:
         root = self._message(cls, "message", "message", "")
-        self._end_run()
-        return Plan(root, tuple(self.steps), self.starts, self.least)
+        self._end_fixed_part()
+        return Plan(root, tuple(self.steps), self.starts, self.min_size)
 
     def _number(self) -> int:
         self._numbers += 1
@@ -175,32 +175,32 @@ class _Planner:
         return node
 
     def _add(self, value: Value) -> None:
-        if value.is_settled:
-            self._items.append(_settled_item(value))
+        if value.has_fixed_size:
+            self._items.append(_fixed_item(value))
             return
         if value.fixed is None:
             what = f"the length of a {value.declared}"
             self._items.append(Item(value.path, what, "I", 4, "length", value.count, value.count))
-        self._end_run()
+        self._end_fixed_part()
         aligned = value.code == "" or not any(padding(at, value.size) for at in self.starts)
-        self.steps.append(Tail(value, aligned))
-        self.starts = _behind(value, self.starts)
-        self.least += _least(value)
+        self.steps.append(VariablePart(value, aligned))
+        self.starts = _offsets_after(value, self.starts)
+        self.min_size += _min_size(value)
         if value.kind == "string" and not value.is_array:
             what = "the NUL of a string"
             self._items.append(Item(value.path, what, "B", 1, "nul", f"z{value.number}", "0"))
 
-    def _end_run(self) -> None:
+    def _end_fixed_part(self) -> None:
         if self._items:
-            run = Run(self._items, self.starts)
-            self.steps.append(run)
-            self.starts = run.ends
-            self.least += run.least
+            part = FixedPart(self._items, self.starts)
+            self.steps.append(part)
+            self.starts = part.ends
+            self.min_size += part.min_size
             self._items = []
 
 
 def _stored(cls: Any, name: str, attribute: str) -> str:
-    """The attribute that reads a field as it is stored; the other one may show numpy's arrays."""
+    """The attribute with the stored value of a field; the public one may return numpy arrays."""
     return f"_{name}" if isinstance(getattr(cls, f"_{name}", None), property) else attribute
 
 
@@ -228,7 +228,7 @@ def _whole(text: str | None) -> int | None:
     return None if text is None else int(text)
 
 
-def _settled_item(value: Value) -> Item:
+def _fixed_item(value: Value) -> Item:
     role: Role = "bool" if value.kind == "bool" and not value.is_array else "value"
     code, argument = value.code, value.source
     if value.fixed is not None:
@@ -236,8 +236,8 @@ def _settled_item(value: Value) -> Item:
     return Item(value.path, value.declared, code, value.size, role, value.content, argument)
 
 
-def _behind(value: Value, starts: frozenset[int]) -> frozenset[int]:
-    """The possible remainders of the position behind a tail, from those before it."""
+def _offsets_after(value: Value, starts: frozenset[int]) -> frozenset[int]:
+    """The possible remainders of the position after a variable part, from those before it."""
     match value.kind:
         case "string":
             return ANYWHERE
@@ -250,12 +250,12 @@ def _behind(value: Value, starts: frozenset[int]) -> frozenset[int]:
             return starts | {(at + n * value.size) % 8 for at in first for n in range(8)}
 
 
-def _least(value: Value) -> int:
+def _min_size(value: Value) -> int:
     if value.is_array:
         if value.fixed is None:
             return 0
         return value.fixed * (
-            plan_of(value.cls, is_element=True).least if value.kind == "message" else 4
+            plan_of(value.cls, is_element=True).min_size if value.kind == "message" else 4
         )
-    # A string of length 0 has no NUL behind its length, which the run behind it has counted.
+    # The next fixed part counts the NUL of a string, but a string of length 0 has none.
     return -1 if value.kind == "string" else 0

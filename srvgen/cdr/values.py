@@ -1,4 +1,4 @@
-"""What compiled encoders and decoders call for strings, booleans and arrays."""
+"""Encodes and decodes strings, booleans and bytes; compiled encoders and decoders call it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _LENGTH = struct.Struct("<I")
 
 
 def booleans(raw: bytes, path: str) -> list[bool]:
-    """The booleans that these bytes are, or CdrError with the index of what is none."""
+    """Decode booleans. Raises CdrError with the index of an invalid byte."""
     for byte in raw.strip(b"\0\1"):
         if byte > 1:
             at = next(i for i, one in enumerate(raw) if one > 1)
@@ -35,14 +35,14 @@ def single_bytes(raw: bytes) -> list[bytes]:
 
 
 def wide(text: str) -> bytes:
-    """A wstring's content: UTF-16 code units, each in four bytes."""
+    """Encode a wstring: UTF-16 code units, each in four bytes."""
     raw = text.encode("utf-16-le")
     count = len(raw) // 2
     return struct.pack(f"<{count}I", *struct.unpack(f"<{count}H", raw))
 
 
 def from_wide(raw: bytes, path: str) -> str:
-    """The text of UTF-16 code units, each in four bytes, or CdrError."""
+    """Decode UTF-16 code units, each in four bytes. Raises CdrError."""
     count = len(raw) // 4
     units = struct.unpack(f"<{count}I", raw)
     try:
@@ -55,7 +55,7 @@ def from_wide(raw: bytes, path: str) -> str:
 
 
 def add_strings(parts: list[Any], texts: Iterable[str], at: int) -> int:
-    """Append the strings of a sequence that begins at `at`; returns where it ends."""
+    """Append the strings of a sequence at the position `at`; returns its end."""
     for text in texts:
         gap = -at & 3
         raw = text.encode()
@@ -65,7 +65,7 @@ def add_strings(parts: list[Any], texts: Iterable[str], at: int) -> int:
 
 
 def add_wstrings(parts: list[Any], texts: Iterable[str], at: int) -> int:
-    """Append the wstrings of a sequence that begins at `at`; returns where it ends."""
+    """Append the wstrings of a sequence at the position `at`; returns its end."""
     for text in texts:
         gap = -at & 3
         raw = wide(text)
@@ -77,14 +77,14 @@ def add_wstrings(parts: list[Any], texts: Iterable[str], at: int) -> int:
 def read_strings(
     data: bytes, at: int, count: int, path: str, bound: int | None
 ) -> tuple[list[str], int]:
-    """The strings of a sequence that begins at `at`, and where it ends; or CdrError."""
+    """Decode the strings of a sequence at `at`; returns them and the end. Raises CdrError."""
     return _texts(_string, data, at, count, path, bound)
 
 
 def read_wstrings(
     data: bytes, at: int, count: int, path: str, bound: int | None
 ) -> tuple[list[str], int]:
-    """The wstrings of a sequence that begins at `at`, and where it ends; or CdrError."""
+    """Decode the wstrings of a sequence at `at`; returns them and the end. Raises CdrError."""
     return _texts(_wstring, data, at, count, path, bound)
 
 
@@ -113,7 +113,7 @@ def _string(data: bytes, at: int) -> tuple[str, int]:
     end = start + length
     if end > len(data):
         raise ended("", "the NUL of a string", end - 1, data)
-    # In front of a string of length 0, which has no NUL, stands a zero byte of the length.
+    # For a string of length 0 without NUL, this byte is the last of the length, which is zero.
     if data[end - 1]:
         raise without_nul("")
     try:

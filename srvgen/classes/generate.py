@@ -1,4 +1,4 @@
-"""Definitions → the files of importable Python packages."""
+"""Makes the files of importable Python packages from definitions; `output` writes them."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from importlib.resources import files
 from ..definitions.model import Definition, Kind, MessageDef
 from ..definitions.names import names_in_folder
 from ..errors import DefinitionError
-from ..files.dependencies import Source, closure, full_text
+from ..files.dependencies import DefinitionSource, full_text, with_dependencies
 from ..files.reading import KINDS
 from ..typehash import Hasher
 from .render import GENERATED, render
@@ -18,32 +18,34 @@ from .render_expressions import module_name, text_literal
 
 
 def generate(
-    packages: Mapping[str, Sequence[Definition]], search: Source, kept: Collection[str] = ()
+    packages: Mapping[str, Sequence[Definition]],
+    search: DefinitionSource,
+    kept: Collection[str] = (),
 ) -> dict[str, str]:
-    """The files of the given packages and of all that they need, by relative path.
+    """The files of the given packages and of all their dependencies, by relative path.
 
-    What they need comes along even where nobody named it (a service's events need
-    `service_msgs`), so that the output stands alone: its folder on the path is enough. The same
-    definitions give the same bytes.
+    The output is complete: only its folder must be on the Python path. It also has dependencies
+    of derived types, such as `service_msgs` for the events of a service. The same definitions
+    give the same bytes.
 
     Args:
         packages: definitions by package.
-        search: where the others are found.
-        kept: full names of types that earlier runs have generated and that stay.
+        search: provides the dependencies.
+        kept: full names of types that earlier runs have generated and that are kept.
 
     Raises:
-        DefinitionError: a nested type is not within reach, or two types need one module.
+        DefinitionError: a nested type cannot be found, or two types need the same module.
     """
     known: dict[str, Definition] = {}
     for definition in (one for package in packages.values() for one in package):
-        known |= {one.full_name: one for one in closure(definition, search)}
+        known |= {one.full_name: one for one in with_dependencies(definition, search)}
     output: dict[str, str] = {}
     for name, definition in sorted(known.items()):
         _refuse_package(definition.package)
         path = "/".join((*name.split("/")[:2], f"{module_name(definition.name)}.py"))
         if path in output:
             raise DefinitionError(
-                f"expected names that differ in more than capitals, got two types for {path}",
+                f"expected type names that differ not only in capitals, got two types for {path}",
                 hint=f"rename {name}",
             )
         output[path] = _source(definition, search)
@@ -55,23 +57,23 @@ def generate(
 def _refuse_package(name: str) -> None:
     if keyword.iskeyword(name):
         raise DefinitionError(
-            f"expected a package that Python can import, got {name!r}, a word of its own",
-            hint="srvgen.load loads such a type all the same",
+            f"expected a package that Python can import, got {name!r}, a keyword",
+            hint="srvgen.load can still load such a type",
         )
     if name in sys.stdlib_module_names or name == "msgspec":
         raise DefinitionError(
-            f"expected a package name of its own, got {name!r}, which would hide Python's module"
+            f"expected another package name, got {name!r}, which would hide a module of Python"
         )
 
 
-def _source(definition: Definition, search: Source) -> str:
+def _source(definition: Definition, search: DefinitionSource) -> str:
     text = "" if isinstance(definition, MessageDef) else full_text(definition, search)
-    needed = {one.full_name: one for one in closure(definition, search)}
+    needed = {one.full_name: one for one in with_dependencies(definition, search)}
     return render(definition, Hasher(needed.__getitem__), text).text
 
 
 def _frames(types: Collection[str], packages: Collection[str]) -> dict[str, str]:
-    """The files that make packages of the modules of these types."""
+    """The files beside the modules: `__init__`, the runtime and `py.typed`."""
     runtime = runtime_source()
     output: dict[str, str] = {}
     for package in packages:
@@ -89,12 +91,12 @@ def _frames(types: Collection[str], packages: Collection[str]) -> dict[str, str]
 
 
 def runtime_source() -> str:
-    """The source of the module that every generated package has a copy of."""
+    """The source of `_runtime`, which is copied into every generated package."""
     return files("srvgen").joinpath("_runtime.py").read_text(encoding="utf-8")
 
 
 def exports(package: str, kind: Kind, names: Sequence[str]) -> str:
-    """The source of the folder module that has all the classes of one kind."""
+    """The source of `PACKAGE/KIND/__init__.py`, which exports all classes of one kind."""
     lines = [f'"""The {kind} interfaces of {package}, {GENERATED}"""']
     lines += ["# ruff: noqa", ""]
     classes = {name: names_in_folder(kind, name) for name in names}

@@ -1,4 +1,4 @@
-"""Message and service classes at run time, straight from definitions, with nothing written."""
+"""Makes message and service classes at run time, without writing files."""
 
 from __future__ import annotations
 
@@ -23,37 +23,37 @@ from ..definitions.lines import split_full_text
 from ..definitions.model import Definition, MessageDef
 from ..definitions.names import split_type_name
 from ..errors import DefinitionError, InvalidText
-from ..files.dependencies import closure, full_text, joined_text
+from ..files.dependencies import full_text, joined_text, with_dependencies
 from ..files.reading import parse_definition
 from ..files.search import BUNDLED, Search
 from ..typehash import Hasher, Resolve, hash_of
-from .render import Block, Import, Source, imports_of, render
+from .render import Block, Import, ModuleSource, imports_of, render
 
 _Stamp = tuple[Path, int, int]
 
 _lock = threading.RLock()
 _search = Search()
 _loaded: dict[str, _Loaded] = {}
-# A module lives as long as any of its classes, each of which has it, and so any of its messages:
-# nobody can meet two classes of one definition, and a program that is handed thousands of
-# definitions keeps only those that it works with.
-_built: WeakValueDictionary[_Key, ModuleType] = WeakValueDictionary()
+# Each class refers to its module, so a module lives as long as a class or a message of it. So there
+# is never a second class for one definition, and a program that receives thousands of definitions
+# keeps only those that it uses.
+_built: WeakValueDictionary[_ModuleKey, ModuleType] = WeakValueDictionary()
 _versions = count()
-_base: ModuleType = _runtime
-"""The runtime module of generated modules."""
+_runtime_module: ModuleType = _runtime
+"""The runtime that new modules use: `_runtime`, or that of `rosidl_classes`."""
 
 
-class _Key(NamedTuple):
-    """What makes two modules the same, however they came here."""
+class _ModuleKey(NamedTuple):
+    """Two modules with equal keys are the same, no matter where their definitions come from."""
 
     definition: str
-    """Its repr: unlike the definition, it tells 0.0 and -0.0 apart, and knows nan again."""
+    """The repr of the definition: it differs for 0.0 and -0.0, and is equal for nan."""
     text: str
     nested: tuple[type, ...]
 
 
 class _Loaded(NamedTuple):
-    """A module, and the state of the files that it was made from."""
+    """A module, and the state of the files it was made from."""
 
     module: ModuleType
     stamps: tuple[_Stamp, ...]
@@ -65,65 +65,64 @@ class _Loaded(NamedTuple):
 def load(type_name: str) -> Any:
     """The class of a type: `example_interfaces/srv/AddTwoInts`, `std_msgs/msg/String`.
 
-    Definitions are looked for as `Search` does, first in the paths of `install_import_hook`. The
-    same class comes back until a file that it was made from changes; the import hook gives the
-    same class too; afterwards `load` gives a new class, while modules keep the one that they
-    imported. Safe to call from any thread.
+    Definitions are found as by `Search`, first in the paths of `install_import_hook`. The import
+    hook and every call return the same class until one of its files changes. Then `load` returns
+    a new class, but modules keep the class that they have imported. Safe to call from any thread.
 
     Raises:
-        DefinitionError: there is no such type, or a definition is not valid.
+        DefinitionError: the type is not found, or a definition is not valid.
     """
     excepthook.show_in_one_message()
     name = _search.resolve_name(type_name)
     found = getattr(module_of(str(name)), name.name, None)
     if found is None:
-        _search.load(str(name))  # says what is wrong with the name
+        _search.load(str(name))  # raises DefinitionError with the reason
     return found
 
 
 def define(type_name: str, full_text: str) -> Any:
-    """The class of a type whose text is at hand: written here, or handed over by a server.
+    """The class of a type from its text, for example from the program or from a server.
 
-    Gives the same class as `load` where the definitions are the same. No file is looked for: what
-    the text needs stands in it too, or in the packages that come with srvgen.
+    The class is the same as that of `load` if the definitions are equal. Nested types must be in
+    the text or in the packages that come with srvgen; no other files are read.
 
     Args:
         type_name: such as `example_interfaces/srv/AddTwoInts`.
-        full_text: as in a .srv file; texts of nested types may follow, as in the `_DEFINITION` of
-            a service's class.
+        full_text: as in a .srv file; the texts of nested types may follow, as in the
+            `_DEFINITION` of a service class.
 
     Raises:
-        DefinitionError: a text is not a valid definition, or one is missing.
-        TypeError: the name or the text is no `str`.
+        DefinitionError: a text is not a valid definition, or a definition is missing.
+        TypeError: the name or the text is not a `str`.
     """
-    given = _Given(type_name, full_text)
-    known = {one.full_name: one for one in closure(given.load(type_name), given)}
+    given = _FullTextSource(type_name, full_text)
+    known = {one.full_name: one for one in with_dependencies(given.load(type_name), given)}
     with _lock:
         module = _Builder(known.__getitem__, given.full_text).build(known[type_name])
     return getattr(module, split_type_name(type_name).name)
 
 
 def type_hash(type_name: str) -> str:
-    """The RIHS01 hash of a type, by which ROS 2 tells whether two sides speak of the same.
+    """The RIHS01 hash of a type, by which ROS 2 recognises equal types.
 
     Raises:
-        DefinitionError: there is no such type, or a definition is not valid.
+        DefinitionError: the type is not found, or a definition is not valid.
     """
     name = str(_search.resolve_name(type_name))
-    _search.closure(name)  # says where a nested type is missing or contains itself
+    _search.with_dependencies(name)  # raises if a nested type is missing or contains itself
     return hash_of(_search.load(name), _search.load)
 
 
 def make_ros_classes() -> None:
-    """Make classes for programs for ROS from now on (`rosidl_classes`).
+    """Make all further classes as programs for ROS expect them (`rosidl_classes`).
 
     Existing classes do not change.
     """
-    global _base
+    global _runtime_module
     from . import rosidl_classes  # only programs for ROS need it
 
-    if _base is _runtime:
-        _base = rosidl_classes.runtime()
+    if _runtime_module is _runtime:
+        _runtime_module = rosidl_classes.runtime()
 
 
 def search() -> Search:
@@ -132,22 +131,22 @@ def search() -> Search:
 
 
 def search_first(paths: Sequence[Path]) -> None:
-    """Let `load`, `type_hash` and the import hook look into these folders before all others."""
+    """Make `load`, `type_hash` and the import hook search these folders first."""
     with _lock:
         others = [path for path in _search.paths if path not in paths]
         _search.paths = [*paths, *others]
 
 
 def module_of(full_name: str) -> ModuleType:
-    """The module, in no `sys.modules`, with the classes of the file that defines a type.
+    """The module with the classes of a type's file; it is not in `sys.modules`.
 
     Raises:
-        DefinitionError: there is no such type, or a definition is not valid.
+        DefinitionError: the type is not found, or a definition is not valid.
     """
     with _lock:
         name = split_type_name(full_name)
         path = _search.find(full_name)
-        owner = str(name._replace(name=path.stem))
+        owner = str(name.renamed(path.stem))
         known = _loaded.get(owner)
         if known is None or not known.is_current(path):
             known = _loaded[owner] = _load(owner)
@@ -155,13 +154,13 @@ def module_of(full_name: str) -> ModuleType:
 
 
 def _load(owner: str) -> _Loaded:
-    with _search.one_look():
-        ordered = _search.closure(owner)
+    with _search.cached_lookups():
+        ordered = _search.with_dependencies(owner)
         needed = {one.full_name: one for one in ordered}
         stamps = tuple(_stamp(_search.find(name)) for name in needed)
 
         def text_of(one: Definition) -> str:
-            inside = ordered if one is ordered[-1] else closure(one, _search)
+            inside = ordered if one is ordered[-1] else with_dependencies(one, _search)
             return joined_text(inside, _search)
 
         return _Loaded(_Builder(needed.__getitem__, text_of).build(ordered[-1]), stamps)
@@ -175,8 +174,8 @@ def _stamp(path: Path) -> _Stamp:
     return path, status.st_mtime_ns, status.st_size
 
 
-class _Given:
-    """The definitions of a full text, as a source of what one of them needs."""
+class _FullTextSource:
+    """Provides the definitions of a full text, and of the bundled packages."""
 
     def __init__(self, type_name: str, whole: str) -> None:
         if not isinstance(type_name, str):
@@ -185,8 +184,8 @@ class _Given:
             raise TypeError(f"expected the text of {type_name} (str), got {reprlib.repr(whole)}")
         try:
             limits.check_length(whole)
-        except InvalidText as mistake:
-            raise DefinitionError(mistake.message, path=type_name) from None
+        except InvalidText as error:
+            raise DefinitionError(error.message, path=type_name) from None
         own_text, needed = split_full_text(whole)
         if len(needed) > limits.NESTED:
             most = f"expected at most {limits.NESTED} nested definitions, got {len(needed)}"
@@ -202,7 +201,7 @@ class _Given:
     def text(self, full_name: str) -> str:
         if full_name not in self._texts:
             self._texts[full_name] = _bundled_text(full_name)
-            self._whole.clear()  # something was missing there; the complete class replaces it
+            self._whole.clear()  # the text was incomplete; the class gets the completed text
         return self._texts[full_name]
 
     def load(self, full_name: str) -> Definition:
@@ -210,7 +209,7 @@ class _Given:
         return parse_definition(self.text(full_name), package, kind, name, path=full_name)
 
     def full_text(self, definition: Definition) -> str:
-        """What was given for the definition itself, in whatever order; else put together."""
+        """The given text if it is complete and of this definition, otherwise a joined one."""
         name = definition.full_name
         return self._whole.get(name) or full_text(definition, self)
 
@@ -219,16 +218,16 @@ def _bundled_text(full_name: str) -> str:
     package, kind, name = split_type_name(full_name)
     path = BUNDLED / package / kind / f"{name}.{kind}"
     if not path.is_file():
-        raise DefinitionError(f"expected the definition of {full_name} too, got none")
+        raise DefinitionError(f"expected the definition of {full_name} in the text, got none")
     return path.read_text(encoding="utf-8")
 
 
 class _Builder:
-    """Makes the modules of one definition and of what it needs.
+    """Makes the modules of one definition and of its dependencies.
 
     Args:
-        resolve: gives the definition of a full name; none may contain itself.
-        text_of: gives the full text that a service or an action keeps.
+        resolve: returns the definition of a full name; none may contain itself.
+        text_of: returns the full text that the class of a service or an action keeps.
     """
 
     def __init__(self, resolve: Resolve, text_of: Callable[[Definition], str]) -> None:
@@ -238,20 +237,20 @@ class _Builder:
         self._modules: dict[str, ModuleType] = {}
 
     def build(self, definition: Definition) -> ModuleType:
-        """The module of a definition; each is built once, by however many ways it is needed."""
+        """The module of a definition; each module is built only once."""
         name = definition.full_name
         if name not in self._modules:
-            self._modules[name] = self._built(definition)
+            self._modules[name] = self._build_module(definition)
         return self._modules[name]
 
-    def _built(self, definition: Definition) -> ModuleType:
+    def _build_module(self, definition: Definition) -> ModuleType:
         nested = {one.alias: self._class(one) for one in imports_of(definition)}
         text = "" if isinstance(definition, MessageDef) else self.text_of(definition)
-        # A type that a server handed over is the very class that a program loaded itself.
-        key = _Key(repr(definition), text, tuple(nested.values()))
+        # A type received from a server gets the same class as one that the program has loaded.
+        key = _ModuleKey(repr(definition), text, tuple(nested.values()))
         module = _built.get(key)
         if module is None:
-            module = _built[key] = _execute(render(definition, self._hasher, text), nested)
+            module = _built[key] = _make_module(render(definition, self._hasher, text), nested)
         return module
 
     def _class(self, wanted: Import) -> type:
@@ -260,28 +259,28 @@ class _Builder:
         return found
 
 
-def _execute(source: Source, nested: Mapping[str, type]) -> ModuleType:
+def _make_module(source: ModuleSource, nested: Mapping[str, type]) -> ModuleType:
     module = ModuleType(source.module)
     names = {
         "_builtins": builtins,
         "_math": math,
         "_msgspec": msgspec,
         "_typing": typing,
-        "_runtime": _base,
+        "_runtime": _runtime_module,
     }
-    # The header's imports are done here, by hand, since the modules are in no sys.modules.
+    # The imports of the header are done here, because the modules are not in sys.modules.
     module.__dict__.update(names, **nested)
-    filename = f"srvgen: {source.module} {next(_versions)}"  # another version may have been before
+    filename = f"srvgen: {source.module} {next(_versions)}"  # an earlier version may exist
     lines, checks = _declarations(source)
     exec(_compiled(lines, filename), module.__dict__)
     for before, block in checks:
         cls = module.__dict__[block.name]
-        cls._check = _late_check(cls, block, before, filename)
+        cls._check = _lazy_check(cls, block, before, filename)
     for made in list(vars(module).values()):
         if isinstance(made, type) and made.__module__ == source.module:
             made.__reduce__ = _reduce  # type: ignore[method-assign, assignment]
             made._MODULE = module  # type: ignore[attr-defined]
-    # Asked for only where a traceback is shown.
+    # Used only for tracebacks, so the text is joined only then.
     linecache.cache[filename] = (lambda: source.text,)
     finalize(module, linecache.cache.pop, filename, None).atexit = False
     return module
@@ -291,8 +290,11 @@ def _compiled(lines: Sequence[str], filename: str) -> CodeType:
     return compile("\n".join(lines), filename, "exec", dont_inherit=True)
 
 
-def _declarations(source: Source) -> tuple[list[str], list[tuple[int, Block]]]:
-    """The source with blank lines for its header and checks, and where each check begins."""
+def _declarations(source: ModuleSource) -> tuple[list[str], list[tuple[int, Block]]]:
+    """The lines without header and checks, and the line number at which each check begins.
+
+    Blank lines replace the header and the checks, so that tracebacks have correct line numbers.
+    """
     lines = [""] * (source.header.count("\n") + 2)
     checks = []
     for block in source.blocks:
@@ -304,10 +306,10 @@ def _declarations(source: Source) -> tuple[list[str], list[tuple[int, Block]]]:
     return lines, checks
 
 
-def _late_check(cls: Any, block: Block, before: int, filename: str) -> Callable[[Any], None]:
-    """What compiles a class's own `_check` when a message is first checked, and puts it in place.
+def _lazy_check(cls: Any, block: Block, before: int, filename: str) -> Callable[[Any], None]:
+    """A `_check` that compiles the real one at the first call and replaces itself.
 
-    Checks are half of a class's code, and of most loaded classes no message is ever sent.
+    Checks are half of the code of a class, and most loaded classes never send a message.
     """
 
     def _check(self: Any) -> None:
@@ -321,15 +323,15 @@ def _late_check(cls: Any, block: Block, before: int, filename: str) -> Callable[
 
 
 def _reduce(message: _runtime.Message) -> tuple[object, ...]:
-    # Another process has no module to find the class in, but it can load it as this one did.
+    # The module is not importable in another process, but `load` works there too.
     fields = message.__struct_fields__
     values = {name: getattr(message, name) for name in fields}
-    return _restore, (message._TYPE, message._HASH, values)
+    return _unpickle, (message._TYPE, message._HASH, values)
 
 
-def _restore(type_name: str, pickled_hash: str, values: dict[str, Any]) -> Any:
+def _unpickle(type_name: str, pickled_hash: str, values: dict[str, Any]) -> Any:
     cls = load(type_name)
     if pickled_hash != cls._HASH:
-        pickled = f"expected the definition that a pickled {type_name} was made from"
+        pickled = f"expected the definition of the pickled {type_name}"
         raise DefinitionError(f"{pickled} ({pickled_hash}), got another one ({cls._HASH})")
     return cls(**values)

@@ -1,4 +1,4 @@
-"""The folder that generated files go to: what of it is out of date, and what has to go."""
+"""Writes generated files to a folder, and removes generated files that have no definition."""
 
 from __future__ import annotations
 
@@ -16,37 +16,37 @@ from .render import GENERATED
 IsMissing = Callable[[str], bool]
 
 
-class Changes(NamedTuple):
-    """What differs from what should be there, each in order."""
+class FolderChanges(NamedTuple):
+    """The differences between the folder and the generated files, each list sorted."""
 
     outdated: list[Path]
     stale: list[Path]
-    """Modules whose definitions have gone, in packages that have others."""
+    """Modules without a definition, in packages that have other definitions."""
     gone: list[Path]
-    """The folders of packages whose definitions have all gone."""
+    """The folders of packages that have no definitions left."""
 
 
 def kept_types(folder: Path, is_gone: IsMissing) -> set[str]:
-    """The full names of the types that have modules in a folder, but for those that are gone."""
+    """The full names of the types that have modules in a folder and still have definitions."""
     made = (_made_from(path) for kind in KINDS for path in folder.glob(f"*/{kind}/_*.py"))
     return {name for name in made if name and not is_gone(name)}
 
 
 def write_tree(
     files: Mapping[str, str], folder: Path, is_missing: IsMissing, *, check: bool
-) -> Changes:
-    """Write files that srvgen generated; those that it once generated for nothing that is go.
+) -> FolderChanges:
+    """Write generated files, and delete generated files that no longer have a definition.
 
-    The folder of a package that has gone goes as a whole where all in it was generated.
+    The folder of a package without definitions is deleted if all its files were generated.
 
     Args:
         files: texts by relative path.
-        folder: where they belong.
-        is_missing: whether the definition of this full name has gone, and its module with it.
-        check: write nothing.
+        folder: the folder to write to.
+        is_missing: whether the definition of this full name does not exist any more.
+        check: only report the differences, and write nothing.
 
     Returns:
-        What differed.
+        The differences before writing.
 
     Raises:
         DefinitionError: the folder cannot be written.
@@ -76,7 +76,7 @@ def write_tree(
             f"expected a folder to write to, got: {error.strerror or error}",
             path=str(error.filename or folder),
         ) from None
-    return Changes([folder / path for path in sorted(changed)], stale, gone)
+    return FolderChanges([folder / path for path in sorted(changed)], stale, gone)
 
 
 def _differs(path: Path, text: str) -> bool:
@@ -90,20 +90,20 @@ def _write(files: Mapping[str, str], folder: Path) -> None:
 
 
 def _is_gone(package: Path, is_missing: IsMissing) -> bool:
-    """Whether a folder has modules that srvgen generated, and a definition for none of them."""
+    """Whether a folder has generated modules, and none of them has a definition."""
     made = [_made_from(path) for kind in KINDS for path in _modules(package / kind)]
     names = [name for name in made if name]
     return bool(names) and all(map(is_missing, names))
 
 
 def _stale(package: Path, is_missing: IsMissing) -> Iterator[Path]:
-    """The modules of a generated package whose definitions have gone."""
+    """The modules of a generated package that no longer have a definition."""
     for kind in KINDS:
         made = {path: _made_from(path) for path in _modules(package / kind)}
         gone = [path for path, name in made.items() if name and is_missing(name)]
         yield from gone
         if gone and not [path for path in made if path not in gone and path.stem != "__init__"]:
-            # Nothing is left that the folder's own module could offer.
+            # `__init__` has nothing left to export.
             yield from (path for path in made if path.stem == "__init__")
 
 
@@ -112,7 +112,7 @@ def _modules(folder: Path) -> list[Path]:
 
 
 def _is_generated(package: Path) -> bool:
-    """Whether srvgen, or Python from what srvgen wrote, has made every file in a folder."""
+    """Whether srvgen has generated every file in a folder, apart from `__pycache__`."""
     first_of_runtime = runtime_source().partition("\n")[0]
 
     def is_ours(path: Path) -> bool:
@@ -129,7 +129,7 @@ def _is_generated(package: Path) -> bool:
 
 
 def _made_from(path: Path) -> str:
-    """The full name of the type that srvgen generated a module for, or ""."""
+    """The full name of the type that a module was generated for, or ""."""
     found = re.match(rf'"""(\w+/\w+/\w+), {re.escape(GENERATED)}', _first_line(path))
     return found[1] if found else ""
 
@@ -138,5 +138,5 @@ def _first_line(path: Path) -> str:
     try:
         with path.open("rb") as file:
             return file.readline(1000).decode(errors="replace")
-    except OSError:  # a folder, a link to nothing: nothing of ours
+    except OSError:  # a folder or a broken link, which srvgen has not generated
         return ""

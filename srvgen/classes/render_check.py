@@ -1,4 +1,4 @@
-"""The statements of a generated `_check`, field by field, with the common case inline."""
+"""Renders the `_check` method of a message class; valid values need no function call."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from .render_expressions import (
 )
 
 _LONGEST = 92
-"""So that a line of a method's body stays within 100 columns."""
+"""The maximum length of a statement, so that a line in a method has at most 100 columns."""
 
 
 def checks(fields: Sequence[Field], scope: Scope) -> list[str]:
-    """The statements that bring each field to its exact type or raise FieldError."""
-    singles = [field for field in fields if str(field.type) == "float32"]
-    # Nothing but the conversion itself can tell a float32, so it is made for all of them at once.
-    joint = _check_singles(singles, scope) if len(singles) > 1 else []
-    others = [field for field in fields if not joint or field not in singles]
+    """The statements that convert each field to its exact type or raise FieldError."""
+    float32_fields = [field for field in fields if str(field.type) == "float32"]
+    # Only packing shows whether a float32 is valid, so all of them are packed in one call.
+    joint = _check_float32s(float32_fields, scope) if len(float32_fields) > 1 else []
+    others = [field for field in fields if not joint or field not in float32_fields]
     lines = [line for field in others for line in _check(field, scope)]
     return [part for line in [*joint, *lines] for part in _wrapped(line)]
 
@@ -39,11 +39,11 @@ def _wrapped(line: str) -> list[str]:
     head, opening, call = line.partition("(")
     if not opening:
         return [line]
-    arguments, _, rest = call.rpartition(")")  # `raise … from None` goes on behind the call
+    arguments, _, rest = call.rpartition(")")  # `raise … from None` continues after the call
     return [f"{head}(", f"{indent}    {arguments}", f"{indent}){rest}"]
 
 
-def _check_singles(fields: Sequence[Field], scope: Scope) -> list[str]:
+def _check_float32s(fields: Sequence[Field], scope: Scope) -> list[str]:
     values = [f"self.{attribute(field.name)}" for field in fields]
     return [
         f"pack, unpack = _runtime.float32s({len(fields)})",
@@ -56,7 +56,7 @@ def _check_singles(fields: Sequence[Field], scope: Scope) -> list[str]:
         "        )",
         "    )",
         "except _runtime.NOT_FLOAT:",
-        # The first that is wrong says so.
+        # Each is converted alone, so that the invalid one raises an error with its name.
         *(f"    {line}" for field in fields for line in _check_single(field, scope)),
     ]
 
@@ -90,7 +90,7 @@ def _check_single(field: Field, scope: Scope) -> list[str]:
     if base == "float32":
         return [f"{target} = _runtime.to_float32({target}, {path})"]
     local = _local(field)
-    # To mypy no value of the declared type bool can be anything else.
+    # Without it, mypy reports that a value declared as bool cannot be of another type.
     declared = ": object" if base == "bool" else ""
     bound = f", {field.type.string_bound}" if field.type.string_bound is not None else ""
     return [
@@ -101,16 +101,16 @@ def _check_single(field: Field, scope: Scope) -> list[str]:
 
 
 def _check_nested(field: Field, scope: Scope) -> list[str]:
-    # All in place: a call for each level would cost as much as the checks themselves.
+    # Inline: one more call per level would cost as much as the checks themselves.
     local, path, expected = _local(field), text_literal(field.name), scope.class_of(field.type)
     return [
         f"{local} = self.{attribute(field.name)}",
         f"if type({local}) is not {expected}:",
-        f"    _runtime.wrong_class({local}, {expected}, {path})",
+        f"    _runtime.require_class({local}, {expected}, {path})",
         "try:",
         f"    {local}._check()",
         f"except {scope.builtin('ValueError')} as error:",
-        f"    raise _runtime.under(error, {path}) from None",
+        f"    raise _runtime.with_prefix(error, {path}) from None",
     ]
 
 
@@ -131,7 +131,7 @@ def _looks_wrong(type_: FieldType, local: str) -> str:
 
 
 def _local(field: Field) -> str:
-    # No field's name ends in an underscore, so this hides neither `self` nor `type`.
+    # Field names do not end in an underscore, so this hides neither `self` nor `type`.
     return f"{field.name}_"
 
 

@@ -1,4 +1,4 @@
-"""How each type of a definition is annotated and default-initialised in a generated class."""
+"""Renders the expressions of generated code: literals, docstrings, annotations and defaults."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ INTEGERS = {
     "char": "uint8",
     **{name: name for name in "int8 uint8 int16 uint16 int32 uint32 int64 uint64".split()},
 }
-"""The integer types, with the name of their range and of their array class."""
+"""The integer types, with the name of their converter and their array class."""
 
 FLOATS = frozenset({"float32", "float64"})
 STRINGS = frozenset({"string", "wstring"})
@@ -30,39 +30,39 @@ _UNUSUAL = re.compile("[^ -~]")
 
 @dataclass(frozen=True, slots=True)
 class Scope:
-    """What names mean inside the body of one generated class."""
+    """The names that the body of one generated class can use."""
 
     classes: Mapping[str, str]
-    """The source name of each class that the module has, by its full name."""
+    """The Python name of each class in the module, by its full name."""
     shadowed: frozenset[str] = frozenset()
-    """Built-in names that fields of this class hide from its own body."""
+    """Built-in names that fields of this class hide in its body."""
 
     def inside(self, message: MessageDef) -> Scope:
-        """The same names, as the body of this message's class sees them."""
+        """The same names in the body of this message's class."""
         return Scope(self.classes, _BUILTINS & {field.name for field in message.fields})
 
     def builtin(self, name: str) -> str:
-        """A built-in's name; needs `import builtins as _builtins` where it is hidden."""
+        """The name of a built-in; a hidden one needs `import builtins as _builtins`."""
         is_hidden = name in self.shadowed or name in self.classes.values()
         return f"_builtins.{name}" if is_hidden else name
 
     def class_of(self, type_: FieldType) -> str:
-        """The source name of a nested message's class."""
+        """The Python name of a nested message's class."""
         return self.classes[type_.full_name]
 
 
 def attribute(name: str) -> str:
-    """A field's attribute: its name, with an underscore where Python or we need the name."""
+    """The attribute of a field: its name, with an underscore added if the name is reserved."""
     return f"{name}_" if keyword.iskeyword(name) or name in _RESERVED else name
 
 
 def module_name(name: str) -> str:
-    """rosidl's private module of an interface: `_add_two_ints` of `AddTwoInts`."""
+    """The private module of an interface, named as in rosidl: `_add_two_ints` for `AddTwoInts`."""
     return f"_{snake_case(name)}"
 
 
 def array_class(type_: FieldType) -> str | None:
-    """The runtime's array class of a numeric array; None for what is a list or no array."""
+    """The array class of a numeric array; None if the field is a list or not an array."""
     if not type_.is_array or not (type_.base in INTEGERS or type_.base in FLOATS):
         return None
     return f"_runtime.{INTEGERS.get(type_.base, type_.base).capitalize()}Array"
@@ -91,12 +91,12 @@ def _annotation(type_: FieldType, scope: Scope, byte: str) -> str:
 
 
 def constant_annotation(base: str, scope: Scope) -> str:
-    """The type of a constant or of a default as a class attribute shows it."""
+    """The annotation of a constant, or of a default as a class attribute."""
     return _annotation(FieldType(base), scope, scope.builtin("bytes"))
 
 
 def default(field: Field, scope: Scope) -> str:
-    """What stands behind the `=` of a field."""
+    """The expression after the `=` of a field."""
     type_ = field.type
     if made := array_class(type_):
         size = type_.array_size if type_.is_fixed_array else None
@@ -121,7 +121,7 @@ def default_constant(field: Field) -> str:
 
 
 def scalar(value: Value, type_: FieldType) -> str:
-    """One literal of this type."""
+    """The source of one literal of this type."""
     assert not isinstance(value, tuple)
     if type_.base == "byte":
         return literal(bytes((int(value),)))
@@ -131,7 +131,7 @@ def scalar(value: Value, type_: FieldType) -> str:
 def _as_declared(value: Scalar, base: str) -> Scalar:
     if isinstance(value, str):
         return unescape(value)
-    # A definition may give a float the default 1; the attribute is a float all the same.
+    # The default of a float may be written as 1; the attribute must be a float.
     return float(value) if base in FLOATS else value
 
 
@@ -162,7 +162,7 @@ def _zero(type_: FieldType) -> Scalar:
 
 
 def literal(value: Scalar | bytes) -> str:
-    """A value's source; needs `import math as _math` for what is not finite."""
+    """The source of a value; infinity and nan need `import math as _math`."""
     if isinstance(value, str):
         return text_literal(value)
     if isinstance(value, bytes):
@@ -173,12 +173,12 @@ def literal(value: Scalar | bytes) -> str:
 
 
 def text_literal(text: str) -> str:
-    """A string's source, in double quotes."""
+    """The source of a string, in double quotes."""
     return '"' + _escaped(text).replace('"', '\\"') + '"'
 
 
 def definition_literal(text: str) -> str:
-    """A long text's source, one line of it on each line of the source."""
+    """The source of a long text, one line of it on each line of the source."""
     lines = [f"    {text_literal(line)}" for line in text.splitlines(keepends=True)]
     return "\n".join(["(", *lines, ")"]) if len(lines) > 1 else text_literal(text)
 
@@ -198,8 +198,8 @@ def _docstring_line(line: str) -> str:
 
 
 def _escaped(text: str) -> str:
-    # Everything that does not print is escaped: a definition must not be able to end a literal,
-    # nor to show one thing in an editor and be another.
+    # Security: a definition must not be able to end a literal, and invisible characters must not
+    # make the source look different in an editor. So all unprintable characters are escaped.
     text = text.replace("\\", "\\\\").replace("\n", "\\n")
     return text if text.isprintable() else _UNUSUAL.sub(_escaped_character, text)
 

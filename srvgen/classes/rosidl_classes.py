@@ -1,8 +1,8 @@
-"""Message classes for programs that are written for ROS; the loader makes them on request.
+"""Message classes for programs that are written for ROS; `loader.make_ros_classes` turns them on.
 
-In addition to other message classes they have `SLOT_TYPES`, give arrays of fixed length as numpy
-arrays where numpy is installed, and can check the values of fields: with `check_fields=True` for
-one message, or with ROS_PYTHON_CHECK_FIELDS=1 in the environment for all.
+They also have `SLOT_TYPES`, return arrays of fixed length as numpy arrays if numpy is installed,
+and can check values when fields are set: with `check_fields=True` for one message, or with
+ROS_PYTHON_CHECK_FIELDS=1 in the environment for all.
 """
 
 from __future__ import annotations
@@ -28,12 +28,12 @@ from .slot_types import (
     slot_type,
 )
 
-Fault = Callable[[Any], str | None]
-"""The text behind the field's name that says what is wrong with a value; None if it is valid."""
+Validator = Callable[[Any], str | None]
+"""Returns the error text that follows the name of the field, or None for a valid value."""
 
 
 def runtime() -> ModuleType:
-    """The runtime of generated modules, with this module's base class."""
+    """A copy of `_runtime` with the base class of this module."""
     module = ModuleType(_runtime.__name__)
     module.__dict__.update(vars(_runtime))
     for name in ("Message", "MessageWithConstants", "RenamedMessage"):
@@ -44,8 +44,8 @@ def runtime() -> ModuleType:
 _made = type(Message).__call__
 
 
-class _Meta(_runtime._RenamingMeta):
-    """Makes messages of the class itself, or of its twin with the other setting of checks."""
+class _RosMessageMeta(_runtime.RenamingMeta):
+    """Makes messages of the class, or of its variant with the other setting of checks."""
 
     if not TYPE_CHECKING:
 
@@ -53,13 +53,13 @@ class _Meta(_runtime._RenamingMeta):
             if "check_fields" in values:
                 cls = _with_checks(cls, bool(values.pop("check_fields")))
             if cls._CHECKS:
-                _refuse_faults(cls, values)
+                _validate_all(cls, values)
             if cls._RENAMED:
                 return super().__call__(*args, **values)
             return _made(cls, *args, **values)
 
 
-class RosMessage(Message, kw_only=True, metaclass=_Meta):
+class RosMessage(Message, kw_only=True, metaclass=_RosMessageMeta):
     """The base of message classes in programs for ROS."""
 
     SLOT_TYPES: ClassVar[tuple[AbstractType, ...]] = ()
@@ -73,34 +73,34 @@ class RosMessage(Message, kw_only=True, metaclass=_Meta):
     """The same descriptors with checks."""
     _CHECKS: ClassVar[bool] = False
     """Whether the fields are checked."""
-    _CLASS: ClassVar[Any] = None
-    """The class that programs see; a twin refers to its original."""
-    _TWIN: ClassVar[Any] = None
-    _FAULTS: ClassVar[dict[str, tuple[str, Fault]]] = {}
-    """Each field's name and check, by the field's name and by its attribute."""
+    _ORIGINAL: ClassVar[Any] = None
+    """The class that programs see; a variant refers to its original."""
+    _VARIANT: ClassVar[Any] = None
+    _VALIDATORS: ClassVar[dict[str, tuple[str, Validator]]] = {}
+    """The name and the validator of each field, by its name and by its attribute."""
 
     def __init_subclass__(cls) -> None:
-        if "_CLASS" in cls.__dict__:  # a twin
-            _choose(cls, checks=not cls._CLASS._CHECKS)
+        if "_ORIGINAL" in cls.__dict__:  # a variant
+            _set_checks(cls, checks=not cls._ORIGINAL._CHECKS)
             return
-        attributes = [_runtime._attribute(cls, name) for name, _ in cls._FIELDS]
+        attributes = [_runtime.attribute_of(cls, name) for name, _ in cls._FIELDS]
         slots = {name: cls.__dict__[name] for name in attributes}
         super().__init_subclass__()
-        cls._CLASS = cls
+        cls._ORIGINAL = cls
         types = tuple(slot_type(type_, cls._NESTED.get(name)) for name, type_ in cls._FIELDS)
         _set(cls, "SLOT_TYPES", types)
         cls._NAMES = frozenset({*attributes, *(name for name, _ in cls._FIELDS)})
-        lenient, strict, faults = {}, {}, {}
+        lenient, strict, validators = {}, {}, {}
         for (name, _), attribute, type_ in zip(cls._FIELDS, attributes, types, strict=True):
             found = cls.__dict__[attribute]
             if _is_fixed_and_numeric(type_):
                 found = property(_numpy_getter(slots[attribute]), found.__set__)
-            fault = _fault(type_, cls._NESTED.get(name))
+            validator = _validator(type_, cls._NESTED.get(name))
             lenient[attribute] = found
-            strict[attribute] = property(found.__get__, _checked_setter(name, fault, found))
-            faults[name] = faults[attribute] = (name, fault)
-        cls._LENIENT, cls._STRICT, cls._FAULTS = lenient, strict, faults
-        _choose(cls, checks=os.environ.get("ROS_PYTHON_CHECK_FIELDS") == "1")
+            strict[attribute] = property(found.__get__, _checked_setter(name, validator, found))
+            validators[name] = validators[attribute] = (name, validator)
+        cls._LENIENT, cls._STRICT, cls._VALIDATORS = lenient, strict, validators
+        _set_checks(cls, checks=os.environ.get("ROS_PYTHON_CHECK_FIELDS") == "1")
 
     @classmethod
     def _check_lines(cls, lines: Sequence[str]) -> Sequence[str]:
@@ -113,10 +113,10 @@ class RosMessage(Message, kw_only=True, metaclass=_Meta):
         return [re.sub(r"^( *(\w+)_ = self\.)\w+$", stored, line) for line in lines]
 
     def __eq__(self, other: object) -> bool:
-        if not isinstance(other, self._CLASS):
+        if not isinstance(other, self._ORIGINAL):
             return NotImplemented
         names = self.__struct_fields__
-        return all(_runtime._are_equal(getattr(self, n), getattr(other, n)) for n in names)
+        return all(_runtime.are_equal(getattr(self, n), getattr(other, n)) for n in names)
 
     __hash__ = None
 
@@ -131,18 +131,18 @@ def _is_checked(message: Any) -> bool:
     return bool(message._CHECKS)
 
 
-def _be_checked(message: Any, checks: object) -> None:
+def _enable_checks(message: Any, checks: object) -> None:
     message.__class__ = _with_checks(type(message), bool(checks))
 
 
-setattr(RosMessage, "_check_fields", property(_is_checked, _be_checked))  # noqa: B010
+setattr(RosMessage, "_check_fields", property(_is_checked, _enable_checks))  # noqa: B010
 
 
 def _set(cls: Any, name: str, value: object) -> None:
     type.__setattr__(cls, name, value)  # constants refuse to be set
 
 
-def _choose(cls: Any, *, checks: bool) -> None:
+def _set_checks(cls: Any, *, checks: bool) -> None:
     """Switch the checks of the class on or off."""
     for attribute, descriptor in (cls._STRICT if checks else cls._LENIENT).items():
         _set(cls, attribute, descriptor)
@@ -150,14 +150,14 @@ def _choose(cls: Any, *, checks: bool) -> None:
 
 
 def _with_checks(cls: Any, checks: bool) -> Any:
-    """The class or its twin, depending on the wanted checks."""
-    known = cls._CLASS
+    """The class or its variant, depending on the wanted checks."""
+    known = cls._ORIGINAL
     if known._CHECKS is checks:
         return known
-    if known._TWIN is None:
-        names = {"__module__": known.__module__, "_CLASS": known}
-        _set(known, "_TWIN", type(known)(known.__name__, (known,), names))
-    return known._TWIN
+    if known._VARIANT is None:
+        names = {"__module__": known.__module__, "_ORIGINAL": known}
+        _set(known, "_VARIANT", type(known)(known.__name__, (known,), names))
+    return known._VARIANT
 
 
 def _is_fixed_and_numeric(type_: AbstractType) -> bool:
@@ -190,23 +190,23 @@ def _numpy_getter(slot: Any) -> Callable[[Any], Any]:
 
 def _shown(value: Any) -> str:
     numpy_array = type(value).__module__ == "numpy" and hasattr(value, "tolist")
-    return repr(value if numpy_array else _runtime._plain(value))
+    return repr(value if numpy_array else _runtime.to_plain(value))
 
 
 # --- checks ---------------------------------------------------------------------------------------
 
 
-def _checked_setter(name: str, fault: Fault, descriptor: Any) -> Callable[[Any, Any], None]:
+def _checked_setter(name: str, validator: Validator, descriptor: Any) -> Callable[[Any, Any], None]:
     put = descriptor.__set__
 
     def set_checked(message: Any, value: Any) -> None:
-        _refuse_fault(name, fault, value)
+        _require_valid(name, validator, value)
         put(message, value)
 
     return set_checked
 
 
-def _refuse_faults(cls: Any, values: dict[str, Any]) -> None:
+def _validate_all(cls: Any, values: dict[str, Any]) -> None:
     """Check the arguments of a constructor.
 
     Not in `__post_init__`: msgspec calls that for received messages too, whose arrays are bytes.
@@ -214,27 +214,27 @@ def _refuse_faults(cls: Any, values: dict[str, Any]) -> None:
     if odd := sorted(values.keys() - cls._NAMES):
         raise AssertionError(f"Invalid arguments passed to constructor: {', '.join(odd)}")
     for key, value in values.items():
-        name, fault = cls._FAULTS[key]
-        _refuse_fault(name, fault, value)
+        name, validator = cls._VALIDATORS[key]
+        _require_valid(name, validator, value)
 
 
-def _refuse_fault(name: str, fault: Fault, value: Any) -> None:
-    if (problem := fault(value)) is not None:
+def _require_valid(name: str, validator: Validator, value: Any) -> None:
+    if (problem := validator(value)) is not None:
         raise AssertionError(f"The '{name}' {problem}")
 
 
-def _fault(type_: AbstractType, nested: Any) -> Fault:
+def _validator(type_: AbstractType, nested: Any) -> Validator:
     if isinstance(type_, AbstractNestedType):
-        return _array_fault(type_, nested)
+        return _array_validator(type_, nested)
     rule = _rule(type_, nested)
 
-    def fault(value: Any) -> str | None:
+    def validator(value: Any) -> str | None:
         for fits, text in rule:
             if not fits(value):
                 return f"field must be {text}"
         return None
 
-    return fault
+    return validator
 
 
 _Rule = list[tuple[Callable[[Any], bool], str]]
@@ -267,7 +267,7 @@ def _rule(type_: AbstractType, nested: Any) -> _Rule:
     return rule
 
 
-def _array_fault(type_: AbstractNestedType, nested: Any) -> Fault:
+def _array_validator(type_: AbstractNestedType, nested: Any) -> Validator:
     element = type_.value_type
     fixed = type_.size if isinstance(type_, Array) else None
     most = getattr(type_, "maximum_size", None)
@@ -284,7 +284,7 @@ def _array_fault(type_: AbstractNestedType, nested: Any) -> Fault:
             return False
         return all(fit(value) for value in values for fit, _ in elements)
 
-    def fault(values: Any) -> str | None:
+    def validator(values: Any) -> str | None:
         if code and fixed is not None and hasattr(values, "dtype"):
             if values.dtype != code:
                 name = _numpy().dtype(code).name
@@ -298,20 +298,20 @@ def _array_fault(type_: AbstractNestedType, nested: Any) -> Fault:
             return None
         return None if fits(values) else text
 
-    return fault
+    return validator
 
 
 _FLOAT = 3.402823466e38
 _DOUBLE = 1.7976931348623157e308
 _ELEMENTS = {"float": "float32", "double": "float64"} | {
-    name: name for name in INTEGER_TYPES if name in _runtime._ARRAYS
+    name: name for name in INTEGER_TYPES if name in _runtime.ARRAY_CLASSES
 }
 
 
 def _array_code(type_: AbstractNestableType) -> str:
     """The type code of arrays of such elements, "" if they are lists."""
     name = _ELEMENTS.get(getattr(type_, "typename", ""))
-    return "" if name is None else _runtime._ARRAYS[name]._CODE
+    return "" if name is None else _runtime.ARRAY_CLASSES[name]._CODE
 
 
 def _is_a(cls: Any) -> Callable[[Any], bool]:

@@ -1,8 +1,8 @@
-"""Definitions → stubs (.pyi), so that editors know what the import hook and `load` give.
+"""Writes stubs (.pyi), so that editors know the classes of the import hook and of `load`.
 
-Stubs in `typings/` are found by Pyright and Pylance without any setting, and by mypy with
-`mypy_path = "typings"`. One of them stands in front of srvgen itself: it gives `load` an overload
-for every type, and hands on everything else.
+Pyright and Pylance find stubs in `typings/` without a setting, mypy with
+`mypy_path = "typings"`. One stub replaces srvgen itself: it has an overload of `load` for every
+type, and re-exports all other names.
 """
 
 from __future__ import annotations
@@ -25,19 +25,19 @@ from .render import GENERATED, render_stub
 from .render_expressions import docstring, module_name
 
 
-def whole_packages(
+def packages_with_dependencies(
     names: Sequence[str], search: Search
 ) -> tuple[dict[str, Definition], list[DefinitionError]]:
-    """The definitions of packages and of the packages that they need, and what is wrong in them.
+    """All definitions of packages and of their dependencies, and the errors in them.
 
-    A stub hides its package from a type checker, so each package is there with all its types.
+    A stub hides the whole package from a type checker, so all types of a package are included.
 
     Args:
-        names: packages, or types whose packages are meant; everything within reach where empty.
-        search: where they are found.
+        names: packages, or types whose packages are included; all packages if empty.
+        search: finds the definitions.
 
     Raises:
-        DefinitionError: a name is not within reach.
+        DefinitionError: a name cannot be found.
     """
     wanted = [_package(name, search) for name in names] or list(search.packages())
     known: dict[str, Definition] = {}
@@ -50,7 +50,7 @@ def whole_packages(
         seen.add(package)
         for name in search.interfaces(package):
             try:
-                needed = search.closure(name)
+                needed = search.with_dependencies(name)
             except DefinitionError as error:
                 problems.append(error)
             else:
@@ -60,7 +60,7 @@ def whole_packages(
 
 
 def stubs(definitions: Mapping[str, Definition]) -> dict[str, str]:
-    """The stub files for these definitions, by relative path, with the one for srvgen."""
+    """The stub files of these definitions and of srvgen itself, by relative path."""
     folders: dict[tuple[str, Kind], list[str]] = {}
     output = {"srvgen/__init__.pyi": "\n".join(_srvgen_stub(definitions)) + "\n"}
     for name, definition in definitions.items():
@@ -76,7 +76,7 @@ def stubs(definitions: Mapping[str, Definition]) -> dict[str, str]:
 def _package(name: str, search: Search) -> str:
     if "/" in name:
         return search.existing(name).split("/")[0]
-    search.interfaces(name)  # says that there is no such package
+    search.interfaces(name)  # raises DefinitionError if there is no such package
     return name
 
 

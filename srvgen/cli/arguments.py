@@ -12,8 +12,8 @@ from . import process
 Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 SOURCE = """\
-a definition file, a package folder, a folder of packages, or the name of a type or package within
-reach"""
+a definition file, a package folder, a folder of packages, or the name of a type or
+package that can be found"""
 
 
 class Parser(argparse.ArgumentParser):
@@ -56,7 +56,7 @@ def add_command(commands: Commands, name: str, purpose: str) -> Parser:
         type=_folder,
         action="append",
         default=[],
-        help="look for packages here first (may be repeated)",
+        help="search this folder for packages first (may be repeated)",
     )
     return command
 
@@ -86,7 +86,7 @@ def with_type(commands: Commands, name: str, purpose: str) -> Parser:
 def _folder(text: str) -> Path:
     path = Path(text)
     if not path.is_dir():
-        came = "a file" if path.exists() else "nothing there"
+        came = "a file" if path.exists() else "a path that does not exist"
         raise argparse.ArgumentTypeError(f"expected a folder, got {came}: {text}")
     return path
 

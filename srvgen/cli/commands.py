@@ -10,21 +10,21 @@ from typing import TYPE_CHECKING
 
 from ..definitions.model import Definition
 from ..errors import DefinitionError
-from ..files.dependencies import closure, whole_error
+from ..files.dependencies import error_with_dependencies, with_dependencies
 from ..files.reading import KINDS, kind_folder, read_definition, read_text
 from ..files.search import Search
 from .report import Report
 from .sources import files_of, is_type_name, search_paths
 
 if TYPE_CHECKING:
-    from ..classes.output import Changes
+    from ..classes.output import FolderChanges
     from ..files.fix import Fix
 
 
 def write_packages(options: argparse.Namespace, report: Report) -> None:
     """`srvgen generate`: write importable Python packages."""
     search = _search_of_sources(options)
-    with search.one_look():
+    with search.cached_lookups():
         _generate(options, report, search)
 
 
@@ -40,11 +40,11 @@ def _generate(options: argparse.Namespace, report: Report, search: Search) -> No
             has_workspace |= Path(source) in path.parents[2:]  # above package and kind
             try:
                 definition = read_definition(path)
-                closure(definition, search, path=path)
+                with_dependencies(definition, search, path=path)
                 search.find(definition.full_name)
             except DefinitionError as error:
                 # It is not valid, lacks something, or lies outside its package's folder.
-                report.error(whole_error(error, search))
+                report.error(error_with_dependencies(error, search))
             else:
                 packages.setdefault(definition.package, []).append(definition)
                 if path != Path(source) and not is_type_name(source):
@@ -59,27 +59,27 @@ def _generate(options: argparse.Namespace, report: Report, search: Search) -> No
     files = generate(packages, search, kept_types(options.out, is_gone))
     changes = write_tree(files, options.out, is_gone, check=options.check)
     if options.check:
-        _tell_differences(changes, report)
+        _report_differences(changes, report)
     else:
         for package in changes.gone:
-            stays = "; other files in it stay" if package.exists() else ""
-            print(f"removed {package}, which belongs to no definition any more{stays}")
+            stays = "; other files in it are kept" if package.exists() else ""
+            print(f"removed {package}, which no longer has definitions{stays}")
 
 
-def _tell_differences(changes: Changes, report: Report) -> None:
+def _report_differences(changes: FolderChanges, report: Report) -> None:
     for path in changes.outdated:
         report.failure(f"{path} is not up to date: run srvgen generate")
     for path in (*changes.stale, *changes.gone):
-        report.failure(f"{path} belongs to no definition any more: run srvgen generate")
+        report.failure(f"{path} no longer has a definition: run srvgen generate")
 
 
 def write_stubs(options: argparse.Namespace, report: Report) -> None:
     """`srvgen stubs`: write stubs for editors and type checkers."""
     from ..classes.output import write_tree
-    from ..classes.stubs import stubs, whole_packages
+    from ..classes.stubs import packages_with_dependencies, stubs
 
     search = Search(options.include)
-    definitions, problems = whole_packages(options.names, search)
+    definitions, problems = packages_with_dependencies(options.names, search)
     for problem in problems:
         report.error(problem)
     packages = {name.split("/")[0] for name in definitions}
@@ -87,30 +87,34 @@ def write_stubs(options: argparse.Namespace, report: Report) -> None:
     def is_gone(name: str) -> bool:
         return name.split("/", maxsplit=1)[0] in packages and search.is_missing(name)
 
-    with search.one_look():
+    with search.cached_lookups():
         write_tree(stubs(definitions), options.out, is_gone, check=False)
     types = f"{_counted(len(definitions), 'type')} of {_counted(len(packages), 'package')}"
     print(f"wrote stubs for {types} to {options.out}")
 
 
 def check(options: argparse.Namespace, report: Report) -> None:
-    """`srvgen check`: report every problem of definitions."""
-    from ..files.warnings import package_cycle, suspicions
+    """`srvgen check`: report every problem in definitions."""
+    from ..files.warnings import file_warnings, package_cycle
 
     search = _search_of_sources(options)
     known: dict[str, Definition] = {}
     files = _files(options.sources, search, report)
-    with search.one_look():
+    with search.cached_lookups():
         for path in files:
             try:
                 definition = read_definition(path)
-                report.warn(suspicions(definition, path))
-                known |= {one.full_name: one for one in closure(definition, search, path=path)}
+                report.warn(file_warnings(definition, path))
+                known |= {
+                    one.full_name: one for one in with_dependencies(definition, search, path=path)
+                }
             except DefinitionError as error:
-                report.error(whole_error(error, search))
+                report.error(error_with_dependencies(error, search))
     if ring := package_cycle(known.values()):
         chain = " → ".join(ring)
-        report.error(DefinitionError(f"expected packages that can be ordered, got {chain}"))
+        report.error(
+            DefinitionError(f"expected packages without circular dependencies, got {chain}")
+        )
     if not report.exit_code and not options.json:
         warnings = f", {_counted(report.warnings, 'warning')}" if report.warnings else ""
         print(f"{_counted(len(files), 'definition')}, no problems{warnings}")
@@ -121,12 +125,12 @@ def _counted(count: int, noun: str) -> str:
 
 
 def fix(options: argparse.Namespace, report: Report) -> None:
-    """`srvgen fix`: put right what has one right answer, and report the rest."""
+    """`srvgen fix`: repair what has only one correction, and report the rest."""
     from ..files.fix import fix_file
 
     search = _search_of_sources(options)
     fixes: list[Fix] = []
-    with search.one_look():
+    with search.cached_lookups():
         for path in _files(options.sources, search, report):
             try:
                 fix = fix_file(path, search.is_missing)
@@ -135,14 +139,14 @@ def fix(options: argparse.Namespace, report: Report) -> None:
                     _apply(fix, path, dry_run=options.dry_run)
             except DefinitionError as error:
                 report.error(error)
-    with search.one_look():  # files may have other names now
+    with search.cached_lookups():  # files may have other names now
         for fix in fixes:
             report.remember(fix.new_path)
             try:
                 fix.check(search)
             except DefinitionError as error:
                 # What would be written is not what is there, to which other problems would point.
-                report.error(error if options.dry_run else whole_error(error, search))
+                report.error(error if options.dry_run else error_with_dependencies(error, search))
 
 
 def _apply(fix: Fix, path: Path, *, dry_run: bool) -> None:
@@ -177,10 +181,10 @@ def print_descriptions(options: argparse.Namespace, report: Report) -> None:
 
 
 def print_definition(options: argparse.Namespace, report: Report) -> None:
-    """`srvgen show`: print a definition and what it contains."""
+    """`srvgen show`: print a definition with its nested definitions."""
     from ..describe import Comments, show
 
-    search, definition, path = _one(options)
+    search, definition, path = _requested_type(options)
 
     def lookup(name: str) -> tuple[str, Definition]:
         if path and name == definition.full_name:
@@ -198,7 +202,7 @@ def print_hash(options: argparse.Namespace, report: Report) -> None:
 
     from ..typehash import hash_of
 
-    search, definition, path = _one(options)
+    search, definition, path = _requested_type(options)
     name = definition.full_name
     if not path:
         name = str(search.resolve_name(options.type))
@@ -207,21 +211,21 @@ def print_hash(options: argparse.Namespace, report: Report) -> None:
     print(json.dumps({"type": name, "hash": digest}) if options.json else digest)
 
 
-def _one(options: argparse.Namespace) -> tuple[Search, Definition, Path | None]:
+def _requested_type(options: argparse.Namespace) -> tuple[Search, Definition, Path | None]:
     """The one definition that is asked for, with all that it needs; its file if that was named."""
     path = Path(options.type)
     search = Search([*search_paths([options.type]), *options.include])
     if path.is_file():
         definition = read_definition(path)
-        closure(definition, search, path=path)
+        with_dependencies(definition, search, path=path)
         return search, definition, path
     if path.is_dir():
         raise DefinitionError("expected a file or the name of a type, got a folder", path=str(path))
     if path.suffix.removeprefix(".") in KINDS:
         files_of(options.type, search)  # says that there is none, and what is
     name = search.resolve_name(options.type)
-    owner = str(name._replace(name=search.find(str(name)).stem))
-    return search, search.closure(owner)[-1], None
+    owner = str(name.renamed(search.find(str(name)).stem))
+    return search, search.with_dependencies(owner)[-1], None
 
 
 def _search_of_sources(options: argparse.Namespace) -> Search:
@@ -229,11 +233,11 @@ def _search_of_sources(options: argparse.Namespace) -> Search:
     return Search([*search_paths(options.sources), *options.include])
 
 
-def _second(path: Path, first: Path) -> DefinitionError:
+def _duplicate(path: Path, first: Path) -> DefinitionError:
     return DefinitionError(
-        f"expected one file that defines {path.stem}, got a second one",
+        f"expected only one file that defines {path.stem}, got a second one",
         path=str(path),
-        hint=f"the other is {first}: rename or remove one; subfolders do not make names differ",
+        hint=f"the other is {first}: rename or remove one; subfolders do not change the name",
     )
 
 
@@ -249,7 +253,7 @@ def _files(sources: Sequence[str], search: Search, report: Report) -> list[Path]
                 report.remember(path)
                 twin = first.setdefault((kind_folder(place) or place.parent, path.name), path)
                 if twin.resolve() != place:
-                    report.error(_second(path, twin))
+                    report.error(_duplicate(path, twin))
         except DefinitionError as error:
             report.error(error)
     return list(paths.values())

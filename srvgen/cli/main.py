@@ -83,16 +83,16 @@ def _run(argv: Sequence[str]) -> int:
 def _parser() -> Parser:
     parser, commands = root()
     _add_generate(commands)
-    check = with_sources(commands, "check", "report every problem of definitions", default=".")
-    check.add_argument("--json", action="store_true", help="one JSON line a problem")
+    check = with_sources(commands, "check", "report every problem in definitions", default=".")
+    check.add_argument("--json", action="store_true", help="one JSON line per problem")
     check.set_defaults(run="check")
-    fix = with_sources(commands, "fix", "put right what has one right answer, and report the rest")
+    fix = with_sources(commands, "fix", "repair what has only one correction, and report the rest")
     fix.add_argument(
         "--dry-run", action="store_true", help="write nothing; print what would change as a diff"
     )
     fix.set_defaults(run="fix")
     describe = with_sources(commands, "describe", "print definitions as JSON")
-    describe.add_argument("--json", action="store_true", help="one line an interface")
+    describe.add_argument("--json", action="store_true", help="one line per interface")
     describe.set_defaults(run="print_descriptions")
     _add_show(commands)
     digest = with_type(commands, "hash", "print the RIHS01 hash of a type")
@@ -114,12 +114,12 @@ def _add_generate(commands: Commands) -> None:
 
 
 def _add_show(commands: Commands) -> None:
-    command = with_type(commands, "show", "print a definition and what it contains")
+    command = with_type(commands, "show", "print a definition with its nested definitions")
     which = command.add_mutually_exclusive_group()
     which.add_argument(
-        "--all-comments", action="store_true", help="with the comments of nested definitions"
+        "--all-comments", action="store_true", help="show the comments of nested definitions too"
     )
-    which.add_argument("--no-comments", action="store_true", help="without any comments")
+    which.add_argument("--no-comments", action="store_true", help="show no comments")
     command.set_defaults(run="print_definition")
 
 
@@ -140,7 +140,7 @@ def _add_stubs(commands: Commands) -> None:
         "names",
         metavar="TYPE|PACKAGE",
         nargs="*",
-        help="what to write stubs for, with all that it needs (default: every package in reach)",
+        help="write stubs for these and their dependencies (default: all packages found)",
     )
     command.add_argument(
         "-o",

@@ -12,7 +12,7 @@ from ..errors import DefinitionError
 from ..files.reading import KINDS, has_subfolders, kind_folder, kind_of, subfolders
 from ..files.search import Search
 
-_LEFT_OUT = ("build", "install", "log", "node_modules", "__pycache__")
+_SKIPPED_FOLDERS = ("build", "install", "log", "node_modules", "__pycache__")
 """Folders below `src` that hold no sources of packages."""
 
 
@@ -39,7 +39,7 @@ def files_of(source: str, search: Search) -> list[Path]:
     if search.has_package(source):
         return [search.find(name) for name in search.interfaces(source)]
     raise DefinitionError(
-        "expected a file, a folder or the name of a type, got nothing there",
+        "expected a file, a folder or the name of a type, got a path that does not exist",
         path=source,
         hint=did_you_mean(path.name, _choices(path.parent))
         or did_you_mean(source, search.packages()),
@@ -89,7 +89,7 @@ def definition_files(source: Path) -> list[Path]:
     raise DefinitionError(
         "expected definitions (.msg, .srv, .action), got a folder without any",
         path=str(source),
-        hint="they stand in the folders msg, srv and action of a package",
+        hint="put them into the folders msg, srv and action of a package",
     )
 
 
@@ -135,7 +135,7 @@ def _below(source: Path) -> Iterator[Path]:
     if (source / "COLCON_IGNORE").exists() or not source.is_dir():
         return
     for folder in sorted(each for each in source.iterdir() if each.is_dir()):
-        if folder.name.startswith(".") or folder.name in _LEFT_OUT or folder.is_symlink():
+        if folder.name.startswith(".") or folder.name in _SKIPPED_FOLDERS or folder.is_symlink():
             continue
         yield folder
         if not (folder / "package.xml").is_file() and not _in_package(folder):

@@ -1,4 +1,4 @@
-"""The types that a service or an action implies without spelling them out."""
+"""Derived types: the events of a service, and the services and messages of an action."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ _SHARED_BY_ACTIONS = (
     Field("cancel_goal_service", FieldType("CancelGoal", "action_msgs", kind="srv")),
     Field("goal_status_message", FieldType("GoalStatusArray", "action_msgs")),
 )
-"""What every action's `Impl` names beside its own services, written as fields."""
+"""Types that all actions share and refer to in `Impl`, written as fields."""
 _EVENT_INFO = FieldType("ServiceEventInfo", "service_msgs")
 
 
 def event(service: ServiceDef) -> MessageDef:
-    """`X_Event`: what ROS 2's service introspection publishes about one call."""
+    """`X_Event`: the message that service introspection publishes for a call."""
     request, response = service.request, service.response
     return MessageDef(
         request.package,
@@ -30,7 +30,7 @@ def event(service: ServiceDef) -> MessageDef:
 
 
 def send_goal(action: ActionDef) -> ServiceDef:
-    """`X_SendGoal`: the service that offers a goal."""
+    """`X_SendGoal`: the service that sends a goal."""
     return _service(
         action,
         "SendGoal",
@@ -50,13 +50,13 @@ def get_result(action: ActionDef) -> ServiceDef:
 
 
 def feedback_message(action: ActionDef) -> MessageDef:
-    """`X_FeedbackMessage`: what is published while a goal is worked on."""
+    """`X_FeedbackMessage`: the message that is published while a goal is executed."""
     fields = (Field("goal_id", _UUID), Field("feedback", _nested(action.feedback)))
     return MessageDef(action.package, "action", f"{action.name}_FeedbackMessage", fields)
 
 
-def implied_types(definition: Definition) -> list[Definition]:
-    """Every type that comes with a definition: sections, events, an action's services."""
+def derived_types(definition: Definition) -> list[Definition]:
+    """Every type that a definition implies: its sections, events, and the services of an action."""
     match definition:
         case ServiceDef():
             return [definition.request, definition.response, event(definition)]
@@ -66,15 +66,15 @@ def implied_types(definition: Definition) -> list[Definition]:
                 definition.goal,
                 definition.result,
                 definition.feedback,
-                *(one for service in services for one in (service, *implied_types(service))),
+                *(one for service in services for one in (service, *derived_types(service))),
                 feedback_message(definition),
             ]
         case _:
             return []
 
 
-def whole(definition: Definition) -> MessageDef:
-    """A definition as one message whose fields are its parts, as type descriptions show it."""
+def as_message(definition: Definition) -> MessageDef:
+    """A definition as one message whose fields are its parts, as type descriptions have it."""
     match definition:
         case ServiceDef():
             parts = {
@@ -88,8 +88,8 @@ def whole(definition: Definition) -> MessageDef:
                 "goal": definition.goal,
                 "result": definition.result,
                 "feedback": definition.feedback,
-                "send_goal_service": whole(send_goal(definition)),
-                "get_result_service": whole(get_result(definition)),
+                "send_goal_service": as_message(send_goal(definition)),
+                "get_result_service": as_message(get_result(definition)),
                 "feedback_message": feedback_message(definition),
             }
             package, kind = definition.package, "action"
@@ -100,18 +100,18 @@ def whole(definition: Definition) -> MessageDef:
 
 
 def references(definition: Definition) -> list[Field]:
-    """The fields by which a definition, its implied types included, refers to other files.
+    """The fields of a definition and its derived types that refer to other files.
 
-    Fields that the text spells out come first, with their lines; what every action shares with
-    the others comes last.
+    The fields of the text come first, with their line numbers; the types that all actions share
+    come last.
     """
     shared = _SHARED_BY_ACTIONS if isinstance(definition, ActionDef) else ()
     own = [
         field
-        for message in (definition, *implied_types(definition))
+        for message in (definition, *derived_types(definition))
         if isinstance(message, MessageDef)
         for field in message.fields
-        # Only implied types point into their own .srv or .action file.
+        # Only derived types refer to their own .srv or .action file.
         if field.type.package and field.type.kind == "msg"
     ]
     return [*own, *shared]

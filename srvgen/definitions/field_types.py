@@ -1,4 +1,4 @@
-"""The type of a field, from `string<=5[<=3]` to a `FieldType`."""
+"""Parses the type of a field: `string<=5[<=3]` becomes a `FieldType`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ ROS1_TIME_TYPES = {
     "time": "builtin_interfaces/Time",
     "duration": "builtin_interfaces/Duration",
 }
-"""ROS 1's own types and what stands for them in ROS 2.
+"""The types that only ROS 1 has, and their replacements in ROS 2.
 
-The official parser still reads them, so that a ROS 1 file can be described; every later step
-refuses them, here as there.
+The official parser accepts them, so that a ROS 1 file can be described; every later step of the
+official tools refuses them, and so does srvgen.
 """
 
 _BUILT_IN = PRIMITIVES | ROS1_TIME_TYPES.keys()
@@ -40,10 +40,10 @@ class InvalidTypeName(InvalidText):
 
 @lru_cache(maxsize=4096)
 def parse_type(text: str, package: str) -> FieldType:
-    """Read a type as it stands in a definition of `package`.
+    """Parse the text of a type in a definition of `package`.
 
     Raises:
-        InvalidText: with the offset of the offending character in `text`.
+        InvalidText: the text is not a type; `offset` counts in `text`.
     """
     if text in _BUILT_IN:
         return FieldType(text)
@@ -56,7 +56,7 @@ def parse_type(text: str, package: str) -> FieldType:
         raise InvalidText(
             f"expected one pair of brackets, got {text!r}",
             text.index("["),
-            "an array has one dimension; a message with an array inside makes the second",
+            "an array has one dimension; use a message with an array for the second",
         )
     base = _base_type(text[:opening], package)
     size_text = text[opening + 1 : -1]

@@ -1,4 +1,4 @@
-"""How much a definition may ask for: definitions come from peers too."""
+"""Limits on definitions: other programs send definitions too, and must not exhaust this one."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from ..errors import InvalidText
 from .model import Field, FieldType, MessageDef
 
 TEXT = 2**20
-"""Characters of a definition's text, nested ones included where a peer sends them along."""
+"""Characters of a definition, including the nested ones that a peer sends with it."""
 ENTRIES = 10_000
-"""Fields, constants and elements of array defaults of one file."""
+"""Fields, constants and elements of array defaults in one file."""
 PROBLEMS = 1_000
-"""Problems that are reported of one file."""
+"""Problems reported for one file."""
 DEPTH = 64
-"""Types one inside the other."""
+"""Levels of nested types."""
 NESTED = 500
-"""Definitions that come with one text."""
+"""Nested definitions in one full text."""
 MEMORY = 2**26
-"""Bytes, roughly, of a message whose fields are all at their defaults."""
+"""Approximate bytes of a message whose fields have their defaults."""
 
 _OBJECT = 64
 _REFERENCE = 8
@@ -30,22 +30,22 @@ _SIZES = {
 
 
 def check_length(text: str) -> None:
-    """Refuse a text that is too long to be a definition.
+    """Refuse a text that is too long for a definition.
 
     Raises:
-        InvalidText: it is.
+        InvalidText: the text is too long.
     """
     if len(text) > TEXT:
         raise InvalidText(f"expected at most {TEXT:,} characters of definitions, got {len(text):,}")
 
 
 def default_memory(message: MessageDef, nested: Mapping[str, int]) -> int:
-    """The bytes, roughly, of a message as it is made; `nested` has those of other messages."""
+    """Approximate bytes of a new message; `nested` has the bytes of other messages."""
     return _OBJECT + sum(field_memory(nested, field) for field in message.fields)
 
 
 def field_memory(nested: Mapping[str, int], field: Field) -> int:
-    """The bytes, roughly, of one field of it."""
+    """Approximate bytes of one field of a new message."""
     type_ = field.type
     if not type_.is_array:
         return _element_memory(type_, nested)

@@ -1,4 +1,4 @@
-"""Lines, comments and separators: the outer shape of a definition's text."""
+"""The text of a definition: lines, comments, separators, and full texts with dependencies."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ from typing import NamedTuple
 
 SEPARATOR = "---"
 
-# What opens a bracket is read up to where it ends, also where that makes no unit: a text of a
-# million brackets is then read once, not a million times.
+# Also matches brackets that are not closed: otherwise the search would start again at each bracket
+# and take quadratic time for a text of a million brackets.
 _BRACKET = re.compile(r"\[([^,\]]*)(?:\]|,|\Z)")
 
 
@@ -22,19 +22,19 @@ class Comment(NamedTuple):
 
     lines: tuple[str, ...] = ()
     unit: str | None = None
-    """What stood in the only `[unit]`, which is then no longer part of the lines."""
+    """The text of the only `[unit]`, which is removed from the lines."""
 
 
 _NO_COMMENT = Comment()
 
 
 def split_lines(text: str) -> list[str]:
-    """The lines of a text as the official tools see them; columns stay what they are."""
+    """The lines of a text; tabs become spaces as in the official tools, columns do not change."""
     return text.replace("\t", " ").splitlines()
 
 
 def leading_comments(lines: Sequence[str]) -> int:
-    """How many lines at the start are comments of the whole section."""
+    """The number of lines at the start that are comments of the whole section."""
     count = 0
     for line in lines:
         if not line.startswith("#"):
@@ -44,7 +44,7 @@ def leading_comments(lines: Sequence[str]) -> int:
 
 
 def read_comment(raw_lines: Sequence[str]) -> Comment:
-    """Tidy up comment lines (without their `#`): unit taken out, blank lines cut, dedented."""
+    """Clean comment lines (given without `#`): extract the unit, trim blank lines, dedent."""
     if not raw_lines:
         return _NO_COMMENT
     text = "\n".join(raw_lines)
@@ -61,27 +61,30 @@ def read_comment(raw_lines: Sequence[str]) -> Comment:
 
 
 def join_full_text(text: str, needed: Mapping[str, str]) -> str:
-    """The text of a definition, then each needed one under a rule and `MSG: pkg/msg/Name`."""
+    """The text of a definition, then its dependencies, each under a rule and `MSG: pkg/msg/Name`.
+
+    Servers send such a text to clients that do not have the definitions.
+    """
     return text + "".join(
         f"\n{_RULE}\nMSG: {name}\n{needed_text}" for name, needed_text in needed.items()
     )
 
 
 def split_full_text(text: str) -> tuple[str, dict[str, str]]:
-    """Take apart what `join_full_text` made: the definition's own text, and name → text."""
+    """Split a full text: the text of the definition, and the texts of its dependencies by name."""
     own, *rest = _HEADING.split(text)
     return own, dict(zip(rest[::2], rest[1::2], strict=True))
 
 
 def _dedented(lines: Sequence[str]) -> list[str]:
-    # textwrap.dedent compiles a pattern for every indent that it meets.
+    # textwrap.dedent is slower: it compiles a pattern for each different indent.
     lines = [line if line.strip(" ") else "" for line in lines]
     margin = min((len(line) - len(line.lstrip(" ")) for line in lines if line), default=0)
     return [line[margin:] for line in lines]
 
 
 def _take_unit(text: str) -> tuple[str, str | None]:
-    """The text without its only `[unit]`, and that unit; the text as it is where there is none."""
+    """The text without its only `[unit]`, and that unit; the same text and None otherwise."""
     units = [one for one in _BRACKET.finditer(text) if one[1] and one[0].endswith("]")]
     if len(units) != 1:
         return text, None

@@ -1,4 +1,4 @@
-"""The values of constants and defaults, by the rules of the official tools."""
+"""Parses the values of constants and defaults by the rules of the official tools."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ INTEGER_RANGES = {
     **{f"uint{bits}": (0, 2**bits - 1) for bits in (8, 16, 32, 64)},
     **{f"int{bits}": (-(2 ** (bits - 1)), 2 ** (bits - 1) - 1) for bits in (8, 16, 32, 64)},
 }
-"""Smallest and greatest value of every integer type."""
+"""The smallest and the largest value of each integer type."""
 
 CURLY = "\u201c\u201d\u201e\u2018\u2019"
-"""The quotation marks of word processors, which quote nothing here."""
+"""The quotation marks of word processors; definitions accept only straight ones."""
 
 _BOOLS = {"true": True, "1": True, "false": False, "0": False}
 _SPACES = re.compile(" +")
@@ -26,10 +26,10 @@ _ESCAPE = re.compile(
 
 
 def parse_scalar(text: str, base: str, string_bound: int | None = None) -> Scalar:
-    """Read one literal of a built-in type. Strings keep their backslash escapes.
+    """Parse one literal of a built-in type. Strings keep their backslash escapes.
 
     Raises:
-        InvalidText: where the text is no value of this type.
+        InvalidText: the text is not a value of this type.
     """
     if base in INTEGER_RANGES:
         return _integer(text, base)
@@ -46,10 +46,10 @@ def parse_scalar(text: str, base: str, string_bound: int | None = None) -> Scala
 
 
 def parse_default(text: str, field_type: FieldType) -> Value:
-    """Read the default of a field.
+    """Parse the default of a field.
 
     Raises:
-        InvalidText: where the text is no value of this type, with its offset in `text`.
+        InvalidText: the text is not a value of this type; `offset` counts in `text`.
     """
     if not field_type.is_primitive:
         raise InvalidText(
@@ -65,10 +65,10 @@ def parse_default(text: str, field_type: FieldType) -> Value:
 
 
 def unescape(value: str) -> str:
-    r"""The text that a string literal stands for once its backslash escapes are resolved.
+    r"""Resolve the backslash escapes of a string literal.
 
-    `describe` shows literals as the file has them; classes carry the resolved text, as after the
-    .idl step of the official tools. An unknown escape such as `\d` stays as it is.
+    `describe` shows literals as they are in the file; classes have the resolved text, as after
+    the .idl step of the official tools. An unknown escape such as `\d` is not changed.
     """
     if "\\" not in value:
         return value
@@ -91,33 +91,33 @@ def _integer(text: str, base: str) -> int:
         try:
             value = int(text, 0)
         except ValueError:
-            raise _no_integer(text, base) from None
+            raise _invalid_integer(text, base) from None
     if not low <= value <= high:
         raise InvalidText(f"expected a whole number from {low} to {high} for {base}, got {text!r}")
     return value
 
 
-def _no_integer(text: str, base: str) -> InvalidText:
+def _invalid_integer(text: str, base: str) -> InvalidText:
     low, high = INTEGER_RANGES[base]
-    mistake = InvalidText(f"expected a whole number from {low} to {high} for {base}, got {text!r}")
+    error = InvalidText(f"expected a whole number from {low} to {high} for {base}, got {text!r}")
     if re.fullmatch("'.'", text):
         code = ord(text[1])
-        mistake.hint = f"a {base} is a number here: {code}"
+        error.hint = f"a {base} is a number here: {code}"
         if base in ("char", "byte") and code < 128:
-            mistake.repair = Repair(0, len(text), str(code))
-    return mistake
+            error.repair = Repair(0, len(text), str(code))
+    return error
 
 
 def _float(text: str, base: str) -> float:
     try:
         return float(text)
     except ValueError:
-        mistake = InvalidText(f"expected a number for {base}, got {text!r}")
+        error = InvalidText(f"expected a number for {base}, got {text!r}")
         if re.fullmatch(r"[-+]?\d+,\d+", text):
             meant = text.replace(",", ".")
-            mistake.hint = f"the decimal separator is a point: {meant}"
-            mistake.repair = Repair(0, len(text), meant)
-        raise mistake from None
+            error.hint = f"write a decimal point: {meant}"
+            error.repair = Repair(0, len(text), meant)
+        raise error from None
 
 
 def _string(text: str, base: str, bound: int | None) -> str:
@@ -144,8 +144,8 @@ def _element(text: str, start: int, field_type: FieldType) -> Scalar:
     stripped = text.strip()
     try:
         return parse_scalar(stripped, field_type.base, field_type.string_bound)
-    except InvalidText as mistake:
-        raise mistake.moved(start + len(text) - len(text.lstrip())) from None
+    except InvalidText as error:
+        raise error.moved(start + len(text) - len(text.lstrip())) from None
 
 
 def _check_count(count: int, field_type: FieldType) -> None:
@@ -158,7 +158,7 @@ def _check_count(count: int, field_type: FieldType) -> None:
 
 
 def _elements(text: str, field_type: FieldType) -> list[tuple[int, str]]:
-    """The elements of `[a, b]`, each with its offset in the text."""
+    """The elements of `[a, b]` with their offsets in the text."""
     inner = text[1:-1]
     if field_type.base in ("string", "wstring"):
         return _string_elements(inner)

@@ -1,4 +1,4 @@
-"""The parsed form of interface definitions: plain frozen values, no behaviour but naming."""
+"""The parsed form of interface definitions: frozen values without behaviour."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ Scalar: TypeAlias = bool | int | float | str
 """One literal of a definition. `byte` and `char` are integers 0..255 here."""
 
 Value: TypeAlias = Scalar | tuple[Scalar, ...]
-"""A default: one literal, or one for each element of an array."""
+"""A default: one literal, or one per element of an array."""
 
 PRIMITIVES = frozenset(
     "bool byte char float32 float64 int8 uint8 int16 uint16 int32 uint32 int64 uint64 "
@@ -23,30 +23,30 @@ PRIMITIVES = frozenset(
 
 
 class FieldType(Struct, frozen=True):
-    """The type of a field: a base type, perhaps bounded, perhaps an array of it."""
+    """The type of a field: a base type, optionally bounded, or an array of it."""
 
     base: str
     """`int32`, `string`, or a message's bare name such as `Point`."""
     package: str | None = None
-    """The package of a message type (filled in for relative names too); None for primitives."""
+    """The package of a message type, also for relative names; None for primitives."""
     string_bound: int | None = None
     """N of `string<=N`."""
     is_array: bool = False
     array_size: int | None = None
-    """N of `[N]` and `[<=N]`; None where unbounded."""
+    """N of `[N]` and `[<=N]`; None if unbounded."""
     is_upper_bound: bool = False
     """True for `[<=N]`."""
     kind: Kind = "msg"
-    """The folder of a message type: `msg`, but for sections inside implied types."""
+    """The folder of a message type: `msg`, except for sections in derived types."""
 
     @property
     def is_primitive(self) -> bool:
-        """Whether the base is one of ROS 2's built-in types."""
+        """Whether the base is a built-in type of ROS 2."""
         return self.package is None
 
     @property
     def full_name(self) -> str:
-        """`geometry_msgs/msg/Point`; a primitive's own name."""
+        """`geometry_msgs/msg/Point`; for a primitive its own name."""
         return f"{self.package}/{self.kind}/{self.base}" if self.package else self.base
 
     @property
@@ -56,7 +56,7 @@ class FieldType(Struct, frozen=True):
 
     @property
     def element(self) -> FieldType:
-        """The type of one element (the type itself where it is no array)."""
+        """The type of one element; the type itself if it is not an array."""
         return FieldType(self.base, self.package, self.string_bound, kind=self.kind)
 
     def __str__(self) -> str:
@@ -76,9 +76,9 @@ class Field(Struct, frozen=True):
     type: FieldType
     default: Value | None = None
     comment: tuple[str, ...] = ()
-    """The comment lines that belong to the field, without their `#`."""
+    """The comment lines of the field, without their `#`."""
     unit: str | None = None
-    """What stood in one `[unit]` of the comment."""
+    """The text of the only `[unit]` in the comment."""
     line: int = 0
     column: int = 0
 
@@ -96,18 +96,18 @@ class Constant(Struct, frozen=True):
 
 
 class MessageDef(Struct, frozen=True):
-    """A message: a .msg file, one section of a .srv or .action file, or an implied type."""
+    """A message: a .msg file, one section of a .srv or .action file, or a derived type."""
 
     package: str
     kind: Kind
-    """The folder of the file that it comes from: `srv` for `AddTwoInts_Request`."""
+    """The folder of its file: `srv` for `AddTwoInts_Request`."""
     name: str
     fields: tuple[Field, ...] = ()
     constants: tuple[Constant, ...] = ()
     comment: tuple[str, ...] = ()
-    """The file's or section's leading comment lines."""
+    """The comment lines at the start of the file or section."""
     unit: str | None = None
-    """What stood in one `[unit]` of that comment."""
+    """The text of the only `[unit]` in that comment."""
 
     @property
     def full_name(self) -> str:
@@ -116,7 +116,7 @@ class MessageDef(Struct, frozen=True):
 
 
 class ServiceDef(Struct, frozen=True):
-    """A service: what is asked and what is answered."""
+    """A service: its request and its response."""
 
     package: str
     name: str
@@ -130,7 +130,7 @@ class ServiceDef(Struct, frozen=True):
 
 
 class ActionDef(Struct, frozen=True):
-    """An action: a goal, its result, and feedback on the way."""
+    """An action: its goal, its result and its feedback."""
 
     package: str
     name: str
@@ -148,7 +148,7 @@ Definition: TypeAlias = MessageDef | ServiceDef | ActionDef
 
 
 def sections(definition: Definition) -> Iterator[MessageDef]:
-    """The messages that a definition's text spells out, in their order in the file."""
+    """The messages that the text of a definition contains, in the order of the file."""
     match definition:
         case ServiceDef():
             yield from (definition.request, definition.response)

@@ -1,4 +1,4 @@
-"""The rules for names, and how full type names are taken apart."""
+"""The rules for names, full type names in parts, and suggestions for misspelt names."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _CONSTANT = re.compile(r"[A-Z][A-Z0-9]*(?:_[A-Z0-9]+)*")
 _WORD_ENDS = re.compile(r"(?<=[a-z0-9])(?=[A-Z])|(?<=[A-Z])(?=[A-Z][a-z])|[^A-Za-z0-9]+")
 _UNDERSCORES = re.compile("_+")
 _KINDS = frozenset(get_args(Kind))
-# Each is taken off once, in this order, as the official tools do.
+# The official tools remove each suffix once, in this order.
 _SECTION_SUFFIXES = ("_Request", "_Response", "_Goal", "_Result", "_Feedback")
 _SERVICE_PARTS = ("_Event", "_Request", "_Response")
 _PARTS: dict[Kind, tuple[str, ...]] = {
@@ -25,7 +25,7 @@ _PARTS: dict[Kind, tuple[str, ...]] = {
         f"_{service}{part}" for service in ("GetResult", "SendGoal") for part in _SERVICE_PARTS
     ),
 }
-"""What the folder modules of the official tools have beside a class, and nothing more."""
+"""Suffixes of the classes that the official tools export beside the class of an interface."""
 
 LOWER_RULE = "lower-case letters, digits and single underscores, with a letter first"
 MESSAGE_RULE = "letters and digits, with a capital first"
@@ -39,27 +39,31 @@ class TypeName(NamedTuple):
     kind: Kind
     name: str
 
+    def renamed(self, name: str) -> TypeName:
+        """The type of that name in the same folder of the same package."""
+        return TypeName(self.package, self.kind, name)
+
     def __str__(self) -> str:
         return f"{self.package}/{self.kind}/{self.name}"
 
 
 def names_in_folder(kind: Kind, name: str) -> list[str]:
-    """The classes of an interface that its folder module has: `AddTwoInts`, its request, …"""
+    """The exported classes of an interface: `AddTwoInts`, `AddTwoInts_Request`, …"""
     return [name, *(f"{name}{part}" for part in _PARTS[kind])]
 
 
 def is_package_name(name: str) -> bool:
-    """Whether ROS 2 accepts this as the name of a package."""
+    """Whether ROS 2 accepts the name for a package."""
     return _LOWER.fullmatch(name) is not None
 
 
 def is_field_name(name: str) -> bool:
-    """Whether ROS 2 accepts this as the name of a field."""
+    """Whether ROS 2 accepts the name for a field."""
     return _LOWER.fullmatch(name) is not None
 
 
 def is_message_name(name: str) -> bool:
-    """Whether this can name a message, one section of a service or action included."""
+    """Whether ROS 2 accepts the name for a message or for a section of a service or action."""
     name = name.removeprefix("Sample_")
     for suffix in _SECTION_SUFFIXES:
         name = name.removesuffix(suffix)
@@ -67,35 +71,35 @@ def is_message_name(name: str) -> bool:
 
 
 def is_constant_name(name: str) -> bool:
-    """Whether ROS 2 accepts this as the name of a constant."""
+    """Whether ROS 2 accepts the name for a constant."""
     return _CONSTANT.fullmatch(name) is not None
 
 
-def bad_at(name: str, kind: Literal["field", "constant", "message"]) -> int:
-    """Where a refused name of this kind stops being one; a package's is as a field's."""
+def first_invalid(name: str, kind: Literal["field", "constant", "message"]) -> int:
+    """The offset of the first invalid character of a name; use "field" for packages too."""
     rule = {"field": _LOWER, "constant": _CONSTANT, "message": _MESSAGE}[kind]
     found = rule.match(name)
     end = found.end() if found else 0
-    # An underscore is fine where a letter follows, so what follows is what is wrong.
+    # An underscore is valid before a letter, so the invalid character is the one after it.
     only_last = end + 1 >= len(name) or not found
     return end if only_last or kind == "message" or name[end] != "_" else end + 1
 
 
 def snake_case(name: str) -> str:
-    """`maxSpeed` → `max_speed`; what a camel-case name looks like as a field or package."""
+    """`maxSpeed` → `max_speed`: a name as a field or a package has it."""
     return _UNDERSCORES.sub("_", _WORD_ENDS.sub("_", name)).strip("_").lower()
 
 
 def camel_case(name: str) -> str:
-    """`add_two_ints` → `AddTwoInts`; what a file name looks like as the name of a type."""
+    """`add_two_ints` → `AddTwoInts`: a name as a type has it."""
     return "".join(word[:1].upper() + word[1:] for word in re.split("[^A-Za-z0-9]+", name))
 
 
 def split_type_name(text: str) -> TypeName:
-    """Take `pkg/srv/Name` apart.
+    """Split `pkg/srv/Name` into its parts.
 
     Raises:
-        DefinitionError: where the text is not three valid names with `/` between them.
+        DefinitionError: the text is not three valid names with `/` between them.
     """
     parts = text.split("/")
     if len(parts) == 3:
@@ -107,21 +111,21 @@ def split_type_name(text: str) -> TypeName:
     )
 
 
-def near(name: str, known: Iterable[str]) -> list[str]:
-    """The known names that a misspelt one most resembles, the best first, at most three."""
-    import difflib  # only a mistake needs it
+def similar_names(name: str, known: Iterable[str]) -> list[str]:
+    """At most three known names that resemble a misspelt one, the most similar first."""
+    import difflib  # only errors need it
 
     by_lower = {one.lower(): one for one in known}
-    # What is as good as right should not be offered beside what only resembles it.
-    for likeness in (0.92, 0.7):
-        found = difflib.get_close_matches(name.lower(), by_lower, 3, likeness)
+    # An almost equal name should not be offered beside weaker candidates.
+    for cutoff in (0.92, 0.7):
+        found = difflib.get_close_matches(name.lower(), by_lower, 3, cutoff)
         if found:
             return [by_lower[one] for one in found]
     return []
 
 
-def is_one_slip(one: str, other: str) -> bool:
-    """Whether a letter left out, put in, mistaken or swapped with the next makes the difference."""
+def is_one_typo(one: str, other: str) -> bool:
+    """Whether the names differ by one letter: missing, extra, wrong or swapped with the next."""
     while one and other and one[0] == other[0]:
         one, other = one[1:], other[1:]
     if one[1:] == other[1:] or one[1:] == other or one == other[1:]:
@@ -130,6 +134,6 @@ def is_one_slip(one: str, other: str) -> bool:
 
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
-    """A hint that names what resembles `name`, or "" where nothing does."""
-    found = near(name, known)
+    """A hint with the known names that resemble `name`, or ""."""
+    found = similar_names(name, known)
     return f"did you mean {' or '.join(found)}?" if found else ""

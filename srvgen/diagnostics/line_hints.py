@@ -1,4 +1,4 @@
-"""What a writer most likely meant: hints for the usual slips, used only once a text is refused."""
+"""Recognises the usual mistakes in names, values and lines, and suggests the correct text."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ _SPACED_BOUND = re.compile(r"(w?string) *(<) *(=) *(\d+) +(?=\S)")
 _TYPE_SHAPE = re.compile(r"[A-Za-z][\w/]*(?:<=\d+)?(?:\[(?:<=)?\d*\])?")
 _FOREIGN_COMMENT = re.compile(r"(?<=\s)//")
 _MODIFIERS = ("const", "constexpr", "static", "final", "required", "optional", "public", "private")
-_FRAMES = re.compile(
+_OTHER_DECLARATIONS = re.compile(
     r"(?:message|struct|class|service|interface|enum|namespace|module|union|typedef|import|from|"
     r"package|using|syntax|def|rpc|type|action|msg|srv)\b.*"
 )
-_TITLE = re.compile(r"(?:request|response|goal|result|feedback)s?\s*:", re.I)
-_BEGINNINGS = {
-    ("//", "/*", "*/", "--", "%", "<!--", '"""'): "a comment begins with '#'",
-    ("MSG:", "=" * 8): "these are several definitions in one; give each type a file of its own",
-    ("@",): "annotations belong to .idl files; leave this line out",
+_SECTION_TITLE = re.compile(r"(?:request|response|goal|result|feedback)s?\s*:", re.I)
+_HINTS_BY_PREFIX = {
+    ("//", "/*", "*/", "--", "%", "<!--", '"""'): "write comments with '#'",
+    ("MSG:", "=" * 8): "this file contains several definitions; put each type into its own file",
+    ("@",): "annotations are for .idl files only; remove this line",
 }
-_SAMPLES = {"bool": "true", "string": '"text"', "wstring": '"text"'}
+_EXAMPLE_VALUES = {"bool": "true", "string": '"text"', "wstring": '"text"'}
 
 _SUFFIXED = re.compile(r"([-+]?(?:0x[0-9a-f]+|[\d.]+(?:e[-+]?\d+)?))(?:f|l|u|ul|ll|ull)", re.I)
 _WHOLE = re.compile(r"([-+]?\d+)\.0*")
@@ -41,7 +41,7 @@ Parse = Callable[[str], object]
 
 
 def bracket_repair(code: str) -> Repair | None:
-    """The type that a line begins with, its brackets closed up to it, or None."""
+    """Remove the spaces between the type and its brackets at the start of a line, or None."""
     found = _SPACED_BRACKETS.match(code)
     if not found:
         return None
@@ -50,7 +50,7 @@ def bracket_repair(code: str) -> Repair | None:
 
 
 def bound_repair(code: str) -> Repair | None:
-    """The bounded string that a line begins with, its bound closed up to it, or None."""
+    """Remove the spaces in a bounded string type at the start of a line, or None."""
     found = _SPACED_BOUND.match(code)
     if not found or " " not in found[0].rstrip():
         return None
@@ -58,7 +58,7 @@ def bound_repair(code: str) -> Repair | None:
 
 
 def extra_word(code: str) -> InvalidText | None:
-    """The mistake of a line that begins with a word that other languages put before the type."""
+    """The error of a line that begins with a modifier of another language, such as `const`."""
     word, _, rest = code.partition(" ")
     rest = rest.lstrip()
     if word == "repeated" and " " in rest:
@@ -66,21 +66,21 @@ def extra_word(code: str) -> InvalidText | None:
         meant = f"{type_text}[] {name.lstrip()}"
         return InvalidText(
             "expected a type at the start of the line, got 'repeated'",
-            hint=f"an array is written with brackets: {meant}",
+            hint=f"write an array with brackets: {meant}",
             repair=Repair(0, len(code), meant),
         )
     if word not in _MODIFIERS or " " not in rest:
         return None
-    why = {"const": "a constant is one by its '='", "optional": "every field is always there"}
+    why = {"const": "the '=' makes it a constant", "optional": "every field is always present"}
     return InvalidText(
         f"expected a type at the start of the line, got {word!r}",
-        hint=f"leave it out{': ' + why[word] if word in why else ''}",
+        hint=f"remove it{': ' + why[word] if word in why else ''}",
         repair=Repair(0, len(code) - len(rest), ""),
     )
 
 
 def several_fields(code: str) -> InvalidText | None:
-    """The mistake of a line that has more than one field, with `,` or `;` between them."""
+    """The error of a line with several fields, separated by `,` or `;`."""
     code = _FOREIGN_COMMENT.split(code, maxsplit=1)[0].rstrip()
     first, *others = re.split("[,;]", code.rstrip(";, "))
     type_text, _, name = first.partition(" ")
@@ -94,31 +94,31 @@ def several_fields(code: str) -> InvalidText | None:
         return None
     lines = [" ".join(part) for part in parts]
     return InvalidText(
-        f"expected one field a line, got {len(lines)}",
+        f"expected one field per line, got {len(lines)}",
         len(first),
-        f"write them on lines of their own: {lines[0]}, then {', then '.join(lines[1:])}",
+        f"write each on its own line: {lines[0]}, then {', then '.join(lines[1:])}",
         Repair(0, len(code), "\n".join(lines)),
     )
 
 
 def field_name_hint(name: str, type_text: str) -> str:
-    """What the refused field name was meant to be, or ""."""
+    """A hint for an invalid field name, or ""."""
     if name.startswith("["):
-        return f"the brackets belong to the type, without a space: {type_text}{name}"
+        return f"write the brackets directly after the type: {type_text}{name}"
     if "[" in name:
         bare, _, rest = name.partition("[")
-        return f"the brackets belong to the type: {type_text}[{rest} {bare}"
+        return f"write the brackets after the type: {type_text}[{rest} {bare}"
     trimmed = name.rstrip(";,:")
     if trimmed != name and is_field_name(trimmed):
-        return f"nothing follows the name: {type_text} {trimmed}"
+        return f"remove what follows the name: {type_text} {trimmed}"
     if not name.isascii():
-        return "a name has the letters a to z only, without accents"
+        return "a name may contain only the letters a to z, without accents"
     meant = snake_case(name)
     return f"did you mean {meant}?" if meant != name and is_field_name(meant) else ""
 
 
 def field_name_repair(name: str, type_text: str, name_at: int) -> Repair | None:
-    """The only way to write the refused name of a field that stands at `name_at`, or None."""
+    """The only valid spelling of an invalid field name at the offset `name_at`, or None."""
     bare, bracket, rest = name.partition("[")
     if bracket:
         if not is_field_name(bare) or not re.fullmatch(r"(?:<=)?\d*\]", rest):
@@ -132,9 +132,9 @@ def field_name_repair(name: str, type_text: str, name_at: int) -> Repair | None:
 
 
 def constant_name_repair(name: str, name_at: int) -> Repair | None:
-    """The only way to write the refused name of a constant, or None.
+    """The only valid spelling of an invalid constant name, or None.
 
-    A name that is not in capitals has two: it may be a field whose default got a `=`.
+    A name that is not in capitals has two: it may be a field whose default has a `=`.
     """
     meant = snake_case(name).upper()
     if name != name.upper() or meant == name or not is_constant_name(meant) or " " in name:
@@ -143,7 +143,7 @@ def constant_name_repair(name: str, name_at: int) -> Repair | None:
 
 
 def comment_repair(code: str) -> Repair | None:
-    """Another language's comment as one of ours, or None."""
+    """Write a comment of another language with `#`, or None."""
     if code.startswith("//"):
         return Repair(0, 2, "#")
     if code.startswith("/*") and code.endswith("*/") and len(code) >= len("/**/"):
@@ -152,64 +152,64 @@ def comment_repair(code: str) -> Repair | None:
 
 
 def constant_name_hint(name: str, type_text: str, value: str) -> str:
-    """What the refused name of a constant was meant to be, or ""; `value` is as it should be."""
+    """A hint for an invalid constant name, or ""; `value` is the valid value."""
     if " " in name:
-        return "a line with '=' anywhere, even in quotes, is read as a constant"
-    value = value or _SAMPLES.get(type_text, "0")
+        return "a line with '=' is read as a constant, even if the '=' is in quotes"
+    value = value or _EXAMPLE_VALUES.get(type_text, "0")
     if not name:
-        return f"a name is missing: {type_text} NAME={value}"
+        return f"the name is missing: {type_text} NAME={value}"
     meant = snake_case(name) if is_field_name(snake_case(name)) else name
     if not is_constant_name(meant.upper()):
         return ""
     if name == name.upper():
         return f"did you mean {meant.upper()}?" if meant.upper() != name else ""
     default = f"a field's default has no '=': {type_text} {meant} {value}"
-    return f"a constant is in capitals: {type_text} {meant.upper()}={value}; {default}"
+    return f"constants are in capitals: {type_text} {meant.upper()}={value}; {default}"
 
 
 def looks_like_separator(line: str) -> bool:
-    """Whether a line that is not `---` was meant to be."""
+    """Whether a line resembles the separator `---` without being it."""
     return _SEPARATOR_LOOKALIKE.fullmatch(line) is not None and line != "---"
 
 
 def separator_repair(line: str) -> Repair:
-    """A line that was meant as the separator as one, its comment on a line of its own."""
+    """Replace a line by the separator; a comment moves to the next line."""
     _, mark, comment = line.partition("#")
     return Repair(0, len(line), f"---\n#{comment}" if mark else "---")
 
 
 def line_hint(code: str) -> str:
-    """What a line that is no definition at all was meant to be, or ""."""
-    for beginnings, hint in _BEGINNINGS.items():
+    """A hint for a line that is neither a field nor a constant, or ""."""
+    for beginnings, hint in _HINTS_BY_PREFIX.items():
         if code.startswith(beginnings):
             return hint
     if code.strip("{}();, ") == "":
-        return "a definition has no brackets around it; leave this line out"
-    if _TITLE.fullmatch(code):
-        return "sections have no titles, only a line --- between them; leave this line out"
-    if _FRAMES.fullmatch(code) and not is_field_name(code.rpartition(" ")[2]):
-        return "only fields and constants stand in a definition; leave this line out"
+        return "definitions have no enclosing brackets; remove this line"
+    if _SECTION_TITLE.fullmatch(code):
+        return "sections have no titles, only a line --- between them; remove this line"
+    if _OTHER_DECLARATIONS.fullmatch(code) and not is_field_name(code.rpartition(" ")[2]):
+        return "a definition contains only fields and constants; remove this line"
     if "=" in code and is_constant_name(code.partition("=")[0].rstrip()):
-        return f"a constant begins with its type: int32 {code}"
+        return f"write the type first: int32 {code}"
     return ""
 
 
 def lone_type_hint(text: str) -> str:
-    """What is missing in a line that is a type alone."""
+    """A hint for a line that contains only a type."""
     bare = re.split(r"[<\[]", text)[0].rpartition("/")[2]
     name = snake_case(bare) if is_message_name(bare) else "value"
-    return f"a name is missing: {text} {name if is_field_name(name) else 'value'}"
+    return f"the name is missing: {text} {name if is_field_name(name) else 'value'}"
 
 
 def strange_character(code: str) -> InvalidText | None:
-    """The first character that a word processor left in a line that is no definition."""
+    """The error of the first character that a word processor has put into a line, or None."""
     bullet = _BULLET.match(code)
     if bullet:
         at = len(bullet[0]) - len(bullet[0].lstrip())
         return InvalidText(
             f"expected a type at the start of the line, got a list's {code[at]!r}",
             at,
-            "leave it out: one definition a line needs no list",
+            "remove it: definitions need no list marks",
             Repair(0, bullet.end(), ""),
         )
     for offset, char in enumerate(code):
@@ -217,7 +217,7 @@ def strange_character(code: str) -> InvalidText | None:
             return InvalidText(
                 f"expected plain text, got the curly quotation mark {char}",
                 offset,
-                "replace it by a straight one",
+                "replace it with a straight one",
                 Repair(offset, offset + 1, "'" if char in CURLY[-2:] else '"'),
             )
         if char != " " and unicodedata.category(char) in ("Cf", "Cc", "Zs"):
@@ -226,36 +226,36 @@ def strange_character(code: str) -> InvalidText | None:
             return InvalidText(
                 f"expected plain text, got a {name} (U+{ord(char):04X})",
                 offset,
-                "replace it by a plain space or by nothing",
+                "remove it or replace it with a space",
                 Repair(offset, offset + 1, plain),
             )
     return None
 
 
-def put_right(mistake: InvalidText, text: str, parse: Parse) -> InvalidText:
-    """The mistake of the value `text`, with what was meant where that can be told.
+def explain_value(error: InvalidText, text: str, parse: Parse) -> InvalidText:
+    """Add a hint and a repair to the error of the value `text`, if there are any.
 
     Args:
-        mistake: what `parse` has raised for the text; its offset counts in the text.
-        text: the value as it stands in the line, up to the end.
-        parse: reads a value of the right type, or raises a InvalidText.
+        error: the error that `parse` has raised for the text.
+        text: the value, up to the end of the line.
+        parse: reads a value of the right type, or raises InvalidText.
     """
     comment = re.search(r"(?:^|(?<=\s))//", text)
     if comment:
-        mistake.hint = "a comment begins with '#'"
+        error.hint = "write comments with '#'"
         if _reads(text[: comment.start()].rstrip(), parse) or not comment.start():
-            mistake.repair = Repair(comment.start(), comment.end(), "#")
+            error.repair = Repair(comment.start(), comment.end(), "#")
     elif not text:
-        mistake.hint = "a value is missing"
-    elif not mistake.repair and (meant := meant_value(text, parse)) not in ("", text):
-        mistake.hint = f"did you mean {meant}?"
-        # What is meant by yes in a definition only its writer can say for sure.
-        mistake.repair = None if meant in _BOOLEAN_WORDS.values() else Repair(0, len(text), meant)
-    return mistake
+        error.hint = "the value is missing"
+    elif not error.repair and (meant := likely_value(text, parse)) not in ("", text):
+        error.hint = f"did you mean {meant}?"
+        # Only the author knows whether yes is a boolean or a text.
+        error.repair = None if meant in _BOOLEAN_WORDS.values() else Repair(0, len(text), meant)
+    return error
 
 
-def meant_value(text: str, parse: Parse) -> str:
-    """The value itself where it can be read, else the first likely meaning of it, or ""."""
+def likely_value(text: str, parse: Parse) -> str:
+    """The value if it is valid, else the first likely replacement, or ""."""
     return next((one for one in _candidates(text) if _reads(one, parse)), "")
 
 

@@ -1,4 +1,4 @@
-"""All that a definition needs, in the order of dependency, or why it cannot be had."""
+"""Loads all dependencies of a definition in order, and reports those that are missing."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Protocol, TypeVar
 
 from ..definitions import limits
-from ..definitions.derived import implied_types, references
+from ..definitions.derived import derived_types, references
 from ..definitions.field_types import ROS1_TIME_TYPES
 from ..definitions.lines import join_full_text
 from ..definitions.model import Definition, Field, MessageDef, sections
@@ -20,8 +20,8 @@ from .reading import read_text
 T = TypeVar("T")
 
 
-class Source(Protocol):
-    """Where definitions come from; `Search` is the usual one."""
+class DefinitionSource(Protocol):
+    """Provides definitions by name; `Search` is the usual implementation."""
 
     def find(self, full_name: str) -> Path:
         """The file of a type."""
@@ -33,92 +33,96 @@ class Source(Protocol):
         """The text of the file that defines a type."""
 
 
-def closure(
-    definition: Definition, source: Source, *, path: Path | None = None, text: str | None = None
+def with_dependencies(
+    definition: Definition,
+    source: DefinitionSource,
+    *,
+    path: Path | None = None,
+    text: str | None = None,
 ) -> list[Definition]:
-    """A definition and all that it needs; each comes after what it needs, itself last.
+    """A definition and all its dependencies; each comes after its own, the definition last.
 
     Args:
-        definition: where to begin.
-        source: where the others are found.
-        path: the file of the first, where the source does not know it.
-        text: the text of the first, where it is not what the file has.
+        definition: the definition whose dependencies are wanted.
+        source: provides the dependencies.
+        path: the file of the definition, if the source does not know it.
+        text: the text of the definition, if it differs from the file.
 
     Raises:
         DefinitionError: a type is missing, invalid, contains itself or is too large.
     """
     walk = _Walk(source)
     if path is None:
-        place = _Place(source.find(definition.full_name), source.text, definition.full_name)
+        location = _Location(source.find(definition.full_name), source.text, definition.full_name)
     elif text is None:
-        place = _Place(path, read_text, path)
+        location = _Location(path, read_text, path)
     else:
-        place = _Place(path, str, text)
-    walk.visit(definition, place)
-    raise_all(walk.problems)
+        location = _Location(path, str, text)
+    walk.visit(definition, location)
+    raise_combined(walk.problems)
     return walk.ordered
 
 
-def whole_error(error: DefinitionError, source: Source) -> DefinitionError:
-    """The error of a text that was refused, together with what its valid lines lack."""
+def error_with_dependencies(error: DefinitionError, source: DefinitionSource) -> DefinitionError:
+    """The error of an invalid text, combined with the errors of the types in its valid lines."""
     walk = _Walk(source)
-    walk.refuse(error)
-    return one_error(walk.problems)
+    walk.add_invalid(error)
+    return combined_error(walk.problems)
 
 
-def full_text(definition: Definition, source: Source) -> str:
-    """The text of a definition followed by those of all that it needs.
+def full_text(definition: Definition, source: DefinitionSource) -> str:
+    """The text of a definition followed by the texts of its dependencies.
 
     Raises:
-        DefinitionError: as `closure`.
+        DefinitionError: as `with_dependencies`.
     """
-    return joined_text(closure(definition, source), source)
+    return joined_text(with_dependencies(definition, source), source)
 
 
-def joined_text(ordered: Sequence[Definition], source: Source) -> str:
-    """The full text of the last of these definitions, the others being all that it needs."""
+def joined_text(ordered: Sequence[Definition], source: DefinitionSource) -> str:
+    """The full text of the last definition; the others are its dependencies."""
     *needed, own = (one.full_name for one in ordered)
     return join_full_text(source.text(own), {name: source.text(name) for name in needed})
 
 
 def check_ros2_types(definition: Definition, path: Path) -> None:
-    """Refuse ROS 1's `time` and `duration`, which the parser lets pass.
+    """Refuse the ROS 1 types `time` and `duration`, which the parser accepts.
 
     Raises:
         DefinitionError: the definition has such a field.
     """
-    raise_all(list(_ros1_types(definition, _Place(path, read_text, path))))
+    raise_combined(list(_ros1_types(definition, _Location(path, read_text, path))))
 
 
-def raise_all(problems: list[DefinitionError]) -> None:
-    """Raise what was found, if anything, as one error."""
+def raise_combined(problems: list[DefinitionError]) -> None:
+    """Raise the problems, if there are any, as one error."""
     if problems:
-        raise one_error(problems)
+        raise combined_error(problems)
 
 
-def one_error(problems: Sequence[DefinitionError]) -> DefinitionError:
-    """The only problem, or all of them in their order."""
+def combined_error(problems: Sequence[DefinitionError]) -> DefinitionError:
+    """The only problem, or a `DefinitionErrors` with all of them in order."""
     if len(problems) == 1:
         return problems[0]
     return DefinitionErrors(sorted(problems, key=lambda one: (one.path, one.line, one.column)))
 
 
-class _Place:
-    """Where a definition stands, for errors that point into it; read only where there are any."""
+class _Location:
+    """The file and text of a definition, for errors; the text is read only if there are any."""
 
     def __init__(self, path: Path, read: Callable[[T], str], what: T) -> None:
         self.path = path
         self._read = partial(read, what)
 
     def missing(self, field: Field, error: DefinitionError) -> DefinitionError:
-        """The error of a type that cannot be had, at the field that needs it."""
+        """The error of a missing type, at the field that needs it."""
         problem = self.error(field, error.message, error.hint)
         problem.looked_in = error.looked_in
         return problem
 
     def error(self, field: Field, message: str, hint: str = "") -> DefinitionError:
         """A problem of one field's type."""
-        # A type begins its line; a field without a line belongs to an implied type.
+        # A type begins its line; a field without a line number belongs to a derived type.
         line = self._lines[field.line - 1] if field.line else ""
         return DefinitionError(
             message,
@@ -135,9 +139,14 @@ class _Place:
 
 
 class _Walk:
-    """A depth-first walk along the references from file to file."""
+    """Visits a definition and its dependencies, depth first.
 
-    def __init__(self, source: Source) -> None:
+    Attributes:
+        ordered: the definitions visited so far, dependencies first.
+        problems: the errors found so far.
+    """
+
+    def __init__(self, source: DefinitionSource) -> None:
         self.source = source
         self.ordered: list[Definition] = []
         self.problems: list[DefinitionError] = []
@@ -146,83 +155,86 @@ class _Walk:
         self._missing: dict[str, DefinitionError] = {}
         self._memory: dict[str, int] = {}
 
-    def visit(self, definition: Definition, place: _Place) -> None:
+    def visit(self, definition: Definition, location: _Location) -> None:
         self._seen.add(definition.full_name)
         self._open.append(definition.full_name)
-        self.problems.extend(_ros1_types(definition, place))
+        self.problems.extend(_ros1_types(definition, location))
         if keyword.iskeyword(definition.full_name.rpartition("/")[2]):
             name = definition.full_name
-            problem = f"expected a type name that Python does not keep for itself, got {name!r}"
-            self.problems.append(DefinitionError(problem, path=str(place.path)))
+            problem = f"expected a type name that is not a keyword of Python, got {name!r}"
+            self.problems.append(DefinitionError(problem, path=str(location.path)))
         for field in references(definition):
             if len(self.problems) >= limits.PROBLEMS:
-                break  # nobody reads more, and to look for what is near costs time
-            self._follow(field, place)
-        self._weigh(definition, place)
+                break  # searching for similar names costs time, and nobody reads more problems
+            self._follow(field, location)
+        self._check_memory(definition, location)
         self._open.pop()
         self.ordered.append(definition)
 
-    def refuse(self, error: DefinitionError) -> None:
-        """Note what is wrong with a text, and with what its valid lines refer to."""
+    def add_invalid(self, error: DefinitionError) -> None:
+        """Add the problems of an invalid text, and of the types that its valid lines refer to."""
         self.problems.extend(problems_of(error))
         readable = error.readable
-        # In a package without a valid name no type can be found.
+        # No type can be found in a package whose name is invalid.
         if isinstance(readable, Definition) and is_package_name(readable.package):
             path = Path(error.path)
-            self.visit(readable, _Place(path, read_text, path))
+            self.visit(readable, _Location(path, read_text, path))
 
-    def _follow(self, field: Field, place: _Place) -> None:
+    def _follow(self, field: Field, location: _Location) -> None:
         name = field.type.full_name
         if name in self._open:
             chain = " → ".join([*self._open[self._open.index(name) :], name])
-            self.problems.append(place.error(field, f"expected a type that ends, got {chain}"))
+            problem = f"expected types that do not contain themselves, got {chain}"
+            self.problems.append(location.error(field, problem))
         if name in self._missing:
-            self.problems.append(place.missing(field, self._missing[name]))
+            self.problems.append(location.missing(field, self._missing[name]))
         if name in self._seen:
             return
         if len(self._open) >= limits.DEPTH:
-            most = f"expected at most {limits.DEPTH} types one inside the other, got more"
-            self.problems.append(place.error(field, most))
+            most = f"expected at most {limits.DEPTH} levels of nested types, got more"
+            self.problems.append(location.error(field, most))
             return
         try:
             needed = self.source.load(name)
         except DefinitionError as error:
             self._seen.add(name)
-            if error.path:  # one inside the other file, which needs no place here
-                self.refuse(error)
+            if error.path:  # the error is in the other file and has its own position
+                self.add_invalid(error)
                 return
             if field.type.package == self._open[-1].partition("/")[0]:
-                error.looked_in = ()  # it is clear where a package's own types are looked for
+                error.looked_in = ()  # the package's own folder is known to the author
             self._missing[name] = error
-            self.problems.append(place.missing(field, error))
+            self.problems.append(location.missing(field, error))
         else:
-            self.visit(needed, _Place(self.source.find(name), self.source.text, name))
+            self.visit(needed, _Location(self.source.find(name), self.source.text, name))
 
-    def _weigh(self, definition: Definition, place: _Place) -> None:
-        """Refuse what would fill the memory as soon as a message is made."""
-        for part in (*implied_types(definition), definition):
+    def _check_memory(self, definition: Definition, location: _Location) -> None:
+        """Refuse a type whose new messages would use too much memory."""
+        for part in (*derived_types(definition), definition):
             if isinstance(part, MessageDef):
                 memory = limits.default_memory(part, self._memory)
                 if memory > limits.MEMORY:
-                    most = f"expected at most {limits.MEMORY:,} bytes for a message of defaults"
+                    limit = f"{limits.MEMORY:,} bytes for a message with default values"
                     heaviest = max(part.fields, key=partial(limits.field_memory, self._memory))
-                    self.problems.append(place.error(heaviest, f"{most}, got {memory:,}"))
-                    memory = 0  # what holds this one is not to blame as well
+                    self.problems.append(
+                        location.error(heaviest, f"expected at most {limit}, got {memory:,}")
+                    )
+                    memory = 0  # do not report the types that contain this one
                 self._memory[part.full_name] = memory
 
 
 def problems_of(error: DefinitionError) -> list[DefinitionError]:
-    """The single problems of an error."""
+    """The problems that an error contains."""
     return error.problems if isinstance(error, DefinitionErrors) else [error]
 
 
-def _ros1_types(definition: Definition, place: _Place) -> Iterator[DefinitionError]:
+def _ros1_types(definition: Definition, location: _Location) -> Iterator[DefinitionError]:
     for message in sections(definition):
         for field in message.fields:
             if field.type.package is None and field.type.base in ROS1_TIME_TYPES:
-                from ..diagnostics.type_hints import ros1_hint  # only a mistake needs it
+                from ..diagnostics.type_hints import ros1_hint  # only errors need it
 
-                yield place.error(
+                yield location.error(
                     field,
                     f"expected a type of ROS 2, got {field.type.base!r} of ROS 1",
                     ros1_hint(field.type.base),

@@ -1,7 +1,7 @@
-"""Put right what has one right answer: `srvgen fix`.
+"""Repairs definition files: `srvgen fix`.
 
-The answers are the repairs that the parser's own problems carry, so that what is fixed is exactly
-what `check` complains about.
+The repairs come from the errors of the parser, so `fix` changes only what `check` reports. An error
+with more than one possible correction has no repair.
 """
 
 from __future__ import annotations
@@ -23,11 +23,11 @@ from ..definitions.lines import SEPARATOR
 from ..definitions.model import Kind
 from ..diagnostics.type_hints import missing_type_repair
 from ..errors import DefinitionError, InvalidText, Repair
-from .dependencies import Source, closure, problems_of
+from .dependencies import DefinitionSource, problems_of, with_dependencies
 from .reading import decode, kind_of, meant_path, package_of, parse_definition, read_data
 
-_MANY_PASSES = 100
-"""So many strange characters of one line are removed, one a pass."""
+_MAX_PASSES = 100
+"""Maximum passes over a file; each pass repairs at most one invalid character per line."""
 
 _BOM = "\N{ZERO WIDTH NO-BREAK SPACE}"
 _UTF16 = {codecs.BOM_UTF16_LE: "utf-16-le", codecs.BOM_UTF16_BE: "utf-16-be"}
@@ -37,22 +37,22 @@ IsMissing = Callable[[str], bool]
 
 @dataclass(frozen=True, slots=True)
 class Fix:
-    """A file as it is and as it should be."""
+    """The current and the repaired state of a file."""
 
     path: Path
     new_path: Path
     before: str
     after: str
     encoding: str
-    """What the file is encoded in, for readers; `UTF-8` where that is right already."""
+    """The name of the current encoding; `UTF-8` if it need not change."""
 
     @property
     def is_needed(self) -> bool:
-        """Whether there is anything to change."""
+        """Whether the file needs a change."""
         return (self.path, self.before, "UTF-8") != (self.new_path, self.after, self.encoding)
 
     def diff(self) -> Iterator[str]:
-        """The lines of a unified diff; name and encoding stand in lines of their own above it."""
+        """The lines of a unified diff; changes of name and encoding come first."""
         if self.path != self.new_path:
             yield from (f"rename from {self.path}", f"rename to {self.new_path}")
         if self.encoding != "UTF-8":
@@ -61,26 +61,26 @@ class Fix:
         names = (str(self.path), str(self.new_path))
         yield from difflib.unified_diff(before, after, *names, lineterm="")
 
-    def check(self, source: Source) -> None:
-        """Look for what is still wrong.
+    def check(self, source: DefinitionSource) -> None:
+        """Check the repaired text.
 
         Raises:
-            DefinitionError: the text is not valid yet, or what it needs is not.
+            DefinitionError: the text or a dependency is still invalid.
         """
         package, kind, name = package_of(self.path), kind_of(self.new_path), self.new_path.stem
         path = str(self.new_path)
         definition = parse_definition(self.after, package, kind, name, path=path)
-        closure(definition, source, path=self.new_path, text=self.after)
+        with_dependencies(definition, source, path=self.new_path, text=self.after)
 
     def write(self) -> None:
-        """Write the file in one step, with its permissions, and give it its new name.
+        """Replace the file atomically, keep its permissions, and rename it if needed.
 
         Raises:
             DefinitionError: the file or its folder cannot be written, or the name is taken.
         """
         if self.path != self.new_path and _is_taken(self.new_path, self.path):
             raise DefinitionError(
-                f"expected to rename the file to {self.new_path.name}, got a file of that name",
+                f"cannot rename the file to {self.new_path.name}: a file of that name exists",
                 path=str(self.path),
             )
         try:
@@ -94,14 +94,14 @@ class Fix:
 
 
 def fix_file(path: Path, is_missing: IsMissing) -> Fix:
-    """What is to be done to a file.
+    """The repairs of a file, not yet written.
 
     Args:
         path: the file.
-        is_missing: whether there is no type of this full name.
+        is_missing: whether no type of this full name can be found.
 
     Raises:
-        DefinitionError: the file cannot be read, or its encoding or kind cannot be told.
+        DefinitionError: the file cannot be read, or its encoding or kind is unknown.
     """
     new_path = meant_path(path) or path
     kind = kind_of(new_path)
@@ -112,10 +112,10 @@ def fix_file(path: Path, is_missing: IsMissing) -> Fix:
 
 
 def fixed(text: str, package: str, kind: Kind, name: str, is_missing: IsMissing) -> str:
-    """The text with everything put right that has one right answer; line ends stay."""
-    for _ in range(_MANY_PASSES):
+    """The text after all repairs; line ends are not changed."""
+    for _ in range(_MAX_PASSES):
         repairs = _repairs(text, package, kind, name)
-        for number, repair in _references(text, package, is_missing):
+        for number, repair in _missing_type_repairs(text, package, is_missing):
             repairs.setdefault(number, []).append(repair)
         better = _applied(text, repairs)
         if better == text:
@@ -130,7 +130,7 @@ def _decoded(data: bytes, path: str) -> tuple[str, str]:
         if data:
             raise DefinitionError(f"expected UTF-8 text, got {what}", path=path)
     for mark, codec in _UTF16.items():
-        # Notepad's "Unicode" has a mark; without one, the zeros beside ASCII tell the order.
+        # Notepad's "Unicode" has a byte order mark; without it, zero bytes show the order.
         zeros = data[1 if codec == "utf-16-le" else 0 : 64 : 2]
         if data.startswith(mark) or (zeros and not any(zeros)):
             with suppress(UnicodeDecodeError):
@@ -151,8 +151,10 @@ def _repairs(text: str, package: str, kind: Kind, name: str) -> dict[int, list[R
     return found
 
 
-def _references(text: str, package: str, is_missing: IsMissing) -> Iterator[tuple[int, Repair]]:
-    """Repairs of types that read well and that nobody has: `Header`, `time`, `String`."""
+def _missing_type_repairs(
+    text: str, package: str, is_missing: IsMissing
+) -> Iterator[tuple[int, Repair]]:
+    """Repairs of well-formed types that do not exist: `Header`, `time`, `String`."""
     for number, line in enumerate(text.splitlines(), 1):
         code = line.partition("#")[0].replace("\t", " ")
         written, _, rest = code.partition(" ")
@@ -170,7 +172,7 @@ def _applied(text: str, repairs: dict[int, list[Repair]]) -> str:
     lines = text.splitlines(keepends=True)
     counts = _words_by_section(lines)
     for number, wanted in repairs.items():
-        # The last line may have no end; it is then written as the one before it.
+        # A last line without a line end gets the one of the line before it.
         newline = _end_of(lines[number - 1]) or _end_of(lines[number - 2]) or "\n"
         lines[number - 1] = _repaired(lines[number - 1], wanted, counts[number - 1], newline)
     return "".join(lines)
@@ -179,7 +181,7 @@ def _applied(text: str, repairs: dict[int, list[Repair]]) -> str:
 def _repaired(line: str, repairs: list[Repair], words: Counter[str], newline: str) -> str:
     end = len(line)
     for start, stop, new in sorted(repairs, reverse=True):
-        # A name that another line of the section has would only be the next problem.
+        # A repaired name must not collide with another name of the section.
         is_taken = new.isidentifier() and words[new] > _words(line).count(new)
         if stop > end or (start > 0 and is_taken):
             continue
@@ -190,7 +192,7 @@ def _repaired(line: str, repairs: list[Repair], words: Counter[str], newline: st
 
 
 def _words_by_section(lines: list[str]) -> list[Counter[str]]:
-    """For each line, how often its section has each word."""
+    """For each line, the number of times each word occurs in its section."""
     counts: list[Counter[str]] = []
     words: Counter[str] = Counter()
     for line in lines:
@@ -202,7 +204,7 @@ def _words_by_section(lines: list[str]) -> list[Counter[str]]:
 
 
 def _words(line: str) -> list[str]:
-    """The words of a line but for those of its comment, which are no names."""
+    """The words of a line without its comment."""
     return re.findall(r"\w+", line.partition("#")[0])
 
 

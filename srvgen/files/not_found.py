@@ -1,4 +1,4 @@
-"""What is said about a type or a package that is not within reach."""
+"""The errors of a type or a package that cannot be found, with suggestions."""
 
 from __future__ import annotations
 
@@ -10,58 +10,61 @@ from ..definitions.names import (
     TypeName,
     did_you_mean,
     is_message_name,
-    is_one_slip,
+    is_one_typo,
     is_package_name,
 )
-from ..diagnostics.type_hints import any_of, missing_type_hint
+from ..diagnostics.type_hints import missing_type_hint, suggest
 from ..errors import DefinitionError
 from .reading import KINDS, meant_path
 
 _NOUNS = {"msg": "message", "srv": "service", "action": "action"}
 
 Interfaces = Callable[[str], Iterable[str]]
-"""Gives the full names of all that a package defines."""
+"""Returns the full names of all interfaces of a package."""
 
 
-def no_type(
+def unknown_type(
     name: TypeName, packages: Mapping[str, Sequence[Path]], interfaces: Interfaces
 ) -> DefinitionError:
-    """The error of a type that its package does not have; the hint names what was meant."""
+    """The error of a type that its package does not have."""
     return DefinitionError(
         f"package {name.package!r} has no {_NOUNS[name.kind]} {name.name!r}",
-        hint=_misnamed(name, packages[name.package]) or _meant(name, packages, interfaces),
+        hint=_misnamed_file(name, packages[name.package])
+        or _suggestion(name, packages, interfaces),
     )
 
 
-def no_package(
+def unknown_package(
     package: str, packages: Iterable[str], roots: Iterable[Path], wanted: TypeName | None
 ) -> DefinitionError:
-    """The error of a package that is nowhere, though perhaps its files are."""
+    """The error of a package that cannot be found; the hint may say where its files are."""
     return DefinitionError(
-        f"no package {package!r} within reach",
-        hint=_stray(package, roots, wanted) or did_you_mean(package, packages),
+        f"package {package!r} not found",
+        hint=_misplaced_file(package, roots, wanted) or did_you_mean(package, packages),
     )
 
 
 def name_hint(text: str, packages: Iterable[str], interfaces: Interfaces) -> str:
-    """The full names of what a text that is no full type name may mean, or ""."""
+    """A hint with the full type names that an invalid type name may mean, or ""."""
     known = [one for package in packages for one in interfaces(package)]
     written = re.sub(r"\.(?:msg|srv|action)$", "", text)
     parts = [part for part in re.split(r"/|::|\.", written) if part]
-    for resembles in (str.__eq__, is_one_slip):
+    for resembles in (str.__eq__, is_one_typo):
         found = [one for one in known if parts and _is_meant(parts, one.split("/"), resembles)]
         if found:
-            return any_of(found[:3])
+            return suggest(found[:3])
     return ""
 
 
 def _is_meant(parts: list[str], full: list[str], resembles: Callable[[str, str], bool]) -> bool:
-    """Whether the last part resembles the full name's, and those before it stand there too."""
+    """Whether the last parts are similar, and the full name has the other parts too."""
     is_like = resembles(parts[-1].lower(), full[-1].lower())
     return is_like and all(part in full for part in parts[:-1])
 
 
-def _meant(name: TypeName, packages: Mapping[str, Sequence[Path]], interfaces: Interfaces) -> str:
+def _suggestion(
+    name: TypeName, packages: Mapping[str, Sequence[Path]], interfaces: Interfaces
+) -> str:
     if name.kind == "msg" and (hint := missing_type_hint(name.name, [])):
         return hint
     known = [one.split("/") for one in interfaces(name.package)]
@@ -76,16 +79,16 @@ def _meant(name: TypeName, packages: Mapping[str, Sequence[Path]], interfaces: I
 
 
 def _elsewhere(name: TypeName, known: Iterable[str]) -> list[str]:
-    """The types of other packages that have the name, else those that nearly have it."""
+    """The types of other packages with the same name, else with a similar one."""
     wanted = name.name.lower()
     same = [(one.rpartition("/")[2].lower(), one) for one in known if f"/{name.kind}/" in one]
     found = [one for bare, one in same if bare == wanted]
-    found = found or [one for bare, one in same if is_one_slip(bare, wanted)]
+    found = found or [one for bare, one in same if is_one_typo(bare, wanted)]
     return [one.replace("/msg/", "/") for one in found]
 
 
-def _misnamed(name: TypeName, folders: Iterable[Path]) -> str:
-    """A file of the package that would be the type if it had the right name."""
+def _misnamed_file(name: TypeName, folders: Iterable[Path]) -> str:
+    """A hint to rename a file of the package that would then define the type, or ""."""
     right = f"{name.name}.{name.kind}"
     if not is_message_name(name.name):
         return ""
@@ -98,10 +101,10 @@ def _misnamed(name: TypeName, folders: Iterable[Path]) -> str:
     return ""
 
 
-def _stray(package: str, roots: Iterable[Path], wanted: TypeName | None) -> str:
-    """A definition that lies beside the folder in which it should be."""
-    if wanted and (stray := Path(f"{wanted.name}.{wanted.kind}")).is_file():
-        return f"move {stray} to {package}/{wanted.kind}/{stray}"
+def _misplaced_file(package: str, roots: Iterable[Path], wanted: TypeName | None) -> str:
+    """A hint to move a definition file to its correct folder, or ""."""
+    if wanted and (misplaced := Path(f"{wanted.name}.{wanted.kind}")).is_file():
+        return f"move {misplaced} to {package}/{wanted.kind}/{misplaced}"
     for path in _files(root / package for root in roots):
         kind = path.suffix.removeprefix(".")
         if kind in KINDS and is_package_name(package):

@@ -1,4 +1,4 @@
-"""Definitions as files: reading, decoding, and what a path says about package and type."""
+"""Reads definition files; the path gives the package, the kind and the name of the type."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from ..errors import DefinitionError
 from ..parser import parse_action, parse_msg, parse_srv
 
 KINDS: tuple[Kind, ...] = get_args(Kind)
-"""The folders of a package that hold definitions; each is also the suffix of its files."""
+"""The folders of a package with definitions; each name is also the suffix of its files."""
 
 LONGEST = 4 * 2**20
-"""Bytes of a definition file; the largest of ROS 2 has 50,000."""
+"""Maximum bytes of a definition file; the largest file of ROS 2 has 50,000."""
 
 _PARSERS = {"msg": parse_msg, "srv": parse_srv, "action": parse_action}
 _UTF16_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
@@ -30,7 +30,7 @@ def parse_definition(
     """Parse the text of a file of the given kind.
 
     Raises:
-        DefinitionError: as the parser of this kind.
+        DefinitionError: the text is not a valid definition.
     """
     return cast("Definition", _PARSERS[kind](text, package, name, path=path))
 
@@ -38,8 +38,8 @@ def parse_definition(
 def read_definition(path: Path, package: str | None = None) -> Definition:
     """Read and parse one file.
 
-    The type is named after the file, its package after the folder above `msg`, `srv` or `action`
-    unless `package` says otherwise; subfolders of these do not count.
+    The file gives the name of the type, the folder above `msg`, `srv` or `action` the name of the
+    package, unless `package` is given; subfolders of `msg`, `srv` and `action` do not count.
 
     Raises:
         DefinitionError: the file cannot be read, is not UTF-8 or is not a valid definition.
@@ -51,7 +51,7 @@ def read_definition(path: Path, package: str | None = None) -> Definition:
 
 
 def read_text(path: Path) -> str:
-    """The text of a definition file, line ends as they are.
+    """The text of a definition file; line ends are not changed.
 
     Raises:
         DefinitionError: the file cannot be read or is not UTF-8.
@@ -66,13 +66,13 @@ def read_data(path: Path) -> bytes:
         DefinitionError: the file cannot be read.
     """
     try:
-        # Reading a pipe would wait for its writer; a device may have no end.
+        # Reading a pipe would block until it has a writer; a device may be endless.
         if not stat.S_ISREG(path.stat().st_mode) and not path.is_dir():
             raise DefinitionError("expected a file, got a pipe or a device", path=str(path))
         with path.open("rb") as file:
             data = file.read(LONGEST + 1)
     except OSError as error:
-        # Windows says of a folder only that permission is denied.
+        # On Windows the error for a folder is only: permission denied.
         problem = "a folder" if path.is_dir() else error.strerror or error
         raise DefinitionError(f"expected a readable file, got: {problem}", path=str(path)) from None
     if len(data) > LONGEST:
@@ -82,7 +82,7 @@ def read_data(path: Path) -> bytes:
 
 
 def decode(data: bytes, path: str = "") -> str:
-    """Bytes of a file as text; a byte order mark of UTF-8 is left for the parser to refuse.
+    """Decode the bytes of a file; the parser refuses a byte order mark of UTF-8.
 
     Raises:
         DefinitionError: the bytes are not UTF-8.
@@ -109,10 +109,10 @@ def decode(data: bytes, path: str = "") -> str:
 
 
 def kind_of(path: Path) -> Kind:
-    """Whether a file defines a message, a service or an action, by its suffix.
+    """The kind of a definition file, by its suffix.
 
     Raises:
-        DefinitionError: the suffix is none of the three.
+        DefinitionError: the suffix is not .msg, .srv or .action.
     """
     for kind in KINDS:
         if path.suffix == f".{kind}":
@@ -120,7 +120,7 @@ def kind_of(path: Path) -> Kind:
     meant = meant_path(path)
     hint = ""
     if meant:
-        hidden = f"; file managers may hide the ending {path.suffix}"
+        hidden = f"; file managers may hide {path.suffix}"
         hint = f"rename the file to {meant.name}{hidden if meant.name == path.stem else ''}"
     raise DefinitionError(
         f"expected a file that ends in .msg, .srv or .action, got {path.name!r}",
@@ -130,7 +130,7 @@ def kind_of(path: Path) -> Kind:
 
 
 def meant_path(path: Path) -> Path | None:
-    """What the file with a wrong ending should be called: `X.srv` for `X.srv.txt` and `X.SRV`."""
+    """The correct path of a file with a wrong extension: `X.srv` for `X.srv.txt` and `X.SRV`."""
     if Path(path.stem).suffix.removeprefix(".") in KINDS:
         return path.with_name(path.stem)
     right = path.suffix.lower()
@@ -139,10 +139,10 @@ def meant_path(path: Path) -> Path | None:
 
 
 def kind_folder(path: Path) -> Path | None:
-    """The folder `msg`, `srv` or `action` that a definition belongs to; None elsewhere.
+    """The folder `msg`, `srv` or `action` that a definition belongs to, or None.
 
-    It is the file's own folder, or one above that lies in a package with a `package.xml`: without
-    one, `msg` may be the name of any folder.
+    It is the folder of the file, or a folder above it in a package with a `package.xml`. Without
+    a `package.xml`, a folder further up may be called `msg` for another reason.
     """
     inner, *above = path.resolve().parents
     if inner.name in KINDS:
@@ -153,12 +153,12 @@ def kind_folder(path: Path) -> Path | None:
 
 
 def has_subfolders(package: Path) -> bool:
-    """Whether subfolders of `msg`, `srv` and `action` belong to a package, too."""
+    """Whether subfolders of `msg`, `srv` and `action` belong to the package too."""
     return (package / "package.xml").is_file()
 
 
 def subfolders(folder: Path) -> Iterator[Path]:
-    """All folders below a folder `msg`, `srv` or `action` that may hold definitions too."""
+    """All folders below `msg`, `srv` or `action` that may contain definitions."""
     try:
         with os.scandir(folder) as entries:
             inner = sorted(
@@ -169,7 +169,7 @@ def subfolders(folder: Path) -> Iterator[Path]:
     except OSError:
         return
     for name in inner:
-        if name.rpartition(".")[2] not in KINDS:  # a folder `X.srv` is a slip, which is reported
+        if name.rpartition(".")[2] not in KINDS:  # a folder `X.srv` is a mistake, which is reported
             yield folder / name
             yield from subfolders(folder / name)
 
@@ -177,9 +177,8 @@ def subfolders(folder: Path) -> Iterator[Path]:
 def package_of(path: Path) -> str:
     """The package of a definition file: the folder above `msg`, `srv` or `action`.
 
-    The file may lie in a subfolder of these, where the package has a `package.xml`. A file that
-    lies elsewhere takes the name of its folder, made valid, so that it can be checked before it
-    has found its place.
+    For a file outside such a folder, the package is the name of the file's folder, made valid, so
+    that the file can be checked before it is in a package.
     """
     folder = kind_folder(path)
     if folder is not None:

@@ -1,4 +1,4 @@
-"""Find definitions: in given paths, the working directory, the environment, the bundle."""
+"""Finds definitions by name: in given paths, the working directory, the environment, srvgen."""
 
 from __future__ import annotations
 
@@ -10,22 +10,26 @@ from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from ..definitions.derived import implied_types
+from ..definitions.derived import derived_types
 from ..definitions.model import Definition, Kind
 from ..definitions.names import TypeName, is_package_name, split_type_name
 from ..errors import DefinitionError
-from .dependencies import check_ros2_types, closure, full_text, whole_error
+from .dependencies import check_ros2_types, error_with_dependencies, full_text, with_dependencies
 from .reading import KINDS, read_definition, read_text, subfolders
 
 BUNDLED = Path(__file__).parents[1] / "interfaces"
 """The packages that come with srvgen."""
 
 _log = logging.getLogger("srvgen")
-_noted: set[tuple[Path, str]] = set()
+_logged: set[tuple[Path, str]] = set()
 
 
-class _Looked:
-    """What one look at environment and disk has shown."""
+class _LookupCache:
+    """Results of lookups in the environment and on the disk, for one `cached_lookups` block.
+
+    Attributes:
+        places: for each name the file and the type that it defines; None if there is none.
+    """
 
     def __init__(self) -> None:
         self.roots: list[Path] = []
@@ -38,73 +42,72 @@ class _Looked:
 class Search:
     """Finds and loads definitions by name.
 
-    A name is looked for in this order: the given paths; the working directory (a package folder,
-    a folder of packages, or a workspace with packages in `src`); the folder of the program that
-    runs, likewise; every folder of `TASKRPC_INTERFACE_PATH` and `AMENT_PREFIX_PATH`; the bundled
-    packages. Environment and disk are looked at anew every time; a file is parsed again only when
-    it has changed.
+    The order of search is: the given paths; the working directory (a package folder, a folder of
+    packages, or a workspace with packages in `src`); the folder of the running program, likewise;
+    the folders of `TASKRPC_INTERFACE_PATH` and `AMENT_PREFIX_PATH`; the bundled packages. Every
+    lookup reads the environment and the disk again; a file is parsed again only if it has changed.
 
     Args:
-        paths: package folders, folders of packages or workspaces that go before all others.
+        paths: package folders, folders of packages or workspaces that are searched first.
     """
 
     def __init__(self, paths: Sequence[Path | str] = ()) -> None:
         self.paths = [Path(path) for path in paths]
         self._parsed: dict[Path, tuple[tuple[int, int], Definition]] = {}
-        self._looks = threading.local()
+        self._caches = threading.local()
 
     @property
-    def _looked(self) -> _Looked | None:
-        # A thread's own: two that look at once must not leave each other's look behind.
-        return getattr(self._looks, "now", None)
+    def _cache(self) -> _LookupCache | None:
+        # Per thread: a thread must not see or replace the cache of another one.
+        return getattr(self._caches, "now", None)
 
-    @_looked.setter
-    def _looked(self, looked: _Looked | None) -> None:
-        self._looks.now = looked
+    @_cache.setter
+    def _cache(self, cache: _LookupCache | None) -> None:
+        self._caches.now = cache
 
     @contextmanager
-    def one_look(self) -> Iterator[None]:
-        """Inside, environment and disk are looked at only once for each name."""
-        outer, self._looked = self._looked, _Looked() if self._looked is None else self._looked
+    def cached_lookups(self) -> Iterator[None]:
+        """Read the environment and the disk only once per name inside this block."""
+        outer, self._cache = self._cache, _LookupCache() if self._cache is None else self._cache
         try:
             yield
         finally:
-            self._looked = outer
+            self._cache = outer
 
     def find(self, full_name: str) -> Path:
-        """The file that defines a type; for an implied type, that of its service or action.
+        """The file that defines a type; for a derived type, the file of its service or action.
 
         Raises:
-            DefinitionError: there is none; the hint names what resembles it.
+            DefinitionError: the type is not found; the hint has similar names.
         """
         return self._locate(self.resolve_name(full_name))[0]
 
     def is_missing(self, full_name: str) -> bool:
-        """Whether there is no type of this name within reach."""
+        """Whether no type of this name can be found."""
         return self._candidates(self.resolve_name(full_name)) is None
 
     def existing(self, text: str) -> str:
-        """The full name of a type that is within reach.
+        """The full name of a type that can be found.
 
         Raises:
-            DefinitionError: there is none, or several of this short name.
+            DefinitionError: no type, or several types, have this name.
         """
         name = self.resolve_name(text)
         self._locate(name)
         return str(name)
 
     def load(self, full_name: str) -> Definition:
-        """The definition of a type: from a file, a section of one, or implied by one.
+        """The definition of a type: of a whole file, of a section, or derived.
 
         Raises:
-            DefinitionError: there is none, or its file is not valid.
+            DefinitionError: the type is not found, or its file is not valid.
         """
         name = self.resolve_name(full_name)
         path, owner = self._locate(name)
         definition = self._read(path, owner.package)
         if owner == name:
             return definition
-        for one in implied_types(definition):
+        for one in derived_types(definition):
             if one.full_name == str(name):
                 return one
         raise self._unknown(name)
@@ -113,41 +116,41 @@ class Search:
         """The text of the file that defines a type.
 
         Raises:
-            DefinitionError: as `find`, or the file cannot be read.
+            DefinitionError: the type is not found, or its file cannot be read.
         """
         return read_text(self.find(full_name))
 
-    def closure(self, full_name: str) -> list[Definition]:
-        """A definition and all that it needs, ordered so that each comes after what it needs.
+    def with_dependencies(self, full_name: str) -> list[Definition]:
+        """A definition and all its dependencies; each comes after its own, the definition last.
 
-        A service or action needs what its implied types refer to as well.
+        The dependencies of a service or action include those of its derived types.
 
         Raises:
             DefinitionError: a type is missing or contains itself; the position is that of the
-                field that refers to it. `DefinitionErrors` where there are several.
+                field that refers to it. `DefinitionErrors` if there are several.
         """
-        with self.one_look():
+        with self.cached_lookups():
             try:
                 definition = self.load(full_name)
             except DefinitionError as error:
-                raise whole_error(error, self) from None
-            return closure(definition, self)
+                raise error_with_dependencies(error, self) from None
+            return with_dependencies(definition, self)
 
     def full_text(self, full_name: str) -> str:
-        """The text of a definition followed by those of all that it needs.
+        """The text of a definition followed by the texts of its dependencies.
 
-        `split_full_text` takes it apart again.
+        `split_full_text` splits it again.
 
         Raises:
-            DefinitionError: as `closure`.
+            DefinitionError: as `with_dependencies`.
         """
-        with self.one_look():
+        with self.cached_lookups():
             return full_text(self.load(full_name), self)
 
     def packages(self) -> dict[str, list[Path]]:
-        """Every package within reach with its folders, those that win first."""
-        if self._looked and self._looked.packages:
-            return self._looked.packages
+        """Every package that can be found with its folders, in the order of search."""
+        if self._cache and self._cache.packages:
+            return self._cache.packages
         found: dict[str, list[Path]] = {}
         for root in self._roots():
             for folder in _package_folders(root):
@@ -155,26 +158,26 @@ class Search:
                 if folder not in folders:
                     folders.append(folder)
         packages = dict(sorted(found.items()))
-        if self._looked:
-            self._looked.packages = packages
+        if self._cache:
+            self._cache.packages = packages
         return packages
 
     def has_package(self, package: str) -> bool:
-        """Whether a package of this name is within reach; far cheaper than `packages`."""
+        """Whether a package of this name can be found; far cheaper than `packages`."""
         return next(_folders_of(package, self._roots()), None) is not None
 
     def interfaces(self, package: str) -> list[str]:
-        """The full names of all that a package defines, messages first.
+        """The full names of all interfaces of a package, messages first.
 
         Raises:
-            DefinitionError: no package of this name is within reach.
+            DefinitionError: no package of this name can be found.
         """
-        known = self._looked.interfaces if self._looked else {}
+        known = self._cache.interfaces if self._cache else {}
         if package in known:
             return known[package]
         folders = self.packages().get(package)
         if folders is None:
-            raise self._no_package(package)
+            raise self._unknown_package(package)
         known[package] = [
             f"{package}/{kind}/{name}"
             for kind in KINDS
@@ -183,10 +186,10 @@ class Search:
         return known[package]
 
     def resolve_name(self, text: str) -> TypeName:
-        """A full type name taken apart; `pkg/Name` is accepted where it means one type only.
+        """Split a full type name; `pkg/Name` is accepted if it means only one type.
 
         Raises:
-            DefinitionError: the text is no type name, or means several types.
+            DefinitionError: the text is not a type name, or means several types.
         """
         try:
             parts = text.split("/")
@@ -202,7 +205,8 @@ class Search:
         full = [TypeName(package, kind, name) for kind in KINDS]
         found = [one for one in full if self._candidates(one)]
         if len(found) > 1:
-            raise DefinitionError(f"{text!r} may mean {' or '.join(map(str, found))}; say which")
+            choice = " or ".join(map(str, found))
+            raise DefinitionError(f"{text!r} may mean {choice}; write the full name")
         if not found:
             raise self._unknown_short(full[0], text)
         return found[0]
@@ -215,9 +219,9 @@ class Search:
         return error
 
     def _name_hint(self, text: str) -> str:
-        from .not_found import name_hint  # only a mistake needs it
+        from .not_found import name_hint  # only errors need it
 
-        with self.one_look():
+        with self.cached_lookups():
             return name_hint(text, self.packages(), self.interfaces)
 
     def _roots(self) -> Iterator[Path]:
@@ -233,21 +237,21 @@ class Search:
         yield BUNDLED
 
     def _candidates(self, name: TypeName) -> tuple[Path, TypeName] | None:
-        """The file of a type or of the service or action that implies it."""
-        looked = self._looked
-        if looked is None:
+        """The file of a type, or of the service or action that it is derived from."""
+        cache = self._cache
+        if cache is None:
             return self._look(name, _folders_of(name.package, self._roots()))
-        if name not in looked.places:
-            looked.roots = looked.roots or list(self._roots())
-            if name.package not in looked.folders:
-                looked.folders[name.package] = list(_folders_of(name.package, looked.roots))
-            looked.places[name] = self._look(name, looked.folders[name.package])
-        return looked.places[name]
+        if name not in cache.places:
+            cache.roots = cache.roots or list(self._roots())
+            if name.package not in cache.folders:
+                cache.folders[name.package] = list(_folders_of(name.package, cache.roots))
+            cache.places[name] = self._look(name, cache.folders[name.package])
+        return cache.places[name]
 
     def _look(self, name: TypeName, folders: Iterable[Path]) -> tuple[Path, TypeName] | None:
         owners = [name]
         if name.kind != "msg" and "_" in name.name:
-            owners.append(name._replace(name=_owner(name.name)))
+            owners.append(name.renamed(_owner(name.name)))
             folders = list(folders)
         for owner in owners:
             local: Path | None = None
@@ -255,7 +259,7 @@ class Search:
                 path = _file_of(folder, owner)
                 if path is not None:
                     if local and folder.parent == BUNDLED:
-                        _note_bundled(local, owner)
+                        _log_bundled(local, owner)
                     return path, owner
                 local = local or folder
         return None
@@ -269,7 +273,7 @@ class Search:
     def _read(self, path: Path, package: str) -> Definition:
         try:
             status = path.stat()
-        except OSError:  # gone since it was found: let the reader say so
+        except OSError:  # deleted since it was found: `read_definition` raises the error
             return read_definition(path, package)
         stamp = (status.st_mtime_ns, status.st_size)
         known = self._parsed.get(path)
@@ -281,27 +285,27 @@ class Search:
         return definition
 
     def _unknown(self, name: TypeName) -> DefinitionError:
-        from .not_found import no_type
+        from .not_found import unknown_type
 
-        with self.one_look():
+        with self.cached_lookups():
             packages = self.packages()
             if name.package not in packages:
-                return self._no_package(name.package, name)
-            error = no_type(name, packages, self.interfaces)
+                return self._unknown_package(name.package, name)
+            error = unknown_type(name, packages, self.interfaces)
             error.looked_in = _shown(packages[name.package])
             return error
 
-    def _no_package(self, package: str, wanted: TypeName | None = None) -> DefinitionError:
-        from .not_found import no_package
+    def _unknown_package(self, package: str, wanted: TypeName | None = None) -> DefinitionError:
+        from .not_found import unknown_package
 
         roots = [root for root in self._roots() if root.is_dir()]
-        error = no_package(package, self.packages(), roots, wanted)
+        error = unknown_package(package, self.packages(), roots, wanted)
         error.looked_in = _shown(roots)
         return error
 
 
 def _shown(folders: Iterable[Path]) -> tuple[str, ...]:
-    """Folders as people are told of them, each once; not those that Python itself fills."""
+    """Folders as error messages show them, each once, without the folders of installed packages."""
     import sysconfig  # rarely needed, and slow to load
 
     installed = (BUNDLED.parent, *(Path(sysconfig.get_path(one)) for one in ("scripts", "purelib")))
@@ -327,13 +331,13 @@ def _folders_of(package: str, roots: Iterable[Path]) -> Iterator[Path]:
     for root in roots:
         if root.name == package and _is_package(root):
             yield root
-        # Most folders lack most packages: a plain string is the cheapest way to be told so.
+        # Most folders do not have the package; a string path is the cheapest way to find out.
         if os.path.isdir(os.path.join(root, package)) and _is_package(root / package):
             yield root / package
 
 
 def _package_folders(root: Path) -> Iterator[Path]:
-    """The root itself where it is a package, and the packages directly in it."""
+    """The root itself if it is a package, and the packages directly in it."""
     if _is_package(root):
         yield root
     try:
@@ -350,7 +354,7 @@ def _is_package(folder: Path) -> bool:
 
 
 def _file_of(package: Path, name: TypeName) -> Path | None:
-    """The file of a type in a package's folder, or in a subfolder of `msg`, `srv` or `action`."""
+    """The file of a type in a package, also in a subfolder of `msg`, `srv` or `action`."""
     inner, file = package / name.kind, f"{name.name}.{name.kind}"
     if _is_file(inner / file):
         return inner / file
@@ -359,14 +363,14 @@ def _file_of(package: Path, name: TypeName) -> Path | None:
 
 
 def _files(package: Path, kind: Kind) -> Iterator[Path]:
-    """The definitions of a kind, those in subfolders last."""
+    """The definition files of a kind, those in subfolders last."""
     yield from _files_in(package / kind, kind)
     for folder in subfolders(package / kind):
         yield from _files_in(folder, kind)
 
 
 def _files_in(inner: Path, kind: Kind) -> Iterator[Path]:
-    """The definition files in a folder, without folders and broken links of such names."""
+    """The definition files in a folder, without folders and broken links."""
     try:
         entries = os.scandir(inner)
     except OSError:
@@ -379,29 +383,29 @@ def _files_in(inner: Path, kind: Kind) -> Iterator[Path]:
 
 
 def _is_any_file(entry: os.DirEntry[str]) -> bool:
-    # Asked in this order, the disk is looked at for links only.
+    # In this order only links need a system call.
     return entry.is_file(follow_symlinks=False) or os.path.isfile(entry)
 
 
 def _is_file(path: Path) -> bool:
     try:
-        # Windows and macOS find addtwoints.srv for AddTwoInts.srv; a robot on Linux would not.
+        # Windows and macOS would also open addtwoints.srv, which a robot with Linux cannot find.
         return path.is_file() and path.name in os.listdir(path.parent)
     except OSError:  # a name too long for the file system, a folder that may not be read
         return False
 
 
 def _owner(name: str) -> str:
-    """`AddTwoInts_Request` → `AddTwoInts`; only the prefix `Sample_` may have a `_` of its own."""
+    """`AddTwoInts_Request` → `AddTwoInts`; only the prefix `Sample_` may contain a `_`."""
     prefix = "Sample_" if name.startswith("Sample_") else ""
     return prefix + name.removeprefix(prefix).partition("_")[0]
 
 
-def _note_bundled(local: Path, name: TypeName) -> None:
-    """Say once a package that a bundled definition fills a gap of a local package."""
-    if (local, name.package) in _noted:
+def _log_bundled(local: Path, name: TypeName) -> None:
+    """Log once per package that a bundled definition is used for a type that it lacks."""
+    if (local, name.package) in _logged:
         return
-    _noted.add((local, name.package))
+    _logged.add((local, name.package))
     mixed = [
         path.stem
         for kind in KINDS

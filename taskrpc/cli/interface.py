@@ -154,7 +154,7 @@ def _show(options: argparse.Namespace) -> int:
     search = definitions.search()
     name = search.resolve_name(_piped() if options.type == "-" else options.type)
     owner = str(name._replace(name=search.find(str(name)).stem))
-    search.closure(owner)
+    search.with_dependencies(owner)
     comments: Comments = "all" if options.all_comments else "none" if options.no_comments else "own"
     for line in show(owner, lambda one: (search.text(one), search.load(one)), comments=comments):
         print(line)

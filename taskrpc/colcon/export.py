@@ -115,7 +115,7 @@ class _Export:
     def _add_interfaces(self, package: str) -> None:
         checked_name(package)
         names = self._search.interfaces(package)
-        definitions = [self._search.closure(name)[-1] for name in names]
+        definitions = [self._search.with_dependencies(name)[-1] for name in names]
         needs = packages_in(definitions, package)
         paths = [name.partition("/")[2] + "." + name.split("/")[1] for name in names]
         home = self._new_folder(package)

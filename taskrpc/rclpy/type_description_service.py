@@ -72,7 +72,7 @@ def described(type_name: str) -> Any:
 def sources(known: Any) -> list[Any]:
     """The texts of a type and of all that it needs."""
     source = srvgen.load("type_description_interfaces/msg/TypeSource")
-    names = [one.full_name for one in reversed(search().closure(known._TYPE))]
+    names = [one.full_name for one in reversed(search().with_dependencies(known._TYPE))]
     return [
         source(type_name=name, encoding=name.split("/")[1], raw_file_contents=search().text(name))
         for name in names

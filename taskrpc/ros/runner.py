@@ -55,11 +55,11 @@ def _run_as_main(source: str | bytes, file: str, **attributes: object) -> int:
 
 def similar_script(path: Path) -> str:
     """A hint at a script beside `path` with a similar name, or "" if there is none."""
-    from srvgen.definitions.names import near  # only a mistake needs it
+    from srvgen.definitions.names import similar_names  # only a mistake needs it
 
     found = {one.name: one for one in path.parent.glob("*.py")}
     found |= {one.stem: one for one in found.values()}
-    guesses = dict.fromkeys(str(found[name]) for name in near(path.name, found))
+    guesses = dict.fromkeys(str(found[name]) for name in similar_names(path.name, found))
     return f"did you mean {' or '.join(guesses)}?" if guesses else ""
 
 

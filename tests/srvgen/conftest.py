@@ -18,7 +18,7 @@ def workspace(tmp_path, monkeypatch):
     folder.mkdir()
     monkeypatch.chdir(folder)
     monkeypatch.delenv("AMENT_PREFIX_PATH", raising=False)
-    monkeypatch.setattr(search, "_noted", set())
+    monkeypatch.setattr(search, "_logged", set())
     return folder
 
 

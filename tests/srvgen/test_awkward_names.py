@@ -14,7 +14,7 @@ import srvgen
 from srvgen._runtime import encode_hook
 from srvgen.classes.generate import generate
 from srvgen.classes.importer import uninstall_import_hook
-from srvgen.classes.stubs import stubs, whole_packages
+from srvgen.classes.stubs import packages_with_dependencies, stubs
 from srvgen.files.reading import read_definition
 from srvgen.files.search import BUNDLED, Search
 from tests.srvgen.sample_definitions import put_all
@@ -109,7 +109,7 @@ def test_every_class_is_made_set_sent_copied_and_printed(hook, name):
 def test_mypy_finds_nothing_in_their_packages_and_stubs(package, tmp_path, mypy):
     search = Search([package, BUNDLED])
     parsed = [read_definition(path) for path in sorted(package.glob("*/*.*"))]
-    needed, problems = whole_packages(["odd_msgs"], search)
+    needed, problems = packages_with_dependencies(["odd_msgs"], search)
     assert not problems
     written = {"made": generate({"odd_msgs": parsed}, search), "typings": stubs(needed)}
     for folder, files in written.items():

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from srvgen.definitions.derived import implied_types
+from srvgen.definitions.derived import derived_types
 from srvgen.definitions.literals import unescape
 from srvgen.definitions.model import sections
 from srvgen.describe import describe
@@ -144,14 +144,14 @@ def test_every_type_that_can_be_resolved_has_the_official_hash_and_description()
     known = {}
     for row in table:
         owner = row["path"].partition("/")[0]
-        for one in (definition(row), *implied_types(definition(row))):
+        for one in (definition(row), *derived_types(definition(row))):
             known.setdefault(one.full_name, {})[owner] = one
     checked = 0
     for row in table:
         if row["unresolved"]:
             continue
         owner = row["path"].partition("/")[0]
-        own = {one.full_name: one for one in (definition(row), *implied_types(definition(row)))}
+        own = {one.full_name: one for one in (definition(row), *derived_types(definition(row)))}
 
         def resolve(name, own=own, owner=owner):
             if name in own:

@@ -119,7 +119,7 @@ def test_a_package_with_a_name_of_pythons_hides_nothing_when_it_is_loaded(packag
 @pytest.mark.parametrize("package", ["os", "msgspec", "class"])
 def test_a_package_with_a_name_of_pythons_cannot_be_generated(package):
     message = parse_msg("int32 a\n", package, "Thing")
-    with pytest.raises(DefinitionError, match="expected a package"):
+    with pytest.raises(DefinitionError, match=r"expected a.* package"):
         generate({package: [message]}, Fixed(message))
 
 
@@ -163,7 +163,7 @@ def test_fields_and_types_named_like_pythons_own_work():
 @pytest.mark.parametrize("name", ["None", "True", "False"])
 def test_a_type_with_a_name_that_python_keeps_is_refused(name):
     message = refused(f"{name} a\n---\n", **{name: "int32 a\n"})
-    assert message.startswith("expected a type name that Python does not keep for itself")
+    assert message.startswith("expected a type name that is not a keyword of Python")
 
 
 # --- nothing grows beyond bounds ------------------------------------------------------------------
@@ -211,7 +211,7 @@ def test_a_large_array_within_the_bound_is_fine():
 def test_types_one_inside_the_other_end_in_an_error_not_in_a_deep_stack():
     chain = {f"Link{n}": f"Link{n + 1} x\n" for n in range(400)}
     message = refused("Link0 x\n---\n", **chain, Link400="int32 a\n")
-    assert message == "expected at most 64 types one inside the other, got more"
+    assert message == "expected at most 64 levels of nested types, got more"
 
 
 def test_the_deepest_nesting_that_is_allowed_works():

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from srvgen.definitions import limits
 from srvgen.definitions.model import Constant, Field, FieldType
 from srvgen.diagnostics import line_errors
-from srvgen.diagnostics.line_errors import mistakes_in_line
+from srvgen.diagnostics.line_errors import errors_in_line
 from srvgen.errors import DefinitionError, DefinitionErrors, InvalidText
 from srvgen.parser import parse_action, parse_msg, parse_srv
 
@@ -199,9 +199,9 @@ def test_lines_beyond_the_last_problem_that_is_reported_are_not_explained(monkey
 
     def mistakes(code: str, package: str) -> list[InvalidText]:
         explained.append(code)
-        return mistakes_in_line(code, package)
+        return errors_in_line(code, package)
 
-    monkeypatch.setattr(line_errors, "mistakes_in_line", mistakes)
+    monkeypatch.setattr(line_errors, "errors_in_line", mistakes)
     with pytest.raises(DefinitionErrors) as caught:
         parse_srv("bad\n" * limits.PROBLEMS + "---\n" + "bad\n" * 5_000, "demo_msgs", "Ask")
     assert len(explained) == len(caught.value.problems) == limits.PROBLEMS

@@ -141,11 +141,11 @@ def _silent(entry: RegistryEntry, service: str, waited: str) -> ServiceUnavailab
 
 def unknown_service_hint(service: str, entries: Iterable[RegistryEntry], place: str = "") -> str:
     """A hint for the user of a service that no program offers."""
-    from srvgen.definitions.names import near
+    from srvgen.definitions.names import similar_names
 
     known = services(entries, hidden=True)
     same_end = [name for name in known if name.endswith(service.rpartition("/")[2])]
-    if similar := near(service, known) or same_end:
+    if similar := similar_names(service, known) or same_end:
         return f"did you mean {' or '.join(similar)}?"
     for domain, elsewhere in domains().items():
         if domain != domain_id() and service in services(elsewhere, hidden=True):

@@ -68,7 +68,7 @@ def get_interface_path(interface_name: str) -> str:
 def _interfaces(package_names: Iterable[str], kinds: Collection[str] = KINDS) -> Interfaces:
     found = {}
     names = list(package_names)
-    with search().one_look():
+    with search().cached_lookups():
         known = search().packages()
         for package in names or known:
             if package in known:

@@ -207,7 +207,7 @@ def test_uninstalling_leaves_no_trace(workspace):
     importlib.import_module("lecture_interfaces.srv._robot_task")
     importer.uninstall_import_hook()
     importer.uninstall_import_hook()
-    assert not {importer._finder, importer._guesser} & set(sys.meta_path)
+    assert not {importer._finder, importer._suggestion_finder} & set(sys.meta_path)
     assert not [name for name in sys.modules if name.startswith("lecture_interfaces")]
     with pytest.raises(ImportError):
         importlib.import_module("std_srvs.srv")
@@ -267,7 +267,7 @@ def test_a_part_of_the_package_that_comes_into_reach_later_is_found(weather, mon
 def test_a_pickled_message_never_becomes_one_of_another_definition(weather, text):
     name = "weather/msg/Reading"
     data = pickle.dumps(srvgen.define(name, text)())
-    with pytest.raises(srvgen.DefinitionError, match=f"a pickled {name} .*, got another one"):
+    with pytest.raises(srvgen.DefinitionError, match=f"the pickled {name} .*, got another one"):
         pickle.loads(data)
 
 

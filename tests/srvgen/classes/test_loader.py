@@ -119,8 +119,8 @@ def full_text(own: str, **needed: str) -> str:
     ("text", "problem"),
     [
         ("int32 a\n", "---"),
-        ("Inner a\n---\n", "expected the definition of far_msgs/msg/Inner too"),
-        (full_text("Loop a\n---\n", Loop="Loop a\n"), "a type that ends"),
+        ("Inner a\n---\n", "expected the definition of far_msgs/msg/Inner in the text"),
+        (full_text("Loop a\n---\n", Loop="Loop a\n"), "types that do not contain themselves"),
         (full_text("time a\n---\n"), "ROS 1"),
         (join_full_text("int32 a\n---\n", {"../../x": "int32 a\n"}), "expected a type name"),
     ],
@@ -308,7 +308,7 @@ def test_a_text_written_in_a_program_needs_no_texts_of_the_standard_packages():
 
 
 def test_a_text_that_needs_what_is_neither_given_nor_bundled_is_refused():
-    with pytest.raises(srvgen.DefinitionError, match="expected the definition of other/msg/X too"):
+    with pytest.raises(srvgen.DefinitionError, match="expected the definition of other/msg/X"):
         srvgen.define("mine/msg/Y", "other/X x\n")
 
 

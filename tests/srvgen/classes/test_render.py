@@ -79,7 +79,7 @@ def test_what_does_not_print_is_escaped():
 
 
 def test_ros1_types_are_refused_with_the_line():
-    with pytest.raises(DefinitionError, match="'time', which ROS 2 does not know") as caught:
+    with pytest.raises(DefinitionError, match="'time', which ROS 2 does not have") as caught:
         rendered("int32 a\ntime stamp\n")
     assert caught.value.line == 2
     assert "builtin_interfaces/Time" in caught.value.hint

@@ -114,7 +114,7 @@ def test_sending_and_receiving_does_not_ask_for_numpy(monkeypatch):
 
 
 def test_classes_of_other_programs_stay_as_they_are(monkeypatch):
-    monkeypatch.setattr(loader, "_base", srvgen._runtime)
+    monkeypatch.setattr(loader, "_runtime_module", srvgen._runtime)
     made = define()
     assert isinstance(made().singles, array)
     assert not hasattr(made, "SLOT_TYPES")

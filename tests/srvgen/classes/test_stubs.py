@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 import srvgen
-from srvgen.classes.stubs import stubs, whole_packages
+from srvgen.classes.stubs import packages_with_dependencies, stubs
 from srvgen.files.search import BUNDLED, Search
 from tests.srvgen.sample_definitions import put
 
@@ -115,7 +115,7 @@ def test_the_stub_of_a_definition_that_has_gone_goes(run):
 
 
 def test_every_stub_is_python_and_none_has_a_method_of_ours():
-    definitions, problems = whole_packages([], Search([BUNDLED]))
+    definitions, problems = packages_with_dependencies([], Search([BUNDLED]))
     assert not problems
     for path, text in stubs(definitions).items():
         functions = [one for one in ast.walk(ast.parse(text)) if isinstance(one, ast.FunctionDef)]

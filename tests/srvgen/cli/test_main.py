@@ -62,7 +62,7 @@ def test_two_files_of_a_package_that_define_one_type_are_an_error(run):
     second.write_text("int8 x\n", encoding="utf-8")
     code, out, err = run("check", "my_msgs")
     assert (code, out) == (1, "")
-    assert f"{second}: error: expected one file that defines Dot, got a second one\n" in err
+    assert f"{second}: error: expected only one file that defines Dot, got a second one\n" in err
     assert f"hint: the other is {first}: rename" in err
 
 
@@ -126,7 +126,7 @@ def test_an_unknown_type_is_one_message_and_exit_1(run):
     code, out, err = run("hash", "example_interface/srv/AddTwoInts")
     assert (code, out) == (1, "")
     first, hint, looked = err.splitlines()
-    assert first == "no package 'example_interface' within reach"
+    assert first == "package 'example_interface' not found"
     assert hint == "  hint: did you mean example_interfaces?"
     assert looked.startswith(f"  looked in: {Path.cwd()}, ")
     assert looked.endswith(", the packages of srvgen")
@@ -171,7 +171,7 @@ def test_a_module_whose_definition_has_gone_is_removed_and_asked_for_by_check(ru
     module = out / "my_msgs" / "srv" / "_bring.py"
     code, _, err = run("generate", "my_msgs", "-o", out, "--check")
     assert code == 1
-    assert f"{module} belongs to no definition any more: run srvgen generate\n" in err
+    assert f"{module} no longer has a definition: run srvgen generate\n" in err
     assert module.exists()
     assert run("generate", "my_msgs", "-o", out) == (0, "", "")
     assert not module.exists()
@@ -191,14 +191,14 @@ def gone(run, tmp_path):
 
 
 def test_the_output_of_a_package_that_has_gone_is_removed_and_asked_for_by_check(run, gone):
-    problem = f"{gone} belongs to no definition any more"
+    problem = f"{gone} no longer has a definition"
     assert run("generate", "ws", "-o", "out", "--check") == (
         1,
         "",
         f"{problem}: run srvgen generate\n",
     )
     assert gone.exists()
-    said = f"removed {gone}, which belongs to no definition any more\n"
+    said = f"removed {gone}, which no longer has definitions\n"
     assert run("generate", "ws", "-o", "out") == (0, said, "")
     assert [one.name for one in Path("out").iterdir()] == ["my_msgs"]
     assert run("generate", "ws", "-o", "out", "--check") == (0, "", "")
@@ -210,7 +210,7 @@ def test_of_a_package_that_has_gone_what_srvgen_did_not_write_stays(run, gone, n
     assert run("generate", "ws", "-o", "out", "--check")[0] == 1
     code, out, err = run("generate", "ws", "-o", "out")
     assert (code, err) == (0, "")
-    assert out.endswith(" belongs to no definition any more; other files in it stay\n")
+    assert out.endswith(" no longer has definitions; other files in it are kept\n")
     assert (gone / name).read_text() == "mine\n"
     assert not (gone / "msg/_old.py").exists()
     assert run("generate", "ws", "-o", "out", "--check") == (0, "", "")
@@ -276,7 +276,7 @@ def test_grammar_and_missing_types_of_all_files_are_reported_in_one_run_in_order
         ("Ape", 4, ""),
         ("Ape", 5, "ROS 2 writes std_msgs/Header"),
         ("Ape", 6, "did you mean geometry_msgs/Point?"),
-        ("Broken", 1, "a name is missing: int32 value"),
+        ("Broken", 1, "the name is missing: int32 value"),
         ("Broken", 2, ""),
         ("Zoo", 2, "did you mean int32?"),
     ]
@@ -344,7 +344,7 @@ def test_check_without_sources_checks_the_current_folder(run):
 
 def test_what_is_not_there_is_named_with_what_resembles_it_and_without_a_line(run):
     put("my_msgs/srv/Fetch", "---\n")
-    nothing = "expected a file, a folder or the name of a type, got nothing there"
+    nothing = "expected a file, a folder or the name of a type, got a path that does not exist"
     assert run("check", "my_msg") == (
         1,
         "",
@@ -440,11 +440,11 @@ def test_files_that_are_generated_one_by_one_stay_together(run, tmp_path):
 def test_help_and_version_and_a_misspelt_command(run):
     code, out, err = run()
     assert (code, out) == (2, "")
-    assert "report every problem of definitions" in err
+    assert "report every problem in definitions" in err
     assert run("--version")[:2] == (0, f"srvgen {version('taskrpc')}\n")
     assert run("chek", "x")[2].endswith("error: unknown command 'chek'; did you mean check?\n")
     code, _, err = run("check", "-I", "gone", ".")
     assert (code, err.splitlines()[-1]) == (
         2,
-        "srvgen check: error: argument -I: expected a folder, got nothing there: gone",
+        "srvgen check: error: argument -I: expected a folder, got a path that does not exist: gone",
     )

@@ -231,7 +231,7 @@ def test_a_name_that_is_taken_is_not_overwritten(run):
     other = put("Ask.srv", "int32 b\n---\n")
     code, _, err = run("fix", path)
     assert code == 1
-    assert "expected to rename the file to Ask.srv, got a file of that name" in err
+    assert "cannot rename the file to Ask.srv: a file of that name exists" in err
     assert (path.exists(), other.read_bytes()) == (True, b"int32 b\n---\n")
 
 

@@ -56,7 +56,10 @@ def test_a_wrong_byte_is_shown_where_it_stands():
 @pytest.mark.parametrize(
     ("name", "hint"),
     [
-        ("Fetch.srv.txt", "rename the file to Fetch.srv; file managers may hide the ending .txt"),
+        (
+            "Fetch.srv.txt",
+            "rename the file to Fetch.srv; file managers may hide .txt",
+        ),
         ("Fetch.SRV", "rename the file to Fetch.srv"),
         ("Fetch.txt", ""),
     ],
@@ -88,7 +91,7 @@ def test_a_source_is_a_file_a_package_a_folder_of_packages_or_a_workspace(tmp_pa
 def test_a_source_without_definitions_is_refused(tmp_path):
     with pytest.raises(DefinitionError, match="a folder without any"):
         definition_files(tmp_path)
-    with pytest.raises(DefinitionError, match="nothing there") as caught:
+    with pytest.raises(DefinitionError, match="a path that does not exist") as caught:
         files_of(str(tmp_path / "gone"), Search())
     assert (caught.value.line, caught.value.path) == (0, str(tmp_path / "gone"))
 

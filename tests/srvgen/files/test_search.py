@@ -48,7 +48,7 @@ def test_given_paths_may_be_relative_packages_or_folders_of_packages(workspace, 
 
 def test_the_environment_is_read_at_every_load(workspace, tmp_path, monkeypatch):
     search = Search()
-    with pytest.raises(DefinitionError, match="no package 'far_msgs' within reach"):
+    with pytest.raises(DefinitionError, match="package 'far_msgs' not found"):
         search.load("far_msgs/msg/A")
     first = put("far_msgs/msg/A", "int32 a", tmp_path / "first")
     second = put("other_msgs/msg/A", "int32 a", tmp_path / "second")
@@ -111,7 +111,7 @@ def test_packages_and_interfaces_are_listed_once(workspace):
         "std_srvs/srv/SetBool",
         "std_srvs/srv/Trigger",
     ]
-    with pytest.raises(DefinitionError, match="no package 'nowhere_msgs'"):
+    with pytest.raises(DefinitionError, match="package 'nowhere_msgs' not found"):
         search.interfaces("nowhere_msgs")
 
 
@@ -141,7 +141,7 @@ def test_the_note_is_only_information_while_the_local_package_equals_the_bundled
 @pytest.mark.parametrize(
     ("name", "message", "hint"),
     [
-        ("std_msg/msg/String", "no package 'std_msg'", "did you mean std_msgs"),
+        ("std_msg/msg/String", "package 'std_msg' not found", "did you mean std_msgs"),
         ("std_msgs/msg/Strin", "package 'std_msgs' has no message 'Strin'", "String"),
         ("std_msgs/srv/String", "has no service 'String'", "std_msgs/msg/String"),
         ("std_srvs/srv/Trigger_Foo", "has no service 'Trigger_Foo'", "Trigger"),
@@ -150,7 +150,7 @@ def test_the_note_is_only_information_while_the_local_package_equals_the_bundled
         ("std_srvs.srv.Trigger", "expected a type name", "did you mean std_srvs/srv/Trigger?"),
         ("std_srvs/srv/Trigger.srv", "expected a type name", "mean std_srvs/srv/Trigger?"),
         ("std_srvs/Triger", "has no type 'Triger'", "did you mean std_srvs/srv/Trigger?"),
-        ("nowhere_srvs/Triger", "no package 'nowhere_srvs' within reach", ""),
+        ("nowhere_srvs/Triger", "package 'nowhere_srvs' not found", ""),
     ],
 )
 def test_what_is_missing_is_named_with_what_resembles_it(name, message, hint):
@@ -180,7 +180,7 @@ def test_a_definition_beside_the_script_is_recognised(workspace):
 
 
 def test_dependencies_come_before_what_needs_them():
-    names = [one.full_name for one in Search().closure("geometry_msgs/msg/PoseStamped")]
+    names = [one.full_name for one in Search().with_dependencies("geometry_msgs/msg/PoseStamped")]
     for earlier, later in [("Point", "Pose"), ("Quaternion", "Pose"), ("Pose", "PoseStamped")]:
         assert names.index(f"geometry_msgs/msg/{earlier}") < names.index(
             f"geometry_msgs/msg/{later}"
@@ -189,7 +189,7 @@ def test_dependencies_come_before_what_needs_them():
 
 
 def test_a_service_needs_the_information_of_its_events():
-    names = [one.full_name for one in Search().closure("std_srvs/srv/Empty")]
+    names = [one.full_name for one in Search().with_dependencies("std_srvs/srv/Empty")]
     assert names == [
         "builtin_interfaces/msg/Time",
         "service_msgs/msg/ServiceEventInfo",
@@ -197,13 +197,13 @@ def test_a_service_needs_the_information_of_its_events():
     ]
 
 
-def test_an_error_says_where_was_looked_in(workspace):
+def test_an_error_says_where_was_cache_in(workspace):
     put("my_msgs/srv/Fetch", "---", workspace)
     with pytest.raises(DefinitionError) as caught:
         Search().load("nowhere_msgs/msg/Thing")
     assert caught.value.looked_in == (str(Path.cwd()), "the packages of srvgen")
     assert str(caught.value).splitlines() == [
-        "no package 'nowhere_msgs' within reach",
+        "package 'nowhere_msgs' not found",
         f"  looked in: {Path.cwd()}, the packages of srvgen",
     ]
     with pytest.raises(DefinitionError) as caught:
@@ -221,7 +221,7 @@ def test_every_missing_type_is_reported_at_the_field_that_refers_to_it(workspace
         "my_msgs/srv/Fetch", "Header header\nstd_msg/String s\n---\nString text\n", workspace
     )
     with pytest.raises(DefinitionErrors) as caught:
-        Search().closure("my_msgs/srv/Fetch")
+        Search().with_dependencies("my_msgs/srv/Fetch")
     problems = caught.value.problems
     assert [(one.path, one.line, one.column) for one in problems] == [
         (str(path), 1, 1),
@@ -237,17 +237,17 @@ def test_a_type_that_contains_itself_is_refused_with_the_way_round(workspace):
     put("my_msgs/msg/Egg", "Hen hen", workspace)
     put("my_msgs/msg/Hen", "Egg[] eggs", workspace)
     with pytest.raises(DefinitionError) as caught:
-        Search().closure("my_msgs/msg/Egg")
+        Search().with_dependencies("my_msgs/msg/Egg")
     assert "my_msgs/msg/Egg → my_msgs/msg/Hen → my_msgs/msg/Egg" in caught.value.message
     assert Path(caught.value.path).name == "Hen.msg"
     put("my_msgs/msg/Self", "Self[] more", workspace)
     with pytest.raises(DefinitionError, match="my_msgs/msg/Self → my_msgs/msg/Self"):
-        Search().closure("my_msgs/msg/Self")
+        Search().with_dependencies("my_msgs/msg/Self")
 
 
 def test_times_of_ros_1_are_refused_with_those_of_ros_2(workspace):
     put("my_msgs/msg/Old", "time stamp", workspace)
-    for find in (Search().load, Search().closure):
+    for find in (Search().load, Search().with_dependencies):
         with pytest.raises(DefinitionError) as caught:
             find("my_msgs/msg/Old")
         assert (caught.value.line, caught.value.hint) == (
@@ -260,7 +260,7 @@ def test_a_broken_dependency_is_reported_once_in_its_own_file(workspace):
     put("my_msgs/msg/Good", "Bad a\nBad b\n", workspace)
     bad = put("my_msgs/msg/Bad", "int x", workspace)
     with pytest.raises(DefinitionError) as caught:
-        Search().closure("my_msgs/msg/Good")
+        Search().with_dependencies("my_msgs/msg/Good")
     assert not isinstance(caught.value, DefinitionErrors)
     assert caught.value.path == str(bad)
 
@@ -282,7 +282,7 @@ def test_a_real_installation_is_found_as_ros_2_lays_it_out(tmp_path, monkeypatch
     search = Search()
     assert search.interfaces("far_msgs") == ["far_msgs/msg/Goal", "far_msgs/srv/Ask"]
     assert search.find("std_msgs/msg/Header") == overlay
-    needed = [one.full_name for one in search.closure("far_msgs/srv/Ask")]
+    needed = [one.full_name for one in search.with_dependencies("far_msgs/srv/Ask")]
     assert {"far_msgs/msg/Goal", "std_msgs/msg/Header"} < set(needed)
     assert search.load("far_msgs/srv/Ask_Request").fields[0].name == "goal"
     assert "idl_only_msgs" not in search.packages()
@@ -290,7 +290,7 @@ def test_a_real_installation_is_found_as_ros_2_lays_it_out(tmp_path, monkeypatch
 
 def test_one_look_sees_each_place_once_and_the_next_one_sees_what_is_new(workspace):
     search = Search()
-    with search.one_look():
+    with search.cached_lookups():
         assert search.is_missing("one_msgs/msg/A")
         put("one_msgs/msg/A", "int32 a", workspace)
         assert search.is_missing("one_msgs/msg/A")
@@ -303,17 +303,17 @@ def test_looks_of_several_threads_leave_nothing_behind(tmp_path):
     inside, leave = threading.Barrier(2), threading.Barrier(2)
 
     def first():
-        with shared.one_look():
+        with shared.cached_lookups():
             inside.wait()
             leave.wait()
 
     thread = threading.Thread(target=first)
     thread.start()
-    with shared.one_look():
+    with shared.cached_lookups():
         inside.wait()
         leave.wait()
         thread.join()
-    assert shared._looked is None
+    assert shared._cache is None
     assert shared.is_missing("new_msgs/msg/New")
     put("new_msgs/msg/New", "int32 x\n", tmp_path)
     assert not shared.is_missing("new_msgs/msg/New")
@@ -330,13 +330,13 @@ def test_definitions_in_subfolders_of_a_kind_are_found_under_the_package(workspa
     search = Search()
     assert search.find("robot_msgs/msg/Joint") == inner
     assert search.find("robot_msgs/srv/Move_Request") == service
-    assert [one.full_name for one in search.closure("robot_msgs/srv/Move")][:2] == [
+    assert [one.full_name for one in search.with_dependencies("robot_msgs/srv/Move")][:2] == [
         "robot_msgs/msg/Pose",
         "robot_msgs/msg/Joint",
     ]
     names = ["robot_msgs/msg/Joint", "robot_msgs/msg/Pose", "robot_msgs/srv/Move"]
     assert search.interfaces("robot_msgs") == names
-    with search.one_look():
+    with search.cached_lookups():
         assert search.find("robot_msgs/Move") == service
 
 

@@ -29,8 +29,8 @@ def warned(check, line: str) -> list[str]:
 
 def test_a_comment_that_begins_inside_quotes_is_told(check):
     assert warned(check, 'string x "a#b"') == [
-        "1:12: warning: expected the text to end before '#', got '\"a' as its whole: "
-        "'#' begins a comment even inside quotes"
+        "1:12: warning: expected the text to end before '#', got '\"a' as the whole text: "
+        "'#' begins a comment, even inside quotes"
     ]
     assert warned(check, "string LIMIT='a#b'")
 
@@ -40,7 +40,7 @@ def test_a_comment_that_begins_inside_quotes_is_told(check):
     [
         ("string x \u201cabc\u201d", "1:10", "a left double quotation mark"),
         ("string x a\u00a0b", "1:11", "a no-break space"),
-        ("string x hello // world", "1:16", "got '//' as a part of the value"),
+        ("string x hello // world", "1:16", "got '//' in the value"),
         ("wstring NAME=it\u2019s", "1:16", "a right single quotation mark"),
     ],
 )
@@ -93,7 +93,7 @@ def test_a_dependency_that_package_xml_lacks_is_told_at_its_first_field(check):
     code, _, err = check("my_msgs")
     assert code == 0
     assert err == (
-        f"{path}:2:1: warning: expected package.xml to name geometry_msgs, "
+        f"{path}:2:1: warning: expected package.xml to declare geometry_msgs, "
         "which this field needs\n"
         "    geometry_msgs/Pose p\n"
         "    ^\n"
@@ -129,7 +129,7 @@ def test_packages_that_need_each_other_are_an_error_though_their_types_do_not(ch
     put("b_msgs/msg/B", "a_msgs/C c\n")
     code, _, err = check("a_msgs", "b_msgs")
     assert code == 1
-    assert err == "expected packages that can be ordered, got a_msgs → b_msgs → a_msgs\n"
+    assert err == "expected packages without circular dependencies, got a_msgs → b_msgs → a_msgs\n"
 
 
 @pytest.mark.parametrize(

@@ -12,7 +12,7 @@ from taskrpc.ros import hook
 @pytest.fixture
 def hooked(tmp_path, monkeypatch):
     monkeypatch.setattr(sys, "meta_path", list(sys.meta_path))
-    monkeypatch.setattr(loader, "_base", loader._base)
+    monkeypatch.setattr(loader, "_runtime_module", loader._runtime_module)
     importer.uninstall_import_hook()
     explaining = (hook._explaining_ros, hook._explaining_interfaces)
     for finder in (hook._finder, hook._workspace, *explaining):

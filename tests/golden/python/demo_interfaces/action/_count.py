@@ -79,18 +79,18 @@ class Count_SendGoal_Request(_runtime.Message, kw_only=True):
     def _check(self) -> None:
         goal_id_ = self.goal_id
         if type(goal_id_) is not UUID:
-            _runtime.wrong_class(goal_id_, UUID, "goal_id")
+            _runtime.require_class(goal_id_, UUID, "goal_id")
         try:
             goal_id_._check()
         except ValueError as error:
-            raise _runtime.under(error, "goal_id") from None
+            raise _runtime.with_prefix(error, "goal_id") from None
         goal_ = self.goal
         if type(goal_) is not Count_Goal:
-            _runtime.wrong_class(goal_, Count_Goal, "goal")
+            _runtime.require_class(goal_, Count_Goal, "goal")
         try:
             goal_._check()
         except ValueError as error:
-            raise _runtime.under(error, "goal") from None
+            raise _runtime.with_prefix(error, "goal") from None
 
 
 class Count_SendGoal_Response(_runtime.Message, kw_only=True):
@@ -115,11 +115,11 @@ class Count_SendGoal_Response(_runtime.Message, kw_only=True):
             self.accepted = _runtime.to_boolean(accepted_, "accepted")
         stamp_ = self.stamp
         if type(stamp_) is not Time:
-            _runtime.wrong_class(stamp_, Time, "stamp")
+            _runtime.require_class(stamp_, Time, "stamp")
         try:
             stamp_._check()
         except ValueError as error:
-            raise _runtime.under(error, "stamp") from None
+            raise _runtime.with_prefix(error, "stamp") from None
 
 
 class Count_SendGoal_Event(_runtime.Message, kw_only=True):
@@ -145,11 +145,11 @@ class Count_SendGoal_Event(_runtime.Message, kw_only=True):
     def _check(self) -> None:
         info_ = self.info
         if type(info_) is not ServiceEventInfo:
-            _runtime.wrong_class(info_, ServiceEventInfo, "info")
+            _runtime.require_class(info_, ServiceEventInfo, "info")
         try:
             info_._check()
         except ValueError as error:
-            raise _runtime.under(error, "info") from None
+            raise _runtime.with_prefix(error, "info") from None
         self.request = _runtime.to_messages(self.request, "request", Count_SendGoal_Request, 0, 1)
         self.response = _runtime.to_messages(
             self.response, "response", Count_SendGoal_Response, 0, 1
@@ -171,11 +171,11 @@ class Count_GetResult_Request(_runtime.Message, kw_only=True):
     def _check(self) -> None:
         goal_id_ = self.goal_id
         if type(goal_id_) is not UUID:
-            _runtime.wrong_class(goal_id_, UUID, "goal_id")
+            _runtime.require_class(goal_id_, UUID, "goal_id")
         try:
             goal_id_._check()
         except ValueError as error:
-            raise _runtime.under(error, "goal_id") from None
+            raise _runtime.with_prefix(error, "goal_id") from None
 
 
 class Count_GetResult_Response(_runtime.Message, kw_only=True):
@@ -200,11 +200,11 @@ class Count_GetResult_Response(_runtime.Message, kw_only=True):
             self.status = _runtime.to_int8(status_, "status")
         result_ = self.result
         if type(result_) is not Count_Result:
-            _runtime.wrong_class(result_, Count_Result, "result")
+            _runtime.require_class(result_, Count_Result, "result")
         try:
             result_._check()
         except ValueError as error:
-            raise _runtime.under(error, "result") from None
+            raise _runtime.with_prefix(error, "result") from None
 
 
 class Count_GetResult_Event(_runtime.Message, kw_only=True):
@@ -230,11 +230,11 @@ class Count_GetResult_Event(_runtime.Message, kw_only=True):
     def _check(self) -> None:
         info_ = self.info
         if type(info_) is not ServiceEventInfo:
-            _runtime.wrong_class(info_, ServiceEventInfo, "info")
+            _runtime.require_class(info_, ServiceEventInfo, "info")
         try:
             info_._check()
         except ValueError as error:
-            raise _runtime.under(error, "info") from None
+            raise _runtime.with_prefix(error, "info") from None
         self.request = _runtime.to_messages(self.request, "request", Count_GetResult_Request, 0, 1)
         self.response = _runtime.to_messages(
             self.response, "response", Count_GetResult_Response, 0, 1
@@ -261,18 +261,18 @@ class Count_FeedbackMessage(_runtime.Message, kw_only=True):
     def _check(self) -> None:
         goal_id_ = self.goal_id
         if type(goal_id_) is not UUID:
-            _runtime.wrong_class(goal_id_, UUID, "goal_id")
+            _runtime.require_class(goal_id_, UUID, "goal_id")
         try:
             goal_id_._check()
         except ValueError as error:
-            raise _runtime.under(error, "goal_id") from None
+            raise _runtime.with_prefix(error, "goal_id") from None
         feedback_ = self.feedback
         if type(feedback_) is not Count_Feedback:
-            _runtime.wrong_class(feedback_, Count_Feedback, "feedback")
+            _runtime.require_class(feedback_, Count_Feedback, "feedback")
         try:
             feedback_._check()
         except ValueError as error:
-            raise _runtime.under(error, "feedback") from None
+            raise _runtime.with_prefix(error, "feedback") from None
 
 
 _DEFINITION = (
@@ -397,7 +397,7 @@ class Count(_runtime.Action):
     Feedback: _typing.TypeAlias = Count_Feedback
 
     class Impl:
-        """What the action is made of."""
+        """The services and messages of the action."""
 
         SendGoalService: _typing.TypeAlias = Count_SendGoal
         GetResultService: _typing.TypeAlias = Count_GetResult

@@ -184,18 +184,18 @@ class Everything(_runtime.MessageWithConstants, kw_only=True):
             self.wide = _runtime.to_text(wide_, "wide")
         inner_ = self.inner
         if type(inner_) is not Inner:
-            _runtime.wrong_class(inner_, Inner, "inner")
+            _runtime.require_class(inner_, Inner, "inner")
         try:
             inner_._check()
         except ValueError as error:
-            raise _runtime.under(error, "inner") from None
+            raise _runtime.with_prefix(error, "inner") from None
         point_ = self.point
         if type(point_) is not Point:
-            _runtime.wrong_class(point_, Point, "point")
+            _runtime.require_class(point_, Point, "point")
         try:
             point_._check()
         except ValueError as error:
-            raise _runtime.under(error, "point") from None
+            raise _runtime.with_prefix(error, "point") from None
         self.flags = _runtime.to_items(self.flags, "flags", _runtime.to_boolean)
         self.pair = _runtime.to_items(self.pair, "pair", _runtime.to_byte, 2, 2)
         self.names = _runtime.to_items(self.names, "names", _runtime.to_text, 0, 3)

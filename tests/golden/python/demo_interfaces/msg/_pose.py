@@ -23,8 +23,8 @@ class Pose(_runtime.Message, kw_only=True):
     def _check(self) -> None:
         pose_ = self.pose
         if type(pose_) is not _geometry_msgs_Pose:
-            _runtime.wrong_class(pose_, _geometry_msgs_Pose, "pose")
+            _runtime.require_class(pose_, _geometry_msgs_Pose, "pose")
         try:
             pose_._check()
         except ValueError as error:
-            raise _runtime.under(error, "pose") from None
+            raise _runtime.with_prefix(error, "pose") from None

@@ -73,11 +73,11 @@ class Tune_Event(_runtime.Message, kw_only=True):
     def _check(self) -> None:
         info_ = self.info
         if type(info_) is not ServiceEventInfo:
-            _runtime.wrong_class(info_, ServiceEventInfo, "info")
+            _runtime.require_class(info_, ServiceEventInfo, "info")
         try:
             info_._check()
         except ValueError as error:
-            raise _runtime.under(error, "info") from None
+            raise _runtime.with_prefix(error, "info") from None
         self.request = _runtime.to_messages(self.request, "request", Tune_Request, 0, 1)
         self.response = _runtime.to_messages(self.response, "response", Tune_Response, 0, 1)
 

@@ -26,11 +26,11 @@ class Twist_Request(_runtime.Message, kw_only=True):
     def _check(self) -> None:
         twist_ = self.twist
         if type(twist_) is not _geometry_msgs_Twist:
-            _runtime.wrong_class(twist_, _geometry_msgs_Twist, "twist")
+            _runtime.require_class(twist_, _geometry_msgs_Twist, "twist")
         try:
             twist_._check()
         except ValueError as error:
-            raise _runtime.under(error, "twist") from None
+            raise _runtime.with_prefix(error, "twist") from None
 
 
 class Twist_Response(_runtime.Message, kw_only=True, gc=False):
@@ -64,11 +64,11 @@ class Twist_Event(_runtime.Message, kw_only=True):
     def _check(self) -> None:
         info_ = self.info
         if type(info_) is not ServiceEventInfo:
-            _runtime.wrong_class(info_, ServiceEventInfo, "info")
+            _runtime.require_class(info_, ServiceEventInfo, "info")
         try:
             info_._check()
         except ValueError as error:
-            raise _runtime.under(error, "info") from None
+            raise _runtime.with_prefix(error, "info") from None
         self.request = _runtime.to_messages(self.request, "request", Twist_Request, 0, 1)
         self.response = _runtime.to_messages(self.response, "response", Twist_Response, 0, 1)
 
