@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from enum import Enum
-
 from taskrpc.errors import ProtocolError, TaskRpcError
+from taskrpc.wire.connection_state import ConnectionState, StateEvent, next_state
 from taskrpc.wire.events import Closed, Event, Ready
 from taskrpc.wire.frames import (
     FIRST_OPTIONAL_TYPE,
@@ -29,15 +28,6 @@ from taskrpc.wire.messages import DEFAULT_LIMITS
 
 HANDSHAKE_LIMIT = 4096
 """Bytes of a body before the peer has proved itself."""
-
-
-class ConnectionState(Enum):
-    """Where a connection stands."""
-
-    HANDSHAKE = "handshake"
-    OPEN = "open"
-    DRAINING = "draining"
-    CLOSED = "closed"
 
 
 class BaseSession:
@@ -111,11 +101,15 @@ class BaseSession:
         """Tell the peer why its connection ends; nothing is heard or said after it."""
         if not self.is_client and self.state is not ConnectionState.CLOSED:
             self.out.append(refusal(error))
-        self.state = ConnectionState.CLOSED
+        self.advance(StateEvent.END)
+
+    def advance(self, event: StateEvent) -> None:
+        """Change the state; only the session itself calls this."""
+        self.state = next_state(self.state, event)
 
     def close(self) -> None:
         """Read and send nothing more."""
-        self.state = ConnectionState.CLOSED
+        self.advance(StateEvent.END)
 
     def ping(self, nonce: int) -> None:
         """Ask the peer for a sign of life."""
@@ -163,7 +157,7 @@ class BaseSession:
             self.out.append(answer)
 
     def _open(self, peer: Peer) -> Ready:
-        self.state = ConnectionState.OPEN
+        self.advance(StateEvent.HANDSHAKE_DONE)
         self.handshake = None
         self.their_limits = peer.limits
         self.body_limit = peer.limits.body
@@ -173,7 +167,7 @@ class BaseSession:
     def _closed(self, error: TaskRpcError) -> Closed:
         if self._magic_seen:
             self.reject(error)
-        self.state = ConnectionState.CLOSED
+        self.advance(StateEvent.END)
         # Its traceback has the frames through which it came, and these have what it came with.
         return Closed(error.with_traceback(None))
 

@@ -13,7 +13,8 @@ from typing import Any
 
 from taskrpc.errors import ConnectionLost, OutcomeUnknown, ProtocolError, TaskRpcError
 from taskrpc.wire import messages, status, topics
-from taskrpc.wire.base_session import BaseSession, ConnectionState
+from taskrpc.wire.base_session import BaseSession
+from taskrpc.wire.connection_state import ConnectionState, StateEvent
 from taskrpc.wire.events import (
     CancelReceived,
     Draining,
@@ -178,7 +179,7 @@ class Session(BaseSession):
     def lost(self) -> list[Any]:
         """The connection is gone: every ticket without an answer; see `unknown_error`."""
         tickets = self.open_tickets()
-        self.state = ConnectionState.CLOSED
+        self.advance(StateEvent.END)
         self.open_calls = {}
         return tickets
 
@@ -254,7 +255,7 @@ class Session(BaseSession):
     def drain(self) -> None:
         """Take no new calls; those in flight are still answered."""
         if self.state is _OPEN:
-            self.state = ConnectionState.DRAINING
+            self.advance(StateEvent.DRAIN)
             self.send(FrameType.GOAWAY, 0, 0, 0, self.last_call_id, b"")
 
     # Inside
@@ -391,7 +392,7 @@ class Session(BaseSession):
 
     def _on_goaway(self, last_accepted: int) -> Draining:
         if self.state is _OPEN:
-            self.state = ConnectionState.DRAINING
+            self.advance(StateEvent.DRAIN)
         never_begun = [call_id for call_id in self.open_calls if call_id > last_accepted]
         refused = [self.open_calls.pop(call_id)[0] for call_id in never_begun]
         return Draining([ticket for ticket in refused if ticket is not None])

@@ -18,7 +18,7 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.transport import endpoint
 from taskrpc.transport.connection.server_side import ServingConnection
 from taskrpc.wire import messages
-from taskrpc.wire.base_session import ConnectionState
+from taskrpc.wire.connection_state import ConnectionState
 from taskrpc.wire.events import Closed, Event
 from taskrpc.wire.frames import HEADER, NO_DEADLINE, Splitter
 from taskrpc.wire.handshake import Identity, Peer

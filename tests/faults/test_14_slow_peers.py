@@ -14,7 +14,7 @@ from taskrpc.transport.codec import codec_of
 from taskrpc.transport.connection import connection
 from taskrpc.transport.connection.server_side import ServingConnection
 from taskrpc.transport.limits import calls_in_flight
-from taskrpc.wire.base_session import ConnectionState
+from taskrpc.wire.connection_state import ConnectionState
 from taskrpc.wire.events import ResponseReceived
 from taskrpc.wire.frames import NO_DEADLINE, FrameType, pack_frame, pack_header
 from taskrpc.wire.handshake import Identity

@@ -13,7 +13,7 @@ from taskrpc.errors import ConnectionLost, ProtocolError, TaskRpcError
 from taskrpc.transport.connection.deadline_timer import Deadlines, Expiring
 from taskrpc.transport.limits.keepalive import Keepalive, TcpTimeouts, drop_dead_peers
 from taskrpc.transport.limits.log_throttling import LimitedLog
-from taskrpc.wire.base_session import ConnectionState
+from taskrpc.wire.connection_state import ConnectionState
 from taskrpc.wire.events import Closed, Event
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.session import Session

@@ -31,7 +31,7 @@ from taskrpc.transport.limits.backpressure import Backpressure
 from taskrpc.transport.limits.calls_in_flight import FREE, CallsInFlight
 from taskrpc.transport.limits.quotas import QuotaKey, quota_key_of
 from taskrpc.wire import messages
-from taskrpc.wire.base_session import ConnectionState
+from taskrpc.wire.connection_state import ConnectionState
 from taskrpc.wire.events import (
     CancelReceived,
     Closed,

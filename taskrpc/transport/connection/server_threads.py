@@ -12,7 +12,7 @@ import time
 from taskrpc.transport.connection.incoming_call import RemoteCall
 from taskrpc.transport.connection.server_side import ServerContext, ServingConnection
 from taskrpc.transport.connection.threads import ThreadSocket
-from taskrpc.wire.base_session import ConnectionState
+from taskrpc.wire.connection_state import ConnectionState
 from taskrpc.wire.frames import LARGE
 from taskrpc.wire.handshake import Identity
 

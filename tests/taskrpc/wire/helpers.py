@@ -9,7 +9,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from taskrpc.wire import messages
-from taskrpc.wire.base_session import ConnectionState
+from taskrpc.wire.connection_state import ConnectionState
 from taskrpc.wire.events import Event
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Limits

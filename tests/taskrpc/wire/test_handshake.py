@@ -9,7 +9,8 @@ from msgspec.structs import replace
 
 from taskrpc.errors import AuthenticationFailed, ProtocolError, TaskRpcError
 from taskrpc.wire import messages
-from taskrpc.wire.base_session import HANDSHAKE_LIMIT, ConnectionState
+from taskrpc.wire.base_session import HANDSHAKE_LIMIT
+from taskrpc.wire.connection_state import ConnectionState
 from taskrpc.wire.events import Closed, LargeRequestBegan, Ready, RequestReceived, ServicesChanged
 from taskrpc.wire.frames import LARGE, MAGIC, FrameType, pack_frame
 from taskrpc.wire.handshake import Voucher

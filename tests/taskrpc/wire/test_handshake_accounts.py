@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from taskrpc import Account, Accounts, AuthenticationFailed, Role, TaskRpcError
 from taskrpc.wire import messages
-from taskrpc.wire.base_session import ConnectionState
+from taskrpc.wire.connection_state import ConnectionState
 from taskrpc.wire.events import Closed, Ready
 from taskrpc.wire.frames import MAGIC, FrameType, pack_frame
 from taskrpc.wire.handshake import Voucher

@@ -14,7 +14,7 @@ from taskrpc.errors import (
     ServerBusy,
     TaskRpcError,
 )
-from taskrpc.wire.base_session import ConnectionState
+from taskrpc.wire.connection_state import ConnectionState
 from taskrpc.wire.events import (
     CancelReceived,
     Closed,

@@ -13,7 +13,7 @@ from hypothesis.stateful import (
 )
 
 from taskrpc.errors import TaskRpcError
-from taskrpc.wire.base_session import ConnectionState
+from taskrpc.wire.connection_state import ConnectionState
 from taskrpc.wire.events import (
     CancelReceived,
     Draining,
