@@ -5,7 +5,6 @@ Start reading with `clock`, the event loop in virtual time, and `network`, the n
 """
 
 from taskrpc.testing.clock import NothingWillEverHappen, VirtualTimeLoop
-from taskrpc.testing.network import FaultyNetwork
-from taskrpc.testing.nodes import connected_nodes
+from taskrpc.testing.network import FaultyNetwork, connected_nodes
 
 __all__ = ["FaultyNetwork", "NothingWillEverHappen", "VirtualTimeLoop", "connected_nodes"]

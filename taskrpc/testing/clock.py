@@ -1,4 +1,4 @@
-"""A clock that jumps instead of waiting."""
+"""An event loop in virtual time: its clock jumps instead of waiting."""
 
 from __future__ import annotations
 
@@ -13,24 +13,24 @@ from typing import Any, TypeVar, TypeVarTuple
 _Args = TypeVarTuple("_Args")
 _Result = TypeVar("_Result")
 
-_EXECUTOR_PATIENCE = 30.0  # real seconds that a job in a thread may take before we call it stuck
+_EXECUTOR_PATIENCE = 30.0  # real seconds after which a job in a thread counts as stuck
 
 
 class NothingWillEverHappen(RuntimeError):
-    """A program on a `VirtualTimeLoop` waits, and nothing is scheduled that could wake it."""
+    """A program on a `VirtualTimeLoop` waits, and no timer or job exists that could wake it."""
 
 
 class VirtualTimeLoop(asyncio.SelectorEventLoop):
     """An event loop whose clock jumps to the next timer instead of waiting for it.
 
-    Hours of timeouts, backoff and robot motion pass in milliseconds, exactly and in order.
-    `loop.time()` starts at 0.0 seconds. The clock stands still while a job runs in an executor,
-    and a wait that nothing can ever end raises `NothingWillEverHappen` instead of hanging.
+    Hours of timeouts, backoff and robot motion take milliseconds, and every timer fires exactly at
+    its time. `loop.time()` starts at 0.0 seconds. The clock stands still while a job runs in an
+    executor. A wait that nothing can end raises `NothingWillEverHappen` instead of hanging.
     """
 
     def __init__(self) -> None:
         self._virtual_now = 0.0
-        self._open_jobs = 0
+        self._open_jobs = 0  # in executors
         super().__init__(_JumpingSelector(self))
         self.advance(0.0)
 
@@ -39,15 +39,16 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         return self._virtual_now
 
     def advance(self, seconds: float) -> None:
-        """Move the clock forward; timers that become due run in the loop's next turn."""
+        """Move the clock forward; timers that are due then fire in the loop's next turn."""
         self._virtual_now += seconds
-        # Whoever is woken within asyncio's tolerance before a deadline, and waits for the rest of
-        # it, would be woken at the same instant for ever: this clock moves only if nobody runs.
+        # asyncio fires a timer up to one clock resolution early. A coroutine that then waits for
+        # the rest of the time would be woken at the same instant for ever, because this clock
+        # moves only while nothing runs. So the resolution is the smallest possible one.
         self._clock_resolution = math.ulp(self._virtual_now)
 
     @property
     def has_open_jobs(self) -> bool:
-        """Whether a job still runs in an executor, so that the clock must stand still."""
+        """Whether a job runs in an executor, so that the clock must stand still."""
         return self._open_jobs > 0
 
     def run_in_executor(
@@ -60,7 +61,7 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         return future
 
     async def shutdown_default_executor(self, *args: Any, **kwargs: Any) -> None:
-        """Wait for the threads of the default executor, the clock standing still."""
+        """Wait for the threads of the default executor while the clock stands still."""
         self._open_jobs += 1
         try:
             await super().shutdown_default_executor(*args, **kwargs)

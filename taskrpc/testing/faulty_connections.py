@@ -1,4 +1,4 @@
-"""The connections of a faulty network: what is sent arrives later, in pieces, or never."""
+"""The connections of a faulty network: bytes arrive later, in pieces, or never."""
 
 from __future__ import annotations
 
@@ -15,8 +15,11 @@ from taskrpc.transport.connection.connection import Connection
 from taskrpc.transport.memory import Listener, Pipe
 
 
-class Links:
-    """The wires of a network, and what chance makes of them; the `Conditions` of its hub."""
+class NetworkFaults:
+    """The faults of a network and its connections; the `Conditions` of a hub.
+
+    The arguments are those of `FaultyNetwork`.
+    """
 
     def __init__(
         self,
@@ -30,22 +33,24 @@ class Links:
     ) -> None:
         self.dead_after = dead_after
         self.happened: Counter[str] = Counter()
+        """How often each kind of fault happened; see `FaultyNetwork.happened`."""
         self.silent: set[tuple[str, str]] = set()
-        """Ways from program to program on which nothing passes."""
+        """The directions (from program, to program) in which nothing passes."""
         self.healed = asyncio.Event()
-        self.wires: dict[Wire, None] = {}
-        self._chance = random.Random(seed)
+        """Set when every direction passes again."""
+        self.connections: dict[FaultyConnection, None] = {}
+        self._random = random.Random(seed)
         self._delay = delay
         self._pieces = pieces
         self._cut_after = cut_after
         self._refuse = refuse
 
     async def connect(self, caller: str, listener: Listener) -> None:
-        """Return once a listener has heard of a caller. Raises ConnectionRefusedError."""
+        """Wait until a listener has the request to connect; raises ConnectionRefusedError."""
         await asyncio.sleep(self.lag())
         while {(caller, listener.program), (listener.program, caller)} & self.silent:
             await self.healed.wait()
-        if self._chance.random() < self._refuse:
+        if self._random.random() < self._refuse:
             self.happened["refusals"] += 1
             raise ConnectionRefusedError("the network refused the connection")
 
@@ -56,35 +61,36 @@ class Links:
         self.happened["connections"] += 1
         context = listener.context
         server = context.run(listener.factory)
-        one = End(client, name, contextvars.copy_context())
-        other = End(server, f"a client of {name}", context)
-        self.wires[Wire(self, caller, listener.program, one, other)] = None
-        context.run(server.connection_made, other)
-        client.connection_made(one)
+        client_end = FaultyPipe(client, name, contextvars.copy_context())
+        server_end = FaultyPipe(server, f"a client of {name}", context)
+        connection = FaultyConnection(self, caller, listener.program, client_end, server_end)
+        self.connections[connection] = None
+        context.run(server.connection_made, server_end)
+        client.connection_made(client_end)
 
     def lag(self) -> float:
-        """How long the next bytes are on their way."""
-        return self._chance.uniform(*self._delay)
+        """Return how many seconds the next bytes take to arrive."""
+        return self._random.uniform(*self._delay)
 
-    def cut_up(self, data: bytes) -> list[bytes]:
-        """What is sent, in the pieces in which it arrives."""
+    def split(self, data: bytes) -> list[bytes]:
+        """Return sent bytes as the pieces in which they arrive."""
         found, begin = [], 0
         while begin < len(data):
-            size = self._chance.randint(1, self._pieces) if self._pieces else len(data)
+            size = self._random.randint(1, self._pieces) if self._pieces else len(data)
             found.append(data[begin : begin + size])
             begin += size
         return found
 
     def lifetime(self) -> float:
-        """Bytes until a new connection is cut."""
-        return self._chance.expovariate(1 / self._cut_after) if self._cut_after else math.inf
+        """Return after how many bytes to cut a new connection."""
+        return self._random.expovariate(1 / self._cut_after) if self._cut_after else math.inf
 
 
-class End(Pipe):
-    """One end of a wire; all that happens at it happens in its own program's context."""
+class FaultyPipe(Pipe):
+    """One end of a connection; its callbacks run in its own program's context."""
 
-    way: Way
-    """By which things come here."""
+    incoming: Direction
+    """The direction towards this end."""
 
     def __init__(
         self, protocol: asyncio.BufferedProtocol, name: str, context: contextvars.Context
@@ -93,48 +99,52 @@ class End(Pipe):
         self.context = context
 
     def arrived(self, piece: bytes) -> None:
-        """Bytes have come through."""
+        """Deliver bytes that have arrived."""
         if self._lost:
-            self.peer._reset()
+            cast("FaultyPipe", self.peer).reset()
         else:
             self._inbox.append(memoryview(piece))
             self._plan_delivery()
 
     def end(self) -> None:
-        """The connection is cut after what has come through."""
+        """End the connection after the bytes that have arrived."""
         super()._end()
 
+    def reset(self) -> None:
+        """Reset the connection as if the other end had vanished."""
+        self._reset()
+
     def die(self) -> None:
-        """The system gives the connection up."""
+        """Lose the connection because the operating system found it dead."""
         self._closing = True
         self._lose()
 
     def vanish(self) -> None:
-        """Nobody is here any more who could be told anything."""
+        """Remove this end without any callback: its program was killed."""
         self._closing = self._lost = True
-        self.way.close()
+        self.incoming.close()
 
     @property
-    def patience(self) -> float:
-        """Seconds for which the system waits for an acknowledgement."""
+    def keepalive_timeout(self) -> float:
+        """Seconds without acknowledgement after which the system finds the connection dead."""
         return cast("Connection", self._protocol).owner.keepalive.dead_after
 
     @property
     def is_lost(self) -> bool:
-        """Whether nobody is here any more."""
+        """Whether this end has lost the connection."""
         return self._lost
 
     def _receive(self, data: bytes) -> None:
-        self._inbox_size += len(data)  # on its way, it is unread as well
-        self.way.send(data)
+        self._inbox_size += len(data)  # bytes in flight count as unread too
+        self.incoming.send(data)
 
     def _end(self) -> None:
-        self.way.put(super()._end)
+        self.incoming.put(super()._end)
 
     def _reset(self) -> None:
-        if not self.way.wire.is_cut:  # else the end is on its way already
-            self.way.clear()
-            self.way.put(super()._reset)
+        if not self.incoming.connection.is_cut:  # a cut connection is about to end anyway
+            self.incoming.clear()
+            self.incoming.put(super()._reset)
 
     def _plan_delivery(self) -> None:
         if not self._delivery_planned:
@@ -147,151 +157,161 @@ class End(Pipe):
     def _lose(self) -> None:
         if not self._lost:
             super()._lose()
-            self.way.wire.lost()
+            self.incoming.connection.end_lost()
 
 
-class Way:
-    """One direction of a wire: keeps the order, and what cannot pass now."""
+class Direction:
+    """One direction of a connection: keeps the order, and holds back what cannot pass now."""
 
-    def __init__(self, wire: Wire, source: str, target: str, end: End) -> None:
-        self.wire = wire
-        self._source, self._target = source, target
+    def __init__(
+        self, connection: FaultyConnection, source: str, target: str, end: FaultyPipe
+    ) -> None:
+        self.connection = connection
+        self._source, self._target = source, target  # the names of the programs
         self._end = end
         self._loop = asyncio.get_running_loop()
+        # What happens at the end, with its time of arrival.
         self._queue: deque[tuple[float, Callable[[], object]]] = deque()
-        self._last = 0.0
+        self._last = 0.0  # the arrival time of the newest entry, so that nothing overtakes it
         self._timer: asyncio.TimerHandle | None = None
         self._death: asyncio.TimerHandle | None = None
 
     @property
     def is_silent(self) -> bool:
         """Whether nothing passes."""
-        return (self._source, self._target) in self.wire.links.silent
+        return (self._source, self._target) in self.connection.faults.silent
 
     def send(self, data: bytes) -> None:
-        """Let bytes come through, as many as the wire lives for."""
-        passing = self.wire.spend(len(data))
-        for piece in self.wire.links.cut_up(data[:passing]):
+        """Let bytes pass, and cut the connection if its lifetime ends with them."""
+        passing = self.connection.spend(len(data))
+        for piece in self.connection.faults.split(data[:passing]):
             self.put(partial(self._end.arrived, piece))
         if passing < len(data):
-            self.wire.cut(keep=True)
-        elif self.wire.is_silent:
+            self.connection.cut(keep=True)
+        elif self.connection.is_silent:
             self._expect_death()
 
-    def put(self, what: Callable[[], object]) -> None:
-        """Let something happen at the end after what is on its way."""
-        if not self.wire.is_cut:
-            self._put(what)
+    def put(self, callback: Callable[[], object]) -> None:
+        """Call back at the end, after everything that is in flight."""
+        if not self.connection.is_cut:
+            self._put(callback)
 
     def clear(self) -> None:
-        """Forget what is on its way."""
+        """Lose what is in flight."""
         self._queue.clear()
 
     def cut(self, *, keep: bool) -> None:
-        """Nothing comes after this, nor what is on its way unless it is kept."""
+        """End the connection; what is in flight is lost unless `keep` is true."""
         if not keep:
             self.clear()
         self._put(self._end.end)
 
-    def go_on(self) -> None:
-        """Everything passes again."""
+    def heal(self) -> None:
+        """Let everything pass again."""
         if self._death is not None:
             self._death.cancel()
             self._death = None
-        self._arm()
+        self._set_timer()
 
     def close(self) -> None:
-        """Nobody is at the end."""
+        """Stop all timers: the end has vanished."""
         self.clear()
         for timer in (self._timer, self._death):
             if timer is not None:
                 timer.cancel()
         self._timer = self._death = None
 
-    def _put(self, what: Callable[[], object]) -> None:
-        self._last = max(self._last, self._loop.time() + self.wire.links.lag())
-        self._queue.append((self._last, what))
+    def _put(self, callback: Callable[[], object]) -> None:
+        self._last = max(self._last, self._loop.time() + self.connection.faults.lag())
+        self._queue.append((self._last, callback))
         if self._timer is None:
-            self._arm()
+            self._set_timer()
 
-    def _arm(self) -> None:
+    def _set_timer(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
         if self._queue:
             context = self._end.context
-            self._timer = self._loop.call_at(self._queue[0][0], self._come, context=context)
+            self._timer = self._loop.call_at(self._queue[0][0], self._deliver, context=context)
 
-    def _come(self) -> None:
+    def _deliver(self) -> None:
         self._timer = None
         while self._queue and self._queue[0][0] <= self._loop.time():
             if self.is_silent:
-                self.wire.links.happened["silences"] += 1
-                return  # until `go_on`
-            _, what = self._queue.popleft()
-            what()
-        self._arm()
+                self.connection.faults.happened["silences"] += 1
+                return  # `heal` continues
+            _, callback = self._queue.popleft()
+            callback()
+        self._set_timer()
 
     def _expect_death(self) -> None:
-        sender = cast("End", self._end.peer)
+        sender = cast("FaultyPipe", self._end.peer)
         if self._death is None:
-            wait = self.wire.links.dead_after or sender.patience
+            wait = self.connection.faults.dead_after or sender.keepalive_timeout
             self._death = self._loop.call_later(wait, self._die, sender, context=sender.context)
 
-    def _die(self, sender: End) -> None:
+    def _die(self, sender: FaultyPipe) -> None:
         self._death = None
-        self.wire.links.happened["deaths"] += 1
+        self.connection.faults.happened["deaths"] += 1
         sender.die()
 
 
-class Wire:
+class FaultyConnection:
     """A connection between two programs."""
 
-    def __init__(self, links: Links, caller: str, called: str, client: End, server: End) -> None:
-        self.links = links
+    def __init__(
+        self,
+        faults: NetworkFaults,
+        caller: str,
+        called: str,
+        client: FaultyPipe,
+        server: FaultyPipe,
+    ) -> None:
+        self.faults = faults
         self.caller, self.called = caller, called
         self.is_cut = False
-        self._left = links.lifetime()
+        self._bytes_left = faults.lifetime()
         self._ends = (client, server)
         client.peer, server.peer = server, client
-        client.way = Way(self, called, caller, client)
-        server.way = Way(self, caller, called, server)
+        client.incoming = Direction(self, called, caller, client)
+        server.incoming = Direction(self, caller, called, server)
 
     @property
     def is_silent(self) -> bool:
-        """Whether no acknowledgement can come, in whichever direction bytes are lost."""
-        return any(end.way.is_silent for end in self._ends)
+        """Whether no acknowledgement can arrive, because one direction is silent."""
+        return any(end.incoming.is_silent for end in self._ends)
 
     def spend(self, count: int) -> int:
-        """How many of so many bytes still pass."""
-        passing = int(min(count, max(0.0, self._left)))
-        self._left -= count
+        """Return how many of `count` bytes still pass."""
+        passing = int(min(count, max(0.0, self._bytes_left)))
+        self._bytes_left -= count
         return passing
 
     def cut(self, *, keep: bool = False) -> None:
-        """Both ends find the connection lost."""
+        """Let both ends lose the connection."""
         if not self.is_cut:
             self.is_cut = True
-            self.links.happened["cuts"] += 1
+            self.faults.happened["cuts"] += 1
             for end in self._ends:
-                end.way.cut(keep=keep)
+                end.incoming.cut(keep=keep)
 
     def crash(self, program: str) -> None:
-        """The ends of a program are gone without a word; the others find themselves reset."""
+        """Remove the ends of a killed program; the other ends are reset."""
         for end in self._ends:
             if program == (self.caller if end is self._ends[0] else self.called):
                 end.vanish()
-                end.peer._reset()
-        self.lost()
+                cast("FaultyPipe", end.peer).reset()
+        self.end_lost()
 
-    def go_on(self) -> None:
-        """Everything passes again."""
+    def heal(self) -> None:
+        """Let everything pass again."""
         for end in self._ends:
-            end.way.go_on()
+            end.incoming.heal()
 
-    def lost(self) -> None:
-        """An end is gone; with both, the wire is."""
+    def end_lost(self) -> None:
+        """Forget the connection once both ends have lost it."""
         if all(end.is_lost for end in self._ends):
             for end in self._ends:
-                end.way.close()
-            self.links.wires.pop(self, None)
+                end.incoming.close()
+            self.faults.connections.pop(self, None)

@@ -1,31 +1,47 @@
-"""A network in memory that delays, cuts, refuses and falls silent, all of it from one seed."""
+"""Nodes connected in memory, and a network between them with faults from one seed."""
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import AsyncIterator
 from types import TracebackType
 from typing import Self
 
-from taskrpc.testing.faulty_connections import Links
+from taskrpc.node import Node
+from taskrpc.testing.faulty_connections import NetworkFaults
 from taskrpc.transport.memory import hub_of
 from taskrpc.transport.tcp.tcp_network import domain_id
+
+
+@contextlib.asynccontextmanager
+async def connected_nodes(*names: str) -> AsyncIterator[tuple[Node, ...]]:
+    """Start nodes with these names that are connected with each other and with no other program.
+
+    They are connected in memory, so a test needs no sockets and can run in virtual time:
+    `async with connected_nodes("server", "client") as (server, client):`.
+    """
+    async with contextlib.AsyncExitStack() as nodes:
+        yield tuple(
+            [await nodes.enter_async_context(Node(name, transport="memory")) for name in names]
+        )
 
 
 class FaultyNetwork:
     """Faults between the programs of a test: `with FaultyNetwork(seed=7) as network:`.
 
-    A program is what the nodes of one `listen` are together:
+    All nodes with the same `listen` form one program:
     `Node("robot", transport="memory", listen="robot")` is in the program `robot`; nodes without
     `listen` are in the program `""`. The network is that of the running event loop and
-    ROS_DOMAIN_ID; connections made inside the block meet the faults.
+    ROS_DOMAIN_ID. The faults happen to the connections that are made inside the block.
 
-    Arguments:
-        seed: the same seed and program give the same faults.
-        delay: the shortest and the longest time in seconds that bytes are on their way.
-        pieces: what is sent arrives in pieces of 1 to this many bytes; 0 for whole.
-        cut_after: how many bytes a connection lives for, on average; 0 for ever.
-        refuse: the share of connections that are refused, 0 to 1.
-        dead_after: seconds without an answer after which a system gives a connection up; as the
-            `keepalive` of the nodes at its end says unless given.
+    Args:
+        seed: the same seed and the same test give the same faults.
+        delay: the minimum and maximum seconds that bytes take to arrive.
+        pieces: bytes arrive in pieces of 1 to this many; 0: as they were sent.
+        cut_after: the average number of bytes after which a connection is cut; 0: never.
+        refuse: the fraction of connections that are refused, 0 to 1.
+        dead_after: seconds without acknowledgement after which the operating system finds a
+            connection dead; by default as the `keepalive` of the node says.
     """
 
     def __init__(
@@ -39,7 +55,7 @@ class FaultyNetwork:
         dead_after: float | None = None,
     ) -> None:
         self._hub = hub_of(domain_id())
-        self._links = Links(
+        self._faults = NetworkFaults(
             seed,
             delay=delay,
             pieces=pieces,
@@ -47,12 +63,12 @@ class FaultyNetwork:
             refuse=refuse,
             dead_after=dead_after,
         )
-        self.happened = self._links.happened
-        """How often each thing happened: `connections`, `refusals`, `cuts`, `silences`, `deaths`
-        (a system gave a silent connection up), `crashes`."""
+        self.happened = self._faults.happened
+        """Counts of `connections`, `refusals`, `cuts`, `silences`, `deaths` (silent connections
+        that the operating system found dead) and `crashes`."""
 
     def __enter__(self) -> Self:
-        self._hub.conditions = self._links
+        self._hub.conditions = self._faults
         return self
 
     def __exit__(
@@ -65,31 +81,32 @@ class FaultyNetwork:
         self.heal()
 
     def partition(self, a: str, b: str, *, both: bool = True) -> None:
-        """Let nothing pass from program `a` to `b`, nor back unless `both` is false.
+        """Let nothing pass from program `a` to `b`, and with `both` nothing back either.
 
-        Nobody is told; what is sent arrives once the network has healed, if the connection still
-        lives.
+        The programs get no error. What they send arrives after `heal`, on the connections that
+        still exist.
         """
-        self._links.silent.update([(a, b), (b, a)] if both else [(a, b)])
-        self._links.healed.clear()
+        self._faults.silent.update([(a, b), (b, a)] if both else [(a, b)])
+        self._faults.healed.clear()
 
     def heal(self) -> None:
         """Let everything pass again."""
-        self._links.silent.clear()
-        self._links.healed.set()
-        for wire in list(self._links.wires):
-            wire.go_on()
+        self._faults.silent.clear()
+        self._faults.healed.set()
+        for connection in list(self._faults.connections):
+            connection.heal()
 
     def cut(self, a: str, b: str) -> None:
-        """Cut all connections between two programs; what is on its way is lost."""
-        for wire in list(self._links.wires):
-            if {wire.caller, wire.called} == {a, b}:
-                wire.cut()
+        """Cut all connections between two programs; the bytes in flight are lost."""
+        for connection in list(self._faults.connections):
+            if {connection.caller, connection.called} == {a, b}:
+                connection.cut()
 
     def crash(self, program: str) -> None:
-        """Take a program off the network as if it were killed: it learns nothing more.
+        """Take a program off the network as if it were killed: it gets no callback any more.
 
-        Its callers and servers find their connections reset. End its nodes and tasks yourself.
+        The programs that it was connected with find their connections reset. End its nodes and
+        asyncio tasks yourself.
         """
         self.happened["crashes"] += 1
         gone = [place for place, each in self._hub.listeners.items() if each.program == program]
@@ -97,6 +114,6 @@ class FaultyNetwork:
             del self._hub.listeners[place]
         for network in [each for each in self._hub.rosters if each.program == program]:
             del self._hub.rosters[network]
-        for wire in list(self._links.wires):
-            wire.crash(program)
+        for connection in list(self._faults.connections):
+            connection.crash(program)
         self._hub.changed()
