@@ -40,7 +40,7 @@ ACTIONS = {
     "lose": lambda pair, end: end.lost(),
     "ping": lambda pair, end: end.ping(1),
     "advertise": lambda pair, end: end.advertise(),
-    "request": lambda pair, end: end.request("ticket", 1, b"", 1000),
+    "request": lambda pair, end: end.is_client and end.request("ticket", 1, b"", 1000),
     "resolve": lambda pair, end: end.is_client and end.resolve("ticket", Resolve("/add")),
     "goaway": lambda pair, end: end.feed(pack_frame(FrameType.GOAWAY, 0, 0, 0, 0)),
     "garbage": lambda pair, end: end.feed(b"\xff" * 20),
