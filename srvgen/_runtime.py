@@ -1,7 +1,11 @@
-"""What generated message classes stand on: base classes, arrays, and the checks of each field.
+"""The runtime of generated message classes: base classes, arrays, and conversions of each type.
 
-`srvgen generate` copies this file into every package that it writes, so that a generated package
-needs msgspec and nothing else; therefore only the standard library and msgspec are imported.
+`srvgen generate` copies this file into every package that it writes. So a generated package needs
+only msgspec, and this file must import nothing but the standard library and msgspec.
+
+The names of fields cannot begin with an underscore. So what encoders, loaders and transports need
+of a message class does: `_TYPE`, `_HASH`, `_FIELDS`, `_NESTED`, `_check` and, of an array, `_CODE`
+never collide with a field.
 """
 
 from __future__ import annotations
@@ -21,11 +25,11 @@ import msgspec
 
 
 class FieldError(ValueError):
-    """A field holds what its type does not allow.
+    """A field has a value that its type does not allow.
 
     Attributes:
-        path: where, from the message that was checked: `goal.position.x`, `ranges[3]`.
-        problem: what was expected and what came.
+        path: the field, from the message that was checked: `goal.position.x`, `ranges[3]`.
+        problem: what was expected and what was received.
     """
 
     def __init__(self, path: str, problem: str) -> None:
@@ -38,8 +42,8 @@ class FieldError(ValueError):
 
 
 def with_prefix(error: ValueError, name: str) -> FieldError:
-    """The same error seen from the message that has the faulty one in its field `name`."""
-    # The error may come from another package's copy of this file: only its attributes are known.
+    """The same error with the field `name` put in front of its path."""
+    # The error may come from the copy of this file in another package: use only its attributes.
     path = str(getattr(error, "path", ""))
     joined = f"{name}.{path}" if name and path and path[0] != "[" else name + path
     return FieldError(joined, str(getattr(error, "problem", error)))
@@ -84,7 +88,7 @@ to_uint64 = _integer("uint64", 0, 2**64 - 1)
 
 
 NOT_FLOAT = (struct.error, TypeError, OverflowError)
-"""What packing a float raises for a value that is none, or is too large."""
+"""The errors of packing a value that is not a float or is too large."""
 
 
 def _floating(name: str, code: str, top: str) -> Callable[[Any, str], float]:
@@ -109,13 +113,13 @@ to_float64 = _floating("float64", "<d", "1.7976931348623157e+308")
 
 @cache
 def float32s(count: int) -> tuple[Callable[..., bytes], Callable[[bytes], tuple[Any, ...]]]:
-    """How to pack and unpack this many float32 at once: at a quarter of the price of each alone."""
+    """Functions that pack and unpack so many float32 at once, four times faster than one by one."""
     layout = struct.Struct(f"<{count}f")
     return layout.pack, layout.unpack
 
 
 def to_boolean(value: object, path: str) -> bool:
-    """True or False; 0, 1 and numpy's booleans count."""
+    """Convert to a boolean; 0, 1 and booleans of numpy are accepted."""
     if isinstance(value, int) and value in (0, 1):
         return bool(value)
     if type(value).__module__ == "numpy" and type(value).__name__ in ("bool", "bool_"):
@@ -124,7 +128,7 @@ def to_boolean(value: object, path: str) -> bool:
 
 
 def to_byte(value: object, path: str) -> bytes:
-    """One byte as `bytes` of length 1, from that or from 0..255."""
+    """Convert `bytes` of length 1 or an integer 0..255 to `bytes` of length 1."""
     if isinstance(value, (bytes, bytearray)):
         if len(value) == 1:
             return bytes(value)
@@ -133,7 +137,7 @@ def to_byte(value: object, path: str) -> bytes:
 
 
 def to_text(value: object, path: str, bound: int | None = None) -> str:
-    """A string that UTF-8 can carry, of at most `bound` characters."""
+    """Check that a string can be encoded as UTF-8 and has at most `bound` characters."""
     if not isinstance(value, str):
         _wrong(path, "string", value)
     text = str.__str__(value)
@@ -142,7 +146,7 @@ def to_text(value: object, path: str, bound: int | None = None) -> str:
     try:
         text.encode()
     except UnicodeEncodeError as error:
-        problem = f"expected text that UTF-8 can carry, got a lone surrogate at {error.start}"
+        problem = f"expected text that UTF-8 can encode, got a lone surrogate at {error.start}"
         raise FieldError(path, problem) from None
     return text
 
@@ -165,7 +169,7 @@ if TYPE_CHECKING:
 else:
 
     class _Elements(array):
-        # Python 3.11's own cannot be subscripted.
+        # `array` of Python 3.11 cannot be subscripted in annotations.
         __slots__ = ()
         __class_getitem__ = classmethod(GenericAlias)
 
@@ -173,7 +177,7 @@ else:
 class NumericArray(_Elements[Number]):
     """A sequence of one numeric type; compares equal to a list of the same numbers.
 
-    Takes any iterable of numbers; `bytes` and `bytearray` are raw little-endian elements.
+    Accepts any iterable of numbers; `bytes` and `bytearray` are raw little-endian elements.
 
     Raises:
         FieldError: an element does not fit; its path is the index, `[3]`.
@@ -184,7 +188,7 @@ class NumericArray(_Elements[Number]):
     _SIZE: ClassVar[int]
     _CONVERT: ClassVar[Callable[[Any, str], float]]
 
-    if TYPE_CHECKING:  # as a field it takes any iterable of numbers
+    if TYPE_CHECKING:  # a field accepts any iterable of numbers
 
         def __get__(self, instance: object, owner: type) -> Self: ...
         def __set__(self, instance: object, value: Iterable[Number]) -> None: ...
@@ -194,13 +198,13 @@ class NumericArray(_Elements[Number]):
 
     @classmethod
     def field(cls, default: int | tuple[float, ...] = ()) -> Any:
-        """A field's default: these elements, or this many zeros."""
+        """The default of a field: these elements, or this number of zeros."""
         values = bytes(default * cls._SIZE) if isinstance(default, int) else default
         return msgspec.field(default_factory=partial(_new, cls, cls._CODE, values))
 
     @classmethod
     def of(cls, values: Any, path: str, least: int = 0, most: int | None = None) -> Self:
-        """The values as this array, of `least` to `most` elements; FieldError with the path."""
+        """Convert to this array, with `least` to `most` elements, or raise FieldError."""
         if type(values) is bytes or isinstance(values, bytearray):
             try:
                 made = _new(cls, cls._CODE, values)
@@ -228,11 +232,11 @@ class NumericArray(_Elements[Number]):
         kind = _KINDS.get(view.format.removeprefix(_NATIVE))
         if kind == _KINDS[cls._CODE] and view.itemsize == cls._SIZE:
             made = _new(cls, cls._CODE)
-            # A large image would cost forty times as much by way of bytes, which are a second copy.
+            # For a large image a copy by `tobytes` is forty times slower.
             is_plain = view.format in _KINDS and view.c_contiguous and view.nbytes > 0
             made.frombytes(view.cast("B") if is_plain else view.tobytes())
             return made
-        # numpy's own ravel and tolist know the formats (float16, '>i4') that memoryview does not.
+        # numpy's ravel and tolist support formats that memoryview does not (float16, '>i4').
         flat = values.ravel() if hasattr(values, "ravel") else view
         try:
             items = flat.tolist()
@@ -245,21 +249,21 @@ class NumericArray(_Elements[Number]):
         try:
             if cls._CODE != "f":
                 return _new(cls, cls._CODE, items)
-            # array() turns what float32 cannot hold into infinity without a word.
+            # array() would silently change numbers that are too large for float32 to infinity.
             return _new(cls, cls._CODE, struct.pack(f"={len(items)}f", *items))
         except (TypeError, ValueError, OverflowError, struct.error):
             exact = [cls._CONVERT(item, f"{path}[{i}]") for i, item in enumerate(items)]
         return _new(cls, cls._CODE, exact)
 
     def little_endian(self) -> memoryview:
-        """The elements' bytes as messages carry them."""
+        """The bytes of the elements in the order of the wire format."""
         if not _SWAPPED:
             return memoryview(self)
         swapped = self.__copy__()
         swapped.byteswap()
         return memoryview(swapped)
 
-    if not TYPE_CHECKING:  # array's own gives a plain array, which equals no list
+    if not TYPE_CHECKING:  # `array` would return a plain array, which is not equal to a list
 
         def __getitem__(self, index):
             if type(index) is slice:
@@ -280,7 +284,7 @@ class NumericArray(_Elements[Number]):
     __hash__ = None
 
     def __repr__(self) -> str:
-        # As ROS prints it: there, too, programs see a plain array.
+        # As ROS prints it: a plain array.
         return repr(array(self._CODE, self))
 
     def __copy__(self) -> Self:
@@ -317,14 +321,14 @@ Float32Array = _array_class("f", to_float32)
 Float64Array = _array_class("d", to_float64)
 ARRAY_CLASSES["char"] = Uint8Array
 
-# Messages carry arrays as raw bytes, which msgspec decodes without calling Python; `_check` makes
-# the arrays. Type checkers are told what a program sees.
+# On the wire arrays are raw bytes, which msgspec decodes without calling Python; `_check` converts
+# them to arrays. So the declared type is `bytes`, but type checkers see what a program sees.
 if TYPE_CHECKING:
     Ints = NumericArray[int]
     Floats = NumericArray[float]
 
     class Byte:
-        """A field that reads as `bytes` of length 1 and takes 0..255 too."""
+        """A field that returns `bytes` of length 1 and also accepts 0..255."""
 
         def __get__(self, instance: object, owner: type) -> bytes: ...
         def __set__(self, instance: object, value: bytes | int) -> None: ...
@@ -333,16 +337,16 @@ else:
 
 
 def byte(value: bytes) -> Any:
-    """The default of a `byte` field, whose declared type is not what is set."""
+    """The default of a `byte` field; the cast is for type checkers."""
     return value
 
 
 def encode_hook(value: Any) -> memoryview:
-    """What msgspec's encoders must be given as `enc_hook`; any package's copy serves them all."""
+    """The `enc_hook` of msgspec encoders; one copy works for the messages of all packages."""
     try:
         view: memoryview = value.little_endian()
     except AttributeError:
-        raise NotImplementedError(f"a message cannot carry {short_repr(value)}") from None
+        raise NotImplementedError(f"a message cannot contain {short_repr(value)}") from None
     return view
 
 
@@ -355,7 +359,7 @@ def check_length(values: Sized, path: str, least: int, most: int | None) -> None
 
 
 def to_list(values: Any, path: str, least: int = 0, most: int | None = None) -> list[Any]:
-    """The values as a list (the same one, if it is one) of `least` to `most` elements."""
+    """Convert to a list of `least` to `most` elements; a list is returned itself."""
     if isinstance(values, (str, bytes, Mapping)) or not isinstance(values, Iterable):
         _wrong(path, "a list", values)
     items = values if type(values) is list else list(values)
@@ -370,7 +374,7 @@ def to_items(
     least: int = 0,
     most: int | None = None,
 ) -> list[Any]:
-    """A list of what `convert` makes of each value."""
+    """Convert each value with `convert`, and return a list."""
     items = to_list(values, path, least, most)
     try:
         return [convert(item, "") for item in items]
@@ -379,18 +383,20 @@ def to_items(
 
 
 def require_class(value: object, expected: type[Any], path: str) -> None:
-    """Refuse a nested message of another class; subclasses only add checks."""
+    """Refuse a nested message of another class; subclasses are accepted."""
     if isinstance(value, expected):
         return
     if getattr(value, "_TYPE", None) == expected._TYPE:
-        raise FieldError(path, f"expected {expected._TYPE}, got one of another class of that name")
+        raise FieldError(
+            path, f"expected {expected._TYPE}, got a message of another class with that name"
+        )
     _wrong(path, expected._TYPE, value)
 
 
 def to_messages(
     values: Any, path: str, expected: type[Any], least: int = 0, most: int | None = None
 ) -> list[Any]:
-    """A list of messages of exactly this class, each of them checked."""
+    """Convert to a list of messages of this class, and check each of them."""
     items = to_list(values, path, least, most)
     checked = 0
     try:
@@ -414,7 +420,7 @@ _ROSIDL_TYPES = {
 
 
 def _rosidl_type(type_: str) -> str:
-    """A definition's type as rosidl's Python classes spell it: `sequence<double, 3>`."""
+    """A type as in the Python classes of rosidl: `sequence<double, 3>`."""
     element, bracket, size = type_.removesuffix("]").partition("[")
     base, bound, length = element.partition("<=")
     base = _ROSIDL_TYPES.get(base, base) + (f"<{length}>" if bound else "")
@@ -431,7 +437,7 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
     _TYPE: ClassVar[str] = ""
     _HASH: ClassVar[str] = ""
     _FIELDS: ClassVar[tuple[tuple[str, str], ...]] = ()
-    # Nested classes may stand on another package's copy of this file.
+    # Nested classes may be based on the copy of this file in another package.
     _NESTED: ClassVar[Mapping[str, type[Any]]] = {}
     _WIDTH: ClassVar[int] = 0
     _fields_and_field_types: ClassVar[dict[str, str]] = {}
@@ -444,16 +450,16 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
         _name_slots_as_rosidl(cls)
 
     def _check(self) -> None:
-        """Bring every field to its exact type, or raise FieldError."""
+        """Convert every field to its exact type, or raise FieldError."""
 
     @classmethod
     def _check_lines(cls, lines: Sequence[str]) -> Sequence[str]:
-        """The rendered lines of a `_check`, as this class compiles them."""
+        """The lines of `_check` as this class compiles them; subclasses may change them."""
         return lines
 
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]:
-        """Each field's name and its type in rosidl's spelling."""
+        """The name of each field and its type as in rosidl."""
         return cls._fields_and_field_types.copy()
 
     def __repr__(self) -> str:
@@ -480,7 +486,7 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
 
 
 def _name_slots_as_rosidl(cls: type[Message]) -> None:
-    """Give fields a second name with an underscore in front: `__slots__` has these in ROS."""
+    """Add an alias with a leading underscore for each field, as `__slots__` has in ROS."""
     slots = [f"_{name}" for name, _ in cls._FIELDS]
     for (name, _), slot in zip(cls._FIELDS, slots, strict=True):
         if not hasattr(cls, slot):
@@ -489,14 +495,14 @@ def _name_slots_as_rosidl(cls: type[Message]) -> None:
 
 
 def attribute_of(cls: type[Message], name: str) -> str:
-    """A field's attribute: its name, unless Python or we need that."""
+    """The attribute of a field: its name, or its name with `_` if that is reserved."""
     return name if name in cls.__dict__ else f"{name}_"
 
 
 def _take_arrays_when_set(cls: type[Message]) -> None:
-    """Have fields of numbers hold arrays from the moment when they are set, as programs see in ROS.
+    """Convert values to arrays when a numeric array field is set, as in ROS.
 
-    What does not fit stays as it is until the check, which knows the whole path to it.
+    An invalid value is stored unchanged; `_check` refuses it later with its complete path.
     """
     taken = []
     for name, type_ in cls._FIELDS:
@@ -515,7 +521,7 @@ def _take_arrays_when_set(cls: type[Message]) -> None:
             if type(values) is not array_class:
                 put(message, _array_if_it_fits(array_class, values))
 
-    # What msgspec calls whenever a message was made.
+    # msgspec calls this for every new message.
     cls.__post_init__ = take  # type: ignore[attr-defined]
 
 
@@ -538,26 +544,26 @@ def _array_if_it_fits(array_class: type[NumericArray[Any]], values: Any) -> Any:
 
 
 def are_equal(one: Any, other: Any) -> bool:
-    # numpy's arrays would be compared element by element; all else of one type has an answer.
+    # numpy arrays compare element by element; other values of one type return a boolean.
     if type(one) is type(other) and (isinstance(one, array) or not hasattr(one, "tolist")):
         return bool(one == other)
     return bool(_numbers(one) == _numbers(other))
 
 
 def _numbers(value: Any) -> Any:
-    # Bytes before and the array after a check are equal.
+    # The bytes before a check are equal to the array after it.
     return list(value) if isinstance(value, (bytes, bytearray)) else to_plain(value)
 
 
 def to_plain(value: Any) -> Any:
-    # Lists before and after a check, arrays and numpy's arrays of the same numbers are equal.
+    # Lists, arrays and numpy arrays of the same numbers are equal.
     if isinstance(value, array) or hasattr(value, "tolist"):
         return value.tolist()
     return list(value) if isinstance(value, tuple) else value
 
 
 class _ConstantsMeta(msgspec.StructMeta):
-    """Keeps constants and defaults as the definition has them, as rosidl's classes do."""
+    """Makes constants and defaults read-only, as in the classes of rosidl."""
 
     def __setattr__(cls, name: str, value: object) -> None:
         cls._refuse_constant(name)
@@ -568,17 +574,17 @@ class _ConstantsMeta(msgspec.StructMeta):
         super().__delattr__(name)
 
     def _refuse_constant(cls, name: str) -> None:
-        # Nothing else in a message class begins with a capital.
+        # Only constants and defaults begin with a capital.
         if name[:1].isupper() and name in cls.__dict__:
             raise AttributeError(f"{cls.__name__}.{name} is a constant and cannot be changed")
 
 
 class MessageWithConstants(Message, kw_only=True, metaclass=_ConstantsMeta):
-    """The base of messages that have constants or defaults, which nobody can set."""
+    """The base of messages with constants or defaults, which are read-only."""
 
 
 class RenamingMeta(_ConstantsMeta):
-    """Lets a keyword field be written both as `from_` and as `from`."""
+    """Accepts a field whose name is a keyword as `from_` and as `from`."""
 
     def __init__(cls, *args: Any, **options: Any) -> None:
         super().__init__(*args)
@@ -603,7 +609,7 @@ def _alias(attribute: str) -> property:
 
 
 class RenamedMessage(MessageWithConstants, kw_only=True, metaclass=RenamingMeta):
-    """The base of messages with a field whose name Python keeps for itself."""
+    """The base of messages with a field whose name is reserved."""
 
 
 class _Namespace:
@@ -622,21 +628,21 @@ ResponseT = TypeVar("ResponseT")
 if TYPE_CHECKING:
 
     class _Typed(Generic[RequestT, ResponseT]):
-        """Gives type checkers a service's messages, which they cannot find by nested names."""
+        """Tells type checkers the message classes of a service; nested names do not."""
 
         @classmethod
         def _types(cls, request: RequestT, response: ResponseT) -> tuple[RequestT, ResponseT]: ...
 else:
 
     class _Typed:
-        # The real Generic would give every service class a longer MRO and public names of its own.
+        # Generic would add public names and a longer MRO to every service class.
         __class_getitem__ = classmethod(lambda cls, messages: cls)
 
 
 class Service(_Namespace, _Typed[RequestT, ResponseT]):
     """The base of service classes, which only hold `Request`, `Response` and `Event`.
 
-    Generated code names the messages in brackets, for type checkers.
+    Generated code has the message classes in brackets, for type checkers.
     """
 
     _KIND = "Service"

@@ -1,4 +1,4 @@
-"""The command line of `srvgen` as argparse has it: what several commands share."""
+"""The argument parser of `srvgen`, and arguments that several commands share."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ package that can be found"""
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that knows what a misspelt command was meant to be."""
+    """An argument parser that suggests a command for a misspelt one."""
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
-        """End the command; the caller reports a help text that cannot be written."""
+        """Exit; raises OSError if the help text could not be written."""
         process.check_output()
         super().exit(status, message)
 
@@ -28,7 +28,7 @@ class Parser(argparse.ArgumentParser):
         """Print usage and message, with a hint, and exit with 2."""
         found = re.search(r"invalid choice: '(.*?)' \(choose from (.*)\)", message)
         if found:
-            from ..definitions.names import did_you_mean  # only a mistake needs it
+            from ..definitions.names import did_you_mean  # only errors need it
 
             known = re.findall(r"[\w-]+", found[2])
             hint = did_you_mean(found[1], known) or f"choose from {', '.join(known)}"
@@ -37,7 +37,7 @@ class Parser(argparse.ArgumentParser):
 
 
 def root() -> tuple[Parser, Commands]:
-    """The parser of `srvgen` itself, and what its commands are added to."""
+    """The parser of `srvgen`, and the object to which commands are added."""
     parser = Parser(
         prog="srvgen", description="ROS 2 interface definitions in Python, without ROS."
     )
@@ -47,7 +47,7 @@ def root() -> tuple[Parser, Commands]:
 
 
 def add_command(commands: Commands, name: str, purpose: str) -> Parser:
-    """A parser for one command."""
+    """Add the parser of one command."""
     command: Parser = commands.add_parser(name, help=purpose, description=purpose)
     command.add_argument(
         "-I",
@@ -62,7 +62,7 @@ def add_command(commands: Commands, name: str, purpose: str) -> Parser:
 
 
 def with_sources(commands: Commands, name: str, purpose: str, *, default: str = "") -> Parser:
-    """A command that works on any number of sources; on `default` where none is given."""
+    """Add a command that works on any number of sources, by default on `default`."""
     command = add_command(commands, name, purpose)
     command.add_argument(
         "sources",
@@ -75,7 +75,7 @@ def with_sources(commands: Commands, name: str, purpose: str, *, default: str = 
 
 
 def with_type(commands: Commands, name: str, purpose: str) -> Parser:
-    """A command that works on one type."""
+    """Add a command that works on one type."""
     command = add_command(commands, name, purpose)
     command.add_argument(
         "type", metavar="TYPE", help="such as example_interfaces/srv/AddTwoInts, or its file"
@@ -92,7 +92,7 @@ def _folder(text: str) -> Path:
 
 
 class _Version(argparse.Action):
-    """Prints the version, which no other command pays for finding."""
+    """Prints the version. An action of its own, because finding the version is slow."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: Any) -> NoReturn:
         from importlib.metadata import PackageNotFoundError, version

@@ -1,4 +1,4 @@
-"""What each command of `srvgen` does, once its command line is read."""
+"""One function for each command of `srvgen`."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ def _generate(options: argparse.Namespace, report: Report, search: Search) -> No
                 with_dependencies(definition, search, path=path)
                 search.find(definition.full_name)
             except DefinitionError as error:
-                # It is not valid, lacks something, or lies outside its package's folder.
+                # The file is invalid, lacks a dependency, or is not in a package folder.
                 report.error(error_with_dependencies(error, search))
             else:
                 packages.setdefault(definition.package, []).append(definition)
@@ -51,8 +51,8 @@ def _generate(options: argparse.Namespace, report: Report, search: Search) -> No
                     whole.add(definition.package)
 
     def is_gone(name: str) -> bool:
-        # Who names single files, as with protoc, says nothing about those of earlier runs.
-        # A workspace has all its packages, so that one which is nowhere has gone.
+        # With single files as sources, the types of earlier runs are kept, as with protoc.
+        # A workspace contains all its packages, so a package that is not found was removed.
         is_meant = has_workspace or name.partition("/")[0] in whole
         return is_meant and search.is_missing(name)
 
@@ -145,7 +145,7 @@ def fix(options: argparse.Namespace, report: Report) -> None:
             try:
                 fix.check(search)
             except DefinitionError as error:
-                # What would be written is not what is there, to which other problems would point.
+                # With --dry-run the file is unchanged: positions of other problems would be wrong.
                 report.error(error if options.dry_run else error_with_dependencies(error, search))
 
 
@@ -166,7 +166,7 @@ def print_descriptions(options: argparse.Namespace, report: Report) -> None:
 
     search = _search_of_sources(options)
     for source in options.sources:
-        if is_type_name(source):  # perhaps of one that its file implies
+        if is_type_name(source):  # it may be a derived type
             readers = [partial(search.load, source)]
         else:
             readers = [partial(read_definition, path) for path in _files([source], search, report)]
@@ -212,7 +212,7 @@ def print_hash(options: argparse.Namespace, report: Report) -> None:
 
 
 def _requested_type(options: argparse.Namespace) -> tuple[Search, Definition, Path | None]:
-    """The one definition that is asked for, with all that it needs; its file if that was named."""
+    """The definition of the argument, checked with its dependencies, and a given file."""
     path = Path(options.type)
     search = Search([*search_paths([options.type]), *options.include])
     if path.is_file():
@@ -222,14 +222,14 @@ def _requested_type(options: argparse.Namespace) -> tuple[Search, Definition, Pa
     if path.is_dir():
         raise DefinitionError("expected a file or the name of a type, got a folder", path=str(path))
     if path.suffix.removeprefix(".") in KINDS:
-        files_of(options.type, search)  # says that there is none, and what is
+        files_of(options.type, search)  # raises DefinitionError with similar files
     name = search.resolve_name(options.type)
     owner = str(name.renamed(search.find(str(name)).stem))
     return search, search.with_dependencies(owner)[-1], None
 
 
 def _search_of_sources(options: argparse.Namespace) -> Search:
-    # What is to be worked on goes before a package of the same name on a search path.
+    # The sources come before packages of the same name on a search path.
     return Search([*search_paths(options.sources), *options.include])
 
 
@@ -242,7 +242,7 @@ def _duplicate(path: Path, first: Path) -> DefinitionError:
 
 
 def _files(sources: Sequence[str], search: Search, report: Report) -> list[Path]:
-    """The files of the sources, each once; two that define one type of a package are an error."""
+    """The files of the sources, each once; two files that define the same type are an error."""
     paths: dict[Path, Path] = {}
     first: dict[tuple[Path, str], Path] = {}
     for source in sources:

@@ -14,7 +14,7 @@ from . import process
 from .arguments import Commands, Parser, add_command, root, with_sources, with_type
 
 _GARBAGE = 100_000
-"""Objects to make before Python looks for garbage."""
+"""The number of new objects before a garbage collection."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -27,13 +27,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     atexit.register(gc.freeze)
     try:
         code = _guarded(sys.argv[1:])
-    except KeyboardInterrupt:  # once more, while a message was printed
+    except KeyboardInterrupt:  # a second Ctrl-C, while a message was printed
         code = process.INTERRUPTED
     return process.end(code)
 
 
 def _guarded(argv: Sequence[str]) -> int:
-    """Run the command; output that cannot be written is one message, or none for a closed pipe."""
+    """Run the command; failing output gives one message, or none for a closed pipe."""
     try:
         code = _run(argv)
         process.check_output()
@@ -60,14 +60,14 @@ def _run(argv: Sequence[str]) -> int:
     if "run" not in options:
         parser.print_help(sys.stderr)
         return 2
-    # Not at the top: `--help` does not need it.
+    # Not at the top: `--help` does not need these modules.
     from ..errors import DefinitionError
     from . import commands
     from .report import Report
 
     _print_notes()
     if isinstance(sys.stdout, io.TextIOWrapper):
-        # Comments have characters that the code page of a Windows pipe may lack.
+        # The code page of a Windows pipe may not have all characters of comments.
         sys.stdout.reconfigure(errors="backslashreplace")
     report = Report(as_json=getattr(options, "json", False))
     process.start_work()
@@ -124,13 +124,13 @@ def _add_show(commands: Commands) -> None:
 
 
 _STUBS = """\
-write stubs (.pyi), so that editors and type checkers know the classes that the import hook and
-srvgen.load give, down to the name of each field"""
+write stubs (.pyi), so that editors and type checkers know the classes and fields that the import
+hook and srvgen.load provide"""
 _STUBS_NOTES = """\
-Pyright and Pylance read ./typings as it is; for mypy, set mypy_path = "typings". Afterwards
-srvgen.load("my_msgs/srv/Fetch") is typed too, where the name is written out. Run it again when a
-definition has changed. Pyright's warning reportMissingModuleSource, that there is a stub and no
-source, is right: these packages have no Python files. It may be switched off."""
+Pyright and Pylance find ./typings; for mypy, set mypy_path = "typings". The stubs also type
+srvgen.load("my_msgs/srv/Fetch") if the name is a literal. Run the command again after a change of
+a definition. Pyright may report reportMissingModuleSource (a stub without a source): these packages
+have no Python files, so you can turn that warning off."""
 
 
 def _add_stubs(commands: Commands) -> None:
@@ -154,7 +154,7 @@ def _add_stubs(commands: Commands) -> None:
 
 
 def _print_notes() -> None:
-    """Show what the library has to say, one line each, on stderr."""
+    """Print log records of the library on stderr, one line each."""
     import logging
 
     handler = logging.StreamHandler()

@@ -1,4 +1,4 @@
-"""What the `srvgen` command says about problems, and the exit code that follows from it."""
+"""Collects and prints the problems of a `srvgen` command, and decides its exit code."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..files.dependencies import problems_of
 
 
 class Report:
-    """Collects problems, prints each once in the order of the files and knows the exit code."""
+    """Collects problems, prints each once in the order of the files, and has the exit code."""
 
     def __init__(self, *, as_json: bool) -> None:
         self.exit_code = 0
@@ -23,32 +23,32 @@ class Report:
 
     @property
     def warnings(self) -> int:
-        """How many warnings there are."""
+        """The number of warnings."""
         return sum(isinstance(one, DefinitionWarning) for one in self._problems.values())
 
     def remember(self, path: Path) -> None:
-        """Call this file as the user did, whoever finds a problem in it."""
+        """Use the path as the user wrote it in all messages about this file."""
         self._names.setdefault(str(path.resolve()), str(path))
 
     def error(self, error: DefinitionError) -> None:
-        """Tell every problem of an error; the command has failed."""
+        """Add all problems of an error; the command fails."""
         self.exit_code = 1
         for problem in problems_of(error):
             self._add(problem)
 
     def warn(self, warnings: Iterable[DefinitionWarning]) -> None:
-        """Tell what is suspicious; the command has not failed."""
+        """Add warnings; the command does not fail because of them."""
         for warning in warnings:
             self._add(warning)
 
     def failure(self, sentence: str) -> None:
-        """Say why the command has failed where no definition is to blame."""
+        """Print why the command fails if no definition is the reason."""
         self.exit_code = 1
         print(sentence, file=sys.stderr)
 
     def finish(self) -> None:
         """Print all problems on stderr, file by file and line by line."""
-        # What has no place concerns all of the files, which come first.
+        # Problems without a file come last.
         ordered = [self._problems[key] for key in sorted(self._problems, key=_order)]
         shown: list[DefinitionError] = []
         for path, group in groupby(ordered, key=lambda one: one.path):

@@ -1,4 +1,4 @@
-"""What `srvgen check SRC...` and its sisters were asked to work on."""
+"""Finds the definition files that the arguments `SRC...` of `srvgen` commands mean."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from ..files.reading import KINDS, has_subfolders, kind_folder, kind_of, subfold
 from ..files.search import Search
 
 _SKIPPED_FOLDERS = ("build", "install", "log", "node_modules", "__pycache__")
-"""Folders below `src` that hold no sources of packages."""
+"""Folders below `src` that do not contain packages."""
 
 
 def is_type_name(source: str) -> bool:
-    """Whether a source that is no file or folder can only be the name of a type."""
+    """Whether a source is the name of a type, and not a file or a folder."""
     return re.fullmatch(r"\w+/(?:\w+/)?\w+", source) is not None and not Path(source).exists()
 
 
 def files_of(source: str, search: Search) -> list[Path]:
-    """The definition files that a source means, in a steady order.
+    """The definition files that a source means, in a fixed order.
 
-    A source is a file, a package folder, a folder of packages or a workspace with `src`; else the
-    name of a type or a package within reach. Files whose ending is a slip of the pen (`X.srv.txt`)
-    are among them, so that they are reported.
+    A source is a file, a package folder, a folder of packages or a workspace with `src`, or the
+    name of a type or a package. Files with a misspelt extension (`X.srv.txt`) are included, so
+    that they are reported.
 
     Raises:
-        DefinitionError: the source is not there or holds no definition.
+        DefinitionError: the source does not exist or contains no definition.
     """
     if is_type_name(source):
         return [search.find(source)]
@@ -47,7 +47,7 @@ def files_of(source: str, search: Search) -> list[Path]:
 
 
 def _choices(folder: Path) -> list[str]:
-    """What may be meant in a folder: its files, and its folders unless they are called like one."""
+    """The names in a folder that a misspelt path may mean."""
     try:
         return [
             one.name
@@ -71,10 +71,10 @@ def _exists(path: Path) -> bool:
 
 
 def definition_files(source: Path) -> list[Path]:
-    """The definition files that an existing file or folder means, as `files_of` has them.
+    """The definition files that an existing file or folder means.
 
     Raises:
-        DefinitionError: the folder holds none or cannot be read.
+        DefinitionError: the folder contains no definition or cannot be read.
     """
     if not source.is_dir():
         return [source]
@@ -94,12 +94,12 @@ def definition_files(source: Path) -> list[Path]:
 
 
 def search_paths(sources: Sequence[str]) -> list[Path]:
-    """Where the sources' own packages and their neighbours are found."""
+    """The folders that contain the packages of the sources and their neighbours."""
     found: dict[Path, None] = {}
     for source in sources:
         try:
             folder = Path(source).resolve(strict=True)
-        except (OSError, RuntimeError):  # a type's name, or what is reported when it is read
+        except (OSError, RuntimeError):  # a type name, or an error that reading it reports
             continue
         if folder.is_file():
             folder = folder.parent
@@ -117,7 +117,7 @@ def search_paths(sources: Sequence[str]) -> list[Path]:
 def _in_packages(source: Path) -> list[Path]:
     """The files of the source as a package, else of the packages in it, else of those below `src`.
 
-    Packages lie at any depth below `src`, and otherwise directly in the source.
+    Below `src` packages may be at any depth, otherwise directly in the source.
     """
     for folders in (
         [source],
@@ -131,7 +131,7 @@ def _in_packages(source: Path) -> list[Path]:
 
 
 def _below(source: Path) -> Iterator[Path]:
-    """The folders below `src` in which packages may lie, without folders inside packages."""
+    """The folders below `src` that may be packages, without folders inside packages."""
     if (source / "COLCON_IGNORE").exists() or not source.is_dir():
         return
     for folder in sorted(each for each in source.iterdir() if each.is_dir()):
@@ -156,10 +156,10 @@ def _in_folder(folder: Path) -> list[Path]:
 
 
 def _is_meant(path: Path) -> bool:
-    """Whether something in a folder is a definition or was meant to be one."""
+    """Whether a file is a definition or has a misspelt extension of one."""
     try:
         kind_of(path)
     except DefinitionError as error:
         return bool(error.hint) and path.is_file()
-    # A folder or a link to nothing of such a name is there for the reader to refuse.
+    # Folders and broken links with such a name are included: reading them reports the error.
     return not path.name.startswith(".")

@@ -45,7 +45,7 @@ def load(name: str) -> Definition:
 
 
 @pytest.mark.parametrize("name", OFFICIAL)
-def test_a_bundled_or_implied_type_has_the_hash_that_ros_2_computed(name):
+def test_bundled_or_derived_type_has_the_hash_of_ros_2(name):
     assert hash_of(load(name), load) == OFFICIAL[name]
 
 
@@ -58,7 +58,7 @@ def test_only_the_named_types_lack_an_official_hash():
     assert {name for name in FROM_ROS if name not in OFFICIAL} == NOT_PROVEN
 
 
-def test_every_official_hash_belongs_to_a_bundled_file_or_to_a_type_that_it_implies():
+def test_every_official_hash_belongs_to_a_bundled_or_derived_type():
     # A type's own name has no underscore; what it implies is named after it: AddTwoInts_Request.
     own = {f"{name.rpartition('/')[0]}/{Path(name).name.partition('_')[0]}" for name in OFFICIAL}
     assert own == set(FROM_ROS) - NOT_PROVEN
@@ -69,7 +69,7 @@ BARE = {"example_interfaces/srv/AddTwoInts", "std_srvs/srv/Empty"}
 
 
 @pytest.mark.parametrize("name", FROM_ROS)
-def test_a_bundled_file_says_what_it_is_for_in_lines_that_fit(name):
+def test_bundled_file_begins_with_a_short_comment(name):
     text = FILES[name].read_bytes().decode("utf-8")
     assert next(sections(load(name))).comment or name in BARE
     assert max(map(len, text.splitlines())) <= 100

@@ -25,7 +25,7 @@ def tampered(data: bytes, at: int, new: bytes) -> bytes:
 
 
 @pytest.mark.parametrize("package", sorted({cls._TYPE.split("/")[0] for cls in bundled_classes()}))
-def test_random_messages_have_the_bytes_that_the_rules_give_and_come_back(package):
+def test_random_messages_are_encoded_by_the_rules_and_decoded_again(package):
     random = Random(package)
     for cls in (one for one in bundled_classes() if one._TYPE.startswith(f"{package}/")):
         for most in (0, 1, 3):
@@ -39,7 +39,7 @@ def test_random_messages_have_the_bytes_that_the_rules_give_and_come_back(packag
 
 @given(st.integers(0), st.integers(0, 9))
 @settings(max_examples=60)
-def test_strings_and_sequences_of_any_length_shift_what_follows_rightly(seed, most):
+def test_values_after_strings_and_sequences_are_aligned(seed, most):
     message = random_message(Everything, Random(seed), most)
     assert to_cdr(message) == reference_cdr(message)
     assert repr(from_cdr(Everything, to_cdr(message))) == repr(message)
@@ -172,7 +172,7 @@ def test_more_elements_than_the_bytes_can_hold_are_refused_before_any_is_made(fi
 
 
 @of_each_fuzzed_class
-def test_no_beginning_of_a_message_is_a_message(cls):
+def test_truncated_message_is_refused(cls):
     data = to_cdr(random_message(cls, Random(cls._TYPE), most=2))
     for size in range(len(data)):
         with pytest.raises(CdrError):
@@ -191,7 +191,7 @@ def test_tampered_bytes_are_refused_or_are_another_message(cls, seed, data):
 
 @pytest.mark.parametrize("length", [2**31 - 1, 2**32 - 1, 1 << 20])
 @of_each_fuzzed_class
-def test_memory_is_bounded_by_the_bytes_whatever_they_announce(cls, length):
+def test_memory_is_bounded_by_the_size_of_the_data(cls, length):
     data = to_cdr(random_message(cls, Random(cls._TYPE)))
     from_cdr(cls, data)  # compiles the decoder
     lies = [tampered(data, at, length.to_bytes(4, "little")) for at in range(4, len(data) - 3, 4)]
@@ -220,7 +220,7 @@ def test_memory_is_bounded_by_the_bytes_whatever_they_announce(cls, length):
         "wstring w",
     ],
 )
-def test_memory_is_bounded_by_the_bytes_where_elements_are_as_small_as_can_be(element):
+def test_memory_is_bounded_for_the_smallest_elements(element):
     text = f"Element[] elements\n{'=' * 80}\nMSG: demo_msgs/msg/Element\n{element}\n"
     cls = define("demo_msgs/msg/Demo", text.replace("\n=", "\n\n=", 1))
     smallest = to_cdr(cls._NESTED["elements"]())[4:]
@@ -237,7 +237,7 @@ def test_memory_is_bounded_by_the_bytes_where_elements_are_as_small_as_can_be(el
     assert peak < 64 * len(data)
 
 
-def test_the_fuzzer_sees_what_no_documented_error_says():
+def test_fuzzer_finds_an_undocumented_error():
     """A check that cannot fail is a defect: a planted bug must be caught."""
 
     def careless(cls: Any, data: bytes) -> Any:
@@ -249,7 +249,7 @@ def test_the_fuzzer_sees_what_no_documented_error_says():
         look(b"\0\1\0\0\xff" + bytes(4))
 
 
-def test_the_fuzzer_sees_a_message_that_is_not_what_it_was_decoded_from():
+def test_fuzzer_finds_a_message_that_encodes_to_other_bytes():
     def forgetful(cls: Any, data: bytes) -> Any:
         return from_cdr(cls, data) if len(data) < 100 else cls()
 

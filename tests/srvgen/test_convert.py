@@ -58,12 +58,12 @@ def test_non_finite_numbers_stay_numbers():
     assert values == [math.inf, -math.inf]
 
 
-def test_fields_that_are_not_named_keep_their_defaults():
+def test_missing_fields_keep_their_defaults():
     assert from_builtins(AddTwoInts.Request, {"b": 2}) == AddTwoInts.Request(a=0, b=2)
     assert from_builtins(GetPlan.Request, {}).goal.pose.orientation.w == 1.0
 
 
-def test_messages_may_stand_where_dicts_may():
+def test_messages_are_accepted_in_place_of_dicts():
     pose = srvgen.load("geometry_msgs/msg/PoseStamped")()
     assert from_builtins(GetPlan.Request, {"goal": pose}).goal == pose
 
@@ -90,7 +90,7 @@ def test_an_error_names_the_path(cls, obj, problem):
     assert problem_of(cls, obj).startswith(problem)
 
 
-def test_a_misspelt_field_says_what_resembles_it():
+def test_misspelt_field_gives_a_suggestion():
     assert problem_of(Scan, {"rangs": []}).endswith("; did you mean 'ranges'?")
 
 
@@ -113,7 +113,7 @@ def _event_texts() -> str:
 
 
 @given(st.integers(), st.integers())
-def test_any_integers_come_back_or_are_named(a, b):
+def test_any_integer_is_converted_or_refused(a, b):
     low, high = -(2**63), 2**63 - 1
     wrong = [name for name, value in (("a", a), ("b", b)) if not low <= value <= high]
     if wrong:
@@ -125,14 +125,14 @@ def test_any_integers_come_back_or_are_named(a, b):
 
 @pytest.mark.parametrize("wrong", [3, None, {"a": 1}, AddTwoInts, AddTwoInts.Request])
 @pytest.mark.parametrize("convert", [srvgen.to_builtins, srvgen.to_cdr])
-def test_what_is_no_message_is_a_type_error(convert, wrong):
+def test_value_that_is_not_a_message_is_a_type_error(convert, wrong):
     problem = r"^expected a message, such as AddTwoInts\.Request\(\), got "
     with pytest.raises(TypeError, match=problem):
         convert(wrong)
 
 
 @pytest.mark.parametrize("wrong", [3, None, int, AddTwoInts, AddTwoInts.Request()])
-def test_what_is_no_message_class_is_a_type_error(wrong):
+def test_wrong_class_is_a_type_error(wrong):
     problem = r"^expected a message class, such as AddTwoInts\.Request, got "
     with pytest.raises(TypeError, match=problem):
         srvgen.from_builtins(wrong, {})

@@ -126,7 +126,7 @@ def nan_safe(values):
     return json.loads(json.dumps(values).replace("NaN", '{"$float": "nan"}'))
 
 
-def test_defaults_and_constants_end_as_after_the_official_idl_step():
+def test_defaults_and_constants_equal_those_of_the_official_idl_step():
     cases = [row for row in rows("cases") if row["pipeline"] == "ok" and row["expected"] == "ok"]
     for row in cases:
         model = parse_definition(row["text"], row["package"], row["kind"], row["name"])

@@ -78,7 +78,7 @@ def test_no_text_can_put_code_into_a_rendered_module(comment, unit, value):
     assert shape(render_stub(parsed)) == shape(render_stub(plain))
 
 
-def test_what_a_text_says_is_data_in_the_class():
+def test_text_of_a_definition_cannot_inject_code():
     evil = '"""; import os; os.system("false") #'
     ask = define(f"# {evil}\nstring a {evil[:-2]}\nstring B={evil[:-2]}\n---\n")
     assert ask.Request().a == evil[:-2] == ask.Request.B
@@ -99,7 +99,7 @@ def test_what_a_text_says_is_data_in_the_class():
         "far msgs/srv/Ask",
     ],
 )
-def test_a_name_that_is_none_is_refused(name):
+def test_invalid_name_is_refused(name):
     with pytest.raises(DefinitionError):
         define("int32 a\n---\n", name)
 
@@ -161,7 +161,7 @@ def test_fields_and_types_named_like_pythons_own_work():
 
 
 @pytest.mark.parametrize("name", ["None", "True", "False"])
-def test_a_type_with_a_name_that_python_keeps_is_refused(name):
+def test_type_named_like_a_keyword_is_refused(name):
     message = refused(f"{name} a\n---\n", **{name: "int32 a\n"})
     assert message.startswith("expected a type name that is not a keyword of Python")
 
@@ -199,7 +199,7 @@ def test_arrays_inside_arrays_count_by_their_product():
     assert message.startswith("expected at most 67,108,864 bytes")
 
 
-def test_bounds_cost_nothing():
+def test_large_bounds_allocate_no_memory():
     ask = define("uint8[<=4000000000] x\nstring<=4000000000 y\n---\n")
     assert len(ask.Request().x) == 0
 
@@ -208,7 +208,7 @@ def test_a_large_array_within_the_bound_is_fine():
     assert len(define("uint8[1000000] x\n---\n").Request().x) == 1_000_000
 
 
-def test_types_one_inside_the_other_end_in_an_error_not_in_a_deep_stack():
+def test_deeply_nested_types_give_an_error_instead_of_a_recursion_error():
     chain = {f"Link{n}": f"Link{n + 1} x\n" for n in range(400)}
     message = refused("Link0 x\n---\n", **chain, Link400="int32 a\n")
     assert message == "expected at most 64 levels of nested types, got more"
@@ -225,7 +225,7 @@ def test_the_deepest_nesting_that_is_allowed_works():
     assert inner.a == 5
 
 
-def test_wide_trees_are_not_made_again_and_again():
+def test_types_of_a_wide_tree_are_built_once():
     """Sixteen layers, each with four of the next: a message of four thousand million parts."""
     layers = {f"Layer{n}": "".join(f"Layer{n + 1} {c}\n" for c in "abcd") for n in range(16)}
     message = refused("Layer0 x\n---\n", **layers, Layer16="int32 a\n")
@@ -233,7 +233,7 @@ def test_wide_trees_are_not_made_again_and_again():
 
 
 @pytest.mark.real_time
-def test_a_dense_web_of_types_is_hashed_type_by_type():
+def test_each_of_many_connected_types_is_hashed_once():
     """Each of 200 types refers to each of the next layer: 6,400 references, 2.5 million ways."""
     layers = {
         f"Part{n}x{i}": "".join(f"Part{n + 1}x{j}[] f{j}\n" for j in range(40))
@@ -260,7 +260,7 @@ def test_a_dense_web_of_types_is_hashed_type_by_type():
     ],
     ids=["length", "fields", "elements", "digits", "size", "parentheses", "brackets"],
 )
-def test_what_is_too_much_is_one_error(text, problem):
+def test_exceeded_limit_is_one_error(text, problem):
     assert problem in refused(text)
 
 
@@ -290,7 +290,7 @@ def test_ten_thousand_fields_are_loaded():
     ids=["spaces", "open", "commas", "strings", "blank", "lines", "dashes", "name", "nbsp"],
 )
 @pytest.mark.real_time
-def test_a_text_that_is_long_in_an_awkward_way_takes_no_time(text):
+def test_long_invalid_text_is_parsed_in_linear_time(text):
     started = time.process_time()
     problems: list[DefinitionError] = []
     try:

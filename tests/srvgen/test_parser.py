@@ -93,7 +93,7 @@ def test_a_single_problem_is_a_plain_error_with_a_caret_under_it():
         ("my_msgs", "AddTwo_Response_Request", "rename the file to AddTwoResponseRequest.srv"),
     ],
 )
-def test_bad_names_of_package_and_type_come_with_a_good_one(package, name, hint):
+def test_invalid_package_and_type_names_give_a_suggestion(package, name, hint):
     with pytest.raises(DefinitionError) as caught:
         parse_srv("---", package, name)
     assert caught.value.hint == hint
@@ -119,7 +119,7 @@ def refusal(parse, text, package="my_msgs", name="Any"):
 
 
 @given(GARBAGE)
-def test_any_text_is_read_or_refused_with_a_definition_error(text):
+def test_any_text_is_parsed_or_refused_with_a_definition_error(text):
     for parse in (parse_msg, parse_srv, parse_action):
         first = refusal(parse, text)
         assert first != ""
@@ -127,7 +127,7 @@ def test_any_text_is_read_or_refused_with_a_definition_error(text):
 
 
 @given(st.text(), st.text())
-def test_any_names_are_read_or_refused_with_a_definition_error(package, name):
+def test_any_name_is_accepted_or_refused_with_a_definition_error(package, name):
     for parse, text in ((parse_msg, ""), (parse_srv, "---"), (parse_action, "---\n---")):
         assert refusal(parse, text, package, name) != ""
 
@@ -182,7 +182,7 @@ def as_text(value):
 
 
 @given(message_fields())
-def test_what_was_written_as_text_is_read_as_it_was(fields):
+def test_fields_written_as_text_are_parsed_unchanged(fields):
     text = "\n".join(
         f"{field.type} {field.name}"
         + ("" if field.default is None else f" {as_text(field.default)}")
@@ -217,7 +217,7 @@ def test_lines_beyond_the_last_problem_that_is_reported_are_not_explained(monkey
         (parse_action, "Foo_Feedback"),
     ],
 )
-def test_a_name_that_an_implied_type_would_double_is_refused(parse, name):
+def test_name_that_collides_with_a_derived_type_is_refused(parse, name):
     text = "---\n" if parse is parse_srv else "---\n---\n"
     with pytest.raises(DefinitionError, match="expected a type name"):
         parse(text, "pkg", name)

@@ -25,7 +25,7 @@ def refusal(path):
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda path: path.name)
-def test_a_bad_definition_is_refused_in_exactly_these_words(path):
+def test_invalid_definition_gives_exactly_these_messages(path):
     expected = path.with_suffix(".txt")
     actual = refusal(path)
     if os.environ.get("UPDATE_REJECTED"):

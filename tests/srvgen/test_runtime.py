@@ -107,7 +107,7 @@ def same(one: Any, other: Any) -> bool:
 
 @given(messages(Everything))
 @settings(max_examples=60)
-def test_what_is_checked_and_sent_arrives(message):
+def test_checked_message_survives_a_round_trip(message):
     message._check()
     arrived = msgspec.msgpack.Decoder(Everything).decode(ENCODER.encode(message))
     arrived._check()
@@ -197,7 +197,7 @@ def test_every_kind_of_sequence_becomes_the_array_class(given_):
     [[1, 2], (1, 2), range(1, 3), b"\1\2", bytearray(b"\1\2"), iter([1, 2])],
     ids=lambda one: type(one).__name__,
 )
-def test_numbers_are_the_fields_array_from_the_moment_when_they_are_set(given_):
+def test_numbers_become_an_array_when_they_are_set(given_):
     message = Everything()
     message.image = given_
     assert repr(message.image) == "array('B', [1, 2])"
@@ -224,7 +224,7 @@ def test_a_field_is_set_by_its_slot_too():
     assert copy.copy(message) == message
 
 
-def test_what_an_array_cannot_hold_stays_as_it_was_set_until_the_check():
+def test_invalid_array_value_is_stored_until_the_check():
     for values in ([1, "x"], [300], 5, None, "ab"):
         message = Everything(image=values)
         assert message.image is values
@@ -234,7 +234,7 @@ def test_what_an_array_cannot_hold_stays_as_it_was_set_until_the_check():
             message._check()
 
 
-def test_a_list_that_was_set_is_no_longer_the_messages():
+def test_message_does_not_share_the_list_that_was_set():
     values = [1, 2]
     message = Everything(image=values)
     values.append(3)
@@ -271,7 +271,7 @@ def test_numpy_arrays_and_numbers_are_taken_whatever_their_element_type():
         ({"raw": b"ab"}, "raw: expected one byte, got b'ab' (bytes)"),
         ({"raw": 256}, "raw: expected uint8 in 0..255, got 256"),
         ({"name": b"x"}, "name: expected string, got b'x' (bytes)"),
-        ({"name": "a\ud800"}, "name: expected text that UTF-8 can carry, got a lone surrogate"),
+        ({"name": "a\ud800"}, "name: expected text that UTF-8 can encode, got a lone surrogate"),
         ({"short": "sixsix"}, "short: expected at most 5 characters, got 6"),
         ({"codes": ["ok", "fives"]}, "codes[1]: expected at most 4 characters, got 5"),
         ({"names": "abc"}, "names: expected a list, got 'abc' (str)"),
@@ -294,7 +294,7 @@ def test_numpy_arrays_and_numbers_are_taken_whatever_their_element_type():
         ({"e": 10**5000}, "e: expected int32 in -2147483648..2147483647, got a far larger number"),
     ],
 )  # fmt: skip
-def test_an_error_says_where_what_was_expected_and_what_came(values, problem):
+def test_error_has_path_line_column_and_message(values, problem):
     assert problem_of(**values).startswith(problem)
 
 
@@ -316,9 +316,9 @@ def test_a_field_error_has_path_and_problem_and_survives_pickling():
     )
 
 
-def test_a_class_of_the_same_name_from_elsewhere_is_told_apart():
+def test_class_of_another_package_with_the_same_name_is_refused():
     other = type("Inner", (), {"_TYPE": "demo_interfaces/msg/Inner"})()
-    assert problem_of(inner=other).endswith("got one of another class of that name")
+    assert problem_of(inner=other).endswith("got a message of another class with that name")
 
 
 # --- the wire -------------------------------------------------------------------------------------
@@ -343,8 +343,8 @@ def test_a_longer_message_is_refused_and_a_list_in_place_of_an_array_too():
         msgspec.msgpack.Decoder(Everything).decode(msgspec.msgpack.encode(values))
 
 
-def test_what_was_never_checked_is_not_encoded_in_silence():
-    with pytest.raises(NotImplementedError, match="a message cannot carry"):
+def test_message_with_an_invalid_value_is_not_encoded():
+    with pytest.raises(NotImplementedError, match="a message cannot contain"):
         ENCODER.encode(Everything(e=object()))
 
 
@@ -414,7 +414,7 @@ def test_bytes_are_equal_to_the_array_that_they_become():
     assert sent != Image(data=b"abd")
 
 
-def test_buffers_of_any_kind_are_taken_or_refused_with_a_sentence():
+def test_any_buffer_is_accepted_or_refused_with_a_message():
     assert checked(ranges=(ctypes.c_float * 2)(1, 2)).ranges == [1, 2]
     assert checked(image=memoryview(b"abcd")[::2]).image == b"ac"
     assert checked(image=memoryview(b"abcdef").cast("B", (2, 3))).image == b"abcdef"
@@ -433,7 +433,7 @@ def test_buffers_of_any_kind_are_taken_or_refused_with_a_sentence():
     assert problem_of(ranges=numpy.array([0, 1e300])).startswith("ranges[1]: expected float32 in")
 
 
-def test_an_array_refuses_a_number_that_does_not_fit():
+def test_array_refuses_a_number_out_of_range():
     with pytest.raises(FieldError, match=r"^\[1\]: expected int8 in -128\.\.127, got 200"):
         _runtime.Int8Array([1, 200])
 
@@ -455,7 +455,7 @@ def test_setting_is_lenient_and_unknown_names_are_refused():
 
 
 @pytest.mark.parametrize("cls", [Inner, Awkward])
-def test_every_class_refuses_what_it_has_no_name_for_in_the_same_words(cls):
+def test_every_class_refuses_unknown_names_with_the_same_message(cls):
     with pytest.raises(TypeError, match=r"^Extra positional arguments provided$"):
         cls(1)
     with pytest.raises(TypeError, match=r"^Unexpected keyword argument 'nope'$"):
@@ -497,7 +497,7 @@ def test_constants_and_defaults_are_class_attributes():
     assert Everything.PAIR__DEFAULT == [b"\x01", b"\xff"]
 
 
-def test_copies_are_deep_where_asked():
+def test_copies_are_shallow_or_deep():
     message = Everything(names=["a"], image=[1])
     message._check()
     shallow, deep = copy.copy(message), copy.deepcopy(message)

@@ -71,20 +71,20 @@ def message(text: str, **values: Any) -> Any:
     ],
     ids=lambda one: type(one).__name__ if hasattr(one, "_FIELDS") else "",
 )  # fmt: skip
-def test_each_rule_of_layout(sent, expected):
+def test_layout_rule_gives_these_bytes(sent, expected):
     data = b"\0\1\0\0" + bytes.fromhex(expected)
     assert to_cdr(sent).hex(" ", -4) == data.hex(" ", -4)
     assert from_cdr(type(sent), data) == sent
 
 
-def test_a_message_without_fields_is_one_byte_wherever_it_stands():
+def test_message_without_fields_is_always_one_byte():
     Event = load("std_srvs/srv/Trigger").Event
     full = to_cdr(Event(request=[load("std_srvs/srv/Trigger").Request()]))
     assert len(full) - len(to_cdr(Event())) == 4  # the byte, and three before the next count
     assert len(from_cdr(Event, full).request) == 1
 
 
-def test_messages_are_checked_and_brought_to_their_types_before_they_are_encoded():
+def test_messages_are_checked_and_converted_before_encoding():
     scan = load("sensor_msgs/msg/LaserScan")(angle_min=0.1, ranges=[1, 2.5])
     data = to_cdr(scan)
     assert scan.angle_min != 0.1  # rounded to float32, as it is sent
@@ -95,7 +95,7 @@ def test_messages_are_checked_and_brought_to_their_types_before_they_are_encoded
         to_cdr(Path_(poses=[PoseStamped(), far]))
 
 
-def test_what_is_decoded_has_exact_types_and_passes_its_check_unchanged():
+def test_decoded_message_has_exact_types_and_passes_its_check():
     scan = load("sensor_msgs/msg/LaserScan")(ranges=[1, 2])
     arrived = from_cdr(type(scan), to_cdr(scan))
     assert type(arrived.ranges) is type(type(scan)().ranges)
@@ -122,7 +122,7 @@ def test_any_bytes_are_decoded_and_not_kept(kind):
         (Bool, "00", "a bytes-like object is required"),
     ],
 )
-def test_what_is_neither_a_message_class_nor_bytes_is_a_type_error(cls, data, problem):
+def test_wrong_argument_of_from_cdr_is_a_type_error(cls, data, problem):
     with pytest.raises(TypeError, match=problem):
         from_cdr(cls, data)
 
@@ -135,11 +135,11 @@ def test_up_to_three_bytes_of_padding_may_follow(extra):
     assert from_cdr(Bool, b"\0\1\0\0\1" + b"\xff" * extra).data is True
 
 
-def test_the_options_of_the_header_are_not_looked_at():
+def test_options_in_the_header_are_ignored():
     assert from_cdr(Bool, b"\0\1\xab\3\1").data is True
 
 
-def test_a_string_of_length_0_is_the_empty_one():
+def test_string_of_length_0_is_decoded_as_empty():
     assert from_cdr(String, b"\0\1\0\0" + bytes(4)).data == ""
     names = define("string[] names\nstring last")
     arrived = from_cdr(names, b"\0\1\0\0" + bytes.fromhex("02000000 00000000 00000000 00000000"))
@@ -206,7 +206,7 @@ def test_a_string_of_length_0_is_the_empty_one():
          "expected the message to end at byte 8, got 12 bytes"),
     ],
 )  # fmt: skip
-def test_faulty_bytes_are_named_with_the_path_of_their_field(text, data, path, problem):
+def test_invalid_bytes_give_an_error_with_the_path_of_the_field(text, data, path, problem):
     body = bytes.fromhex(data)
     with pytest.raises(CdrError) as caught:
         from_cdr(define(text), b"\0\1\0\0" + body if body else b"\0\1\0")
@@ -248,7 +248,7 @@ def test_other_representations_are_refused_by_name(header, what):
     assert str(caught.value) == f"expected the header 00 01 of XCDR1, got {what}"
 
 
-def test_an_error_of_bytes_is_an_error_of_fields_too():
+def test_cdr_error_is_a_field_error():
     """So one `except FieldError` covers a message, wherever it comes from."""
     assert issubclass(CdrError, FieldError)
     assert issubclass(CdrError, ValueError)
@@ -257,7 +257,7 @@ def test_an_error_of_bytes_is_an_error_of_fields_too():
 # --- classes of every origin ----------------------------------------------------------------------
 
 
-def test_fields_with_names_that_python_keeps_for_itself():
+def test_fields_named_like_keywords_can_be_used():
     renamed = message("int32 from\nstring class\nfloat32[] lambda", **{"from": 1, "class": "a"})
     arrived = from_cdr(type(renamed), to_cdr(renamed))
     assert (arrived.from_, arrived.class_, arrived.lambda_) == (1, "a", [])

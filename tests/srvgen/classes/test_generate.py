@@ -76,7 +76,7 @@ def test_the_same_definitions_give_the_same_bytes_in_any_order(demo):
     assert list(again.items()) == list(demo.items())
 
 
-def test_packages_that_are_needed_come_along(demo):
+def test_dependencies_are_generated_too(demo):
     """A service's event needs service_msgs, though no definition names it."""
     assert "service_msgs/msg/_service_event_info.py" in demo
     assert "geometry_msgs/msg/_point.py" in demo
@@ -270,7 +270,7 @@ print(sorted(more - sys.stdlib_module_names) == sorted(one.name for one in root.
 """
 
 
-def test_what_is_generated_imports_msgspec_and_nothing_else(everything):
+def test_generated_code_imports_only_msgspec(everything):
     """In a process of its own, in which every warning is an error."""
     done = subprocess.run(
         [sys.executable, "-I", "-B", "-W", "error", "-c", IMPORTED_ALONE, str(everything)],
@@ -304,7 +304,7 @@ class Gone:
         return name in self.names
 
 
-def test_modules_of_definitions_that_have_gone_are_reported_and_removed(tmp_path):
+def test_modules_without_definitions_are_reported_and_removed(tmp_path):
     folder = tmp_path / "out"
     files = {
         f"my_msgs/{kind}/{name}.py": f'"""my_msgs/{kind}/{title}, {GENERATED}"""\n'
@@ -327,7 +327,7 @@ def test_modules_of_definitions_that_have_gone_are_reported_and_removed(tmp_path
     assert write_tree(files, folder, gone, check=True) == ([], [], [])
 
 
-def test_what_is_no_module_of_ours_in_the_output_is_left_alone(tmp_path, monkeypatch, symlink):
+def test_other_modules_in_the_output_are_kept(tmp_path, monkeypatch, symlink):
     monkeypatch.chdir(tmp_path)
     Path("mine/msg").mkdir(parents=True)
     Path("mine/msg/A.msg").write_text("int32 x\n")

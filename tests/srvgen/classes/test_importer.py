@@ -44,7 +44,7 @@ def test_a_service_is_imported_straight_from_its_file(workspace):
     )
 
 
-def test_the_folder_itself_is_got_by_an_empty_name(workspace):
+def test_empty_name_returns_the_folder_itself(workspace):
     srvgen.install_import_hook(workspace)
     folder = __import__("lecture_interfaces.srv", fromlist=[""])
     assert folder.RobotTask.Request(task_type="move")
@@ -120,13 +120,13 @@ def test_the_parts_of_services_and_actions_are_beside_them(workspace):
 @pytest.mark.parametrize(
     "name", ["lecture_interfaces.msg", "lecture_interfaces.srv._no_such", "no_such_package_at_all"]
 )
-def test_what_is_not_there_is_an_import_error(workspace, name):
+def test_missing_interface_is_an_import_error(workspace, name):
     srvgen.install_import_hook(workspace)
     with pytest.raises(ModuleNotFoundError, match=name):
         importlib.import_module(name)
 
 
-def test_a_misspelt_name_says_what_resembles_it(workspace):
+def test_misspelt_name_gives_a_suggestion(workspace):
     srvgen.install_import_hook(workspace)
     module = importlib.import_module("lecture_interfaces.srv")
     with pytest.raises(AttributeError, match="no interface 'RobotTsk'; did you mean RobotTask"):
@@ -135,7 +135,7 @@ def test_a_misspelt_name_says_what_resembles_it(workspace):
         from lecture_interfaces.srv import RobotTsk  # type: ignore[import-not-found] # noqa: F401
 
 
-def test_a_misspelt_package_or_folder_says_what_resembles_it(workspace):
+def test_misspelt_package_or_folder_gives_a_suggestion(workspace):
     srvgen.install_import_hook(workspace)
     with pytest.raises(ModuleNotFoundError, match="did you mean lecture_interfaces") as caught:
         importlib.import_module("lectur_interfaces.srv")
@@ -157,15 +157,13 @@ def test_a_misspelt_package_or_folder_says_what_resembles_it(workspace):
         ),
     ],
 )
-def test_a_class_that_is_asked_for_in_the_wrong_place_is_shown_in_the_right_one(
-    workspace, statement, right
-):
+def test_import_from_the_wrong_place_names_the_right_one(workspace, statement, right):
     srvgen.install_import_hook(workspace)
     with pytest.raises(ImportError, match=right):
         exec(statement)
 
 
-def test_a_search_for_a_package_that_only_resembles_one_finds_nothing_as_ever(workspace):
+def test_package_with_a_similar_name_is_not_found(workspace):
     srvgen.install_import_hook(workspace)
     for name in ("lecture_interfaces_py", "std_messages", "nav", "lectures"):
         assert importlib.util.find_spec(name) is None
@@ -182,7 +180,7 @@ def test_an_imported_class_is_that_of_load_until_its_file_is_edited(workspace):
     assert importlib.import_module("lecture_interfaces.srv").AddTwo is before
 
 
-def test_a_broken_definition_says_where(workspace):
+def test_error_of_an_invalid_definition_has_its_position(workspace):
     (workspace / "lecture_interfaces" / "srv" / "Broken.srv").write_text("int32\n---\n")
     srvgen.install_import_hook(workspace)
     with pytest.raises(srvgen.DefinitionError) as caught:
@@ -194,7 +192,7 @@ def test_a_broken_definition_says_where(workspace):
     assert RobotTask, "the others are not hurt"
 
 
-def test_installing_twice_is_installing_once(workspace):
+def test_second_install_changes_nothing(workspace):
     srvgen.install_import_hook(workspace)
     srvgen.install_import_hook(workspace)
     srvgen.install_import_hook()
@@ -202,7 +200,7 @@ def test_installing_twice_is_installing_once(workspace):
     assert loader.search().paths == [workspace.resolve()]
 
 
-def test_uninstalling_leaves_no_trace(workspace):
+def test_uninstalling_removes_finders_paths_and_modules(workspace):
     srvgen.install_import_hook(workspace)
     importlib.import_module("lecture_interfaces.srv._robot_task")
     importer.uninstall_import_hook()
@@ -213,7 +211,7 @@ def test_uninstalling_leaves_no_trace(workspace):
         importlib.import_module("std_srvs.srv")
 
 
-def test_other_imports_are_none_of_our_business(workspace):
+def test_other_imports_are_not_changed(workspace):
     srvgen.install_import_hook(workspace)
     for name in ("json", "numpy", "numpy.core", "_private", "lecture_interfaces.other"):
         assert importer._finder.find_spec(name, None) is None
@@ -255,7 +253,7 @@ def test_files_beside_definitions_are_read_as_resources(weather, package):
     assert files(f"{package}.msg").joinpath("Reading.msg").read_text() == "float64 celsius\n"
 
 
-def test_a_part_of_the_package_that_comes_into_reach_later_is_found(weather, monkeypatch, tmp_path):
+def test_folder_of_a_package_that_is_added_later_is_found(weather, monkeypatch, tmp_path):
     importlib.import_module("weather")
     (tmp_path / "more" / "weather").mkdir(parents=True)
     (tmp_path / "more" / "weather" / "late.py").write_text("ANSWER = 43\n")
@@ -288,13 +286,13 @@ def test_a_package_of_definitions_has_no_file_as_python_has_it(weather):
     "name",
     ["weathr", "weather.nope", "weather.msg.nope", "weather.msg.Reading", "regular.msg.nope"],
 )
-def test_who_only_asks_for_a_module_is_told_that_there_is_none(weather, name):
+def test_find_spec_returns_none_for_an_unknown_module(weather, name):
     assert importlib.util.find_spec(name) is None
     with pytest.raises(ImportError):
         importlib.import_module(name)
 
 
-def test_an_import_is_told_what_was_meant(weather):
+def test_failed_import_gives_a_suggestion(weather):
     with pytest.raises(ImportError, match="did you mean Reading"):
         from weather.msg import Redaing  # noqa: F401
     with pytest.raises(ModuleNotFoundError, match="did you mean weather"):

@@ -47,7 +47,7 @@ def test_a_service_has_request_response_and_event():
     assert srvgen.type_hash("example_interfaces/srv/AddTwoInts") == add._HASH
 
 
-def test_implied_types_can_be_loaded_by_name():
+def test_derived_types_can_be_loaded_by_name():
     add = srvgen.load("example_interfaces/srv/AddTwoInts")
     assert srvgen.load("example_interfaces/srv/AddTwoInts_Request") is add.Request
     goal = srvgen.load("example_interfaces/action/Fibonacci_SendGoal")
@@ -62,7 +62,7 @@ def test_loading_leaves_no_module_behind():
     assert not [name for name in sys.modules if name.startswith("shape_msgs")]
 
 
-def test_nested_classes_are_the_ones_that_load_gives():
+def test_nested_classes_are_the_same_as_those_of_load():
     plan = srvgen.load("nav_msgs/srv/GetPlan")
     assert type(plan.Request().goal) is srvgen.load("geometry_msgs/msg/PoseStamped")
 
@@ -87,12 +87,12 @@ def test_a_new_file_that_goes_before_another_is_noticed(folder):
 
 
 @pytest.mark.parametrize("name", ["nav_msgs/srv/GetPlan", "example_interfaces/action/Fibonacci"])
-def test_a_definition_that_was_handed_over_gives_the_very_same_class(name):
+def test_definition_from_a_server_gives_the_same_class(name):
     loaded = srvgen.load(name)
     assert srvgen.define(name, loaded._DEFINITION) is loaded
 
 
-def test_a_definition_needs_nothing_on_disk(tmp_path, monkeypatch):
+def test_define_reads_no_files(tmp_path, monkeypatch):
     monkeypatch.setattr(loader, "_search", Search([tmp_path]))
     put("far_msgs/msg/Inner", "int32 a 4\n", tmp_path)
     path = put("far_msgs/srv/Ask", "Inner inner\n---\n", tmp_path)
@@ -136,7 +136,7 @@ def defined(number: int) -> type:
     return srvgen.define("far_msgs/srv/Passing", f"int32 a {number}\n---\nint32 b\n{event}")
 
 
-def test_classes_that_nobody_has_any_more_are_given_up():
+def test_classes_without_references_are_freed():
     kept = defined(0)
     given_up = [weakref.ref(defined(number)) for number in range(1, 20)]
     gc.collect()
@@ -162,7 +162,7 @@ def test_a_check_is_compiled_when_it_is_first_needed():
     assert request._check.__qualname__ == "Passing_Request._check"
 
 
-def test_what_is_missing_is_said_with_a_hint():
+def test_misspelt_type_name_gives_a_hint():
     with pytest.raises(DefinitionError) as caught:
         srvgen.load("std_srvs/srv/Triger")
     assert "Trigger" in caught.value.hint
@@ -207,7 +207,7 @@ def test_threads_that_load_at_once_get_one_class(folder):
 
 
 @pytest.mark.real_time
-def test_importing_srvgen_loads_nothing_else():
+def test_importing_srvgen_loads_no_other_module():
     """A program with generated classes pays neither for the parser nor for msgspec."""
     code = (
         "import sys; before = set(sys.modules); import srvgen; "
@@ -262,13 +262,13 @@ def test_messages_without_constants_have_msgspecs_own_metaclass():
     assert type(srvgen.load("geometry_msgs/msg/Point")) is msgspec.StructMeta
 
 
-def test_an_action_names_all_that_it_is_made_of():
+def test_action_has_all_its_services_and_messages():
     impl = srvgen.load("example_interfaces/action/Fibonacci").Impl
     assert impl.CancelGoalService is srvgen.load("action_msgs/srv/CancelGoal")
     assert impl.GoalStatusMessage is srvgen.load("action_msgs/msg/GoalStatusArray")
 
 
-def test_a_type_that_is_needed_by_many_ways_is_built_once():
+def test_type_that_several_types_need_is_built_once():
     """Walked once a way, sixty messages of four lines each would take for ever."""
     last, separator = 60, "=" * 80
     event = srvgen.load("std_srvs/srv/Trigger")._DEFINITION
@@ -283,7 +283,7 @@ def test_a_type_that_is_needed_by_many_ways_is_built_once():
     assert made.Request().a.x == []
 
 
-def test_classes_carry_the_text_that_escapes_stand_for(tmp_path, monkeypatch):
+def test_classes_have_strings_with_resolved_escapes(tmp_path, monkeypatch):
     folder = tmp_path / "escape_msgs" / "msg"
     folder.mkdir(parents=True)
     (folder / "Text.msg").write_text(
@@ -300,14 +300,14 @@ string LINE="one\ntwo"
     assert made.LINE == "one\ntwo"
 
 
-def test_a_text_written_in_a_program_needs_no_texts_of_the_standard_packages():
+def test_text_in_a_program_may_use_the_bundled_packages():
     made = srvgen.define("mine/srv/Look", "geometry_msgs/Pose where\n---\nbool seen\n")
     assert made.Request().where.orientation.w == 1.0
     assert "service_msgs/msg/ServiceEventInfo" in made._DEFINITION
     assert srvgen.define("mine/srv/Look", made._DEFINITION)._HASH == made._HASH
 
 
-def test_a_text_that_needs_what_is_neither_given_nor_bundled_is_refused():
+def test_text_with_a_missing_dependency_is_refused():
     with pytest.raises(srvgen.DefinitionError, match="expected the definition of other/msg/X"):
         srvgen.define("mine/msg/Y", "other/X x\n")
 
@@ -333,7 +333,7 @@ def test_a_text_with_nan_has_one_class():
         ("my_msgs/msg/A", b"int32 a", "expected the text of my_msgs/msg/A (str), got b'int32 a'"),
     ],
 )
-def test_what_is_no_name_or_no_text_is_one_clear_line(name, text, problem):
+def test_wrong_argument_types_give_one_clear_message(name, text, problem):
     with pytest.raises(TypeError) as caught:
         srvgen.define(name, text)
     assert str(caught.value) == problem

@@ -50,7 +50,7 @@ def test_a_definition_literal_gives_back_the_text(text):
 
 
 @given(st.lists(st.text(st.characters(exclude_characters="\n\r")), min_size=1, max_size=4))
-def test_a_docstring_says_what_the_comment_says_and_nothing_runs(lines):
+def test_comment_becomes_a_docstring_and_is_never_executed(lines):
     source = "class C:\n" + "\n".join(docstring(lines, "    "))
     tree = ast.parse(source)
     (statement,) = tree.body[0].body  # type: ignore[attr-defined]
@@ -68,7 +68,7 @@ def test_no_comment_can_leave_its_docstring(comments):
     assert [type(node).__name__ for node in body] == ["Expr", "ImportFrom", "ClassDef"]
 
 
-def test_what_does_not_print_is_escaped():
+def test_unprintable_characters_are_escaped():
     """A definition cannot show one thing in an editor and be another (bidirectional marks)."""
     source = rendered("# a\u202eb\nstring s \u202e\n")
     assert "\u202e" not in source

@@ -107,13 +107,13 @@ def test_without_numpy_arrays_of_fixed_length_are_those_of_other_programs(monkey
         rosidl_classes._numpy.cache_clear()
 
 
-def test_sending_and_receiving_does_not_ask_for_numpy(monkeypatch):
+def test_sending_and_receiving_does_not_import_numpy(monkeypatch):
     message = define()()
     monkeypatch.setattr(rosidl_classes, "_numpy", pytest.fail)
     from_cdr(type(message), to_cdr(message))
 
 
-def test_classes_of_other_programs_stay_as_they_are(monkeypatch):
+def test_existing_classes_do_not_change(monkeypatch):
     monkeypatch.setattr(loader, "_runtime_module", srvgen._runtime)
     made = define()
     assert isinstance(made().singles, array)

@@ -83,7 +83,7 @@ def test_the_default_is_every_package_in_reach(run):
         assert Path("typings", path).is_file()
 
 
-def test_packages_and_types_bring_what_they_need_whole(run):
+def test_packages_and_types_include_complete_dependencies(run):
     assert run("stubs", "my_msgs/srv/Fetch", "-o", "elsewhere")[0] == 0
     assert {one.name for one in Path("elsewhere").iterdir()} == {
         "my_msgs", "geometry_msgs", "std_msgs", "service_msgs", "builtin_interfaces", "srvgen"
@@ -92,20 +92,20 @@ def test_packages_and_types_bring_what_they_need_whole(run):
     assert Path("elsewhere/my_msgs/msg/_note.pyi").is_file()
 
 
-def test_what_is_not_in_reach_is_one_message(run):
+def test_stubs_of_a_missing_source_fail(run):
     assert run("stubs", "my_msg")[0] == 1
     assert run("stubs", "my_msgs/srv/Fetsh")[0] == 1
     assert not Path("typings").exists()
 
 
-def test_a_broken_definition_is_told_and_the_others_are_written(run):
+def test_valid_definitions_are_written_although_another_one_is_invalid(run):
     put("my_msgs/msg/Bad", "int a\n")
     code, _, err = run("stubs", "my_msgs")
     assert (code, "got 'int'" in err) == (1, True)
     assert Path("typings/my_msgs/msg/_note.pyi").is_file()
 
 
-def test_the_stub_of_a_definition_that_has_gone_goes(run):
+def test_stub_without_a_definition_is_removed(run):
     run("stubs", "my_msgs")
     own = Path("typings/my_msgs/msg/own.pyi")
     own.write_text("x: int\n", encoding="utf-8")
@@ -114,7 +114,7 @@ def test_the_stub_of_a_definition_that_has_gone_goes(run):
     assert {one.name for one in own.parent.iterdir()} == {"own.pyi"}
 
 
-def test_every_stub_is_python_and_none_has_a_method_of_ours():
+def test_every_stub_is_valid_python_without_private_methods():
     definitions, problems = packages_with_dependencies([], Search([BUNDLED]))
     assert not problems
     for path, text in stubs(definitions).items():
@@ -122,14 +122,14 @@ def test_every_stub_is_python_and_none_has_a_method_of_ours():
         assert {one.name for one in functions} <= ({"load"} if "srvgen/" in path else set()), path
 
 
-def test_stubs_say_what_the_comments_say(run):
+def test_stubs_contain_the_comments(run):
     run("stubs", "my_msgs")
     text = Path("typings/my_msgs/srv/_fetch.pyi").read_text(encoding="utf-8")
     assert '    """Fetches."""' in text
     assert '    ok: bool = False\n    """done"""' in text
 
 
-def test_the_stub_of_srvgen_hands_on_every_public_name():
+def test_stub_of_srvgen_exports_every_public_name():
     text = stubs({})["srvgen/__init__.pyi"]
     for name in set(srvgen.__all__) - {"load"}:
         assert f"import {name} as {name}\n" in text
@@ -147,7 +147,7 @@ def test_mypy_knows_what_is_imported_and_what_is_loaded(run, mypy, monkeypatch):
 
 
 @pytest.mark.types
-def test_pyright_knows_the_same(run):
+def test_pyright_knows_the_types_of_imported_and_loaded_classes(run):
     run("stubs", "my_msgs", "std_msgs", "example_interfaces")
     Path("user.py").write_text(USER + MISTAKES, encoding="utf-8")
     done = subprocess.run(

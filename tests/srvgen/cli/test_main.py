@@ -16,7 +16,7 @@ from tests.srvgen.sample_definitions import put, put_all
 pytestmark = pytest.mark.usefixtures("workspace")
 
 
-def test_check_is_content_with_good_definitions(run):
+def test_check_accepts_valid_definitions(run):
     put("my_msgs/srv/Fetch", "geometry_msgs/Point where\n---\n")
     assert run("check", "my_msgs") == (0, "1 definition, no problems\n", "")
 
@@ -44,7 +44,7 @@ def test_check_reports_every_problem_of_every_file_with_a_caret(run):
     )
 
 
-def test_a_problem_of_a_whole_file_has_no_line(run):
+def test_error_of_a_whole_file_has_no_line_number(run):
     path = put("my_msgs/srv/add", "---")
     slip = path.with_name("Sub.srv.txt")
     slip.write_text("---", encoding="utf-8")
@@ -76,7 +76,7 @@ def test_check_prints_json_lines_for_programs(run):
     assert first["path"] == str(path)
 
 
-def test_describe_prints_one_line_an_interface_and_goes_on_after_a_bad_one(run):
+def test_describe_prints_one_line_per_interface_and_continues_after_an_error(run):
     good = put("my_msgs/srv/Fetch", "nowhere_msgs/Thing thing\nfloat32 NAN=nan\n---\n")
     bad = put("my_msgs/msg/Bad", "int a")
     code, out, err = run("describe", bad, good, "gone", "--json")
@@ -162,7 +162,7 @@ def test_generated_packages_can_be_imported_and_are_then_up_to_date(run, tmp_pat
     assert (tmp_path / "others" / "my_msgs" / "srv" / "_fetch.py").is_file()
 
 
-def test_a_module_whose_definition_has_gone_is_removed_and_asked_for_by_check(run, tmp_path):
+def test_module_without_a_definition_is_removed_and_reported_by_check(run, tmp_path):
     put("my_msgs/srv/Fetch", "---\n")
     gone = put("my_msgs/srv/Bring", "---\n")
     out = tmp_path / "out"
@@ -190,7 +190,7 @@ def gone(run, tmp_path):
     return Path("out/old_msgs")
 
 
-def test_the_output_of_a_package_that_has_gone_is_removed_and_asked_for_by_check(run, gone):
+def test_output_of_a_removed_package_is_deleted_and_reported_by_check(run, gone):
     problem = f"{gone} no longer has a definition"
     assert run("generate", "ws", "-o", "out", "--check") == (
         1,
@@ -205,7 +205,7 @@ def test_the_output_of_a_package_that_has_gone_is_removed_and_asked_for_by_check
 
 
 @pytest.mark.parametrize("name", ["notes.txt", "msg/own.py", "py.typed", "msg/__pycache__/x.txt"])
-def test_of_a_package_that_has_gone_what_srvgen_did_not_write_stays(run, gone, name):
+def test_files_that_srvgen_has_not_generated_are_kept(run, gone, name):
     put_all({name: "mine\n"}, gone)
     assert run("generate", "ws", "-o", "out", "--check")[0] == 1
     code, out, err = run("generate", "ws", "-o", "out")
@@ -216,19 +216,19 @@ def test_of_a_package_that_has_gone_what_srvgen_did_not_write_stays(run, gone, n
     assert run("generate", "ws", "-o", "out", "--check") == (0, "", "")
 
 
-def test_who_names_one_package_says_nothing_of_others(run, gone):
+def test_generating_one_package_keeps_the_others(run, gone):
     assert run("generate", "ws/my_msgs", "-o", "out", "--check") == (0, "", "")
     assert run("generate", "ws/my_msgs", "-o", "out") == (0, "", "")
     assert (gone / "msg/_old.py").exists()
 
 
-def test_a_package_elsewhere_within_reach_keeps_its_output(run, gone):
+def test_output_of_a_package_found_elsewhere_is_kept(run, gone):
     put("old_msgs/msg/Old", "int32 x\n", Path("far"))
     assert run("generate", "ws", "-I", "far", "-o", "out") == (0, "", "")
     assert (gone / "msg/_old.py").exists()
 
 
-def test_a_definition_that_is_broken_just_now_keeps_its_module(run, tmp_path):
+def test_module_is_kept_while_its_definition_is_invalid(run, tmp_path):
     put("my_msgs/srv/Fetch", "---\n")
     broken = put("my_msgs/srv/Bring", "---\n")
     out = tmp_path / "out"
@@ -246,7 +246,7 @@ def test_a_folder_that_cannot_be_written_is_one_message(run, tmp_path):
     assert "error: expected a folder to write to, got: " in err
 
 
-def test_a_note_of_the_library_is_one_line_on_stderr(run):
+def test_log_record_of_the_library_is_one_line_on_stderr(run):
     put("std_srvs/srv/Extra", "---")
     code, _, err = run("hash", "std_srvs/srv/Trigger")
     assert code == 0
@@ -262,7 +262,7 @@ def test_the_command_runs_as_a_module_too(workspace):
     assert done.stderr.startswith("expected a type name such as")
 
 
-def test_grammar_and_missing_types_of_all_files_are_reported_in_one_run_in_order(run):
+def test_syntax_errors_and_missing_types_of_all_files_are_reported_in_one_run(run):
     put("my_msgs/msg/Zoo", "Broken b\nint i\n")
     put("my_msgs/msg/Ape", "Headerr h\nint i\nstd_msg/Header g\nOther b\nHeader h2\nPoint p\n")
     put("my_msgs/msg/Broken", "int32\nOther c\n")
@@ -283,26 +283,26 @@ def test_grammar_and_missing_types_of_all_files_are_reported_in_one_run_in_order
     assert str(Path.cwd()) in problems[2]["looked_in"]
 
 
-def test_types_of_an_invalid_package_are_not_missing_too(run):
+def test_types_of_an_invalid_package_are_not_reported_as_missing(run):
     put("My_msgs/msg/Ape", "Other a\n")
     _, _, err = run("check", "My_msgs/msg/Ape.msg")
     assert err.count("error:") == 1
     assert "hint: rename the package to my_msgs" in err
 
 
-def test_a_file_with_the_wrong_name_is_what_its_type_lacks(run):
+def test_missing_type_names_the_misnamed_file(run):
     put("my_msgs/msg/ape", "int32 a\n")
     put("my_msgs/msg/Zoo", "Ape a\n")
     assert "hint: rename msg/ape.msg to Ape.msg\n" in run("check", "my_msgs")[2]
 
 
-def test_a_type_in_other_capitals_is_meant_and_its_file_well_named(run):
+def test_miscapitalised_type_gives_a_suggestion(run):
     put("my_msgs/msg/UInt9", "int32 a\n")
     put("my_msgs/msg/Zoo", "Uint9 a\n")
     assert "hint: did you mean UInt9?\n" in run("check", "my_msgs")[2]
 
 
-def test_a_definition_beside_the_folder_of_its_kind_is_to_be_moved(run):
+def test_hint_says_where_to_move_a_misplaced_definition(run):
     Path("my_msgs").mkdir()
     Path("my_msgs/Ape.msg").touch()
     code, _, err = run("show", "my_msgs/msg/Ape")
@@ -310,7 +310,7 @@ def test_a_definition_beside_the_folder_of_its_kind_is_to_be_moved(run):
     assert "hint: move my_msgs/Ape.msg to my_msgs/msg/Ape.msg\n" in err
 
 
-def test_of_very_many_problems_the_first_are_shown(run):
+def test_only_the_first_problems_are_shown(run):
     path = put("my_msgs/msg/Bad", "int a\n" * 150)
     _, _, err = run("check", path)
     assert err.count("did you mean int32?") == 100
@@ -342,7 +342,7 @@ def test_check_without_sources_checks_the_current_folder(run):
     assert run("check") == (0, "1 definition, no problems\n", "")
 
 
-def test_what_is_not_there_is_named_with_what_resembles_it_and_without_a_line(run):
+def test_missing_source_is_reported_with_similar_names(run):
     put("my_msgs/srv/Fetch", "---\n")
     nothing = "expected a file, a folder or the name of a type, got a path that does not exist"
     assert run("check", "my_msg") == (
@@ -387,7 +387,7 @@ def test_a_folder_and_a_dangling_link_with_the_name_of_a_definition_are_reported
     assert "Gone.srv: error: expected a readable file, got: " in run("check", "my_msgs")[2]
 
 
-def test_no_hint_names_what_cannot_be_loaded(run, symlink):
+def test_hints_name_only_types_that_can_be_loaded(run, symlink):
     """A folder and a link to nothing are no definitions, whatever they are called."""
     put("my_msgs/msg/Good", "int32 a\n")
     Path("my_msgs/msg/D.msg").mkdir()
@@ -402,9 +402,7 @@ def test_no_hint_names_what_cannot_be_loaded(run, symlink):
 
 
 @pytest.mark.parametrize(("command", "looks"), [(["generate", "-o", "out"], 1), (["fix"], 2)])
-def test_a_run_looks_for_each_type_once_and_after_fixing_once_more(
-    run, monkeypatch, command, looks
-):
+def test_each_type_is_looked_up_once_and_once_more_after_fixing(run, monkeypatch, command, looks):
     for name in ("A", "B", "C"):
         put(f"my_msgs/msg/{name}", "std_msgs/Header header\ngeometry_msgs/Pose[] poses\n")
     put("my_msgs/srv/Ask", "A a\nB b\n---\nC c\ngeometry_msgs/Point p\n")

@@ -11,11 +11,11 @@ NAMES = st.sampled_from(["a_msgs/msg/A", "b_msgs/msg/B", "c_msgs/msg/C"])
 
 
 @given(TEXTS, st.dictionaries(NAMES, TEXTS))
-def test_what_was_joined_is_taken_apart_again(text, needed):
+def test_joined_texts_are_split_again(text, needed):
     assert split_full_text(join_full_text(text, needed)) == (text, needed)
 
 
-def test_a_definition_is_followed_by_all_that_it_needs(tmp_path, monkeypatch):
+def test_full_text_contains_all_dependencies(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     full = Search().full_text("std_msgs/msg/Header")
     header = (BUNDLED / "std_msgs/msg/Header.msg").read_text(encoding="utf-8")

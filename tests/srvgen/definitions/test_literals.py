@@ -48,7 +48,7 @@ def test_a_literal_has_its_official_value(text, base, value):
         ("0", "time"),
     ],
 )
-def test_what_is_no_value_of_the_type_is_refused(text, base):
+def test_invalid_value_of_a_type_is_refused(text, base):
     with pytest.raises(InvalidText):
         parse_scalar(text, base)
 

@@ -59,7 +59,7 @@ def test_a_file_name_becomes_a_type_name():
 @pytest.mark.parametrize(
     "text", ["", "a", "a/b", "a/b/c", "a/srv/", "a/msg/B/C", "A/msg/B", "a/msg/B c"]
 )
-def test_what_is_no_full_type_name_is_refused(text):
+def test_invalid_full_type_name_is_refused(text):
     with pytest.raises(DefinitionError, match="expected a type name such as"):
         split_type_name(text)
 

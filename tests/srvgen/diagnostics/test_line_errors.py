@@ -126,20 +126,20 @@ def problems_of(text, kind="msg"):
         ("string a 'it's'", 13, "write \\' for a quotation mark in the text"),
     ],
 )
-def test_one_slip_is_one_error_with_a_hint(line, column, hint):
+def test_one_mistake_is_one_error_with_a_hint(line, column, hint):
     (problem,) = problems_of(f"int32 before\n{line}\nint32 after\n")
     assert (problem.line, problem.column) == (2, column)
     assert problem.hint.startswith(hint) if hint else not problem.hint
 
 
-def test_a_line_that_is_indented_too_has_its_other_mistakes_reported_as_well():
+def test_indented_line_has_its_other_errors_reported_too():
     indented, typed = problems_of("    int a\n")
     assert (indented.column, indented.hint) == (1, "only comments may be indented")
     assert (typed.column, typed.hint) == (5, "did you mean int32?")
 
 
 @pytest.mark.parametrize("line", ["----", "-- -", "___", "===", "\u2014", " --- "])
-def test_what_was_meant_as_the_separator_of_a_service_is_one_error(line):
+def test_misspelt_separator_is_one_error(line):
     (problem,) = problems_of(f"int32 a\n{line}\nint32 b\n", "srv")
     assert problem.hint == "write exactly three hyphens and nothing else on the line"
 
@@ -151,11 +151,11 @@ def test_a_wrong_number_of_sections_is_one_error(text):
 
 
 @pytest.mark.parametrize("text", ["int32\ta\t3\n", "int32 a\r\nint32 b\r\n", "#include <x>\n"])
-def test_tabs_and_windows_line_ends_are_no_slips(text):
+def test_tabs_and_windows_line_ends_are_valid(text):
     assert not problems_of(text)
 
 
-def test_hints_of_what_the_bundle_has_are_true():
+def test_hints_to_bundled_types_are_correct():
     search = Search()
     for name in _COMMON_MESSAGES.values():
         assert not search.is_missing(name.replace("/", "/msg/"))
@@ -175,7 +175,7 @@ def test_hints_of_what_the_bundle_has_are_true():
         ("Pont", "geometry_msgs/Point"),
     ],
 )
-def test_a_bare_type_that_its_package_lacks_is_offered_where_it_is(name, offered, tmp_path):
+def test_hint_offers_the_package_that_has_the_missing_type(name, offered, tmp_path):
     path = tmp_path / "my_msgs" / "msg" / "Thing.msg"
     path.parent.mkdir(parents=True)
     path.write_text(f"{name} a\n")
@@ -185,6 +185,6 @@ def test_a_bare_type_that_its_package_lacks_is_offered_where_it_is(name, offered
 
 
 @pytest.mark.parametrize("word", ["int", "nt32", "int322", "imt32", "itn32", "nit32", "int23"])
-def test_a_letter_too_few_too_many_mistaken_or_swapped_is_one_slip(word):
+def test_missing_extra_wrong_or_swapped_letter_is_one_typo(word):
     assert is_one_typo(word, "int32") == is_one_typo("int32", word) == (word != "int")
     assert not is_one_typo(word, word)

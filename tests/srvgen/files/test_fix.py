@@ -88,7 +88,7 @@ def fix(text: str, kind="msg", name="Thing") -> str:
         ("/* why */", "# why"),
     ],
 )
-def test_a_slip_with_one_answer_is_put_right(slip, right):
+def test_error_with_one_correction_is_repaired(slip, right):
     assert fix(f"{slip}\n") == f"{right}\n"
     parse_definition(f"{right}\n", "my_msgs", "msg", "Thing")
 
@@ -115,7 +115,7 @@ def test_a_slip_with_one_answer_is_put_right(slip, right):
         "@optional\n",
     ],
 )
-def test_what_has_two_answers_or_none_is_left_alone(text):
+def test_error_with_several_corrections_or_none_is_not_repaired(text):
     assert fix(text) == text
 
 
@@ -130,24 +130,24 @@ def test_a_comment_behind_a_separator_gets_its_own_line():
     assert fix("int32 a\r\n--- # answer\r\n", "srv") == "int32 a\r\n---\r\n# answer\r\n"
 
 
-def test_a_line_that_is_added_ends_as_the_one_that_it_was_part_of():
+def test_added_line_gets_the_same_line_end():
     text = "int32 a, b\nint32 c, d\r\nint32 e, f\rint32 g, h"
     lines = [f"int32 {name}" for name in "abcdefgh"]
     ends = ["\n", "\n", "\r\n", "\r\n", "\r", "\r", "\r", ""]
     assert fix(text) == "".join(line + end for line, end in zip(lines, ends, strict=True))
 
 
-def test_a_word_of_a_comment_does_not_keep_a_name_from_its_repair():
+def test_word_in_a_comment_does_not_prevent_a_repair():
     text = "# max_speed is in m/s\nint32 a # not max_speed\nfloat64 maxSpeed # a max_speed\n"
     assert fix(text) == text.replace("maxSpeed", "max_speed")
 
 
-def test_of_two_lines_that_may_be_the_separator_none_is_taken():
+def test_ambiguous_separator_is_not_repaired():
     text = "int32 a\n--\nint32 b\n==\nint32 c\n"
     assert fix(text, "srv") == text
 
 
-def test_one_of_two_names_that_would_become_the_same_stays():
+def test_repair_does_not_create_a_duplicate_name():
     assert fix("int32 maxSpeed\nint32 MaxSpeed\n") == "int32 max_speed\nint32 MaxSpeed\n"
     both = "int32 maxSpeed\n---\nint32 max_speed\n"
     assert fix(both, "srv") == "int32 max_speed\n---\nint32 max_speed\n"
@@ -158,7 +158,7 @@ def test_a_type_that_the_package_has_keeps_its_name():
     assert fixed(text, "my_msgs", "msg", "Thing", lambda name: False) == text
 
 
-def test_what_cannot_be_fixed_does_not_keep_the_rest_from_it():
+def test_error_without_a_repair_does_not_prevent_other_repairs():
     text = "Header header\nnonsense\nfloat64 maxSpeed // m/s\n"
     assert fix(text) == "std_msgs/Header header\nnonsense\nfloat64 max_speed # m/s\n"
 
@@ -173,7 +173,7 @@ SLIPS = st.lists(
 
 
 @given(SLIPS, st.sampled_from(["\n", "\r\n"]), st.sampled_from(["msg", "srv", "action"]))
-def test_fixing_twice_is_fixing_once_and_never_makes_it_worse(lines, newline, kind):
+def test_fixing_again_changes_nothing_and_adds_no_errors(lines, newline, kind):
     text = "".join(line + newline for line in lines)
     once = fix(text, kind)
     assert fix(once, kind) == once
@@ -189,7 +189,7 @@ def test_fixing_twice_is_fixing_once_and_never_makes_it_worse(lines, newline, ki
 
 
 @given(st.text(max_size=60), st.sampled_from(["msg", "srv"]))
-def test_any_text_is_fixed_or_left_and_then_stays(text, kind):
+def test_fixing_any_text_twice_changes_nothing_more(text, kind):
     once = fix(text, kind)
     assert fix(once, kind) == once
 
@@ -219,7 +219,7 @@ def test_bytes_of_an_unknown_encoding_are_an_error_and_stay(run):
     assert "got the byte 0xF6" in err
 
 
-def test_a_hidden_ending_goes(run):
+def test_hidden_file_name_extension_is_removed(run):
     path = put("Ask.srv.txt", "int a\n---\n")
     assert run("fix", path.parent) == (0, f"fixed {path}, now {path.with_name('Ask.srv')}\n", "")
     assert [one.name for one in path.parent.iterdir()] == ["Ask.srv"]
@@ -256,7 +256,7 @@ def test_a_dry_run_prints_a_diff_and_changes_nothing(run):
     assert (path.read_bytes(), new.exists()) == (before, False)
 
 
-def test_what_remains_is_named_and_the_exit_code_is_1(run):
+def test_remaining_problems_are_reported_with_exit_code_1(run):
     path = put("Ask.srv", "int a\nlong b\nNonsense c\n---\n")
     for arguments in (["fix", path, "--dry-run"], ["fix", path]):
         code, _, err = run(*arguments)
@@ -303,7 +303,7 @@ def test_a_file_that_cannot_be_written_stays_whole(run, monkeypatch):
 @pytest.mark.parametrize(
     ("data", "what"), [("int x # café\n".encode("utf-32"), "UTF-32"), (bytes(64), "zero bytes")]
 )
-def test_a_file_that_no_editor_meant_is_not_rewritten(tmp_path, data, what):
+def test_file_in_an_unknown_encoding_is_not_rewritten(tmp_path, data, what):
     path = tmp_path / "mine" / "msg" / "A.msg"
     path.parent.mkdir(parents=True)
     path.write_bytes(data)

@@ -37,7 +37,7 @@ def test_a_file_outside_a_package_takes_a_valid_name_from_its_folder(tmp_path):
         (b"\xef\xbb\xbfint32 a\n", "got a byte order mark", "UTF-8 with BOM"),
     ],
 )
-def test_what_is_not_plain_utf_8_is_refused_with_the_way_out(tmp_path, data, message, hint):
+def test_file_that_is_not_utf_8_is_refused_with_a_hint(tmp_path, data, message, hint):
     path = write(tmp_path / "my_msgs" / "msg" / "Text.msg", data)
     with pytest.raises(DefinitionError) as caught:
         read_definition(path)
@@ -46,7 +46,7 @@ def test_what_is_not_plain_utf_8_is_refused_with_the_way_out(tmp_path, data, mes
     assert hint in caught.value.hint
 
 
-def test_a_wrong_byte_is_shown_where_it_stands():
+def test_invalid_byte_is_shown_with_its_position():
     with pytest.raises(DefinitionError) as caught:
         decode("int32 a\n# größer\n".encode("latin-1"), "Text.msg")
     assert (caught.value.line, caught.value.column) == (2, 5)
@@ -64,7 +64,7 @@ def test_a_wrong_byte_is_shown_where_it_stands():
         ("Fetch.txt", ""),
     ],
 )
-def test_a_wrong_ending_is_refused_with_the_right_one(name, hint):
+def test_wrong_extension_is_refused_with_the_right_one(name, hint):
     with pytest.raises(DefinitionError) as caught:
         kind_of(Path(name))
     assert caught.value.hint == hint
@@ -96,7 +96,7 @@ def test_a_source_without_definitions_is_refused(tmp_path):
     assert (caught.value.line, caught.value.path) == (0, str(tmp_path / "gone"))
 
 
-def test_the_neighbours_of_a_source_are_within_reach(tmp_path, monkeypatch):
+def test_neighbours_of_a_source_are_found(tmp_path, monkeypatch):
     a = write(tmp_path / "a_msgs" / "srv" / "A.srv")
     expected = [tmp_path / "a_msgs", tmp_path]
     for source in (a, a.parent, a.parents[1]):
@@ -117,7 +117,7 @@ def test_a_file_in_a_subfolder_belongs_to_the_package_above_that_has_a_manifest(
         assert search_paths([str(source)]) == [tmp_path / "my_msgs", tmp_path]
 
 
-def test_packages_lie_at_any_depth_below_src(tmp_path):
+def test_packages_at_any_depth_below_src_are_found(tmp_path):
     near = write(tmp_path / "src" / "a_msgs" / "srv" / "A.srv")
     far = write(tmp_path / "src" / "group" / "b" / "c" / "d_msgs" / "msg" / "D.msg", b"int8 d\n")
     write(tmp_path / "src" / "group" / "build" / "x_msgs" / "msg" / "D.msg")

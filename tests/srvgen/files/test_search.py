@@ -16,7 +16,7 @@ from tests.srvgen.sample_definitions import put, put_all
 pytestmark = pytest.mark.usefixtures("workspace")
 
 
-def test_packages_lie_in_the_working_directory_or_its_src(workspace):
+def test_packages_in_the_working_directory_or_its_src_are_found(workspace):
     one = put("one_msgs/msg/A", "int32 a", workspace)
     two = put("two_msgs/srv/B", "---", workspace / "src")
     assert Search().find("one_msgs/msg/A") == one
@@ -29,7 +29,7 @@ def test_the_working_directory_may_be_a_package_itself(workspace, monkeypatch):
     assert Search().find("one_msgs/msg/A") == path
 
 
-def test_packages_beside_the_program_that_runs_are_found_from_everywhere(tmp_path, monkeypatch):
+def test_packages_beside_the_program_are_found_from_any_directory(tmp_path, monkeypatch):
     path = put("one_msgs/msg/A", "int32 a", tmp_path / "project")
     with pytest.raises(DefinitionError):
         Search().find("one_msgs/msg/A")
@@ -74,13 +74,13 @@ def test_a_file_is_parsed_again_only_when_it_has_changed(workspace):
     "name",
     ["AddTwoInts_Request", "AddTwoInts_Response", "AddTwoInts_Event"],
 )
-def test_the_types_that_a_service_implies_can_be_loaded(name):
+def test_derived_types_of_a_service_can_be_loaded(name):
     loaded = Search().load(f"example_interfaces/srv/{name}")
     assert isinstance(loaded, MessageDef)
     assert loaded.full_name == f"example_interfaces/srv/{name}"
 
 
-def test_the_types_that_an_action_implies_can_be_loaded():
+def test_derived_types_of_an_action_can_be_loaded():
     search = Search()
     send_goal = search.load("example_interfaces/action/Fibonacci_SendGoal")
     assert isinstance(send_goal, ServiceDef)
@@ -89,7 +89,7 @@ def test_the_types_that_an_action_implies_can_be_loaded():
     assert [field.name for field in event.fields] == ["info", "request", "response"]
 
 
-def test_a_short_name_is_enough_where_it_means_one_type(workspace):
+def test_short_name_is_accepted_if_it_means_one_type(workspace):
     put("one_msgs/msg/A", "int32 a", workspace)
     put("one_msgs/srv/B", "---", workspace)
     search = Search()
@@ -115,7 +115,7 @@ def test_packages_and_interfaces_are_listed_once(workspace):
         search.interfaces("nowhere_msgs")
 
 
-def test_a_local_interface_wins_and_a_bundled_one_fills_gaps_with_one_note(workspace, caplog):
+def test_local_interface_comes_first_and_a_bundled_one_is_used_with_one_note(workspace, caplog):
     caplog.set_level(logging.INFO, "srvgen")
     local = put("std_srvs/srv/Trigger", "int32 mine\n---\n", workspace)
     search = Search()
@@ -153,14 +153,14 @@ def test_the_note_is_only_information_while_the_local_package_equals_the_bundled
         ("nowhere_srvs/Triger", "package 'nowhere_srvs' not found", ""),
     ],
 )
-def test_what_is_missing_is_named_with_what_resembles_it(name, message, hint):
+def test_missing_type_is_reported_with_similar_names(name, message, hint):
     with pytest.raises(DefinitionError) as caught:
         Search().load(name)
     assert message in caught.value.message
     assert hint in caught.value.hint
 
 
-def test_a_name_that_no_file_system_holds_is_merely_unknown():
+def test_name_that_is_too_long_for_the_file_system_is_unknown():
     with pytest.raises(DefinitionError, match="has no message"):
         Search().find(f"std_msgs/msg/{'A' * 5000}")
 
@@ -172,14 +172,14 @@ def test_a_deleted_working_directory_leaves_the_bundled_packages(workspace):
     assert Search().load("std_srvs/srv/Empty").full_name == "std_srvs/srv/Empty"
 
 
-def test_a_definition_beside_the_script_is_recognised(workspace):
+def test_definition_beside_the_script_gives_a_hint(workspace):
     Path("Fetch.srv").write_text("---", encoding="utf-8")
     with pytest.raises(DefinitionError) as caught:
         Search().load("my_msgs/srv/Fetch")
     assert caught.value.hint == "move Fetch.srv to my_msgs/srv/Fetch.srv"
 
 
-def test_dependencies_come_before_what_needs_them():
+def test_dependencies_come_before_their_dependents():
     names = [one.full_name for one in Search().with_dependencies("geometry_msgs/msg/PoseStamped")]
     for earlier, later in [("Point", "Pose"), ("Quaternion", "Pose"), ("Pose", "PoseStamped")]:
         assert names.index(f"geometry_msgs/msg/{earlier}") < names.index(
@@ -197,7 +197,7 @@ def test_a_service_needs_the_information_of_its_events():
     ]
 
 
-def test_an_error_says_where_was_cache_in(workspace):
+def test_error_lists_the_searched_folders(workspace):
     put("my_msgs/srv/Fetch", "---", workspace)
     with pytest.raises(DefinitionError) as caught:
         Search().load("nowhere_msgs/msg/Thing")
@@ -211,7 +211,7 @@ def test_an_error_says_where_was_cache_in(workspace):
     assert str(caught.value).endswith(f"\n  looked in: {Path.cwd() / 'my_msgs'}")
 
 
-def test_what_is_no_text_is_no_type_name():
+def test_type_name_that_is_not_a_str_is_a_type_error():
     with pytest.raises(TypeError, match="got 3"):
         Search().load(3)
 
@@ -233,7 +233,7 @@ def test_every_missing_type_is_reported_at_the_field_that_refers_to_it(workspace
     assert problems[2].hint == "did you mean string or std_msgs/String?"
 
 
-def test_a_type_that_contains_itself_is_refused_with_the_way_round(workspace):
+def test_type_that_contains_itself_is_refused_with_the_cycle(workspace):
     put("my_msgs/msg/Egg", "Hen hen", workspace)
     put("my_msgs/msg/Hen", "Egg[] eggs", workspace)
     with pytest.raises(DefinitionError) as caught:
@@ -245,7 +245,7 @@ def test_a_type_that_contains_itself_is_refused_with_the_way_round(workspace):
         Search().with_dependencies("my_msgs/msg/Self")
 
 
-def test_times_of_ros_1_are_refused_with_those_of_ros_2(workspace):
+def test_time_types_of_ros_1_are_refused_with_those_of_ros_2(workspace):
     put("my_msgs/msg/Old", "time stamp", workspace)
     for find in (Search().load, Search().with_dependencies):
         with pytest.raises(DefinitionError) as caught:
@@ -265,7 +265,7 @@ def test_a_broken_dependency_is_reported_once_in_its_own_file(workspace):
     assert caught.value.path == str(bad)
 
 
-def test_a_real_installation_is_found_as_ros_2_lays_it_out(tmp_path, monkeypatch):
+def test_installation_of_ros_2_is_found(tmp_path, monkeypatch):
     """Beside each .msg and .srv lie an .idl file and, in older releases, the service's halves."""
     share = tmp_path / "opt" / "share"
     others = ("msg/Goal.idl", "msg/Goal.json", "srv/Ask.idl")
@@ -288,7 +288,7 @@ def test_a_real_installation_is_found_as_ros_2_lays_it_out(tmp_path, monkeypatch
     assert "idl_only_msgs" not in search.packages()
 
 
-def test_one_look_sees_each_place_once_and_the_next_one_sees_what_is_new(workspace):
+def test_cached_lookups_do_not_see_new_files(workspace):
     search = Search()
     with search.cached_lookups():
         assert search.is_missing("one_msgs/msg/A")
@@ -297,7 +297,7 @@ def test_one_look_sees_each_place_once_and_the_next_one_sees_what_is_new(workspa
     assert not search.is_missing("one_msgs/msg/A")
 
 
-def test_looks_of_several_threads_leave_nothing_behind(tmp_path):
+def test_threads_do_not_share_their_lookup_caches(tmp_path):
     """A look that stayed open would never see a file that is new."""
     shared = Search([tmp_path])
     inside, leave = threading.Barrier(2), threading.Barrier(2)

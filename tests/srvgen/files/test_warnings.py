@@ -27,7 +27,7 @@ def warned(check, line: str) -> list[str]:
     return [one.removeprefix(f"{path}:") for one in heads]
 
 
-def test_a_comment_that_begins_inside_quotes_is_told(check):
+def test_comment_that_begins_inside_quotes_gives_a_warning(check):
     assert warned(check, 'string x "a#b"') == [
         "1:12: warning: expected the text to end before '#', got '\"a' as the whole text: "
         "'#' begins a comment, even inside quotes"
@@ -44,7 +44,7 @@ def test_a_comment_that_begins_inside_quotes_is_told(check):
         ("wstring NAME=it\u2019s", "1:16", "a right single quotation mark"),
     ],
 )
-def test_a_text_with_what_a_word_processor_left_is_told(check, line, place, words):
+def test_characters_of_a_word_processor_give_a_warning(check, line, place, words):
     (first, *_) = warned(check, line)
     assert first.startswith(f"{place}: warning: expected ")
     assert words in first
@@ -62,7 +62,7 @@ def test_a_text_with_what_a_word_processor_left_is_told(check, line, place, word
         "# \u201cquoted\u201d",
     ],
 )
-def test_what_is_plain_is_not_told(check, line):
+def test_plain_value_gives_no_warning(check, line):
     assert warned(check, line) == []
 
 
@@ -72,7 +72,7 @@ def test_warnings_do_not_fail_and_are_counted(check):
     assert (code, out) == (0, "1 definition, no problems, 2 warnings\n")
 
 
-def test_programs_get_warnings_under_a_key_of_their_own(check):
+def test_json_output_has_warnings_under_their_own_key(check):
     path = put("my_msgs/msg/Odd", "string x \u201cabc\n")
     code, _, err = check("my_msgs", "--json")
     (line,) = err.splitlines()
@@ -84,7 +84,7 @@ def test_programs_get_warnings_under_a_key_of_their_own(check):
 MANIFEST = "<package format='3'><name>my_msgs</name>{}</package>"
 
 
-def test_a_dependency_that_package_xml_lacks_is_told_at_its_first_field(check):
+def test_undeclared_dependency_gives_a_warning_at_its_first_field(check):
     path = put(
         "my_msgs/srv/Ask", "int32 a\ngeometry_msgs/Pose p\n---\ngeometry_msgs/Point q\nInner i\n"
     )
@@ -108,12 +108,12 @@ def test_every_way_to_declare_a_dependency_counts(check, tag):
     assert check("my_msgs")[2] == ""
 
 
-def test_without_package_xml_nothing_is_asked_of_it(check):
+def test_package_without_package_xml_gives_no_warning(check):
     put("my_msgs/msg/Inner", "std_msgs/Header header\n")
     assert check("my_msgs") == (0, "1 definition, no problems\n", "")
 
 
-def test_a_manifest_that_is_no_xml_is_told_once(check):
+def test_invalid_package_xml_gives_one_warning(check):
     put("my_msgs/msg/Inner", "std_msgs/Header header\n")
     put("my_msgs/msg/Other", "int32 a\n")
     put_all({"my_msgs/package.xml": "<package>"}, Path())
@@ -123,7 +123,7 @@ def test_a_manifest_that_is_no_xml_is_told_once(check):
     assert f"{manifest}:1:1: warning: expected a package manifest in XML" in err
 
 
-def test_packages_that_need_each_other_are_an_error_though_their_types_do_not(check):
+def test_circular_packages_are_an_error_although_their_types_are_not_circular(check):
     put("a_msgs/msg/A", "b_msgs/B b\n")
     put("a_msgs/msg/C", "int32 c\n")
     put("b_msgs/msg/B", "a_msgs/C c\n")
@@ -136,12 +136,12 @@ def test_packages_that_need_each_other_are_an_error_though_their_types_do_not(ch
     "line",
     ["float32 a 1e39", "float32 A=-1e39", "float32[] a [1.0, 1e39]", "float32[2] a [0, 1e39]"],
 )
-def test_a_number_that_no_float32_holds_is_told(check, line):
+def test_number_that_is_too_large_for_float32_gives_a_warning(check, line):
     assert "expected a float32 up to 3.402823e+38" in "".join(warned(check, line))
 
 
 @pytest.mark.parametrize(
     "line", ["float32 a 3.4028234663852886e38", "float32 a inf", "float64 a 1e39"]
 )
-def test_a_number_that_its_type_holds_is_not_told(check, line):
+def test_number_within_the_range_of_its_type_gives_no_warning(check, line):
     assert warned(check, line) == []
