@@ -13,7 +13,7 @@ from taskrpc.attempts import Attempts
 from taskrpc.errors import InvalidRequest, TaskRpcError
 from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.retry import RetryBudget, RetryPolicy
-from taskrpc.transport.base import Tell, ToldThread, Transport, WaitingThread
+from taskrpc.transport.base import Channel, Tell, ToldThread, Transport, WaitingThread
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.connection.deadline_timer import clock_of
 
@@ -60,6 +60,11 @@ class Client(Generic[RequestT, ResponseT]):
         self._now = clock_of(self._loop)
         self._forget = forget
         self._channel = transport.channel(name, srv_type, node, otherwise=otherwise)
+
+    @property
+    def channel(self) -> Channel:
+        """Its way to the service, for the layers on top of this one."""
+        return self._channel
 
     def service_is_ready(self) -> bool:
         """Whether a server of the service is known."""

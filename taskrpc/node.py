@@ -65,8 +65,8 @@ class Node(NodeTopics):
     _threads = False
     """Whether other threads than the event loop's call."""
 
-    _domain: int | None = None
-    """The domain that it is in, instead of `ROS_DOMAIN_ID`."""
+    domain: int | None = None
+    """Its domain if that is not `ROS_DOMAIN_ID`; to be set before `start`."""
 
     def __init__(
         self,
@@ -162,7 +162,7 @@ class Node(NodeTopics):
                 keepalive=self._keepalive,
                 tls=self._tls,
                 threads=self._threads,
-                domain=self._domain,
+                domain=self.domain,
             )
             self._transport.add_node(self.get_fully_qualified_name())
             self._tell(lambda observer: observer.node_started(self))

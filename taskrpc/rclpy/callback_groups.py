@@ -9,13 +9,13 @@ from ._impl.execution.entity import Entity
 
 
 class CallbackGroup:
-    """What entities share that restrict each other; a subclass says how."""
+    """A set of entities whose callbacks restrict each other; a subclass defines the rule."""
 
     def __init__(self) -> None:
         self.entities: set[weakref.ReferenceType[Entity]] = set()
 
     def add_entity(self, entity: Entity) -> None:
-        """Let the group decide when this entity's callbacks run."""
+        """Let the group decide when the callbacks of this entity run."""
         self.entities.add(weakref.ref(entity))
 
     def has_entity(self, entity: Entity) -> bool:
@@ -23,20 +23,20 @@ class CallbackGroup:
         return weakref.ref(entity) in self.entities
 
     def can_execute(self, entity: Entity) -> bool:
-        """Whether a callback of the entity could begin now."""
+        """Whether a callback of the entity may begin now."""
         raise NotImplementedError
 
     def beginning_execution(self, entity: Entity) -> bool:
-        """Ask to begin a callback; when this says True, `ending_execution` must follow."""
+        """Reserve the group for a callback; after True, `ending_execution` must follow."""
         raise NotImplementedError
 
     def ending_execution(self, entity: Entity) -> None:
-        """Tell that the callback has ended."""
+        """Release the group: the callback has ended."""
         raise NotImplementedError
 
 
 class ReentrantCallbackGroup(CallbackGroup):
-    """Its callbacks may all run at once, also one beside itself."""
+    """Its callbacks may all run at the same time, even several runs of one callback."""
 
     def can_execute(self, entity: Entity) -> bool:
         """Always."""
@@ -47,11 +47,11 @@ class ReentrantCallbackGroup(CallbackGroup):
         return True
 
     def ending_execution(self, entity: Entity) -> None:
-        """Nothing to do: nobody waits for it."""
+        """Do nothing: no callback waits for another."""
 
 
 class MutuallyExclusiveCallbackGroup(CallbackGroup):
-    """Only one of its callbacks runs at a time; an async one holds it while it waits, too."""
+    """Only one of its callbacks runs at a time; a coroutine keeps the group while it awaits."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -68,7 +68,7 @@ class MutuallyExclusiveCallbackGroup(CallbackGroup):
         return self._active_entity is None
 
     def beginning_execution(self, entity: Entity) -> bool:
-        """True for one entity, until that one's callback has ended."""
+        """Reserve the group; False while the callback of another entity holds it."""
         with self._lock:
             if self._active_entity is None:
                 self._active_entity = entity

@@ -1,4 +1,4 @@
-"""Clients: call a service, wait for it, or have the answer come while somebody spins."""
+"""Clients: call a service and wait, or receive the response while a thread spins the node."""
 
 from __future__ import annotations
 
@@ -36,22 +36,22 @@ SrvRequestT = TypeVar("SrvRequestT")
 SrvResponseT = TypeVar("SrvResponseT")
 
 _SLICE = 0.1
-"""Seconds of one wait: on Windows Ctrl-C does not reach a longer one before its end."""
+"""Seconds of one wait: on Windows, Ctrl-C cannot interrupt a wait."""
 
 _GRACE = 1.0
-"""Seconds for which an answer lies there before nobody seems to spin."""
+"""Seconds that a response may wait before we conclude that no thread spins the node."""
 
 _LONG_GRACE = 5.0
-"""The same while a callback runs in a pool, whose spinner may just do something else."""
+"""The same while a callback runs in a pool: the spinning thread may be busy elsewhere."""
 
 _FOR_OTHERS = 1.0
-"""Seconds for which a call like ROS's waits until all servers of its name have the request."""
+"""With `--like-ros`: the longest wait until all servers of the name have the request."""
 
 
 class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
     """Calls one service; `Node.create_client` makes one.
 
-    Answers complete the futures only while somebody spins the node.
+    Responses complete the futures only while a thread spins the node.
     """
 
     def __init__(
@@ -70,16 +70,21 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         self.callback_group = callback_group
         self.handle = ClientHandle(self)
         self._native = node.handle.bridge.client(srv_type, srv_name)
-        self._warn = self._native.inner._channel.on_refusal
-        self._native.inner._channel.on_refusal = self._refused
+        # A type mismatch is explained in the words of ROS; other refusals are logged as before.
+        self._warn = self._native.channel.on_refusal
+        self._native.channel.on_refusal = self._refused
         self._outbox = Outbox(self._native, srv_type)
         self._answers: deque[tuple[int, Any, BaseException | None]] = deque()
+        """Responses that wait for the spin: call number, response, error."""
         self._pending: dict[int, Future[Any]] = {}
+        """The futures of the calls without a response, by call number."""
         self._numbers = 0
+        """The number of the last call."""
         self._introspection = Introspection(node, srv_type, srv_name)
         self._gid = gid_of(node.get_fully_qualified_name())
         self._lock = threading.Lock()
         self._waited_for, self._waited_since = 0, 0.0
+        """The oldest response that `call` has seen waiting, and since when."""
 
     @property
     def service_name(self) -> str:
@@ -111,11 +116,11 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         return number, self._pending[number]
 
     def call(self, request: SrvRequestT, timeout_sec: float | None = None) -> SrvResponseT | None:
-        """Call the service and wait for the answer, while another thread spins.
+        """Call the service and wait for the response, while another thread spins the node.
 
         Raises TimeoutError after `timeout_sec` seconds (`--like-ros` returns None, as Jazzy does),
-        TypeError for another type's request, WouldDeadlock in a callback that keeps the answer
-        from being taken, ExternalShutdownException some seconds after the context was shut down.
+        TypeError for another type's request, WouldDeadlock in a callback that prevents the
+        response from being taken, ExternalShutdownException some seconds after the shutdown.
         """
         callback = check_call(self, timeout_sec)
         try:
@@ -142,9 +147,9 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         return future.result()
 
     def _over(self, over: float) -> float:
-        """When `call` has waited long enough for an answer that nobody will take any more.
+        """The instant at which `call` stops waiting after the shutdown of the context.
 
-        Raises ExternalShutdownException then, where ROS would wait for ever.
+        Raises ExternalShutdownException at that instant; ROS would wait for ever.
         """
         if over == math.inf:
             return over if self.parent_node.context.ok() else time.monotonic() + _LONG_GRACE
@@ -153,9 +158,9 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         return over
 
     def call_async(self, request: SrvRequestT) -> Future[SrvResponseT]:
-        """Send a request; the future of its response, which comes while somebody spins.
+        """Send a request and return the future of its response.
 
-        A request to a service that nobody offers yet is sent once somebody does. Raises TypeError
+        While the service has no server, the request waits for one. Raises TypeError
         for another type's request, InvalidRequest for a value that does not fit its field.
         """
         if not isinstance(request, self.srv_type.Request):
@@ -174,51 +179,51 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             self.handle.item_arrived()
 
         try:
-            give_up = self._send(request, tell)
+            cancel = self._send(request, tell)
         except BaseException:
             self._pending.pop(number, None)
             raise
-        future.when_done(lambda: self._ended(number, future, give_up))
+        future.when_done(lambda: self._ended(number, future, cancel))
         if self._introspection.is_on:
             self._introspection.tell("REQUEST_SENT", self._gid, number, request=request)
         return future
 
     def _send(self, request: SrvRequestT, tell: Tell) -> Callable[[], object]:
         try:
-            give_up = self._outbox.send(request, tell)
+            cancel = self._outbox.send(request, tell)
         except InvalidRequest as error:
             request = wrapped_or_refused(request, self._full_name, error)
-            give_up = self._outbox.send(request, tell)
+            cancel = self._outbox.send(request, tell)
         if like_ros():
             self._send_to_others(request, tell)
-        return give_up
+        return cancel
 
     def _send_to_others(self, request: SrvRequestT, tell: Tell) -> None:
-        channel = self._native.inner._channel
+        channel = self._native.channel
         sent = channel.send_to_others(request, lambda found: tell(found, None))
         with contextlib.suppress(TimeoutError):  # a program may end right after its call
             sent.result(_FOR_OTHERS)
 
     def get_pending_request(self, sequence_number: int) -> Future[SrvResponseT]:
-        """The future of a request that has no answer yet; raises KeyError for any other."""
+        """The future of a request that has no response yet; raises KeyError for any other."""
         return self._pending[sequence_number]
 
     def remove_pending_request(self, future: Future[SrvResponseT]) -> None:
-        """Wait no more for an answer; the future stays as it is."""
+        """Stop waiting for a response; the future stays as it is."""
         with self._lock:
             for number, known in list(self._pending.items()):
                 if known is future:
                     del self._pending[number]
 
     def service_is_ready(self) -> bool:
-        """Whether somebody offers the service."""
+        """Whether a server of the service is known."""
         self.handle.check()
         return self._native.is_known()
 
     def wait_for_service(self, timeout_sec: float | None = None) -> bool:
-        """Wait until somebody offers the service, at most `timeout_sec` seconds; whether it is so.
+        """Wait for a server of the service, at most `timeout_sec` seconds; False without one.
 
-        Also False when the context is shut down meanwhile.
+        Returns False, too, when the context is shut down.
         """
         self.handle.check()
         endless = timeout_sec is None or timeout_sec < 0
@@ -237,12 +242,12 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         service_event_qos_profile: QoSProfile,
         introspection_state: ServiceIntrospectionState,
     ) -> None:
-        """Tell every step of the calls on the topic `SERVICE/_service_event`, or no longer."""
+        """Publish the introspection events of the calls on `SERVICE/_service_event`, or stop."""
         self.handle.check()
         self._introspection.configure(clock, service_event_qos_profile, introspection_state)
 
     def destroy(self) -> None:
-        """Call no more; requests that were not sent yet are sent first, if their server is there.
+        """Release the service; requests that wait are sent first if their server is known.
 
         Use it through `Node.destroy_client`, or `with`.
         """
@@ -276,11 +281,11 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         return f"expected a {self.srv_type.Request.__name__} for {self._full_name}, got {kind}"
 
     def _ended(
-        self, number: int, future: Future[SrvResponseT], give_up: Callable[[], object]
+        self, number: int, future: Future[SrvResponseT], cancel: Callable[[], object]
     ) -> None:
         self._pending.pop(number, None)
         if future._cancelled and not future._done:
-            give_up()
+            cancel()
 
     def has_work(self) -> bool:
         """Whether a response waits to be taken."""
@@ -291,7 +296,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         self.handle.check()
         try:
             number, response, error = self._answers.popleft()
-        except IndexError:  # another thread was quicker
+        except IndexError:  # another thread took it
             return None
         if self._introspection.is_on and error is None:
             self._introspection.tell("RESPONSE_RECEIVED", self._gid, number, response=response)
@@ -305,7 +310,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         return lambda: self._complete(future, response, error)
 
     def _take_unspun(self) -> None:
-        """Take the answers of `call` for whoever should spin: nobody does, if they wait so long."""
+        """Take the response of `call` on this thread when it has waited too long for a spin."""
         number = self._answers[0][0]
         if self._waited_for != number:
             self._waited_for, self._waited_since = number, time.monotonic()
@@ -327,18 +332,18 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             future.set_result(response)
         else:
             future.set_exception(error)
-            future._exception_fetched = True  # it was told of, and ROS would tell nothing
+            future._exception_fetched = True  # `explain` has reported it; ROS reports nothing
 
 
 class ClientHandle(ArrivalHandle):
-    """What `Client.handle` is."""
+    """`Client.handle`: reports each response when it arrives."""
 
     def set_on_new_response_callback(self, callback: Callable[[int], object]) -> None:
-        """Call this with how many responses arrived, on the thread that received them."""
+        """Call this with the number of new responses, on the thread that received them."""
         self.set_on_new_callback(callback)
 
     def clear_on_new_response_callback(self) -> None:
-        """Call nothing any more when responses arrive."""
+        """Remove the callback for new responses."""
         self.set_on_new_callback(None)
 
 

@@ -1,4 +1,4 @@
-"""Clocks: the system's, one that never jumps, and ROS's, which a simulation may set."""
+"""Clocks: the system clock, the steady clock, and the ROS clock, which a simulation may set."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from .utilities import get_default_context
 
 
 class ClockChange(enum.IntEnum):
-    """Whether a jump came from a change of where the time comes from."""
+    """Whether a jump came from a change of the time source."""
 
     ROS_TIME_NO_CHANGE = 1
     ROS_TIME_ACTIVATED = 2
@@ -29,10 +29,10 @@ class ClockChange(enum.IntEnum):
 
 
 class JumpThreshold:
-    """Which jumps are told: those at least so far, and changes of the time's source.
+    """Which jumps are reported: those of a minimum size, and changes of the time source.
 
     `min_forward` is positive or None, `min_backward` negative or None; ValueError otherwise, and
-    when nothing would ever be told.
+    when no jump would ever be reported.
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class JumpThreshold:
         self.on_clock_change = on_clock_change
 
     def exceeded_by(self, jump: TimeJump) -> bool:
-        """Whether this jump is to be told."""
+        """Whether this jump must be reported."""
         if jump.clock_change in (ClockChange.ROS_TIME_ACTIVATED, ClockChange.ROS_TIME_DEACTIVATED):
             return self.on_clock_change
         if self.min_forward is not None and jump.delta >= self.min_forward:
@@ -62,7 +62,7 @@ class JumpThreshold:
 
 
 class TimeJump:
-    """One jump of a clock: how far, and whether the time's source changed."""
+    """A jump of a clock: how far it was, and whether the time source changed."""
 
     def __init__(self, clock_change: ClockChange, delta: Duration) -> None:
         if not isinstance(clock_change, ClockChange):
@@ -72,7 +72,7 @@ class TimeJump:
 
     @property
     def clock_change(self) -> ClockChange:
-        """Whether the time's source changed."""
+        """Whether the time source changed."""
         return self._clock_change
 
     @property
@@ -82,7 +82,7 @@ class TimeJump:
 
 
 class JumpHandle:
-    """A registration for jumps; ends with `unregister()` or its `with` block."""
+    """The registration of jump callbacks; `unregister()` or the end of its `with` block ends it."""
 
     def __init__(
         self,
@@ -105,7 +105,7 @@ class JumpHandle:
         clock._jump_handles.append(self)
 
     def unregister(self) -> None:
-        """Be told no more."""
+        """Remove the callbacks."""
         if self._clock is not None:
             self._clock._jump_handles.remove(self)
             self._clock = None
@@ -141,7 +141,7 @@ class Clock:
     _timers: weakref.WeakSet[JumpListener]
 
     def __new__(cls, *, clock_type: ClockType = ClockType.SYSTEM_TIME) -> Clock:
-        """A clock of the class for its kind; raises TypeError for what is no ClockType."""
+        """Create a clock of the class for its kind; raises TypeError for another type."""
         if not isinstance(clock_type, ClockType):
             raise TypeError("Clock type must be a ClockType enum")
         self = super().__new__(ROSClock if clock_type is ClockType.ROS_TIME else cls)
@@ -160,7 +160,7 @@ class Clock:
 
     @property
     def handle(self) -> Handle:
-        """What ROS keeps of it."""
+        """Its handle."""
         return self._handle
 
     def __repr__(self) -> str:
@@ -177,7 +177,7 @@ class Clock:
         pre_callback: Callable[[], Any] | None = None,
         post_callback: Callable[[TimeJump], Any] | None = None,
     ) -> JumpHandle:
-        """Be told of jumps, before and after; the callbacks must not wait for anything."""
+        """Call these before and after jumps; the callbacks must not block."""
         return JumpHandle(
             clock=self,
             threshold=threshold,
@@ -186,10 +186,11 @@ class Clock:
         )
 
     def sleep_until(self, until: Time, context: Context | None = None) -> bool:
-        """Sleep until this clock shows the time; False when something else ended it earlier.
+        """Sleep until this clock shows the time; returns False when the sleep ended earlier.
 
-        That is the context's shutdown, or ROS time being switched on or off. Raises ValueError for
-        another clock's time, NotInitializedException when the context is not up.
+        The shutdown of the context ends it, and so does switching ROS time on or off.
+        Raises ValueError for the time of another clock, NotInitializedException without a
+        running context.
         """
         context = get_default_context() if context is None else context
         if not context.ok():
@@ -216,7 +217,7 @@ class Clock:
                 sleep.until_ended(seen, self.real_seconds(left))
 
     def sleep_for(self, rel_time: Duration, context: Context | None = None) -> bool:
-        """Sleep for so long by this clock; otherwise as `sleep_until`."""
+        """Sleep for a duration of this clock; see `sleep_until`."""
         return self.sleep_until(self.now() + rel_time, context)
 
     def add_timer(self, timer: JumpListener) -> None:
@@ -230,23 +231,23 @@ class Clock:
         return _time.time_ns()
 
     def real_seconds(self, nanoseconds: int) -> float | None:
-        """How long this clock needs for that many nanoseconds; None when nobody knows."""
+        """The real seconds that this clock needs for so many nanoseconds; None if unknown."""
         return nanoseconds * 1e-9
 
 
 class ROSClock(Clock):
-    """The system's time, until a time source switches it to what arrives on `/clock`."""
+    """The system time, until a time source switches it to the time from `/clock`."""
 
     _override_ns: int
     _active: bool
 
     def __new__(cls) -> ROSClock:
-        """A clock that shows the system's time so far."""
+        """Create a clock that shows the system time."""
         return super().__new__(cls, clock_type=ClockType.ROS_TIME)  # type: ignore[return-value]
 
     @property
     def ros_time_is_active(self) -> bool:
-        """Whether the time is set by a simulation."""
+        """Whether a simulation sets the time."""
         return self._active
 
     def set_ros_time_override(self, time: Time) -> None:
@@ -277,10 +278,10 @@ class ROSClock(Clock):
         self._jump(TimeJump(changed, Duration()), change)
 
     def _jump(self, jump: TimeJump, change: Callable[[], None]) -> None:
-        """Change the time, with everybody told who asked for it."""
-        told = [handle for handle in self._jump_handles if handle.threshold.exceeded_by(jump)]
+        """Change the time; inform timers and jump callbacks before and after."""
+        handles = [handle for handle in self._jump_handles if handle.threshold.exceeded_by(jump)]
         timers = list(self._timers)
-        for handle in told:
+        for handle in handles:
             if handle.pre_callback is not None:
                 handle.pre_callback()
         for timer in timers:
@@ -288,7 +289,7 @@ class ROSClock(Clock):
         change()
         for timer in timers:
             timer.after_jump(jump)
-        for handle in told:
+        for handle in handles:
             if handle.post_callback is not None:
                 handle.post_callback(jump)
 
@@ -297,7 +298,7 @@ class ROSClock(Clock):
         return self._override_ns if self._active else _time.time_ns()
 
     def real_seconds(self, nanoseconds: int) -> float | None:
-        """How many seconds this clock needs for that; None while a simulation sets the time."""
+        """The real seconds for so many nanoseconds; None while a simulation sets the time."""
         return None if self._active else nanoseconds * 1e-9
 
 

@@ -1,4 +1,4 @@
-"""The time between `init` and `shutdown`, and what belongs to it."""
+"""Contexts: the state that nodes and executors share between `init` and `shutdown`."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ class _TrackedNode(Protocol):
 
 
 _living: weakref.WeakSet[Context] = weakref.WeakSet()
-"""Contexts that were initialised; a signal ends them all."""
+"""Contexts that were initialised; a signal shuts all of them down."""
 
 
 class ContextHandle(Handle):
-    """What `Context.handle` is after `init`; `ok()` until the shutdown."""
+    """`Context.handle` after `init`; `ok()` is True until the shutdown."""
 
     def __init__(self, context: Context) -> None:
         super().__init__(context)
         self._ok = True
 
     def ok(self) -> bool:
-        """Whether the context was not shut down."""
+        """Whether the context is not shut down."""
         return self._ok
 
     def get_domain_id(self) -> int:
@@ -45,14 +45,14 @@ class ContextHandle(Handle):
         return int(self.owner.get_domain_id())
 
     def shutdown(self) -> None:
-        """End the context without its callbacks."""
+        """Shut the context down without calling its callbacks."""
         self._ok = False
 
 
 class Context:
-    """Holds what nodes and executors have in common from `init` to `shutdown`.
+    """The state that nodes and executors share from `init` to `shutdown`.
 
-    Most programs use the one that `rclpy.init()` fills, and never see it.
+    Most programs use the default context, which `rclpy.init()` initialises, and never see it.
     """
 
     def __init__(self) -> None:
@@ -60,15 +60,18 @@ class Context:
         self._callbacks: list[Callable[[], Callable[[], Any] | None]] = []
         self._handle: ContextHandle | None = None
         self._by_signal = False
+        """Whether a signal shut it down and `shutdown` was not called since."""
         self.was_interrupted = False
+        """Whether a signal ever shut it down."""
         self._domain_id = 0
         self._nodes: list[weakref.ReferenceType[_TrackedNode]] = []
+        # Where executors and clocks sleep; the shutdown wakes them.
         self._sleeps: weakref.WeakSet[Sleep] = weakref.WeakSet()
         self.arguments = Arguments()
 
     @property
     def handle(self) -> ContextHandle | None:
-        """What ROS keeps of it; None before `init`."""
+        """Its handle; None before `init`."""
         return self._handle
 
     def init(
@@ -78,7 +81,7 @@ class Context:
         initialize_logging: bool = True,
         domain_id: int | None = None,
     ) -> None:
-        """Begin, with the ROS arguments of a command line (by default, this program's).
+        """Initialise it with the ROS arguments of a command line, by default the program's.
 
         Raises RuntimeError the second time, for a negative domain id and for ROS arguments that
         do not exist or cannot be read.
@@ -96,7 +99,7 @@ class Context:
             _living.add(self)
 
     def track_node(self, node: _TrackedNode) -> None:
-        """Have the node destroyed with the context."""
+        """Destroy the node at the shutdown."""
         self._nodes.append(weakref.ref(node))
 
     def untrack_node(self, node: _TrackedNode) -> None:
@@ -108,19 +111,19 @@ class Context:
         self._sleeps.add(sleep)
 
     def ok(self) -> bool:
-        """Whether it was initialised and not shut down since."""
+        """Whether it is initialised and not shut down."""
         handle = self._handle
         return handle is not None and handle._ok
 
     def destroy(self) -> None:
-        """Give up the handle."""
+        """Destroy the handle."""
         if self._handle is not None:
             self._handle.destroy_when_not_in_use()
 
     def shutdown(self) -> None:
-        """End it: its nodes are destroyed, whoever spins stops spinning.
+        """Shut it down: destroys its nodes and stops the executors.
 
-        Raises RuntimeError before `init`, and the second time (silent where a signal was first).
+        Raises RuntimeError before `init` and the second time, unless a signal was the first.
         """
         if self._handle is None:
             raise RuntimeError("Context must be initialized before it can be shutdown")
@@ -129,12 +132,12 @@ class Context:
         self._end()
 
     def try_shutdown(self) -> None:
-        """End it, unless it never began or is over."""
+        """Shut it down, unless it is not initialised or already shut down."""
         if self._handle is not None and (self._handle._ok or self._by_signal):
             self._end()
 
     def on_shutdown(self, callback: Callable[[], Any]) -> None:
-        """Have the callback called at the shutdown; at once when that was already."""
+        """Call the callback at the shutdown; at once if the context is already shut down."""
         if not callable(callback):
             raise TypeError(f"callback should be a callable, got {type(callback)}")
         with self._lock:
@@ -144,7 +147,7 @@ class Context:
         callback()
 
     def get_domain_id(self) -> int:
-        """The domain whose nodes this context's nodes see."""
+        """The domain of its nodes; they see only nodes of the same domain."""
         if self._handle is None:
             raise RuntimeError("Context must be initialized before it can have a domain id")
         return self._domain_id
@@ -172,7 +175,7 @@ class Context:
         for reference in callbacks:
             if (callback := reference()) is not None:
                 callback()
-        for sleep in _all(self._sleeps):  # after the callbacks, which may shut them down
+        for sleep in _all(self._sleeps):  # after the callbacks, which may shut executors down
             sleep.end()
         for known in nodes:
             if (node := known()) is not None:
@@ -180,7 +183,7 @@ class Context:
         output.end(self)
 
     def _end_by_signal(self) -> None:
-        """End it as far as a signal handler may: no lock is taken, no callback called."""
+        """Shut it down as far as a signal handler may: takes no lock and calls no callback."""
         if self._handle is not None and self._handle._ok:
             self._by_signal = self.was_interrupted = True
             self._handle._ok = False
@@ -189,13 +192,13 @@ class Context:
 
 
 def end_all_by_signal() -> None:
-    """End every context, from a signal handler."""
+    """Shut every context down, from a signal handler."""
     for context in _all(_living):
         context._end_by_signal()
 
 
 def _all(known: weakref.WeakSet[_Thing]) -> list[_Thing]:
-    """What is in the set, whatever other threads add to it meanwhile."""
+    """The members of a set to which other threads may add at the same time."""
     while True:
         try:
             return list(known)
@@ -204,7 +207,7 @@ def _all(known: weakref.WeakSet[_Thing]) -> list[_Thing]:
 
 
 def _reference(callback: Callable[[], Any]) -> Callable[[], Callable[[], Any] | None]:
-    """A weak reference to a method, so that its object may go; functions are kept."""
+    """A weak reference to a method, which does not keep its object; functions are kept."""
     if inspect.ismethod(callback):
         return weakref.WeakMethod(callback)
     return lambda: callback
@@ -212,11 +215,11 @@ def _reference(callback: Callable[[], Any]) -> Callable[[], Callable[[], Any] | 
 
 def _read(args: Sequence[str]) -> Arguments:
     for argument in args:
-        argument.encode()  # ROS passes them on as UTF-8, and so raises UnicodeEncodeError
+        argument.encode()  # ROS encodes them as UTF-8, and so raises UnicodeEncodeError
     return parse(list(args), failed="failed to initialize rcl")
 
 
 def _domain_of_the_environment() -> int:
-    """ROS_DOMAIN_ID; 0 when it is not a number, as ROS has it."""
+    """ROS_DOMAIN_ID; 0 when it is not a number, as in ROS."""
     text = os.environ.get("ROS_DOMAIN_ID", "")
     return int(text) if text.isdecimal() else 0

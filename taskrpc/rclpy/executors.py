@@ -1,4 +1,4 @@
-"""Who runs a node's callbacks: the thread that spins, or a pool of threads."""
+"""Executors, which run the callbacks of nodes: on the spinning thread or in a pool of threads."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from .task import Future, Task
 
 
 class TimeoutException(Exception):
-    """Nothing was ready within the time."""
+    """Nothing was ready before the timeout."""
 
 
 class ShutdownException(Exception):
@@ -46,7 +46,7 @@ class ShutdownException(Exception):
 
 
 class ConditionReachedException(Exception):
-    """What the executor was to spin for is there."""
+    """The condition that the executor was spinning for is true."""
 
 
 async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:
@@ -58,14 +58,14 @@ async def await_or_execute(callback: Callable[..., Any], *args: Any) -> Any:
 class Executor(Scheduler):
     """Waits until something arrives at its nodes' entities, and runs their callbacks.
 
-    A subclass says on which threads (`spin_once`).
+    A subclass decides on which threads they run (`spin_once`).
     """
 
     runs_one_at_a_time = False
-    """Whether a callback that waits keeps every other one from running."""
+    """Whether a callback that waits prevents every other callback from running."""
 
     thread_count = 1
-    """How many callbacks may run at a time."""
+    """How many callbacks may run at the same time."""
 
     @property
     def is_shutdown(self) -> bool:
@@ -74,32 +74,32 @@ class Executor(Scheduler):
 
     @property
     def is_unattended(self) -> bool:
-        """Whether callbacks may still run, though nobody spins any more."""
+        """Whether callbacks may still run although no thread spins the executor any more."""
         return False
 
     @property
     def context(self) -> Context:
-        """The context whose end ends the spinning."""
+        """The context; its shutdown ends the spinning."""
         return self._context
 
     @property
     def is_spinning(self) -> bool:
-        """Whether somebody spins it: waits for work, or is at work."""
+        """Whether a thread spins it, that is, waits for work or runs a callback."""
         return self._sleep.has_sleepers or is_busy(self)
 
     def create_task(self, callback: Callable[..., Any], *args: Any, **kwargs: Any) -> Task[Any]:
-        """Have whoever spins run a function or coroutine function; the future of its result."""
+        """Run a function or coroutine function on the spinning thread; returns its future."""
         task: Task[Any] = Task(callback, args, kwargs, executor=self)
         self._keep(task)
         self.resume_task(task)
         return task
 
     def create_future(self) -> Future[Any]:
-        """A future whose done callbacks this executor runs."""
+        """Create a future whose done callbacks this executor runs."""
         return Future(executor=self)
 
     def shutdown(self, timeout_sec: float | None = None) -> bool:
-        """Run no more callbacks, and let go of the nodes; always True."""
+        """Run no more callbacks and release the nodes; always returns True."""
         self._is_shutdown = True
         with self._nodes_lock:
             self._nodes.clear()
@@ -109,7 +109,10 @@ class Executor(Scheduler):
         return True
 
     def add_node(self, node: NodeInterface) -> bool:
-        """Run this node's callbacks, and no other executor; False if it is here already."""
+        """Run the callbacks of a node, which leaves its former executor.
+
+        Returns False if the executor already has the node.
+        """
         with self._nodes_lock:
             if node in self._nodes:
                 return False
@@ -121,7 +124,7 @@ class Executor(Scheduler):
         return True
 
     def remove_node(self, node: NodeInterface) -> None:
-        """Run this node's callbacks no longer."""
+        """Stop running the callbacks of a node."""
         with self._nodes_lock:
             self._nodes.pop(node, None)
             self._layout = None
@@ -137,7 +140,7 @@ class Executor(Scheduler):
         return node in self._nodes
 
     def wake(self) -> None:
-        """Look anew what the nodes have: something was created or destroyed."""
+        """Collect the entities of the nodes again: one was created or destroyed."""
         self._version = object()
         self._layout = None
         self._sleep.end()
@@ -172,7 +175,7 @@ class Executor(Scheduler):
     def spin_once_until_future_complete(
         self, future: Future[Any], timeout_sec: Timeout = None
     ) -> None:
-        """As `spin_once`, but wait no longer when the future is done."""
+        """Spin once, but stop waiting when the future is done."""
         raise NotImplementedError
 
     def wait_for_ready_callbacks(
@@ -181,7 +184,7 @@ class Executor(Scheduler):
         nodes: Sequence[NodeInterface] | None = None,
         condition: Callable[[], bool] = never,
     ) -> tuple[Task[Any], Entity | None, Any]:
-        """Wait for something to do: a task to be called, and the entity and node it comes from.
+        """Wait for work: returns a task to call, and the entity and the node that it comes from.
 
         Raises TimeoutException, ShutdownException or ConditionReachedException when there is none,
         and ExternalShutdownException when the context was shut down.
@@ -194,7 +197,7 @@ class Executor(Scheduler):
         task, entity, node = work
         if task is None:
             if entity is not None:
-                entity.is_scheduled = True  # not to be found again before the task takes it
+                entity.is_scheduled = True  # no round may choose it before the task takes it
             task = Task(self._run_entity, (entity,), executor=self)
         return task, entity, node
 
@@ -215,12 +218,15 @@ class Executor(Scheduler):
         nodes: Sequence[NodeInterface] | None = None,
         condition: Callable[[], bool] = never,
     ) -> Generator[tuple[Task[Any], Entity | None, Any], None, None]:
-        """`wait_for_ready_callbacks` again and again."""
+        """Yield the results of repeated calls of `wait_for_ready_callbacks`."""
         while True:
             yield self.wait_for_ready_callbacks(timeout_sec, nodes, condition)
 
     def _wake_for(self, future: Any) -> Callable[[], bool]:
-        """Be woken when the future is over, also one of another kind; asks whether it is."""
+        """Wake up when the future ends. Returns a function that tells whether it has ended.
+
+        The future may be of another class, such as that of `concurrent.futures`.
+        """
         if isinstance(future, Future):
             future.when_done(self.notify)
             return future.is_over
@@ -228,7 +234,7 @@ class Executor(Scheduler):
         return lambda: bool(future.done() or future.cancelled())
 
     def _run(self, work: Work) -> None:
-        """Run one piece of work to its end or its first `await`; raises what it raises."""
+        """Run one piece of work to its end or its first `await`; raises its exception."""
         task, entity, _ = work
         if task is not None:
             self._run_task(task)
@@ -255,15 +261,15 @@ class Executor(Scheduler):
     def _taken(self, entity: Entity) -> Callable[[], Any] | None:
         try:
             return entity.take_work()
-        except InvalidHandle:  # destroyed meanwhile
+        except InvalidHandle:  # another thread destroyed it
             return None
         finally:
-            if entity.is_scheduled:  # by a pool's spinner, who may choose it again from now on
+            if entity.is_scheduled:  # the spinning thread of a pool may choose it again from now on
                 entity.is_scheduled = False
                 self.notify()
 
     def _begin_coroutine(self, coroutine: CoroutineType[Any, Any, Any], entity: Entity) -> bool:
-        """Run a callback's coroutine until it waits for something; whether it does."""
+        """Run the coroutine of a callback to its first `await`; returns whether it still waits."""
         task: Task[Any] = Task(lambda: None, executor=self)
         task._handler = coroutine
         task.entity, task.parent_node = entity, entity.parent_node
@@ -291,7 +297,7 @@ class Executor(Scheduler):
 
 
 def _raise_of(task: Task[Any]) -> None:
-    """Raise what the task raised, once: several threads may find that it has ended."""
+    """Raise the exception of a task, but only once: several threads may see that it has ended."""
     if (error := task.exception()) is not None and task.report():
         raise error
 
@@ -306,18 +312,18 @@ class SingleThreadedExecutor(Executor):
         if (work := self._next(timeout_sec)) is not None:
             self._run(work)
             if timeout_sec == 0 and work[1] is not None and work[1].is_service:
-                settle()  # the answer has arrived, if it is for this program
+                settle()  # the response arrives now if the caller is this program
 
     def spin_once_until_future_complete(
         self, future: Future[Any], timeout_sec: Timeout = None
     ) -> None:
-        """As `spin_once`, but wait no longer when the future is done."""
+        """Spin once, but stop waiting when the future is done."""
         if (work := self._next(timeout_sec, None, self._wake_for(future))) is not None:
             self._run(work)
 
 
 class MultiThreadedExecutor(Executor):
-    """Runs callbacks side by side in a pool of threads, as far as their groups allow."""
+    """Runs callbacks in parallel in a pool of threads, as far as their groups allow."""
 
     def __init__(self, num_threads: int | None = None, *, context: Context | None = None) -> None:
         super().__init__(context=context)
@@ -333,23 +339,25 @@ class MultiThreadedExecutor(Executor):
         self.thread_count = num_threads
         self._executor = ThreadPoolExecutor(num_threads)
         self._failures: deque[BaseException] = deque()
+        """Exceptions of callbacks, which the next `spin_once` raises."""
         self._spinners: set[int] = set()
+        """The threads that wait in `spin_once`, by identifier."""
 
     def spin_once(self, timeout_sec: Timeout = None) -> None:
-        """Wait at most `timeout_sec` seconds for something to arrive, and let a thread run it.
+        """Wait at most `timeout_sec` seconds for work, and give it to a thread of the pool.
 
-        Raises what a callback raised that was begun earlier.
+        Raises the exception of a callback that an earlier call started.
         """
         self._spin_once(timeout_sec, never)
 
     def spin_once_until_future_complete(
         self, future: Future[Any], timeout_sec: Timeout = None
     ) -> None:
-        """As `spin_once`, but wait no longer when the future is done."""
+        """Spin once, but stop waiting when the future is done."""
         self._spin_once(timeout_sec, self._wake_for(future))
 
     def shutdown(self, timeout_sec: float | None = None, *, wait_for_threads: bool = True) -> bool:
-        """Run no more callbacks, and wait for those that run (not when called by one of them)."""
+        """Run no more callbacks and wait for the running ones, unless a callback calls this."""
         done = super().shutdown(timeout_sec)
         self._executor.shutdown(wait=wait_for_threads and current_callback() is None)
         return done
@@ -388,11 +396,11 @@ class MultiThreadedExecutor(Executor):
         except RuntimeError as error:
             if _POOL_ENDED not in str(error):
                 raise
-            # By another thread, after the work was chosen; or the program ends around a daemon.
+            # Another thread shut the pool down after the work was chosen, or the program is ending.
             self._is_shutdown = True
 
     def _work(self, work: Work) -> None:
-        """One piece of work on a thread of the pool."""
+        """Run one piece of work on a thread of the pool."""
         try:
             if not self._is_shutdown:
                 self._run(work)
@@ -403,7 +411,7 @@ class MultiThreadedExecutor(Executor):
 
 
 _POOL_ENDED = "cannot schedule new futures"
-"""What a pool says that was shut down, or whose interpreter is ending."""
+"""The error of a pool that was shut down, or whose interpreter is ending."""
 
 
 def _processors() -> int:

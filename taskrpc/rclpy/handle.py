@@ -1,4 +1,4 @@
-"""What `.handle` of a node, client, service … is: a name for it that ends with it."""
+"""Handles of nodes, clients, services and others; a handle is invalid after the destruction."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from .exceptions import InvalidHandle
 
 
 class Handle:
-    """Stands for what ROS keeps behind a Python object; `with` checks that it is still there."""
+    """Stands for the object that ROS keeps behind a Python object; `with` checks its validity."""
 
     def __init__(self, owner: Any = None) -> None:
         self._destroyed = False
@@ -18,7 +18,7 @@ class Handle:
 
     @property
     def pointer(self) -> int:
-        """A number that no other handle has while this one lives."""
+        """A number that identifies the handle while it exists."""
         return id(self)
 
     @property
@@ -27,7 +27,7 @@ class Handle:
         return not self._destroyed
 
     def destroy_when_not_in_use(self) -> None:
-        """End it: who enters it later is refused."""
+        """Make it invalid: entering it later raises InvalidHandle."""
         self._destroyed = True
 
     def check(self) -> None:
@@ -45,27 +45,27 @@ class Handle:
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Nothing to give back."""
+        """Do nothing: there is nothing to release."""
 
 
 class ArrivalHandle(Handle):
-    """A handle of something that things arrive at, which tells a callback so at once."""
+    """A handle that reports arriving items to a callback at once."""
 
     def __init__(self, owner: Any = None) -> None:
         super().__init__(owner)
         self._on_new: Callable[[int], object] | None = None
-        self._untold = 0
+        self._unreported = 0
 
     def item_arrived(self) -> None:
-        """One more has arrived; on the thread that received it."""
+        """Report one more item; on the thread that received it."""
         if self._on_new is not None:
             self._on_new(1)
         else:
-            self._untold += 1
+            self._unreported += 1
 
     def set_on_new_callback(self, callback: Callable[[int], object] | None) -> None:
-        """Call this from now on with how many arrived, first with those before it; None: nobody."""
+        """Call this with the number of new items, also of those not reported yet; None stops it."""
         self._on_new = callback
-        if callback is not None and self._untold:
-            untold, self._untold = self._untold, 0
+        if callback is not None and self._unreported:
+            untold, self._unreported = self._unreported, 0
             callback(untold)

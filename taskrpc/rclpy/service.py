@@ -1,4 +1,4 @@
-"""Services: a callback that answers requests, on the thread that spins."""
+"""Services: a callback answers requests, on the thread that spins the node."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ SrvResponseT = TypeVar("SrvResponseT")
 
 
 class RequestHeader(NamedTuple):
-    """What came with a request that the program takes itself."""
+    """Identifies a request that the program took from the handle, for `send_response`."""
 
     call: DeferredCall[Any, Any]
     source_timestamp: int
@@ -64,7 +64,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         self._calls: deque[DeferredCall[Any, Any]] = deque()
         self._depth = depth_of(qos_profile)
         self._last: Callable[[], object] | None = None
-        """What is to be done once the callback that runs has answered."""
+        """A function to call after the running callback has answered."""
         self._introspection = Introspection(node, srv_type, srv_name)
         join = srv_type._TYPE.startswith(_OF_EVERY_NODE)
         self._offered = node.handle.bridge.offer(srv_type, srv_name, self._on_request, join=join)
@@ -95,12 +95,12 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         service_event_qos_profile: QoSProfile,
         introspection_state: ServiceIntrospectionState,
     ) -> None:
-        """Tell every step of the calls on the topic `SERVICE/_service_event`, or no longer."""
+        """Publish the introspection events of the calls on `SERVICE/_service_event`, or stop."""
         self.handle.check()
         self._introspection.configure(clock, service_event_qos_profile, introspection_state)
 
     def destroy(self) -> None:
-        """Offer it no more; use it through `Node.destroy_service`, or `with`."""
+        """Withdraw the service; use it through `Node.destroy_service`, or `with`."""
         if self.handle.valid:
             self.handle.destroy_when_not_in_use()
             self._offered.close()
@@ -117,7 +117,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     ) -> None:
         self.parent_node.destroy_service(self)
 
-    # On the loop's thread
+    # On the thread of the event loop
 
     def _on_request(self, call: DeferredCall[Any, Any]) -> None:
         self._calls.append(call)
@@ -133,7 +133,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     # On the spinning thread
 
     def when_answered(self, last: Callable[[], object]) -> None:
-        """Do something once the callback that runs on this thread has answered."""
+        """Call a function after the callback that runs on this thread has answered."""
         self._last = last
 
     def has_work(self) -> bool:
@@ -149,7 +149,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     def _next(self) -> DeferredCall[Any, Any] | None:
         try:
             return self._calls.popleft()
-        except IndexError:  # another thread was quicker
+        except IndexError:  # another thread took it
             return None
 
     def _serve(self, call: DeferredCall[Any, Any]) -> Any:
@@ -177,7 +177,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         self._answer(call, response)
 
     def _answer(self, call: DeferredCall[Any, Any], response: Any) -> None:
-        """Answer with what the callback returned."""
+        """Send the value that the callback returned."""
         try:
             if self.parent_node.context.ok() and not self.handle.valid:
                 self._destroyed(call)
@@ -186,7 +186,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
             self._leave()
 
     def _destroyed(self, call: DeferredCall[Any, Any]) -> None:
-        """Raise InvalidHandle, as ROS does: the callback has destroyed what it would answer by."""
+        """Raise InvalidHandle, as ROS does: the callback destroyed its own service."""
         if not explain.like_ros():
             explain.destroyed(self._full_name)
             why = f"the callback of {self._full_name} destroyed its service before it returned"
@@ -237,12 +237,10 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
             self._leave()
             return
         what = type(error).__name__
-        if str(error) and not isinstance(
-            error, WouldDeadlock
-        ):  # which is told of already, at length
+        if str(error) and not isinstance(error, WouldDeadlock):  # which has been explained in full
             what += f": {error}"
         problem = f"the callback of {self._full_name} raised {what}"
-        # A program that is ending already, which the callback noticed, needs no advice.
+        # A program whose context was shut down while the callback ran needs no advice.
         of_itself = isinstance(error, Exception) and self.parent_node.context.ok()
         if of_itself and not isinstance(error, WouldDeadlock):
             explain.raised(self._full_name, problem)
@@ -251,10 +249,10 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
 
 
 class ServiceHandle(ArrivalHandle):
-    """What `Service.handle` is; requests can be taken from it instead of by a callback."""
+    """`Service.handle`: a program may take requests from it instead of by a callback."""
 
     def service_take_request(self, pymsg_type: Any) -> tuple[Any, Any]:
-        """A request that came, and its header; (None, None) when there is none."""
+        """Take a request and its header; (None, None) when none waits."""
         self.check()
         call = self.owner._next()
         if call is None:
@@ -263,16 +261,16 @@ class ServiceHandle(ArrivalHandle):
         return call.request, RequestHeader(call, time.time_ns())
 
     def set_on_new_request_callback(self, callback: Callable[[int], object]) -> None:
-        """Call this with how many requests arrived, on the thread that received them."""
+        """Call this with the number of new requests, on the thread that received them."""
         self.set_on_new_callback(callback)
 
     def clear_on_new_request_callback(self) -> None:
-        """Call nothing any more when requests arrive."""
+        """Remove the callback for new requests."""
         self.set_on_new_callback(None)
 
 
 _OF_EVERY_NODE = ("rcl_interfaces/", "type_description_interfaces/")
-"""Services that every node has; nodes of one name in several programs are allowed in ROS."""
+"""Services that every node has: ROS allows nodes of one name in several programs."""
 
 
 def _what(response: Any) -> str:

@@ -1,4 +1,4 @@
-"""What Ctrl-C and SIGTERM do while rclpy is up: end every context, then what they did before."""
+"""Signal handlers: Ctrl-C and SIGTERM shut every context down, then run the former handler."""
 
 from __future__ import annotations
 
@@ -29,16 +29,19 @@ class SignalHandlerOptions(enum.IntEnum):
 _handled = SignalHandlerOptions.NO
 _before: dict[int, Any] = {}
 
-_SOON = frozenset({"__enter__", "__exit__", "_acquire_restore", "_release_save", "_is_owned"})
-"""What `threading` does around a lock, where an exception would leave it locked for ever."""
+_LOCK_FUNCTIONS = frozenset(
+    {"__enter__", "__exit__", "_acquire_restore", "_release_save", "_is_owned"}
+)
+"""Functions of `threading` in which an exception would leave a lock locked for ever."""
 _BOOKKEEPING = ("<frozen importlib", weakref.__file__, _weakrefset.__file__)
-"""Code in which an exception would be printed and forgotten, or leave an import locked."""
-_MOST_PUT_OFF = 20
-_put_off = 0
+"""Files in which an exception would be printed and lost, or leave an import locked."""
+_MAX_POSTPONEMENTS = 20
+_postponements = 0
+"""How often the present signal was postponed in a row."""
 
 
 def install_signal_handlers(options: SignalHandlerOptions = SignalHandlerOptions.ALL) -> None:
-    """Let the signals end every context; without effect outside of the main thread."""
+    """Let the signals shut every context down; does nothing outside of the main thread."""
     global _handled
     _handled = SignalHandlerOptions(_handled | options)
     if threading.current_thread() is not threading.main_thread():
@@ -50,12 +53,12 @@ def install_signal_handlers(options: SignalHandlerOptions = SignalHandlerOptions
 
 
 def get_current_signal_handlers_options() -> SignalHandlerOptions:
-    """Which signals are handled now."""
+    """The signals that are handled now."""
     return _handled
 
 
 def uninstall_signal_handlers() -> None:
-    """Let the signals do what they did before."""
+    """Restore the former signal handlers."""
     global _handled
     _handled = SignalHandlerOptions.NO
     if threading.current_thread() is not threading.main_thread():
@@ -78,35 +81,35 @@ def _install(number: int) -> None:
 
 def _handle(number: int, frame: FrameType | None) -> None:
     before = _before.get(number)
-    if number == signal.SIGINT and _is_put_off(frame):
+    if number == signal.SIGINT and _is_postponed(frame):
         return
-    signal_reminder.heeded()
+    signal_reminder.handled()
     _context.end_all_by_signal()
     if number == signal.SIGINT:
         _end_in_one_line()
     if callable(before):
-        before(number, frame)  # Python's own raises KeyboardInterrupt
+        before(number, frame)  # the default handler of Python raises KeyboardInterrupt
 
 
-def _is_put_off(frame: FrameType | None) -> bool:
-    """Whether an exception now would do harm or be lost; the signal comes again in a moment."""
-    global _put_off
-    if frame is None or _put_off >= _MOST_PUT_OFF or not _is_delicate(frame):
-        _put_off = 0
+def _is_postponed(frame: FrameType | None) -> bool:
+    """Whether an exception now would do harm or be lost; then the signal is sent again soon."""
+    global _postponements
+    if frame is None or _postponements >= _MAX_POSTPONEMENTS or not _is_delicate(frame):
+        _postponements = 0
         return False
-    _put_off += 1
+    _postponements += 1
     return signal_reminder.comes_again()
 
 
 def _is_delicate(frame: FrameType) -> bool:
     code = frame.f_code
     if code.co_filename == threading.__file__:
-        return code.co_name in _SOON
+        return code.co_name in _LOCK_FUNCTIONS
     return code.co_name == "__del__" or code.co_filename.startswith(_BOOKKEEPING)
 
 
 def _end_in_one_line() -> None:
-    """Have one line told instead of a traceback when the program does not catch the interrupt."""
+    """Print one line instead of a traceback when the program does not catch KeyboardInterrupt."""
     others = sys.excepthook
 
     def tell(
@@ -122,7 +125,7 @@ def _end_in_one_line() -> None:
 
 @functools.cache
 def _end_quietly() -> None:
-    """Have nothing told of Ctrl-C while Python ends, where no program could catch it."""
+    """Print nothing about Ctrl-C while Python ends, where no program could catch it."""
     others = sys.unraisablehook
 
     def tell(unraisable: sys.UnraisableHookArgs) -> None:
@@ -138,5 +141,5 @@ def _python_ends() -> bool:
 
 
 if hasattr(os, "register_at_fork"):
-    # A child has none of its parent's nodes, and must end when a pool of processes ends it.
+    # A child process has none of the nodes, and must end when a process pool terminates it.
     os.register_at_fork(after_in_child=uninstall_signal_handlers)

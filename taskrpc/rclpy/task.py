@@ -20,9 +20,9 @@ T = TypeVar("T")
 
 
 class Future(Generic[T]):
-    """A result that may still have to come; it comes only while somebody spins.
+    """A result that may not be known yet; it becomes known only while a thread spins the node.
 
-    `result()` of one that is pending is None, and a cancelled one is not done: so it is in ROS.
+    As in ROS, `result()` of a pending future is None, and a cancelled future is not done.
     """
 
     def __init__(self, *, executor: ExecutorInterface | None = None) -> None:
@@ -35,8 +35,11 @@ class Future(Generic[T]):
         self._waiters: list[Callable[[], object]] = []
         self._lock = threading.Lock()
         self.is_observed = False
+        """Whether the program ever looked at its result, for the watchdog."""
         self.awaited_by: Any = None
+        """The task that awaits it, for the watchdog."""
         self.last_poll: tuple[Callback | None, float] = (None, 0.0)
+        """The callback that last asked in vain whether it is done, and when."""
         self._executor: Callable[[], ExecutorInterface | None] = _none
         if executor is not None:
             self._set_executor(executor)
@@ -55,30 +58,30 @@ class Future(Generic[T]):
                 yield
             elif (loop := asyncio._get_running_loop()) is not None:
                 yield from self._done_in(loop)
-            else:  # whoever drives this coroutine asks again, as in ROS
+            else:  # as in ROS, the code that drives this coroutine polls
                 yield
         return self.result()
 
     def cancel(self) -> None:
-        """Give it up, unless it is done; its done callbacks run."""
+        """Cancel it, unless it is done; its done callbacks run."""
         with self._lock:
             if not self._done:
                 self._cancelled = True
         self._schedule_or_invoke_done_callbacks()
 
     def cancelled(self) -> bool:
-        """Whether it was given up, and nothing came later."""
+        """Whether it was cancelled and has not been completed since."""
         return self._cancelled
 
     def done(self) -> bool:
-        """Whether a result or an exception is there."""
+        """Whether it has a result or an exception."""
         self.is_observed = True
         if not self._done:
             self.last_poll = running.get(threading.get_ident()), time.monotonic()
         return self._done
 
     def result(self) -> T | None:
-        """The result; None while there is none. Raises the exception that came instead."""
+        """The result; None while it is pending. Raises the exception if it has one."""
         self.is_observed = True
         if self._exception is not None:
             self._exception_fetched = True
@@ -86,7 +89,7 @@ class Future(Generic[T]):
         return self._result
 
     def exception(self) -> BaseException | None:
-        """The exception that came instead of a result, if one did."""
+        """The exception, if it has one."""
         self.is_observed = True
         self._exception_fetched = True
         return self._exception
@@ -109,9 +112,9 @@ class Future(Generic[T]):
         self._schedule_or_invoke_done_callbacks()
 
     def add_done_callback(self, callback: Callable[[Future[T]], Any]) -> None:
-        """Have the callback called with this future once it is done (at once if it is).
+        """Call the callback with this future when it is done; at once if it is done already.
 
-        It runs on the executor's thread where there is an executor.
+        If the future has an executor, the callback runs on the thread that spins it.
         """
         self.is_observed = True
         with self._lock:
@@ -124,7 +127,7 @@ class Future(Generic[T]):
             callback(self)
 
     def remove_done_callback(self, callback: Callable[[Future[T]], Any]) -> bool:
-        """Forget a done callback; whether there was such a one."""
+        """Remove a done callback; returns whether it was there."""
         with self._lock:
             if callback not in self._callbacks:
                 return False
@@ -132,24 +135,24 @@ class Future(Generic[T]):
             return True
 
     def is_over(self) -> bool:
-        """Whether nobody need wait for it: it is done, or was given up."""
+        """Whether it is done or cancelled."""
         return self._done or self._cancelled
 
     def _set_executor(self, executor: ExecutorInterface | None) -> None:
-        """Have the done callbacks run by this executor."""
+        """Let this executor run the done callbacks."""
         self._executor = _none if executor is None else weakref.ref(executor)
 
     def when_done(self, waiter: Callable[[], object]) -> None:
-        """Call the waiter on the thread that completes or cancels this, before done callbacks."""
+        """Call the waiter before the done callbacks, on the thread that completes it."""
         with self._lock:
             if not self._done:
-                if waiter not in self._waiters:  # spinning again and again for one future
+                if waiter not in self._waiters:  # a program may spin repeatedly for one future
                     self._waiters.append(waiter)
                 return
         waiter()
 
     def _done_in(self, loop: asyncio.AbstractEventLoop) -> Generator[Any, None, None]:
-        """Wait in a coroutine of asyncio, while another thread spins."""
+        """Await it in a coroutine of asyncio, while another thread spins the node."""
         done: asyncio.Future[None] = loop.create_future()
 
         def wake() -> None:
@@ -157,7 +160,7 @@ class Future(Generic[T]):
                 done.set_result(None)
 
         def tell() -> None:
-            with contextlib.suppress(RuntimeError):  # the loop was closed meanwhile
+            with contextlib.suppress(RuntimeError):  # the loop is closed
                 loop.call_soon_threadsafe(wake)
 
         self.when_done(tell)
@@ -183,10 +186,10 @@ class Future(Generic[T]):
 
 
 class Step:
-    """One step of a task's coroutine, which runs now."""
+    """A running step of the coroutine of a task."""
 
     awaited: Future[Any] | None = None
-    """The future at which it stopped; None when it stopped for another reason."""
+    """The future that it awaits; None when it stopped for another reason."""
 
 
 running_steps: dict[int, Step] = {}
@@ -194,14 +197,14 @@ running_steps: dict[int, Step] = {}
 
 
 def _none() -> None:
-    """Stand in for a reference to an executor where there is none."""
+    """Replace the weak reference while the future has no executor."""
 
 
 class Task(Future[T]):
     """A function or coroutine function that runs when the task is called.
 
-    A coroutine runs to its next `await` of something that is not done; each further call goes on
-    from there. Executors make tasks (`create_task`) and call them.
+    A coroutine runs until it awaits something that is not done; the next call continues there.
+    Executors create tasks (`create_task`) and call them.
     """
 
     def __init__(
@@ -228,7 +231,7 @@ class Task(Future[T]):
         self._reported = False
 
     def __call__(self) -> None:
-        """Run the function, or the coroutine's next step; what it raises is the exception."""
+        """Run the function or the next step of the coroutine; an exception completes the task."""
         if self._done or not self._task_lock.acquire(blocking=False):
             return
         awaited: Any = self
@@ -241,28 +244,28 @@ class Task(Future[T]):
         finally:
             self._executing = False
             self._task_lock.release()
-        if awaited is not self:  # after the lock: who wakes it may call it at once
+        if awaited is not self:  # after the release: another thread may call it at once
             self._await(awaited)
 
     def executing(self) -> bool:
-        """Whether it runs at this moment, on some thread."""
+        """Whether it is running now, on any thread."""
         return self._executing
 
     def is_runnable(self) -> bool:
-        """Whether there is a next step; one that was cancelled takes none."""
+        """Whether it has a next step; closes the coroutine of a cancelled task."""
         if self._cancelled and type(self._handler) is CoroutineType:
             self._handler.close()
         return not self._done and not self._cancelled
 
     def report(self) -> bool:
-        """Whether nobody has been told yet how it ended; True once."""
+        """Whether the end of the task has not been reported yet; True only once."""
         with self._lock:
             first = not self._reported
             self._reported = True
             return first
 
     def _step(self, coroutine: CoroutineType[Any, Any, T]) -> Any:
-        """What the coroutine awaits now; this task itself when it awaits nothing more."""
+        """Run a step; returns the awaited future, or this task itself at the end."""
         thread, step = threading.get_ident(), Step()
         outer = running_steps.get(thread)
         running_steps[thread] = step
@@ -294,7 +297,7 @@ class Task(Future[T]):
             self.set_result(result)
 
     def _await(self, awaited: Any) -> None:
-        """Have the executor call this again when what is awaited is done."""
+        """Let the executor call this task again when the awaited future is done."""
         executor = self._executor()
         if executor is None:
             return
@@ -305,7 +308,7 @@ class Task(Future[T]):
             executor.resume_task(self)
 
     def _forget(self) -> None:
-        """Drop what it ran, which may hold much else."""
+        """Release the function and its arguments, which may keep other objects alive."""
         self._handler, self._args, self._kwargs = None, (), {}
 
 

@@ -1,4 +1,4 @@
-"""Callbacks that come again and again, and sleeping at a fixed rate."""
+"""Timers, which call back periodically, and rates, which let a thread sleep periodically."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from .utilities import get_default_context
 
 
 class TimerInfo:
-    """When a timer's callback was to run, and when it did; for a callback that asks for it."""
+    """When the callback of a timer was due and when it ran, for callbacks with such a parameter."""
 
     def __init__(
         self,
@@ -50,9 +50,9 @@ class TimerInfo:
 
 
 class Timer(Entity):
-    """Has its callback called once a period; `Node.create_timer` makes one.
+    """Calls its callback once a period; `Node.create_timer` creates it.
 
-    Periods that were missed are left out, and the rhythm is kept.
+    Missed periods are skipped; later calls keep the original rhythm.
     """
 
     is_timer: ClassVar[bool] = True
@@ -85,17 +85,17 @@ class Timer(Entity):
             clock.add_timer(self)
 
     def destroy(self) -> None:
-        """Never call back again."""
+        """Stop calling back for ever."""
         self.handle.destroy_when_not_in_use()
 
     @property
     def clock(self) -> Clock:
-        """The clock that it goes by."""
+        """Its clock."""
         return self._clock
 
     @property
     def timer_period_ns(self) -> int:
-        """Nanoseconds from one call to the next; a new value counts from the next call on."""
+        """Nanoseconds between two calls; a new value applies after the next call."""
         self.handle.check()
         return self._period_ns
 
@@ -110,17 +110,17 @@ class Timer(Entity):
         return self.has_work()
 
     def is_canceled(self) -> bool:
-        """Whether it was cancelled, and not reset since."""
+        """Whether it was cancelled and not reset since."""
         self.handle.check()
         return self._canceled
 
     def cancel(self) -> None:
-        """Call back no more, until `reset`."""
+        """Stop calling back, until `reset`."""
         self.handle.check()
         self._canceled = True
 
     def reset(self) -> None:
-        """Begin a new period now; also after `cancel`."""
+        """Start a new period now; also after `cancel`."""
         self.handle.check()
         self._next_ns = self._clock.now_ns() + self._period_ns
         self._canceled = False
@@ -213,15 +213,15 @@ def _following(due: int, period: int, now: int) -> int:
 def _info_parameter(callback: Callable[..., Any]) -> str | None:
     try:
         parameters = inspect.signature(callback).parameters.values()
-    except (TypeError, ValueError):  # some built-in functions tell nothing of themselves
+    except (TypeError, ValueError):  # some built-in functions have no signature
         return None
     return next((one.name for one in parameters if one.annotation is TimerInfo), None)
 
 
 class Rate:
-    """Sleeps until a timer's next period; `Node.create_rate` makes one.
+    """Sleeps until the next period of a timer; `Node.create_rate` creates it.
 
-    Somebody else must be spinning the node.
+    Another thread must spin the node.
     """
 
     def __init__(self, timer: Timer, *, context: Context) -> None:
@@ -239,7 +239,7 @@ class Rate:
         """Wait for the timer's next call.
 
         Raises ROSInterruptException when the context is shut down, RuntimeError once it is
-        destroyed, WouldDeadlock in a callback that keeps the only thread that could run the timer.
+        destroyed, WouldDeadlock in a callback that blocks the only thread that could run the timer.
         """
         self._check()
         check_rate(self._timer.parent_node)
@@ -256,12 +256,12 @@ class Rate:
             raise ROSInterruptException
 
     def destroy(self) -> None:
-        """Wake who sleeps, and let nobody sleep any more."""
+        """Wake the sleeping threads and refuse further sleeps."""
         self._is_destroyed = True
         self._event.set()
 
     def _wait(self) -> None:
-        """Wait for the timer's call, which is made here where nobody spins."""
+        """Wait for the call of the timer; call it here when no thread spins the node."""
         while not self._event.wait(self._slice()):
             if self._is_unspun():
                 if self._grace_ns:
@@ -277,7 +277,7 @@ class Rate:
         return min(_SLICE, max(0, left) * 1e-9)
 
     def _is_unspun(self) -> bool:
-        """Whether the timer is so late that nobody seems to spin."""
+        """Whether the timer is so late that apparently no thread spins the node."""
         left = self._timer.nanoseconds_until_due()
         if left is None or left + self._grace_ns > 0 or like_ros():
             return False
@@ -298,6 +298,6 @@ class Rate:
 
 
 _SLICE = 0.1
-"""Seconds of one wait: on Windows Ctrl-C does not reach a longer one before its end."""
+"""Seconds of one wait: on Windows, Ctrl-C cannot interrupt a wait."""
 _GRACE_NS = 1_000_000_000
-"""By how much a timer is late before nobody seems to spin; none once that was seen."""
+"""The lateness of a timer from which we conclude that no thread spins the node."""

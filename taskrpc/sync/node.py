@@ -85,6 +85,16 @@ class Node(SyncTopics):
         excepthook.explain(error)
         self.destroy()
 
+    @property
+    def async_node(self) -> _node.Node:
+        """The asynchronous node behind this one; use it only on the loop's thread."""
+        return self._node
+
+    @property
+    def loop_thread(self) -> LoopThread:
+        """The thread with the event loop on which the asynchronous node lives."""
+        return self._loop
+
     def start(self) -> Self:
         """Join the network and return the node itself; `with` calls this."""
         self._loop.run(self._node.start(), "start()")
@@ -214,6 +224,11 @@ class Client(Generic[RequestT, ResponseT]):
         """Calls that the loop was given to send, and whose end nobody was told yet."""
         self.srv_type = inner.srv_type
         self.service_name = inner.service_name
+
+    @property
+    def async_client(self) -> _client.Client[RequestT, ResponseT]:
+        """The asynchronous client behind this one; use it only on the loop's thread."""
+        return self._inner
 
     def service_is_ready(self) -> bool:
         """Whether the service can be called without looking for it first."""

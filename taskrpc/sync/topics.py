@@ -35,6 +35,18 @@ class Publisher(Generic[MsgT]):
         self._loop.refuse_without_loop("publish()")
         self._inner.publish(message)
 
+    def watch_matches(self, changed: Callable[[], object]) -> None:
+        """Call `changed` now and whenever the number of matching subscriptions changes.
+
+        It is called on the thread of the event loop.
+        """
+
+        def begin() -> None:
+            self._inner.on_matched = changed
+            changed()
+
+        self._loop.soon(begin)
+
     def get_subscription_count(self) -> int:
         """How many subscriptions get the messages."""
         return self._inner.get_subscription_count()
@@ -63,6 +75,18 @@ class Subscription(Generic[MsgT]):
         self.msg_type = inner.msg_type
         self.topic_name = inner.topic_name
         self.qos = inner.qos
+
+    def watch_matches(self, changed: Callable[[], object]) -> None:
+        """Call `changed` now and whenever the number of matching publishers changes.
+
+        It is called on the thread of the event loop.
+        """
+
+        def begin() -> None:
+            self._inner.on_matched = changed
+            changed()
+
+        self._loop.soon(begin)
 
     def get_publisher_count(self) -> int:
         """How many publishers send messages to it."""

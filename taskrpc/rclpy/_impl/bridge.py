@@ -1,4 +1,4 @@
-"""The one place that knows the background event loop, and the native nodes that live on it."""
+"""The background event loop and the native nodes on it; no other module of rclpy knows them."""
 
 from __future__ import annotations
 
@@ -24,17 +24,17 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 _TURNS = 4
-"""Turns of the loop within which a callback's answer, the longest way, is back in this process:
-it is taken over, written, read and told."""
+"""Iterations of the loop after which the response of a callback has reached this process again:
+hand-off, write, read, delivery."""
 _PATIENCE = 0.05
-"""Seconds after which a busy loop is not waited for."""
+"""The longest wait for a busy loop, in seconds."""
 
 Take = Callable[["DeferredCall[Any, Any]"], object]
-"""Takes a call, on the loop's thread."""
+"""Receives a call, on the thread of the event loop."""
 
 
 class Bridge:
-    """A native node and the loop that it lives on; every rclpy node has one."""
+    """A native node and the event loop that it lives on; every rclpy node has one."""
 
     running: ClassVar[LoopThread | None] = None
     """The loop, once there was a node."""
@@ -42,14 +42,14 @@ class Bridge:
     def __init__(self, name: str, namespace: str, domain_id: int) -> None:
         self.native = sync.Node(name, namespace=namespace)
         self.domain_id = domain_id
-        self._inner = self.native._node
-        self._inner._domain = domain_id
-        self._loop = Bridge.running = self.native._loop
-        self.run(self._inner.start())
+        self._loop = Bridge.running = self.native.loop_thread
+        node = self.native.async_node
+        node.domain = domain_id
+        self.run(node.start())
 
     @property
     def namespace(self) -> str:
-        """The native node's, which a joined lab may have given."""
+        """The namespace of the native node; a joined lab may have chosen it."""
         return self.native.get_namespace()
 
     def soon(self, action: Callable[[], object]) -> None:
@@ -57,29 +57,29 @@ class Bridge:
         self._loop.soon(action)
 
     def do(self, action: Callable[[], T]) -> T:
-        """Run a function on the loop, and wait for what it returns."""
+        """Run a function on the loop and return its result."""
         return self._loop.do(action, "a node's method")
 
     def run(self, coroutine: Coroutine[Any, Any, T]) -> T:
-        """Run a coroutine on the loop, and wait for what it returns."""
+        """Run a coroutine on the loop and return its result."""
         return self._loop.run(coroutine, "a node's method")
 
     def graph(self) -> list[RegistryEntry]:
-        """Every process that can be seen."""
+        """The registry entries of all visible processes."""
         return self.native.graph()
 
     def client(self, srv_type: Any, name: str) -> NativeClient:
-        """A client without a deadline."""
+        """Create a client without a deadline."""
         return NativeClient(self, self.native.create_client(srv_type, name, timeout=None))
 
     def offer(self, srv_type: Any, name: str, take: Take, *, join: bool) -> Offered:
-        """Offer a service; `take` is called on the loop's thread for every call."""
+        """Offer a service; `take` receives every call, on the thread of the loop."""
         return _Shared.of(self, srv_type, name).add(self, take, join=join)
 
     def publisher(
         self, msg_type: Any, topic: str, qos: QoS, on_mismatch: OnMismatch | None = None
     ) -> NativePublisher:
-        """A way to publish; `on_mismatch` is told, on the loop's thread, of who cannot read it."""
+        """Create a publisher; `on_mismatch` learns on the loop's thread of incompatible peers."""
         create = self.native.create_publisher
         return NativePublisher(create(msg_type, topic, qos, on_mismatch=on_mismatch))
 
@@ -91,9 +91,9 @@ class Bridge:
         qos: QoS,
         on_mismatch: OnMismatch | None = None,
     ) -> NativeSubscription:
-        """A way to subscribe; `take` is called with each message on the loop's thread.
+        """Create a subscription; `take` receives each message, on the thread of the loop.
 
-        So is `on_mismatch` with what stands between it and a publisher that does not match.
+        `on_mismatch` learns there why a publisher is incompatible.
         """
         create = self.native.create_subscription
         return NativeSubscription(
@@ -101,23 +101,24 @@ class Bridge:
         )
 
     def close(self) -> None:
-        """Leave the network; nothing to do where the program's end was first."""
+        """Leave the network; does nothing when the program has already ended the loop."""
         with contextlib.suppress(WouldDeadlock):
             self.native.destroy()
 
 
 def settle() -> None:
-    """Wait a moment, until what this program has sent to itself has arrived."""
+    """Wait a moment, so that messages that this program sent to itself arrive."""
     if Bridge.running is not None:
         Bridge.running.settle(_TURNS, _PATIENCE)
 
 
 class NativeClient:
-    """A client on the loop, as far as the layer needs it from other threads."""
+    """The methods of a native client that other threads use."""
 
     def __init__(self, bridge: Bridge, client: sync.Client[Any, Any]) -> None:
         self.bridge = bridge
-        self.inner = client._inner
+        self.inner = client.async_client
+        self.channel = self.inner.channel
         self.call_then = client.call_then
         self.is_known = client.service_is_ready
         self.wait = client.wait_for_service
@@ -125,17 +126,17 @@ class NativeClient:
 
     @property
     def connected(self) -> bool:
-        """Whether a request goes out at once."""
-        return self.inner._channel.ready
+        """Whether a request can be sent at once."""
+        return self.channel.ready
 
     def close(self) -> None:
-        """Forget the service."""
+        """Release the service."""
         with contextlib.suppress(WouldDeadlock):
             self._client.destroy()
 
 
 class NativePublisher:
-    """A publisher on the loop, as far as the layer needs it from other threads."""
+    """The methods of a native publisher that other threads use."""
 
     def __init__(self, publisher: Publisher[Any]) -> None:
         self.publish = publisher.publish
@@ -143,8 +144,11 @@ class NativePublisher:
         self._publisher = publisher
 
     def watch_matches(self, tell: Callable[[int], object]) -> None:
-        """Have this told, on the loop's thread, how many subscriptions match, now and always."""
-        _watch(self._publisher, self.get_subscription_count, tell)
+        """Call `tell` with the number of matching subscriptions, now and at each change.
+
+        It is called on the thread of the event loop.
+        """
+        self._publisher.watch_matches(lambda: tell(self.get_subscription_count()))
 
     def close(self) -> None:
         """Publish no more."""
@@ -153,39 +157,27 @@ class NativePublisher:
 
 
 class NativeSubscription:
-    """A subscription on the loop, as far as the layer needs it from other threads."""
+    """The methods of a native subscription that other threads use."""
 
     def __init__(self, subscription: Subscription[Any]) -> None:
         self.get_publisher_count = subscription.get_publisher_count
         self._subscription = subscription
 
     def watch_matches(self, tell: Callable[[int], object]) -> None:
-        """Have this told, on the loop's thread, how many publishers match, now and always."""
-        _watch(self._subscription, self.get_publisher_count, tell)
+        """Call `tell` with the number of matching publishers, now and at each change.
+
+        It is called on the thread of the event loop.
+        """
+        self._subscription.watch_matches(lambda: tell(self.get_publisher_count()))
 
     def close(self) -> None:
-        """Want no more messages."""
+        """Receive no more messages."""
         with contextlib.suppress(WouldDeadlock):
             self._subscription.destroy()
 
 
-def _watch(
-    endpoint: Publisher[Any] | Subscription[Any],
-    count: Callable[[], int],
-    tell: Callable[[int], object],
-) -> None:
-    def changed() -> None:
-        tell(count())
-
-    def begin() -> None:
-        endpoint._inner.on_matched = changed
-        changed()
-
-    endpoint._loop.soon(begin)
-
-
 class Offered:
-    """One of this program's servers of a name."""
+    """One server of a service in this program."""
 
     def __init__(self, shared: _Shared, bridge: Bridge, take: Take) -> None:
         self.bridge = bridge
@@ -194,12 +186,12 @@ class Offered:
         self._shared = shared
 
     def close(self) -> None:
-        """Offer it no more; calls that came are still answered."""
+        """Withdraw the server; calls that have arrived are still answered."""
         self._shared.remove(self)
 
 
 class _Shared:
-    """The servers that this program has of one name, of which the oldest is the native one."""
+    """The servers of one service in this program; the oldest one is the native server."""
 
     _all: ClassVar[dict[tuple[int, str], _Shared]] = {}
     _guard = threading.RLock()
@@ -212,7 +204,7 @@ class _Shared:
 
     @classmethod
     def of(cls, bridge: Bridge, srv_type: Any, name: str) -> _Shared:
-        """The one for this name."""
+        """The servers of this name; a new object for the first one."""
         with cls._guard:
             known = cls._all.get((bridge.domain_id, name))
             if known is None or known._srv_type is not srv_type:
@@ -220,12 +212,12 @@ class _Shared:
             return known
 
     def add(self, bridge: Bridge, take: Take, *, join: bool) -> Offered:
-        """One more server; raises NameInUse where another program has the name."""
+        """Add a server. Raises NameInUse when another program has the name."""
         offered = Offered(self, bridge, take)
         with self._guard:
             if self._servers and not join:
                 two_servers(self._name, refused=False)
-            self._servers.append(offered)  # before it is offered: a request may wait already
+            self._servers.append(offered)  # before the offer: a request may arrive at once
             try:
                 if self._servers[0] is offered:
                     self._first(offered, join=join)
@@ -244,7 +236,7 @@ class _Shared:
             raise
 
     def remove(self, offered: Offered) -> None:
-        """One less; the next takes its place."""
+        """Remove a server; the next one becomes the native server."""
         with self._guard:
             if offered not in self._servers:
                 return
@@ -273,14 +265,17 @@ class _Shared:
 
     def _take(self, call: DeferredCall[Any, Any]) -> None:
         servers = list(self._servers if like_ros() else self._servers[:1])
-        if not servers:  # another thread is just about to withdraw it
+        if not servers:  # another thread is withdrawing the service
             call.fail(ServiceUnavailable(f"{self._name} is withdrawn"))
         for server in servers:
             server.take(call)
 
 
 def detached(message: Any) -> Any:
-    """A copy of a message, with copies of the messages in it; values are the same objects."""
+    """Copy a message and its nested messages, so that checks do not change the program's own.
+
+    The values are the same objects.
+    """
     made = message.__copy__()
     cls: Any = type(message)
     for attribute in _nested(cls):
@@ -296,6 +291,6 @@ def _copied(value: Any) -> Any:
 
 @cache
 def _nested(cls: type[Any]) -> list[str]:
-    """The attributes of a class that hold messages."""
+    """The attributes of a message class that hold messages."""
     fields = zip(cls.__struct_fields__, cls._FIELDS, strict=True)
     return [attribute for attribute, (name, _) in fields if name in cls._NESTED]

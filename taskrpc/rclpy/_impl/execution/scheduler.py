@@ -1,7 +1,7 @@
-"""What an executor does next: rounds of all that is ready, tasks and entities in turn.
+"""The scheduler of an executor: rounds of everything that is ready, tasks and entities in turn.
 
-A round is collected at once and worked off piece by piece, so that a busy timer or subscription
-cannot keep a service from its turn.
+The scheduler collects a round as a whole and runs it piece by piece, so that a busy timer or
+subscription cannot starve a service.
 """
 
 from __future__ import annotations
@@ -31,35 +31,35 @@ ExternalShutdownException.__module__ = __name__.partition("._impl")[0] + ".execu
 
 
 class TimeoutObject:
-    """Seconds that are still left of a timeout; may be changed between two spins."""
+    """The remaining seconds of a timeout, which may change between two spins."""
 
     def __init__(self, timeout: float) -> None:
         self.timeout = timeout
 
 
 Timeout: TypeAlias = float | TimeoutObject | None
-"""Seconds; None and negative ones never end."""
+"""Seconds; None and negative values mean no timeout."""
 
 Work: TypeAlias = tuple[Task[Any] | None, Entity | None, Any]
-"""One thing to run: a task, or else one thing that arrived at an entity; and the node."""
+"""One piece of work: a task, or else an entity with an item; and the node of either."""
 
 Layout: TypeAlias = list[tuple[Entity, Any]]
-"""Entities, each with its node, in the order in which they are asked."""
+"""Entities, each with its node, in the order in which the scheduler queries them."""
 
 
 def never() -> bool:
-    """Do not stop for a condition."""
+    """The condition that is never true."""
     return False
 
 
 class Scheduler:
-    """Knows the nodes and the tasks, waits, and says what is to be run next."""
+    """Knows the nodes and the tasks, waits for work, and chooses what runs next."""
 
     _youngest_first: ClassVar[bool] = True
-    """The order of tasks that are ready at the same time: ROS's Jazzy takes the youngest first."""
+    """The order of tasks that are ready at the same time: ROS 2 Jazzy runs the youngest first."""
 
     _respects_groups: ClassVar[bool] = True
-    """Whether callback groups decide what may run; else a callback that awaits holds up nobody."""
+    """Whether callback groups decide what may run; else a callback that awaits delays no other."""
 
     def __init__(self, *, context: Context | None = None) -> None:
         self._context = get_default_context() if context is None else context
@@ -72,12 +72,19 @@ class Scheduler:
         self._nodes_lock = threading.RLock()
         self._sleep = Sleep()
         self._version = object()
+        """Replaced when an entity was created or destroyed; layouts of other versions are old."""
         self._layout: Layout | None = None
+        """The entities of all nodes; None while they must be collected again."""
         self._round: deque[Work] = deque()
+        """The work of this round that has not run yet."""
         self._tasks_were_last = False
+        """Whether the last round had tasks; then the next one has entities."""
         self._ready_tasks: deque[Task[Any]] = deque()
+        """Tasks to call in the next round."""
         self._parked: deque[Task[Any]] = deque()
-        self._made = 0
+        """Tasks of nodes that were not among the nodes of the last `wait_for_ready_callbacks`."""
+        self._task_count = 0
+        """How many tasks were created; numbers the tasks."""
         self._is_shutdown = False
         self._context.add_sleep(self._sleep)
 
@@ -94,7 +101,7 @@ class Scheduler:
         nodes: Sequence[NodeInterface] | None = None,
         condition: Callable[[], bool] = never,
     ) -> Work | None:
-        """The next thing to run; None at the timeout, the condition or the executor's shutdown.
+        """The next work; None after the timeout, the condition or the shutdown of the executor.
 
         Raises ExternalShutdownException when the context is shut down.
         """
@@ -117,7 +124,7 @@ class Scheduler:
                 if rest <= 0:
                     if settled:
                         return None
-                    settle()  # without waiting, only what is here already would be found
+                    settle()  # without it, only items that have already arrived would be found
                     settled = True
                     continue
                 left = rest if due is None else min(due, rest)
@@ -125,12 +132,12 @@ class Scheduler:
         return None
 
     def _take_from_round(self, nodes: Sequence[NodeInterface] | None) -> Work | None:
-        """The next of this round that may still run; skips what was removed meanwhile."""
+        """The next work of this round that may still run; skips removed nodes and entities."""
         usable = self._nodes if nodes is None else nodes
         while self._round:
             try:
                 work = self._round.popleft()
-            except IndexError:  # another thread spins here, too
+            except IndexError:  # another thread took the last piece
                 return None
             task, entity, node = work
             if node is not None and node not in usable:
@@ -144,7 +151,7 @@ class Scheduler:
         return None
 
     def _begin_round(self, nodes: Sequence[NodeInterface] | None) -> float | None:
-        """Collect what is ready; the seconds until the next timer is, None without one."""
+        """Collect what is ready; returns the seconds until the next timer is due, or None."""
         if self._ready_tasks and not self._tasks_were_last:
             self._tasks_were_last = True
             self._collect_tasks()
@@ -181,7 +188,7 @@ class Scheduler:
         return None if first is None else first * 1e-9
 
     def _entities(self, nodes: Sequence[NodeInterface] | None) -> Layout:
-        """Everything that may have work, looked up anew only after something changed."""
+        """All entities that may have work; collected again only after a change."""
         if nodes is not None:
             return [pair for node in nodes for pair in self.entities_of(node)]
         layout = self._layout
@@ -190,15 +197,15 @@ class Scheduler:
             with self._nodes_lock:
                 nodes = list(self._nodes)
             layout = [pair for node in nodes for pair in self.entities_of(node)]
-            if self._version is version:  # else something changed meanwhile: look anew next time
+            if self._version is version:  # else there was a change: collect again next time
                 self._layout = layout
         return layout
 
     def entities_of(self, node: Any) -> Layout:
-        """The node's entities in the order in which ROS asks them.
+        """The entities of a node, in the order in which ROS queries them.
 
-        The list is kept with the node, as `rclpy.spin_until_future_complete` adds and removes its
-        node each time; here it would keep a node alive that nobody has any more.
+        The node keeps the list, because `rclpy.spin_until_future_complete` adds and removes its
+        node each time. The executor must not keep it: it would keep an abandoned node alive.
         """
         known: tuple[object, Layout] | None = getattr(node, "_layout", None)
         version = self._version
@@ -210,26 +217,26 @@ class Scheduler:
         return layout
 
     def _unpark(self) -> None:
-        """Consider the tasks again whose nodes were not among those that were asked for."""
+        """Make the parked tasks ready again."""
         if self._parked:
             self._ready_tasks.extend(_emptied(self._parked))
 
     def _keep(self, task: Task[Any]) -> None:
-        self._made += 1
-        task.number = self._made
+        self._task_count += 1
+        task.number = self._task_count
 
     def resume_task(self, task: Task[Any]) -> None:
-        """Call a task in the next round; from any thread."""
+        """Call a task again in the next round; from any thread."""
         self._ready_tasks.append(task)
         self._sleep.end()
 
     def notify(self) -> None:
-        """Wake whoever spins: something arrived; from any thread and from signal handlers."""
+        """Wake the spinning threads: an item arrived; from any thread and from signal handlers."""
         self._sleep.end()
 
 
 def _emptied(tasks: deque[Task[Any]]) -> list[Task[Any]]:
-    """Take all out, though other threads may take some, too."""
+    """Remove and return all tasks; other threads may remove some at the same time."""
     found = []
     with contextlib.suppress(IndexError):
         while True:

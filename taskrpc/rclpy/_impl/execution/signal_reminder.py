@@ -1,7 +1,7 @@
-"""Sends a signal once more that the main thread has not heeded.
+"""Sends a signal again when the main thread has not handled it.
 
-Python only notes a signal, and runs its handler between two steps of the main thread. One that
-comes just before a wait begins would be heeded after the wait, be that never.
+Python only records a signal, and runs its handler between two instructions of the main thread. A
+signal just before a blocking wait would be handled after the wait, which may never end.
 """
 
 from __future__ import annotations
@@ -17,48 +17,48 @@ import time
 from typing import Any
 
 _MOMENT = 0.05
-"""Seconds after which a signal is sent once more."""
+"""Seconds after which a signal is sent again."""
 _LONGEST = 1.0
-"""It is sent ever more rarely: the main thread may be at work outside of Python."""
+"""The longest such interval in seconds: it doubles while the main thread runs native code."""
 
 _reminder: Reminder | None = None
 
 
 class Reminder:
-    """Is told by Python of each signal, and by its handler that it was heeded."""
+    """Learns of each signal from Python, and from the handler that it was handled."""
 
     def __init__(self) -> None:
         self.handlers: dict[int, Any] = {}
-        """The signals that are sent once more, and what handles them: as long as it does."""
+        """The signals that are sent again, each with its handler while it is installed."""
         self._ours, self._pythons = socket.socketpair()
         self._ours.setblocking(False)
         self._pythons.setblocking(False)
-        self._heeded = 0
+        self._handled_count = 0
         threading.Thread(target=self._watch, name="taskrpc signals", daemon=True).start()
 
     def begin(self) -> None:
-        """Watch, unless the program itself has a descriptor that Python tells of signals."""
+        """Watch for signals, unless the program has a wakeup file descriptor of its own."""
         before = signal.set_wakeup_fd(self._pythons.fileno(), warn_on_full_buffer=False)
         if before not in (-1, self._pythons.fileno()):
             signal.set_wakeup_fd(before)
 
     def end(self) -> None:
-        """Watch no more."""
+        """Stop watching."""
         before = signal.set_wakeup_fd(-1)
         if before != self._pythons.fileno():
             signal.set_wakeup_fd(before)
 
-    def heeded(self) -> None:
-        """Note that the handler has run, from it."""
-        self._heeded += 1
+    def handled(self) -> None:
+        """Record that the handler has run; called by the handler."""
+        self._handled_count += 1
         self._told()
 
     def waits(self) -> bool:
-        """Whether a signal is noted that would be sent once more."""
+        """Whether a recorded signal would be sent again."""
         return bool(select.select([self._ours], [], [], 0)[0])
 
     def close(self) -> None:
-        """Let go of what a child has of its parent's."""
+        """Close the sockets that a child process inherited."""
         self.end()
         self._ours.close()
         self._pythons.close()
@@ -68,9 +68,9 @@ class Reminder:
         while True:
             select.select([self._ours], [], [])
             time.sleep(moment)
-            heeded = self._heeded
+            heeded = self._handled_count
             told = self._told()
-            # Not to the handler of a notebook or a debugger: that has had it, and does not say so.
+            # Not to the handler of a notebook or a debugger: it has run, but does not report it.
             numbers = [
                 number
                 for number, handler in list(self.handlers.items())
@@ -79,18 +79,18 @@ class Reminder:
             moment = min(2 * moment, _LONGEST) if numbers and heeded == before else _MOMENT
             before = heeded
             for number in numbers:
-                if self._heeded == heeded:  # not while this looked
+                if self._handled_count == heeded:  # no handler ran in between
                     _send(number)
 
     def _told(self) -> bytes:
-        """The numbers of the signals that came and were not heeded."""
+        """Take the numbers of the signals that have arrived and were not handled."""
         with contextlib.suppress(BlockingIOError):
             return self._ours.recv(4096)
         return b""
 
 
 def begin(number: int, handler: Any) -> None:
-    """Have this signal sent once more, too, while this handles it; from the main thread."""
+    """Send this signal again while this handler is installed; call it in the main thread."""
     global _reminder
     if _reminder is None:
         _reminder = Reminder()
@@ -99,32 +99,32 @@ def begin(number: int, handler: Any) -> None:
 
 
 def end() -> None:
-    """Have none sent once more."""
+    """Send no signal again."""
     if _reminder is not None:
         _reminder.handlers.clear()
         _reminder.end()
 
 
-def heeded() -> None:
-    """Note, from a signal handler, that it has run."""
+def handled() -> None:
+    """Record that a signal handler has run; call it in the handler."""
     if _reminder is not None:
-        _reminder.heeded()
+        _reminder.handled()
 
 
 def comes_again() -> bool:
-    """Whether the signal whose handler runs would be sent once more if it is not heeded."""
+    """Whether the signal whose handler runs now would be sent again if it is postponed."""
     return _reminder is not None and _reminder.waits()
 
 
 def _send(number: int) -> None:
     if sys.platform == "win32":
-        signal.raise_signal(number)  # which ends `time.sleep` there
+        signal.raise_signal(number)  # which interrupts `time.sleep` on Windows
     elif (main := threading.main_thread().ident) is not None:
-        signal.pthread_kill(main, number)  # ends its waiting, too
+        signal.pthread_kill(main, number)  # interrupts a system call, too
 
 
 def _forget() -> None:
-    """A child's signals are none of its parent's."""
+    """Forget the signals of the parent process, in a child."""
     global _reminder
     if _reminder is not None:
         _reminder.close()

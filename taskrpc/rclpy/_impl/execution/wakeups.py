@@ -1,4 +1,4 @@
-"""Sleeping until something arrives, without polling and without losing what arrives meanwhile."""
+"""Sleep until a wakeup, without polling and without losing a wakeup that comes in between."""
 
 from __future__ import annotations
 
@@ -7,33 +7,33 @@ import threading
 from collections import deque
 
 _SLICE = 0.1 if sys.platform == "win32" else None
-"""Seconds of one wait: on Windows Ctrl-C does not reach a wait on a lock before its end."""
+"""Seconds of one wait: on Windows, Ctrl-C cannot interrupt a wait on a lock."""
 
 
 class Sleep:
-    """Where spinning threads sleep; `end` may be called from any thread and signal handler."""
+    """Lets threads sleep; `end` wakes them from any thread and from signal handlers."""
 
     def __init__(self) -> None:
         self.state = object()
-        """Another object after each `end`: who read it before looking around sees what came."""
+        """Replaced by `end`. Read it before you check for work; pass it to `until_ended`."""
         self._sleepers: deque[threading.Lock] = deque()
 
     @property
     def has_sleepers(self) -> bool:
-        """Whether somebody sleeps."""
+        """Whether a thread sleeps."""
         return bool(self._sleepers)
 
     def end(self) -> None:
-        """Wake all who sleep, and whoever is about to."""
+        """Wake all threads that sleep or are about to sleep."""
         self.state = object()
         while self._sleepers:
             try:
                 self._sleepers.pop().release()
-            except IndexError:  # another thread was quicker
+            except IndexError:  # another thread woke the last one
                 return
 
     def until_ended(self, seen: object, seconds: float | None) -> None:
-        """Sleep at most so long, unless `end` was called since `state` was `seen`."""
+        """Sleep for at most `seconds`; not at all if `end` was called since `state` was `seen`."""
         lock = threading.Lock()
         lock.acquire()
         self._sleepers.append(lock)
@@ -56,5 +56,5 @@ class Sleep:
     def _leave(self, lock: threading.Lock) -> None:
         try:
             self._sleepers.remove(lock)
-        except ValueError:  # it is being released
+        except ValueError:  # `end` is releasing it
             return
