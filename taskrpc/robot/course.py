@@ -1,20 +1,27 @@
-"""The simulated robot's state over time: standing, or on a stretch that began at an instant.
+"""The simulated robot's state over time: at rest, or driving since an instant.
 
-Nothing ticks. Pose, time left and battery follow from the instant at which a stretch (a motion,
-then some work where it ends) began. A halt settles the stretch: what is behind goes into the
-standing state, what is ahead becomes a new stretch from rest. `now` is in robot seconds, on any
-clock.
+Nothing is simulated step by step. Pose, remaining time and battery are computed from the instant
+at which the robot set out on its motion and the work at its end. A halt moves the completed part
+into the state at rest; the rest of the task becomes a new motion. `now` is in robot seconds, on
+any clock.
 """
 
 import math
 
 import msgspec
 
-from taskrpc.robot import battery
 from taskrpc.robot.kinematics import Limits, Motion, Point
 from taskrpc.robot.protocol import Pose
 
+BATTERY_FULL = 100.0
+"""Percent."""
+
 _AT_DOCK = 0.1  # metres
+# Battery, in percent. It is telemetry only and never stops the robot.
+_BATTERY_FLOOR = 5.0  # an empty battery would end a long demonstration
+_DRAIN_PER_METRE = 0.2
+_DRAIN_PER_SECOND = 0.01  # the computer and the sensors
+_CHARGE_PER_SECOND = 0.5
 
 
 class Standing(msgspec.Struct, frozen=True):
@@ -22,76 +29,73 @@ class Standing(msgspec.Struct, frozen=True):
 
     pose: Pose
     odometer: float
-    """Metres driven ever."""
+    """Metres driven since the start."""
     battery: float
     """Percent."""
     since: float | None
-    """An instant; None when no clock is known yet."""
+    """The instant of the halt; None before the robot knows a clock."""
 
 
 class Course:
-    """Where the robot stands, and the stretch of the task that lies ahead of it, if any.
-
-    Attributes:
-        standing: the state at the last halt.
-        began: when the robot set out on the stretch; None while it is halted.
-        spent: robot seconds of the task that are behind the last halt.
-    """
+    """The robot's state at rest, and the part of a task that is ahead of it."""
 
     def __init__(self, pose: Pose, dock: Point, limits: Limits) -> None:
-        self.standing = Standing(pose, 0.0, battery.FULL, None)
+        self.standing = Standing(pose, 0.0, BATTERY_FULL, None)
+        """The state at the last halt."""
         self.began: float | None = None
+        """When the robot set out; None while it is halted."""
         self.spent = 0.0
+        """Robot seconds of the task before the last halt."""
         self._dock = dock
         self._limits = limits
         self.clear()
 
     def assign(self, motion: Motion, work: float) -> None:
-        """Put a task ahead of the halted robot: a motion from where it stands, then `work`."""
+        """Give the halted robot a task: a motion from its pose, then `work` robot seconds."""
         self._motion, self._work, self.spent = motion, work, 0.0
 
     def clear(self) -> None:
-        """Forget what lies ahead of the halted robot."""
+        """Take the task from the halted robot."""
         self.assign(Motion(self.standing.pose, (), self._limits), 0.0)
 
     def forget_clock(self) -> None:
-        """From now on, instants are on another clock; for a halted robot only."""
+        """Prepare for instants on another clock; only for a halted robot."""
         self.standing = msgspec.structs.replace(self.standing, since=None)
 
     def go(self, now: float) -> None:
-        """Set out on what lies ahead."""
+        """Set out on the task."""
         standing = self.standing
         rested = 0.0 if standing.since is None else now - standing.since
-        charge = self._charge_after_rest(standing.battery, standing.pose, rested)
+        charge = self._charge_at_rest(standing.battery, standing.pose, rested)
         self.standing = msgspec.structs.replace(standing, battery=charge, since=now)
         self.began = now
 
     def halt(self, now: float) -> None:
-        """Stand still; what is left lies ahead, to be driven from rest."""
+        """Halt; the rest of the task will start from rest."""
         if self.began is not None:
             self._settle(self.began, self._elapsed(now))
 
     def complete(self) -> None:
-        """Arrive: everything that lay ahead is behind, to the last bit, at `end`."""
+        """Complete the task exactly at `end`, without rounding."""
         if self.began is not None:
             self._settle(self.began, self._duration())
 
     def end(self) -> float:
-        """The instant at which nothing is left; inf while the robot is halted."""
+        """Return the instant at which the task is complete; inf while the robot is halted."""
         return math.inf if self.began is None else self.began + self._duration()
 
     def pose(self, now: float) -> Pose:
-        """Where the robot is."""
+        """Return the robot's pose."""
         if self.began is None:
             return self.standing.pose
         return self._motion.pose_at(self._elapsed(now))
 
     def remaining(self, now: float) -> float:
-        """Robot seconds that lie ahead."""
+        """Return the robot seconds that the task still takes."""
         return self._duration() - self._elapsed(now)
 
     def progress(self, now: float) -> float:
-        """The share of the task's time that is behind; 1.0 where nothing lies ahead."""
+        """Return the completed part of the task's time; 1.0 without a task."""
         left = self.remaining(now)
         done = self.spent + self._elapsed(now)
         return done / (done + left) if left else 1.0
@@ -109,14 +113,24 @@ class Course:
         pose, metres = motion.pose_at(elapsed), motion.distance_at(elapsed)
         driving = min(elapsed, motion.duration)
         working = elapsed - driving
-        charge = battery.driven(before.battery, driving, metres)
-        charge = self._charge_after_rest(charge, pose, working)
+        charge = _battery_after_drive(before.battery, driving, metres)
+        charge = self._charge_at_rest(charge, pose, working)
         self.standing = Standing(pose, before.odometer + metres, charge, began + elapsed)
         self.began = None
         self.spent += elapsed
         self._work = max(0.0, self._work - working)
         self._motion = Motion(pose, motion.waypoints_after(elapsed), self._limits)
 
-    def _charge_after_rest(self, charge: float, pose: Pose, seconds: float) -> float:
+    def _charge_at_rest(self, charge: float, pose: Pose, seconds: float) -> float:
         docked = math.dist((pose.x, pose.y), self._dock) <= _AT_DOCK
-        return battery.stood(charge, seconds, docked=docked)
+        return _battery_after_rest(charge, seconds, docked=docked)
+
+
+def _battery_after_drive(level: float, seconds: float, metres: float) -> float:
+    return max(_BATTERY_FLOOR, level - _DRAIN_PER_METRE * metres - _DRAIN_PER_SECOND * seconds)
+
+
+def _battery_after_rest(level: float, seconds: float, *, docked: bool) -> float:
+    if docked:
+        return min(BATTERY_FULL, level + _CHARGE_PER_SECOND * seconds)
+    return max(_BATTERY_FLOOR, level - _DRAIN_PER_SECOND * seconds)

@@ -1,4 +1,4 @@
-"""A YAML text whose values know where they stand, so that a mistake can be shown at its line."""
+"""A YAML document whose values know their line and column, for error messages with a caret."""
 
 import contextlib
 import difflib
@@ -16,11 +16,11 @@ _LINE_BREAK = re.compile("\r\n|[\r\n\x85\u2028\u2029]")  # as YAML counts lines
 
 
 _INDENTATION = ("expected <block end>", "mapping values are not", "expected a single document")
-"""How PyYAML's messages about wrong indentation begin."""
+"""The beginnings of PyYAML's messages about wrong indentation."""
 
 
 class Node(Protocol):
-    """What we use of PyYAML's nodes; its type stubs do not know them all."""
+    """The used attributes of PyYAML's nodes; its type stubs do not have all of them."""
 
     id: str
     tag: str
@@ -30,13 +30,13 @@ class Node(Protocol):
 
 
 class MapError(TaskRpcError, ValueError):
-    """A map file cannot be read, or describes no floor on which the robot could drive.
+    """A map file cannot be read, or it describes no map that the robot can use.
 
     Attributes:
-        problem: one sentence: what was expected and what came.
+        problem: one sentence: what was expected and what was received.
         path: the file.
-        line, column: where, counted from 1; 0 when the whole file is meant.
-        source_line: that line as it stands in the file, or "".
+        line, column: the place, counted from 1; 0 for the whole file.
+        source_line: that line of the file, or "".
     """
 
     def __init__(
@@ -53,7 +53,7 @@ class MapError(TaskRpcError, ValueError):
         where = ":".join(str(part) for part in (self.path, self.line, self.column) if part)
         text = f"{where}: error: {self.problem}"
         if self.source_line:
-            # A tab before the caret must stay a tab, or the caret points beside the character.
+            # Keep tabs before the caret, or it points beside the character.
             before = self.source_line[: self.column - 1]
             padding = "".join("\t" if char == "\t" else " " for char in before)
             text += f"\n    {self.source_line}\n    {padding}^"
@@ -61,10 +61,10 @@ class MapError(TaskRpcError, ValueError):
 
 
 class Document:
-    """One YAML text.
+    """One YAML document; every method raises a `MapError` with the place of a wrong value.
 
     Raises:
-        MapError: it is not valid YAML, or empty; every method raises it at the place in question.
+        MapError: it is empty or not valid YAML.
     """
 
     def __init__(self, text: str, path: str) -> None:
@@ -76,7 +76,7 @@ class Document:
         self.root: Node = root
 
     def _compose(self, text: str) -> Any:
-        import yaml  # here, because a server with hardware of its own reads no map
+        import yaml  # not at the top: a server with its own robot class reads no map
 
         from taskrpc import yaml_text
 
@@ -95,7 +95,7 @@ class Document:
             self._fail_at((len(above), len(before)), problem)
 
     def fail(self, node: Node | None, problem: str) -> NoReturn:
-        """Raise a `MapError` that shows the place of `node`; None means the whole file."""
+        """Raise a `MapError` at the place of `node`; None: for the whole file."""
         mark = node.start_mark if node else None
         self._fail_at((mark.line, mark.column) if mark else None, problem)
 
@@ -107,15 +107,15 @@ class Document:
         raise MapError(problem, self._path, line + 1, column + 1, source_line) from None
 
     def entries(self, node: Node, what: str) -> list[tuple[Node, Node]]:
-        """The keys and values of a mapping; no key may be there twice."""
+        """Return the keys and values of a mapping without duplicate keys."""
         if node.id != "mapping":
-            self.fail(node, f"{what}: expected entries as `name: value`, got {shown(node)}")
+            self.fail(node, f"{what}: expected entries as `name: value`, got {describe(node)}")
         seen: set[str] = set()
         for key, _ in node.value:
             if key.id != "scalar":
-                self.fail(key, f"{what}: expected a name before the colon, got {shown(key)}")
+                self.fail(key, f"{what}: expected a name before the colon, got {describe(key)}")
             if key.value in seen:
-                self.fail(key, f"{what}: {key.value!r} is there twice")
+                self.fail(key, f"{what}: {key.value!r} appears twice")
             seen.add(key.value)
         pairs: list[tuple[Node, Node]] = node.value
         return pairs
@@ -123,7 +123,7 @@ class Document:
     def fields(
         self, node: Node, what: str, required: Sequence[str], optional: Sequence[str] = ()
     ) -> dict[str, Node]:
-        """The values of a mapping whose keys are known."""
+        """Return the values of a mapping; its keys must be the required and optional ones."""
         known = (*required, *optional)
         entries = self.entries(node, what)
         before = ""
@@ -142,33 +142,33 @@ class Document:
         return fields
 
     def items(self, node: Node | None, what: str) -> list[Node]:
-        """The values of a list; one that is not there, or empty, has none."""
+        """Return the values of a list; none if it is missing or empty."""
         if node is None or _is_null(node):
             return []
         if node.id != "sequence":
-            self.fail(node, f"{what}: expected a list, got {shown(node)}")
+            self.fail(node, f"{what}: expected a list, got {describe(node)}")
         items: list[Node] = node.value
         return items
 
     def numbers(self, node: Node, what: str, names: str) -> list[float]:
-        """As many numbers as there are comma-separated `names`, written as a list."""
+        """Return the numbers of a list that has one for each of the comma-separated `names`."""
         if node.id != "sequence" or len(node.value) != names.count(",") + 1:
-            self.fail(node, f"{what}: expected [{names}] in metres, got {shown(node)}")
+            self.fail(node, f"{what}: expected [{names}] in metres, got {describe(node)}")
         return [self.number(item, what) for item in node.value]
 
     def number(self, node: Node, what: str) -> float:
-        """A finite number."""
+        """Return a finite number."""
         value = math.nan
         if node.id == "scalar" and node.style is None:
             with contextlib.suppress(ValueError):
                 value = float(node.value)
         if not math.isfinite(value):
-            self.fail(node, f"{what}: expected a number in metres, got {shown(node)}")
+            self.fail(node, f"{what}: expected a number in metres, got {describe(node)}")
         return value
 
 
-def shown(node: Node) -> str:
-    """A value as an error message names it."""
+def describe(node: Node) -> str:
+    """Return what an error message calls a value."""
     if node.id == "scalar":
         return "nothing" if _is_null(node) else repr(node.value)
     return f"a list of {len(node.value)}" if node.id == "sequence" else "named entries"

@@ -1,4 +1,4 @@
-"""The simulated robot: a `Course` looked at, and waited for, through the event loop's clock."""
+"""The simulated robot: drives a `Course` in real time, on the event loop's clock."""
 
 import asyncio
 import math
@@ -13,31 +13,31 @@ from taskrpc.robot.protocol import Plan, Pose, RobotStopped
 from taskrpc.robot.world import World
 
 SCAN_BEAMS = 360
-"""Ranges in a scan: one a degree, all around; the first looks straight back."""
+"""The number of ranges in a scan: one per degree; the first points straight back."""
 SCAN_RANGE = 12.0
-"""Metres; what is further away reads as this."""
+"""Metres; a longer range is reported as this one."""
 
-_WORK_SECONDS = {"move": 0.0, "scan": 3.0, "report": 1.0}  # after the drive; the lecture's figures
+_WORK_SECONDS = {"move": 0.0, "scan": 3.0, "report": 1.0}  # after the drive, as in the lecture
 _REPORT_PERIOD = 0.1  # real seconds
 _REMEMBERED_PLANS = 4096
 
-# The estimate of a queued task assumes that the tasks ahead of it follow each other without a gap.
-# But timers fire late, and the server writes each result down, so a real queue would lag further
-# behind its estimates with every task. Hence a task that is taken up directly after another one
-# starts at the instant at which the other one ended, not when we noticed. The handover stays below
-# the server's settle time, so that a task which arrives at an idle robot starts at once.
-_LATENESS = 0.25  # real seconds that the timer of the end may be late
-_HANDOVER = 0.05  # real seconds between the return of one execute and the start of the next
+# The estimates assume that tasks follow each other without a gap. But timers fire late, and the
+# server stores each result, so a real queue would fall behind its estimates with every task.
+# Therefore a task that directly follows another starts at the instant at which the other ended,
+# not when the timer fired. _MAX_GAP is shorter than the server's settle time, so a task that
+# arrives at an idle robot starts at the present instant.
+_MAX_LATENESS = 0.25  # real seconds that the timer of the end may be late
+_MAX_GAP = 0.05  # real seconds between the return of one execute and the start of the next
 
 
 class KinematicRobot:
     """A simulated robot that moves, scans and reports on a map; it satisfies `Robot`.
 
     Args:
-        world: the map that it drives on.
+        world: the map.
         speed: robot seconds that pass in one real second.
-        start: where it stands at first; the dock unless said.
-        limits: how fast it may be.
+        start: its first pose; the dock by default.
+        limits: its maximum speeds and accelerations.
 
     Raises:
         ValueError: `speed` is not a positive number, or the robot cannot stand at `start`.
@@ -64,20 +64,21 @@ class KinematicRobot:
         self._course = Course(pose, world.dock, self._limits)
         self._is_running = self._is_paused = self._is_stopped = False
         self._loop: asyncio.AbstractEventLoop | None = None
+        # Ends the sleep of `execute`: True from its timer, False from `_recheck`.
         self._waker: asyncio.Future[bool] | None = None
         self._last_end = self._last_return = -math.inf  # robot seconds on the loop's clock
         self._remembered_plan = lru_cache(_REMEMBERED_PLANS)(self._plan)
 
     def plan(self, task_type: str, target: str, start: Pose) -> Plan:
-        """Say exactly how long the task takes from `start` and where it ends; see `Robot.plan`."""
+        """Return exactly how long the task takes and where it ends; see `Robot.plan`."""
         return self._remembered_plan(task_type, target, start)
 
     def pose(self) -> Pose:
-        """Say where the robot is now."""
+        """Return the robot's current pose."""
         return self._course.pose(self._now())
 
     def remaining(self) -> float:
-        """Robot seconds until the running task ends; 0.0 when idle."""
+        """Return the robot seconds until the running task ends; 0.0 when idle."""
         return self._course.remaining(self._now())
 
     async def execute(
@@ -87,10 +88,10 @@ class KinematicRobot:
 
         The result of a move has `pose` and `distance` (metres driven for it); a scan's has `pose`,
         `angle_min`, `angle_increment` (radians), `range_max` and `ranges` (metres); a report's has
-        `pose`, `battery` (percent) and `odometer` (metres driven ever).
+        `pose`, `battery` (percent) and `odometer` (metres driven since the start).
         """
         if self._is_running:
-            raise RuntimeError("the robot does one task at a time, and one is running")
+            raise RuntimeError("the robot executes one task at a time, and one is running")
         before = self._course.standing
         self._begin(*self._task(task_type, target, before.pose))
         try:
@@ -101,16 +102,16 @@ class KinematicRobot:
         return self._result(task_type, self._course.standing.odometer - before.odometer)
 
     def pause(self) -> None:
-        """Halt where the robot is; `resume` accelerates again, so the task takes longer."""
+        """Halt where the robot is; `resume` starts from rest, so the task takes longer."""
         self._is_paused = True
         self._halt()
 
     def resume(self) -> None:
-        """Go on after `pause`."""
+        """Continue after `pause`."""
         self._is_paused = False
         if self._is_running and self._course.began is None:
             self._course.go(self._now())
-            self._look_again()
+            self._recheck()
 
     def stop(self) -> None:
         """Halt at once; a running `execute` ends with `RobotStopped`."""
@@ -138,7 +139,7 @@ class KinematicRobot:
         return {"pose": pose, "distance": distance}
 
     def _now(self) -> float:
-        """Robot seconds on the loop's clock; before the first task there is none to ask."""
+        """Return the robot seconds on the loop's clock; 0.0 before the first task."""
         return self._loop.time() * self.speed if self._loop else 0.0
 
     def _begin(self, motion: Motion, work: float) -> None:
@@ -154,12 +155,12 @@ class KinematicRobot:
 
     def _start_instant(self) -> float:
         now = self._now()
-        noticed_in_time = self._last_return - self._last_end <= _LATENESS * self.speed
-        taken_up_directly = now - self._last_return <= _HANDOVER * self.speed
-        return self._last_end if noticed_in_time and taken_up_directly else now
+        timer_was_punctual = self._last_return - self._last_end <= _MAX_LATENESS * self.speed
+        follows_directly = now - self._last_return <= _MAX_GAP * self.speed
+        return self._last_end if timer_was_punctual and follows_directly else now
 
     async def _follow(self, report: Callable[[float], None]) -> None:
-        """Wait until nothing of the task lies ahead."""
+        """Wait until the task is complete."""
         progress = 0.0
         while not self._is_stopped:
             end = self._course.end()
@@ -174,11 +175,11 @@ class KinematicRobot:
         raise RobotStopped("the robot was stopped")
 
     async def _sleep_until(self, instant: float | None) -> bool:
-        """Sleep until then, or (None) without end; False if `_look_again` ended it early."""
+        """Sleep until an instant (None: for ever); False if `_recheck` ended the sleep early."""
         loop = asyncio.get_running_loop()
         waker: asyncio.Future[bool] = loop.create_future()
         self._waker = waker
-        timer = None if instant is None else loop.call_at(instant / self.speed, _ring, waker)
+        timer = None if instant is None else loop.call_at(instant / self.speed, _wake, waker)
         try:
             return await waker
         finally:
@@ -193,14 +194,14 @@ class KinematicRobot:
 
     def _halt(self) -> None:
         self._course.halt(self._now())
-        self._look_again()
+        self._recheck()
 
-    def _look_again(self) -> None:
+    def _recheck(self) -> None:
         if self._waker and not self._waker.done():
             self._waker.set_result(False)
 
 
-def _ring(waker: asyncio.Future[bool]) -> None:
+def _wake(waker: asyncio.Future[bool]) -> None:
     if not waker.done():
         waker.set_result(True)
 

@@ -1,8 +1,8 @@
 """Motion in closed form: where the robot is at any time of a drive, and how long the drive takes.
 
 A differential drive turns on the spot to the heading of the next leg, drives the leg, and stops at
-its end. Turning and driving both follow a trapezoid: accelerate, cruise, brake. Nothing here is
-stepped, so a plan and its execution agree to the last bit, however seldom somebody looks.
+its end. Turning and driving both follow a trapezoid: accelerate, cruise, brake. Nothing is
+simulated step by step, so a plan and its execution agree exactly.
 """
 
 import math
@@ -17,25 +17,25 @@ from taskrpc.robot.protocol import Pose
 Point = tuple[float, float]
 """(x, y) in metres."""
 
-_SAME_PLACE = 1e-6  # metres; a shorter way has no direction worth turning to
+_SAME_PLACE = 1e-6  # metres; a shorter leg has no meaningful direction
 _SAME_HEADING = 1e-9  # radians
 
 
 class Limits(msgspec.Struct, frozen=True):
-    """How fast the robot may be."""
+    """The robot's maximum speeds and accelerations."""
 
     speed: float = 1.5
-    """Metres a second."""
+    """Metres per second."""
     acceleration: float = 1.2
-    """Metres a second, each second; braking too."""
+    """Metres per second squared, also for braking."""
     turn_speed: float = 3.0
-    """Radians a second."""
+    """Radians per second."""
     turn_acceleration: float = 6.0
-    """Radians a second, each second; braking too."""
+    """Radians per second squared, also for braking."""
 
 
 class Trapezoid:
-    """A stretch of `length` from rest to rest: accelerate, cruise at `speed` if reached, brake."""
+    """A movement of `length` from rest to rest: accelerate, cruise at up to `speed`, brake."""
 
     __slots__ = ("_acceleration", "_peak", "_ramp", "duration", "length")
 
@@ -47,7 +47,7 @@ class Trapezoid:
         self.duration = length / self._peak + self._ramp if self._peak else 0.0
 
     def at(self, t: float) -> float:
-        """The length that is behind after `t` seconds; times outside the stretch are clipped."""
+        """Return the length covered after `t` seconds; times outside the movement are clipped."""
         left = self.duration - t
         if t <= 0.0:
             return 0.0
@@ -78,11 +78,11 @@ class Leg:
         self.end = Pose(goal[0], goal[1], normalised(heading))
 
     def distance_at(self, t: float) -> float:
-        """Metres driven after `t` seconds."""
+        """Return the metres driven after `t` seconds."""
         return self._drive.at(t - self._turn.duration)
 
     def pose_at(self, t: float) -> Pose:
-        """Where the robot is after `t` seconds."""
+        """Return the pose after `t` seconds."""
         start, end = self._start, self.end
         if t >= self.duration:
             return end
@@ -97,13 +97,13 @@ class Leg:
 class Motion:
     """A drive from `start` through `waypoints`, one leg after the other.
 
-    A waypoint where the robot already stands is passed over, so the motion to one's own place
-    lasts 0.0 seconds and keeps the heading.
+    A waypoint at the robot's own position is skipped, so a motion to it takes 0.0 seconds and
+    keeps the heading.
 
     Attributes:
         duration: seconds until the robot stands at the last waypoint.
-        distance: metres that it then has driven.
-        end: where it then stands.
+        distance: metres driven by then.
+        end: the pose by then.
     """
 
     __slots__ = ("_legs", "_starts", "distance", "duration", "end")
@@ -119,14 +119,14 @@ class Motion:
         self.distance = math.fsum(leg.length for leg in self._legs)
 
     def pose_at(self, t: float) -> Pose:
-        """Where the robot is `t` seconds after the start; times outside are clipped."""
+        """Return the pose `t` seconds after the start; times outside are clipped."""
         if t >= self.duration:
             return self.end
         leg = self._leg_at(t)
         return self._legs[leg].pose_at(t - self._starts[leg])
 
     def distance_at(self, t: float) -> float:
-        """Metres driven `t` seconds after the start; turning on the spot adds none."""
+        """Return the metres driven `t` seconds after the start; turning adds none."""
         if t >= self.duration:
             return self.distance
         leg = self._leg_at(t)
@@ -134,7 +134,7 @@ class Motion:
         return behind + self._legs[leg].distance_at(t - self._starts[leg])
 
     def waypoints_after(self, t: float) -> list[Point]:
-        """The waypoints that are not yet reached after `t` seconds."""
+        """Return the waypoints that are not reached after `t` seconds."""
         if t >= self.duration:
             return []
         return [(leg.end.x, leg.end.y) for leg in self._legs[self._leg_at(t) :]]
@@ -144,7 +144,7 @@ class Motion:
 
 
 def normalised(angle: float) -> float:
-    """The same direction in (-pi, pi]."""
-    # remainder() gives -pi for odd multiples of pi that round down; one direction, one name.
+    """Return the same angle in (-pi, pi]."""
+    # remainder() returns -pi for odd multiples of pi that round down.
     wrapped = math.remainder(angle, math.tau)
     return math.pi if wrapped == -math.pi else wrapped

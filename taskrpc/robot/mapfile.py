@@ -1,6 +1,6 @@
-"""Map files: YAML in, a `World` out, and each mistake shown at its line.
+"""Map files: reads YAML into a `World`; each error shows its line.
 
-The map that comes with the package, ``maps/default.yaml``, is also the example to copy from.
+The bundled map, ``maps/default.yaml``, is also an example to copy.
 """
 
 from importlib import resources
@@ -12,15 +12,15 @@ from taskrpc.robot.kinematics import Point
 from taskrpc.robot.obstacles import Box
 from taskrpc.robot.world import DOCK, World
 
-_LARGEST = 1000.0  # metres
-_ROBOT_RADIUS = 0.25  # metres
+_LARGEST = 1000.0  # metres, for the width and the height
+_ROBOT_RADIUS = 0.25  # metres, if the map has none
 
 
 def read_map(path: str | Path) -> World:
     """Read a map file.
 
     Raises:
-        MapError: it cannot be read, is not YAML, or something in it is wrong.
+        MapError: it cannot be read, is not YAML, or has a wrong value.
     """
     try:
         text = platform.read_text(path, "utf-8-sig")
@@ -32,13 +32,13 @@ def read_map(path: str | Path) -> World:
 
 
 def default_world() -> World:
-    """The map that comes with the package: 10 x 8 metres with a dock and four places."""
+    """Return the bundled map: 10 x 8 metres with a dock and four places."""
     file = resources.files("taskrpc.robot") / "maps" / "default.yaml"
     return parse_map(file.read_text(encoding="utf-8"), "default.yaml")
 
 
 def parse_map(text: str, path: str = "map") -> World:
-    """Read a map from its text; errors call it `path`.
+    """Read a map from its text; error messages name it `path`.
 
     Raises:
         MapError: as `read_map`.
@@ -128,7 +128,7 @@ class _MapReader:
         places = {}
         for key, value in self._place_entries():
             if key.value == DOCK:
-                self._document.fail(key, "a place cannot be named 'dock': that is the dock's name")
+                self._document.fail(key, "a place cannot be named 'dock': the dock has this name")
             if not key.value.replace("-", "_").isidentifier():
                 self._document.fail(
                     key,

@@ -1,31 +1,32 @@
-"""One solid thing on the map, and the three questions that driving and scanning ask about it."""
+"""An obstacle on the map: whether it contains a point, blocks a path, or meets a ray."""
 
 import math
 from typing import NamedTuple
 
 from taskrpc.robot.kinematics import Point
 
-_TOUCH = 1e-9  # metres; to slide along a wall, or round its corner, is not to hit it
+_TOUCH = 1e-9  # metres; driving along a wall, or around its corner, is no collision
 
 
 class Box(NamedTuple):
-    """A rectangle at any angle; one of zero thickness is a wall drawn as a line.
+    """A rectangle at any angle; with zero width it is a wall drawn as a line.
 
-    It lives in its own frame: the origin at the middle, the first axis along (`ux`, `uy`).
+    Its own frame has the origin at its centre and the first axis along (`ux`, `uy`).
     """
 
     x: float
-    """The middle."""
+    """The centre, in metres."""
     y: float
     ux: float
     """The unit vector along the length."""
     uy: float
     half_length: float
+    """Metres, as `half_width`."""
     half_width: float
 
     @classmethod
     def wall(cls, start: Point, end: Point) -> "Box":
-        """A wall without thickness from `start` to `end`, which must differ."""
+        """Return a wall without thickness from `start` to `end`, which must differ."""
         length = math.dist(start, end)
         ux, uy = (end[0] - start[0]) / length, (end[1] - start[1]) / length
         middle = (start[0] + end[0]) / 2, (start[1] + end[1]) / 2
@@ -33,24 +34,24 @@ class Box(NamedTuple):
 
     @classmethod
     def rectangle(cls, corner: Point, size: Point) -> "Box":
-        """An upright rectangle: its lower left corner, its width and height."""
+        """Return an upright rectangle from its lower left corner, width and height."""
         half_length, half_width = size[0] / 2, size[1] / 2
         return cls(
             corner[0] + half_length, corner[1] + half_width, 1.0, 0.0, half_length, half_width
         )
 
     def inflated(self, margin: float) -> "Box":
-        """The box grown by `margin` metres on every side.
+        """Return the box, larger by `margin` metres on every side.
 
-        The corners stay square. A round robot could cut them a little closer; in exchange its
-        shortest path is made of straight lines only.
+        The corners stay square. A round robot could pass them more closely, but with square
+        corners its shortest path consists of straight lines only.
         """
         return self._replace(
             half_length=self.half_length + margin, half_width=self.half_width + margin
         )
 
     def corners(self) -> list[Point]:
-        """The four corners, counterclockwise."""
+        """Return the four corners, counterclockwise."""
         return [
             (
                 self.x + a * self.half_length * self.ux - b * self.half_width * self.uy,
@@ -60,12 +61,12 @@ class Box(NamedTuple):
         ]
 
     def contains(self, point: Point) -> bool:
-        """Whether the point lies inside; the edge itself is outside."""
+        """Return whether the point lies inside; the edge counts as outside."""
         u, v = self._local(point)
         return abs(u) < self.half_length - _TOUCH and abs(v) < self.half_width - _TOUCH
 
     def blocks(self, start: Point, end: Point) -> bool:
-        """Whether the straight way from `start` to `end` leads through the inside."""
+        """Return whether the line from `start` to `end` passes through the inside."""
         u0, v0 = self._local(start)
         u1, v1 = self._local(end)
         length, width = self.half_length - _TOUCH, self.half_width - _TOUCH
@@ -74,7 +75,7 @@ class Box(NamedTuple):
         return max(enter_u, enter_v, 0.0) < min(leave_u, leave_v, 1.0)
 
     def ray(self, origin: Point, direction: Point) -> float:
-        """How far a ray flies until it meets the box, in lengths of `direction`; inf if never."""
+        """Return the distance of a ray to the box, in lengths of `direction`; inf if it misses."""
         u, v = self._local(origin)
         du = direction[0] * self.ux + direction[1] * self.uy
         dv = direction[1] * self.ux - direction[0] * self.uy
@@ -89,7 +90,7 @@ class Box(NamedTuple):
 
 
 def _slab(start: float, slope: float, half: float) -> Point:
-    """When a moving coordinate enters and leaves [-half, half]; (inf, -inf) if it never does."""
+    """Return when a moving coordinate enters and leaves [-half, half]; (inf, -inf) if never."""
     if slope == 0.0:
         return (-math.inf, math.inf) if abs(start) <= half else (math.inf, -math.inf)
     a, b = (-half - start) / slope, (half - start) / slope

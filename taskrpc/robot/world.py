@@ -1,4 +1,4 @@
-"""The map: named places, what is in the way, the shortest way around it, and what a scan sees."""
+"""The map: named places, obstacles, shortest paths around them, and the ranges of a scan."""
 
 import difflib
 import math
@@ -13,24 +13,24 @@ from taskrpc.robot.obstacles import Box
 from taskrpc.robot.protocol import Pose, TargetError
 
 DOCK = "dock"
-"""The name under which every map's dock is a target."""
+"""The target name of every map's dock."""
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _COORDINATES = re.compile(rf"\s*({_NUMBER})(?:\s*,\s*|\s+)({_NUMBER})\s*", re.ASCII)
-_TOUCH = 1e-9  # metres; as in obstacles: the outer walls may be touched
-_REMEMBERED_WAYS = 4096
+_TOUCH = 1e-9  # metres; as in obstacles: touching an outer wall is allowed
+_REMEMBERED_PATHS = 4096
 
 
 class World:
-    """A rectangular floor with solid things on it; metres, the origin in the lower left corner.
+    """A rectangular floor with obstacles; in metres, with the origin in the lower left corner.
 
-    Distances hold for the middle of a round robot of `robot_radius`: it keeps that far from the
-    outer walls and from every obstacle.
+    Points are positions of the centre of a round robot. The robot keeps `robot_radius` away from
+    the outer walls and from every obstacle.
 
     Args:
-        size: width and height; the floor is closed by walls all around.
-        obstacles: what stands on it, see `Box.wall` and `Box.rectangle`.
-        places: the named places that are targets beside "x,y" and the dock.
+        size: width and height; outer walls close the floor on all sides.
+        obstacles: walls and boxes, see `Box.wall` and `Box.rectangle`.
+        places: named targets, besides "x,y" and the dock.
         dock: where the robot starts and charges.
         robot_radius: metres.
     """
@@ -50,19 +50,19 @@ class World:
         self.places = {**(places or {}), DOCK: dock}
         self.robot_radius = robot_radius
         self._keep_out = tuple(box.inflated(robot_radius) for box in self.obstacles)
-        # A shortest way bends only where an obstacle's corner sticks out into the free floor.
+        # A shortest path bends only at the corners of obstacles that lie on the free floor.
         self._bends = tuple(p for box in self._keep_out for p in box.corners() if self.is_free(p))
         self._bends_seen_from: dict[Point, list[Point]] = {}
-        self._remembered_path = lru_cache(_REMEMBERED_WAYS)(self._path)
+        self._remembered_path = lru_cache(_REMEMBERED_PATHS)(self._path)
 
     def is_free(self, point: Point) -> bool:
-        """Whether the robot can stand with its middle there."""
+        """Return whether the robot's centre can be at this point."""
         return self._is_on_floor(point, self.robot_radius) and not any(
             box.contains(point) for box in self._keep_out
         )
 
     def resolve(self, target: str) -> Point:
-        """Turn a target, a named place or "x,y" or "x y" in metres, into a point.
+        """Return the point of a target: a named place, or "x,y" or "x y" in metres.
 
         Raises:
             TargetError: it is neither, or the robot cannot stand there.
@@ -85,17 +85,17 @@ class World:
         return point
 
     def path(self, start: Point, goal: Point) -> tuple[Point, ...] | None:
-        """The waypoints after `start` on the shortest way to `goal`; None if there is no way.
+        """Return the waypoints of the shortest path from `start` to `goal`, None if there is none.
 
-        The same question gets the same answer, also where two ways are equally short.
+        The same arguments give the same path, also if two paths are equally short.
         """
         return self._remembered_path(start, goal)
 
     def way(self, start: Point, target: str) -> tuple[Point, ...]:
-        """The waypoints of the shortest way to a target; the last one is the target itself.
+        """Return the waypoints of the shortest path to a target; the last one is the target.
 
         Raises:
-            TargetError: as `resolve`, or no way leads there.
+            TargetError: as `resolve`, or there is no path.
         """
         waypoints = self.path(start, self.resolve(target))
         if waypoints is None:
@@ -106,10 +106,10 @@ class World:
         return waypoints
 
     def cast(self, pose: Pose, angles: Sequence[float], max_range: float) -> list[float]:
-        """Ranges in metres from `pose` to what is first seen under each angle.
+        """Return the ranges in metres from `pose` to the first obstacle at each angle.
 
-        Angles are radians counterclockwise from the robot's own heading. Where nothing stands
-        within `max_range`, that is the range.
+        Angles are radians counterclockwise from the robot's heading. No range is longer than
+        `max_range`.
         """
         origin = pose.x, pose.y
         ranges = []
@@ -152,7 +152,7 @@ class World:
         return tuple(self._without_needless_stops(points[::-1]))
 
     def _search(self, start: Point, goal: Point) -> dict[Point, Point]:
-        """A* over the bends: for each point that was reached, the one before it."""
+        """Search with A* over the bends; returns each reached point with the point before it."""
         came_from: dict[Point, Point] = {}
         frontier = [(math.dist(start, goal), 0.0, start, start)]
         while frontier and goal not in came_from:
@@ -166,7 +166,7 @@ class World:
         return came_from
 
     def _onward(self, point: Point, goal: Point) -> list[Point]:
-        """The bends, and the goal, to which a straight way leads from `point`."""
+        """Return the bends, and the goal, that a straight line from `point` reaches."""
         seen = self._bends_seen_from.get(point)
         if seen is None:
             seen = [bend for bend in self._bends if self._is_clear(point, bend)]
@@ -175,7 +175,7 @@ class World:
         return [*seen, goal] if self._is_clear(point, goal) else seen
 
     def _without_needless_stops(self, points: list[Point]) -> list[Point]:
-        """The waypoints without those that lie straight between their neighbours."""
+        """Return the waypoints without those on a straight line between their neighbours."""
         kept = points[:1]
         for point, onward in pairwise(points[1:]):
             if not self._is_clear(kept[-1], onward):

@@ -69,7 +69,7 @@ robot_radius, walls, boxes, places
     ),
     "a key twice": (
         "size: [8, 6]\ndock: [1, 1]\nsize: [9, 6]\n",
-        """m.yaml:3:1: error: a map: 'size' is there twice
+        """m.yaml:3:1: error: a map: 'size' appears twice
     size: [9, 6]
     ^""",
     ),
@@ -179,7 +179,7 @@ robot_radius, walls, boxes, places
     ),
     "a place called dock": (
         "size: [8, 6]\nplaces:\n  dock: [2, 2]\ndock: [1, 1]\n",
-        """m.yaml:3:3: error: a place cannot be named 'dock': that is the dock's name
+        """m.yaml:3:3: error: a place cannot be named 'dock': the dock has this name
       dock: [2, 2]
       ^""",
     ),
