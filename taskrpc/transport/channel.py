@@ -1,4 +1,4 @@
-"""A client's way to one service: finds it, resolves it, survives reconnects."""
+"""A client's connection to one service: finds it, resolves it, survives reconnects."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class RemoteChannel:
         self.mode = Mode.AT_MOST_ONCE
         self.store_id = b""
         self.span_of: Callable[[], bytes] | None = None
-        """Asked at each sending for the span that the server shall know, where there is one."""
+        """Returns the trace span to send with a request, b"" for none."""
         self._counter: RequestCounter | None = None
         self._endpoint = endpoint
         self._named = named
@@ -79,13 +79,13 @@ class RemoteChannel:
         self._connecting: asyncio.Task[None] | None = None
         self._moves: set[asyncio.Task[None]] = set()
         self._line: dict[Unsent, None] = {}
-        """Calls that wait for the connection, in order."""
+        """Calls that wait for the connection, in the order in which they were made."""
         self._mark = endpoint.availability.mark()
         self._somebody = False
         self._closed = False
         self._said = ""
         self.on_refusal: Callable[[TaskRpcError], object] = self._warn
-        """Is told, once for each, what keeps it from a service that is there."""
+        """Called once for each error that keeps the client from an existing service."""
 
     @property
     def ready(self) -> bool:
@@ -95,7 +95,7 @@ class RemoteChannel:
 
     @property
     def offered(self) -> bool:
-        """Whether somebody is known to offer the service, by the definition that we have."""
+        """Whether a known process offers the service with the definition that we have."""
         if self.ready or self._closed:
             return not self._closed
         fits = ("", self._named.type_hash)
@@ -152,12 +152,9 @@ class RemoteChannel:
             deadline,
             self._method,
             body,
-            None,  # never moved by itself, as in `send`
-            flags,
-            0,  # call_id
-            0,  # moves
-            counter,
-            sequence,
+            flags=flags,  # no `move`, for the reason in `send`
+            counter=counter,
+            sequence=sequence,
         )
         try:
             connection.begin(call)
@@ -174,14 +171,14 @@ class RemoteChannel:
     def tell_in_thread(
         self, request: Any, deadline: float | None, tell: Tell
     ) -> CallbackWaiter | None:
-        """The same where nobody waits, but a function is to be told."""
+        """Send a request from another thread; `tell` is called with its outcome."""
         told = CallbackWaiter(tell)
         return told if self._begin_in_thread(told, request, deadline) else None
 
     def _begin_in_thread(
         self, waiter: Waiter | CallbackWaiter, request: Any, deadline: float | None
     ) -> bool:
-        # The loop may find another server at any moment: one's number means another service there.
+        # The event loop may reach another server meanwhile: its method ids mean other services.
         connection, method = self._connection, self._method
         if not isinstance(connection, ThreadedConnection) or connection.epoch != self._epoch:
             return False
@@ -202,7 +199,7 @@ class RemoteChannel:
                 self._connecting = connecting = asyncio.ensure_future(self._connect())
                 connecting.add_done_callback(_retrieved)
             left = None if deadline is None else max(0.0, deadline - self._endpoint.loop.time())
-            # Several calls may wait for one connection: none of them may take it from the others.
+            # Several calls may wait for this task: a timeout of one must not cancel it.
             done, _ = await asyncio.wait((connecting,), timeout=left)
             if not done:
                 silent = next(filter(None, (why_silent(each) for _, each in self._locate())), "")
@@ -247,21 +244,21 @@ class RemoteChannel:
         if self._connecting is not None:
             self._connecting.cancel()
         self._endpoint.channel_closed(self._named)
-        # Whoever still waits for the service must learn it.
+        # Calls that still wait for the service must fail.
         self._endpoint.availability.notify()
 
     def _warn(self, error: TaskRpcError) -> None:
         log.warning("%s", error, extra={"service": self._named.name})
 
     def _locate(self) -> list[tuple[str, Address]]:
-        """For which name to ask whom."""
+        """The names to ask for, each with the addresses to ask."""
         locate = self._endpoint.network.locate
         return [(name, each) for name in self._names for each in locate(name)]
 
     async def _something_new(self, failures: int, left: float | None) -> int:
-        """Wait for a sign that another attempt may succeed."""
-        # Somebody who is known and was not reached gives no sign: asked at growing intervals.
-        import random  # only where somebody waits
+        """Wait until another attempt may succeed; returns the number of failures in a row."""
+        # A known server that was not reached notifies nobody: it is tried at growing intervals.
+        import random  # only needed while a client waits
 
         delay = reconnect_delay(failures, random.random()) if self._somebody else None
         limits = [each for each in (left, delay) if each is not None]
@@ -280,7 +277,7 @@ class RemoteChannel:
             except (TypeMismatch, AuthenticationFailed, PermissionDenied) as error:
                 refusal = refusal or error
             except ServiceUnavailable:
-                pass  # a peer that has other services
+                pass  # the peer offers other services only
             except TaskRpcError as error:
                 problem = ServiceUnavailable(f"{self._shown} could not be reached: {error}")
         raise refusal or problem
@@ -288,12 +285,12 @@ class RemoteChannel:
     async def _reach(self, name: str, address: Address) -> None:
         endpoint = self._endpoint
         connection = await endpoint.dialler.connection(address, None)
-        # Read before asking: what changes while the answer is on its way may make it stale.
+        # Read before asking: a change while the answer is on its way may make the answer stale.
         epoch = connection.epoch
         question = Resolve(name, self._named.type_hash, self._named.node)
         asked = connection.resolve(question, endpoint.loop.time() + RESOLVE_TIMEOUT)
         resolved = await asked.future
-        self._connection = None  # until all three belong together, other threads find nothing
+        self._connection = None  # other threads must not see the new method with the old connection
         self._method, self._epoch, self._reached = resolved.method, epoch, name
         known = resolved.mode in tuple(Mode)
         self.mode = Mode(resolved.mode) if known else Mode.AT_MOST_ONCE
@@ -330,12 +327,12 @@ class RemoteChannel:
                 future.add_done_callback(lambda done: done.exception() or answered(done.result()))
 
     def _move(self, call: OpenCall) -> None:
-        """Send a refused call to whoever offers the service now."""
+        """Send a refused call to a server that offers the service now."""
         self._go(self._moved(call))
 
     def _go(self, coroutine: Coroutine[Any, Any, None]) -> None:
         task = self._endpoint.loop.create_task(coroutine)
-        self._moves.add(task)  # the loop itself would let it vanish
+        self._moves.add(task)  # the event loop keeps only weak references to tasks
         task.add_done_callback(self._moves.discard)
 
     async def _moved(self, call: OpenCall) -> None:
@@ -350,6 +347,6 @@ class RemoteChannel:
 
 
 def _retrieved(task: asyncio.Task[None]) -> None:
-    """Whoever waited may be gone; then asyncio would report the error as never retrieved."""
+    """Retrieve the error: without a waiting call, asyncio would report it as never retrieved."""
     if not task.cancelled():
         task.exception()

@@ -1,4 +1,4 @@
-"""The calling end of a connection: calls as futures, queued while the peer's limits are reached."""
+"""The client side of a connection: calls as futures, queued at the server's limits."""
 
 from __future__ import annotations
 
@@ -39,21 +39,21 @@ from taskrpc.wire.session import LAST_CALL_ID, Session, refused_error, unknown_e
 HANDSHAKE_LOST = "the connection was lost in the handshake"
 
 MAX_MOVES = 8
-"""How often one call may be refused and sent elsewhere before its caller learns of it."""
+"""How often one call may be refused and moved to another server before it fails."""
 
 
 class OpenCall(msgspec.Struct, eq=False):
-    """A call of ours: from sending, or waiting to be sent, to its answer."""
+    """A call of this process, from queueing or sending to its response."""
 
     future: Any
-    """Gets the decoded answer, or the error: an asyncio.Future, or a `Waiter` for a thread."""
+    """Gets the decoded response or the error: an asyncio.Future, or a `Waiter` for a thread."""
     connection: CallingConnection
     decode: Callable[[Body], Any]
     deadline: float | None
     method: int = 0
     body: Body = b""
     move: Callable[[OpenCall], object] | None = None
-    """Takes a call that the server certainly did not begin, to send it elsewhere."""
+    """Sends a call to another server that the first one certainly did not begin."""
     flags: int = 0
     call_id: int = 0
     """0 until the request is sent."""
@@ -62,10 +62,10 @@ class OpenCall(msgspec.Struct, eq=False):
     """The counter of its sequence number, where `send_next` sent it to an exactly-once service."""
     sequence: int = 0
     is_late: bool = False
-    """Whether its deadline has passed and the server was asked whether it had begun."""
+    """Whether the deadline has passed, and the server was asked if the call had begun."""
 
     def failed(self, error: BaseException) -> None:
-        """The call ended with an error."""
+        """End the call with an error."""
         if not self.future.done():
             # An error of the handler is a response, even just after the deadline.
             if isinstance(error, TaskRpcError) and self.is_late and error.not_executed is not False:
@@ -73,7 +73,7 @@ class OpenCall(msgspec.Struct, eq=False):
             self.future.set_exception(error)
 
     def refused(self, error: TaskRpcError) -> None:
-        """The server certainly did not begin the call, and will take no such call any more."""
+        """Move the call, or fail it: the server did not begin it and takes no such calls."""
         if self.move is None or self.is_late or self.moves >= MAX_MOVES:
             self.failed(error)
         elif not self.future.done():
@@ -82,19 +82,19 @@ class OpenCall(msgspec.Struct, eq=False):
             self.move(self)
 
     def expired(self) -> None:
-        """The deadline passed: cancel the call, and give the caller its outcome.
+        """Cancel the call after its deadline, and give the caller its outcome.
 
-        The server knows whether a call that was sent has begun. Its answer is awaited for the rest
-        of the tick by which the caller may learn late.
+        Only the server knows whether a sent call has begun. Its answer is awaited for the rest of
+        the tick by which the caller may be notified late.
         """
         if self.is_late or self.future.done():
             return
         if self.call_id and self.method:
             self.connection.forget(self, but_hear=True)
             self.is_late = True
-            # Counted from now, not from the deadline: a late loop has not read the answer yet.
+            # From now, not from the deadline: a late event loop has not read the answer yet.
             self.connection.owner.loop.call_later(TICK - LOOK_LATE, self._unheard)
-        else:  # not sent, or a question about a service: nothing can have run
+        else:  # not sent, or a RESOLVE: nothing can have run
             self.future.set_exception(_deadline_exceeded(not_executed=True))
             self.connection.forget(self)
 
@@ -105,7 +105,7 @@ class OpenCall(msgspec.Struct, eq=False):
             self.connection.forget(self)
 
     def give_up(self, future: asyncio.Future[Any] | None = None) -> None:
-        """The caller's future is done: where it was cancelled, the call is."""
+        """Cancel the call if the caller's future was cancelled."""
         if self.future.cancelled():
             self.connection.forget(self)
 
@@ -121,7 +121,7 @@ class TopicEvents(Protocol):
 
 
 class CallingConnection(Connection):
-    """A connection on which we call; shared by all channels to the same process."""
+    """A connection on which this process calls; shared by all channels to one server."""
 
     __slots__ = (
         "_on_advertised",
@@ -139,14 +139,14 @@ class CallingConnection(Connection):
     ) -> None:
         super().__init__(owner, me, is_client=True)
         self.ready: asyncio.Future[None] = owner.loop.create_future()
-        """Done when calls may begin, or with the error that ended the connection before."""
+        """Done when calls may begin; has an error if the connection ended before."""
         self.epoch = 0
-        """Counts what makes method ids stale: changes of the server's services, and the end of
-        this connection for new calls. So a channel compares one number before each call."""
+        """Increases when method ids become stale: when the server's services change, and when this
+        connection takes no new calls. A channel compares this one number before each call."""
         self.link: TopicEvents | None = None
-        """Who has subscribed over this connection."""
+        """Receives the messages of our subscriptions."""
         self.peer_id = b""
-        """The server's program: another one after each of its starts."""
+        """Identifies the server's program; new at each of its starts."""
         self._on_advertised = on_advertised
         self._waiting: deque[OpenCall] = deque()
         self._writing_paused = False
@@ -173,13 +173,13 @@ class CallingConnection(Connection):
 
     @property
     def holds_back(self) -> bool:
-        """Whether a new call must wait behind others, or for a server that does not read."""
+        """Whether a new call must wait: behind others, or because the server does not read."""
         return self._writing_paused or bool(self._waiting)
 
     def resolve(
         self, question: messages.Resolve, deadline: float | None, *, definition: bool = False
     ) -> OpenCall:
-        """Ask for a service (yields `Resolved`), or with an empty name for a `Listing`."""
+        """Ask for a service (gives `Resolved`), or with an empty name for a `Listing`."""
         decode = messages.decode_resolved if question.name else messages.decode_listing
         call = OpenCall(self.owner.loop.create_future(), self, decode, deadline)
         if self.is_open:
@@ -192,13 +192,13 @@ class CallingConnection(Connection):
         return call
 
     def say(self, action: Callable[[Session], object]) -> None:
-        """Let something else than a call go out."""
+        """Send something else than a call."""
         if self.transport is not None:
             action(self.session)
             self.flush_soon()
 
     def forget(self, call: OpenCall, *, but_hear: bool = False) -> None:
-        """A caller gave up; with `but_hear` the server's answer still reaches the call."""
+        """Cancel a call; with `but_hear` the server's answer still reaches it."""
         if call.call_id:
             if but_hear:
                 self.session.ask_to_stop(call.call_id)
@@ -211,22 +211,22 @@ class CallingConnection(Connection):
             self._waiting.remove(call)
 
     def pause_writing(self) -> None:
-        """The server reads slower than we call: new calls wait here, under their deadlines."""
+        """Queue new calls under their deadlines: the server reads more slowly than we call."""
         self._writing_paused = True
         self.session.answer_pings(wanted=False)
 
     def resume_writing(self) -> None:
-        """The server has caught up."""
+        """Send the queued calls: the server has read what was written."""
         self._writing_paused = False
         self.session.answer_pings(wanted=True)
         self._send_waiting()
 
     def expiring(self) -> Iterable[OpenCall]:
-        """The calls that wait for an answer, and those that wait to be sent."""
+        """The calls that wait for a response, and those that wait to be sent."""
         return [*self.session.open_tickets(), *self._waiting]
 
     def handled(self) -> None:
-        """All events of a read have been handled: send what waited, say what there is to say."""
+        """Send queued calls and write the output, after all events of a read."""
         if self._waiting:
             self._send_waiting()
         if self._retired and not self.session.in_flight:
@@ -242,10 +242,10 @@ class CallingConnection(Connection):
         except (InvalidRequest, ProtocolError) as error:
             call.failed(_bad_answer(error))
         except asyncio.InvalidStateError:
-            pass  # cancelled in this very turn
+            pass  # cancelled in this turn of the event loop
 
     def _failed(self, event: ErrorReceived) -> None:
-        # Only the server itself says so: what a callback raises comes as HandlerFailed.
+        # Sent only by the server itself: an exception of a handler arrives as HandlerFailed.
         gone = type(event.error) is ServiceUnavailable and event.error.not_executed
         (event.ticket.refused if gone else event.ticket.failed)(event.error)
 
@@ -303,19 +303,19 @@ class CallingConnection(Connection):
             self.close()
 
     def ended(self) -> None:
-        """Fail what is in flight: each caller learns at once whether its call may have run."""
+        """Fail the calls in flight; each error says whether the call may have run."""
         self.epoch += 1
         reason = self.why_closed
         if not self.ready.done():
             lost = ConnectionLost(HANDSHAKE_LOST, not_executed=True)
             self.ready.set_exception(reason or lost)
-            self.ready.exception()  # nobody may be left to ask
+            self.ready.exception()  # otherwise asyncio reports it as never retrieved
         for call in self.session.lost():
             call.failed(unknown_error())
         self._refuse_waiting(_lost_unsent())
 
     def _send(self, call: OpenCall) -> bool:
-        """Send a call, or end it after its deadline; False while there is no room for it."""
+        """Send a call, or expire it if its deadline has passed; False if the limits are reached."""
         session, body, left = self.session, call.body, NO_DEADLINE
         if call.deadline is not None:
             left = time_left(call.deadline, self.owner.now())
@@ -328,7 +328,7 @@ class CallingConnection(Connection):
         call.call_id = call_id
         if call_id >= LAST_CALL_ID:
             self.epoch += 1
-        # A large request goes out at once, so that a server that does not read is noticed.
+        # A large request is written at once, so that a server that does not read is noticed.
         if (len(session.open_calls) == 1 and not self.in_turn) or len(body) >= LARGE:
             self.flush()
         elif not self._flush_planned:
@@ -349,7 +349,7 @@ class CallingConnection(Connection):
 
 
 def time_left(deadline: float, now: float) -> int:
-    """Milliseconds as a request tells them: rounded up, 0 or less once the deadline has passed."""
+    """Milliseconds until a deadline, rounded up; 0 or less once it has passed."""
     left = math.ceil((deadline - now) * 1000)
     return left if left < NO_DEADLINE else NO_DEADLINE - 1
 

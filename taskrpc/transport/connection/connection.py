@@ -1,4 +1,4 @@
-"""A session on an asyncio transport: reads into one shared buffer, writes once a turn."""
+"""A session on an asyncio transport: reads into one shared buffer, writes once per loop turn."""
 
 from __future__ import annotations
 
@@ -27,15 +27,15 @@ READ_BUFFER = 65_536
 """Bytes read at once; asyncio's own 256 KiB cost twice the time of a small call."""
 
 BATCH = 16
-"""Frames of one read that are handled before what they gave is written: so the peer is at work on
-the first answers while the last are made, which gains half of the calls a second on two cores."""
+"""Frames of one read that are handled before the output is written. The peer works on the first
+responses while the last are made; on two cores this gives half as many calls a second again."""
 
 HANDSHAKE_TIMEOUT = 3.0
 STALL_PERIOD = 10.0
 STALL_RATE = 1024
-"""Bytes a second that a peer must move while it owes us a frame or has output to read."""
+"""Bytes a second that a peer must move while a frame of it is incomplete or output is unread."""
 UNREAD_LIMIT = 1024 * 1024
-"""Bytes of output that a peer may leave unread for long."""
+"""Bytes of output that a peer may leave unread for a long time."""
 
 
 class Owner(Protocol):
@@ -47,19 +47,19 @@ class Owner(Protocol):
     read_buffer: memoryview
     keepalive: Keepalive
     refusals: LimitedLog
-    """The log of connections that were ended for what their peers said."""
+    """Logs the connections that were closed because of what the peer sent."""
     behind: list[None]
-    """One for each thing that another thread has handed to the loop, which has not done it yet."""
+    """One item for each pending action that another thread has handed to the event loop."""
 
     def connection_began(self, connection: Any) -> None:
-        """A connection has its transport."""
+        """Count a connection that has its transport."""
 
     def connection_ended(self, connection: Any) -> None:
-        """A connection is gone."""
+        """Count a connection that is gone."""
 
 
 class Connection(asyncio.BufferedProtocol):
-    """Either end of a connection; subclasses say what the events mean."""
+    """Either end of a connection; subclasses handle the events."""
 
     __slots__ = (
         "_deadlines",
@@ -83,9 +83,9 @@ class Connection(asyncio.BufferedProtocol):
     )
 
     serves: ClassVar[bool]
-    """Whether requests come here: only then it matters when they were read."""
+    """Whether this is the server side; only there the time of a read matters."""
     handlers: ClassVar[dict[type[Event], Callable[[Any, Any], None]]]
-    """What to do with each event: a function of this class, taking the connection and the event."""
+    """The handler of each event, a function that takes the connection and the event."""
 
     def __init__(
         self, owner: Owner, me: Identity, *, is_client: bool, frames_a_turn: int = sys.maxsize
@@ -97,27 +97,27 @@ class Connection(asyncio.BufferedProtocol):
         self._read_buffer = owner.read_buffer
         self._splitter = self.session.splitter
         self.in_turn = False
-        """Whether a read is being handled, after which all output is written at once."""
+        """Whether a read is being handled; its output is written together at the end."""
         self._flush_planned = False
         self._draining = False
         self._watch = _Watch(owner.loop.time())
         self._handshake_timer: asyncio.TimerHandle | None = None
-        # Made when they are first wanted: most of thousands of idle connections need none.
+        # Created when first needed: most of thousands of idle connections need none of these.
         self.look_before = math.inf
         self._deadlines: Deadlines | None = None
         self._gone: asyncio.Future[None] | None = None
         self._lost = False
         self._kernel_asks = False
-        """Whether the kernel asks a silent peer for a sign of life; only TCP does."""
+        """Whether the kernel probes a silent peer; only TCP does."""
         self._tcp_timeouts: TcpTimeouts | None = None
-        """Only while the peer has not acknowledged everything."""
+        """Set only while written bytes are unacknowledged."""
         self.read_at = 0.0
-        """When what is being handled was read, by the loop's clock."""
+        """When the bytes that are being handled were read, on the event loop's clock."""
 
-    # asyncio's side
+    # Called by asyncio
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        """The transport is there."""
+        """Begin: asyncio has connected the transport."""
         # Cast, not checked: uvloop's transports are no subclasses of asyncio's.
         self.transport = cast("asyncio.Transport", transport)
         if (sock := transport.get_extra_info("socket")) is not None:
@@ -133,7 +133,7 @@ class Connection(asyncio.BufferedProtocol):
         return self._read_buffer if large is None else large.room()
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Bytes were read."""
+        """Handle bytes that asyncio has read into the buffer."""
         self._watch.received += nbytes
         if nbytes and self.serves:
             self.read_at = self.owner.now()
@@ -148,14 +148,14 @@ class Connection(asyncio.BufferedProtocol):
                 handlers[event.__class__](self, event)
                 if not number % BATCH:
                     self.flush()
-        finally:  # a callback that ends the program must not take the answers with it
+        finally:  # responses are sent even if a callback ends the program
             self.in_turn = False
             self.handled()
             if self._splitter.behind:
                 self.read_on()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """The transport is gone."""
+        """End: the transport is closed."""
         self.handshake_over()
         self.transport = None
         self._lost = True
@@ -166,40 +166,40 @@ class Connection(asyncio.BufferedProtocol):
         if self._gone is not None and not self._gone.done():
             self._gone.set_result(None)
 
-    # Subclasses
+    # For subclasses
 
     def expiring(self) -> Iterable[Expiring]:
         """The open calls, of which some may have a deadline."""
         raise NotImplementedError
 
     def ended(self) -> None:
-        """The connection is gone; nothing more will come."""
+        """Clean up: the connection is gone."""
         raise NotImplementedError
 
     def drained(self) -> None:
-        """Something was written after GOAWAY; perhaps it was the last answer."""
+        """Output was written after GOAWAY; it may have been the last response."""
         raise NotImplementedError
 
     def read_on(self) -> None:
-        """The splitter stopped before the last frame: let it go on later."""
+        """Handle the remaining frames later: the splitter stopped before the last one."""
         raise NotImplementedError
 
     @property
     def unread_limit(self) -> int:
-        """Bytes of output that the peer may leave unread for long."""
+        """Bytes of output that the peer may leave unread for a long time."""
         return UNREAD_LIMIT
 
-    # Our side
+    # Called by this process
 
     def handshake_over(self) -> None:
-        """The peer has proved itself, or is gone."""
+        """Stop the handshake's timer: the peer has proved itself, or is gone."""
         if self._handshake_timer is not None:
             self._handshake_timer.cancel()
             self._handshake_timer = None
 
     @property
     def gone(self) -> asyncio.Future[None]:
-        """Done when the connection has ended."""
+        """A future that is done when the connection has ended."""
         if self._gone is None:
             self._gone = self.owner.loop.create_future()
             if self._lost:
@@ -224,7 +224,7 @@ class Connection(asyncio.BufferedProtocol):
 
     @property
     def received(self) -> int:
-        """Bytes that came."""
+        """Bytes that were received."""
         return self._watch.received
 
     @property
@@ -233,7 +233,7 @@ class Connection(asyncio.BufferedProtocol):
         return self._watch.written
 
     def watch(self, deadline: float) -> None:
-        """See to it that a call's deadline is looked for in time."""
+        """Check the open calls when this deadline passes."""
         if self._deadlines is None:
             self._deadlines = Deadlines(self.owner.loop, self)
         self._deadlines.watch(deadline)
@@ -244,7 +244,7 @@ class Connection(asyncio.BufferedProtocol):
         return self.session.state is ConnectionState.OPEN and self.transport is not None
 
     def flush(self) -> None:
-        """Write what the session has to say."""
+        """Write the session's output."""
         self._flush_planned = False
         if self.session.out:
             transport = self.transport
@@ -255,21 +255,21 @@ class Connection(asyncio.BufferedProtocol):
         if self._draining:
             self.drained()
 
-    # What follows after all events of a read; subclasses may have more to do than to answer.
+    # Called after all events of a read; subclasses may do more than write.
     handled = flush
 
     def count_written(self, count: int) -> None:
-        """Bytes were written to the peer."""
+        """Count bytes that were written to the peer."""
         self._watch.written += count
 
     def flush_soon(self) -> None:
-        """Write at the end of this turn of the loop, together with whatever else comes."""
+        """Write at the end of this turn of the event loop, together with other output."""
         if not self.in_turn and not self._flush_planned:
             self._flush_planned = True
             self.owner.loop.call_soon(self.flush)
 
     def close(self, error: TaskRpcError | None = None) -> None:
-        """End the connection after what is written."""
+        """Close the connection after its output is written."""
         self.why_closed = self.why_closed or error
         if self.transport is not None:
             self.flush()
@@ -277,22 +277,26 @@ class Connection(asyncio.BufferedProtocol):
             self.transport.close()
 
     def abort(self, error: TaskRpcError) -> None:
-        """End the connection at once."""
+        """Close the connection at once."""
         self.why_closed = self.why_closed or error
         self.session.close()
         if self.transport is not None:
             self.transport.abort()
 
     def tick(self, now: float) -> None:
-        """Look after the connection, about once a second: silence, and peers that do not move."""
+        """Check for silent and stalled peers, about once a second."""
         if self.transport is None or self.session.state is ConnectionState.HANDSHAKE:
             return
         unread = self.transport.get_write_buffer_size()
         owes = self.session.mid_frame or unread > self.unread_limit
         if self._watch.stalled(now, unread, owes=owes):
-            log.warning("%s moved too few bytes for %s s; cut off", self.peer_name, STALL_PERIOD)
+            log.warning(
+                "%s moved too few bytes for %s s; closed its connection",
+                self.peer_name,
+                STALL_PERIOD,
+            )
             self.abort(ProtocolError("the peer moved too few bytes with a frame half-way"))
-        # A PING of ours would start the kernel's clock anew, and a dead peer live longer.
+        # A PING would restart the kernel's timer, and a dead peer would be found later.
         elif self._kernel_asks:
             if self._acknowledges_nothing(self.transport):
                 self.abort(ProtocolError("the peer acknowledges nothing"))
@@ -301,7 +305,7 @@ class Connection(asyncio.BufferedProtocol):
             self.flush()
 
     def _acknowledges_nothing(self, transport: asyncio.Transport) -> bool:
-        """Whether the kernel has asked the peer in vain for room for what we have written."""
+        """Whether the peer has not acknowledged our output for too long."""
         if self._tcp_timeouts is None:
             if not self._watch.has_written():
                 return False
@@ -318,7 +322,7 @@ class Connection(asyncio.BufferedProtocol):
 
     def _refuse(self, error: TaskRpcError) -> None:
         if not self.session.is_client:
-            # What is noted beside it the peer is not told.
+            # Notes go to our log only; the peer does not see them.
             why = "; ".join([str(error), *getattr(error, "__notes__", ())])
             text = "closed the connection from %s: %s"
             self.owner.refusals.warning(self.owner.loop.time(), text, self.peer_name, why)
@@ -334,7 +338,7 @@ class Connection(asyncio.BufferedProtocol):
 
 
 class _Watch:
-    """Counts what a connection moves, for `Connection.tick`."""
+    """Counts the bytes of a connection, for `Connection.tick`."""
 
     __slots__ = (
         "_began",
@@ -358,26 +362,26 @@ class _Watch:
         self._heard = now
 
     def stalled(self, now: float, unread: int, *, owes: bool) -> bool:
-        """Whether the peer owed us movement for a whole period and hardly moved."""
+        """Whether the peer has moved too few bytes for a whole period in which it had to."""
         still, self._owed = owes and self._owed, owes
         if still and now - self._began < STALL_PERIOD:
             return False
         moved = self.received + self.written - unread
         hardly = moved - self._moved_before < STALL_RATE * STALL_PERIOD
         self._moved_before = moved
-        # Of the second in which the debt began only the time counts: what the system took of an
-        # answer then is no sign of a peer that reads.
+        # Bytes of the first second do not count: the kernel buffered them, whether or not the peer
+        # reads.
         if still or not owes:
             self._began = now
         return still and hardly
 
     def has_written(self) -> bool:
-        """Whether something was written since this was asked before."""
+        """Whether bytes were written since the last check."""
         before, self._written_before = self._written_before, self.written
         return before != self.written
 
     def silent(self, now: float, seconds: float) -> bool:
-        """Whether the peer has said nothing for so many seconds, so that a ping is due."""
+        """Whether the peer has sent nothing for so many seconds, so that a PING is due."""
         if self.received != self._received_before:
             self._received_before, self._heard = self.received, now
         if now - self._heard < seconds:
@@ -387,12 +391,12 @@ class _Watch:
 
 
 def shown(peer: Any) -> str:
-    """An address as a socket has it, for logs."""
+    """A socket address, for logs."""
     return f"{peer[0]}:{peer[1]}" if isinstance(peer, tuple) else str(peer or "a peer in memory")
 
 
 class Traffic:
-    """One side's connections; those that are open count for themselves until they end."""
+    """Counters of one side's connections; open connections add their own until they end."""
 
     __slots__ = ("_ended", "_opened", "_received", "_sent")
 
@@ -401,11 +405,11 @@ class Traffic:
         self._ended: dict[str, int] = {}
 
     def began(self) -> None:
-        """A connection has its transport."""
+        """Count a connection that has its transport."""
         self._opened += 1
 
     def left(self, connection: Connection) -> None:
-        """A connection is gone."""
+        """Count a connection that is gone."""
         why = connection.why_closed
         reason = "" if why is None else type(why).__name__
         self._ended[reason] = self._ended.get(reason, 0) + 1
@@ -414,7 +418,7 @@ class Traffic:
 
     def counts(self, connections: Iterable[Connection]) -> Connections:
         """All counts, with those of the connections that are open."""
-        from taskrpc.observer import Connections  # few programs ask
+        from taskrpc.observer import Connections  # few programs need it
 
         now = list(connections)
         return Connections(

@@ -341,7 +341,10 @@ async def test_who_calls_beyond_the_limits_has_his_answers_then_the_reason(
     assert len(gate.started) == 256
     lines = [each.message for each in caplog.records]
     assert len(lines) == 1
-    assert "is cut off once it has its answers: more than 256 calls in flight" in lines[0]
+    assert (
+        "exceeded its limits; its connection closes after the last response: more than 256 calls"
+        in lines[0]
+    )
 
 
 async def test_thousands_of_connections_are_not_pinged_in_one_moment(server, monkeypatch):
