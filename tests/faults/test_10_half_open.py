@@ -67,7 +67,7 @@ def looks_after_no_peer(patch):
 
 
 def looks_only_while_nothing_is_sent(patch):
-    patch(keepalive, "_bear", lambda sock, seconds: None)
+    patch(keepalive, "_set_user_timeout", lambda sock, seconds: None)
 
 
 def is_more_patient_than_it_says(patch):
@@ -84,7 +84,7 @@ def takes_the_full_for_dead(patch):
 
 
 def waits_for_the_full_for_ever(patch):
-    patch(keepalive, "_IN_VAIN", 1000)
+    patch(keepalive, "_UNANSWERED_PROBES", 1000)
 
 
 def cuts_off_who_is_silent(patch):

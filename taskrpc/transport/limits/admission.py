@@ -1,4 +1,4 @@
-"""Who may stay connected: a bound on all connections, a smaller one on those without proof."""
+"""Which connections may stay: a bound for all, and a smaller one for those without a proof."""
 
 from __future__ import annotations
 
@@ -83,14 +83,14 @@ class Admission:
         self._problem = f"the server has {self._most} connections, as many as it can"
 
     def came(self, connection: AdmittedConnection, peername: object) -> None:
-        """A caller connected from this address; there is room for it, or there will be."""
+        """Count a new connection; close the oldest one without a proof if there are too many."""
         connection.host_name = host_of(peername)
         if len(self._strangers) >= self._most_strangers:
             self._cut_oldest(connection)
         self._strangers.add(connection.host_name, connection)
 
     def proved(self, connection: AdmittedConnection) -> None:
-        """Somebody showed that he may be here; he stays unless the server is full."""
+        """Keep a connection whose caller has proved its identity, unless the server is full."""
         if not self._strangers.remove(connection.host_name, connection):
             return
         if self._count >= self._most and not self._make_room(connection.quota_key):
@@ -101,7 +101,7 @@ class Admission:
         self._count += 1
 
     def left(self, connection: AdmittedConnection) -> None:
-        """A connection is gone."""
+        """Forget a connection that is gone."""
         self._strangers.remove(connection.host_name, connection)
         self._forget(connection)
 
@@ -114,7 +114,9 @@ class Admission:
                 del self._known[connection.quota_key]
 
     def _greediest(self, newcomer: QuotaKey) -> QuotaKey | None:
-        """Who has most, of the account that has most; None where that is the newcomer himself."""
+        """The caller to evict: the one with the most connections in the largest account.
+
+        None if that is the newcomer itself."""
         own, accounts = newcomer[0], Counter[str]()
         for (account, _), theirs in self._known.items():
             accounts[account] += len(theirs)
@@ -123,11 +125,11 @@ class Admission:
             most = own
         having = {who: len(theirs) for who, theirs in self._known.items() if who[0] == most}
         greedy = max(having, key=having.__getitem__, default=newcomer)
-        is_he = most == own and having.get(greedy, 0) <= having.get(newcomer, 0) + 1
-        return None if is_he else greedy
+        is_newcomer = most == own and having.get(greedy, 0) <= having.get(newcomer, 0) + 1
+        return None if is_newcomer else greedy
 
     def _make_room(self, newcomer: QuotaKey) -> bool:
-        """Send a connection away of who has most; False where that is the newcomer himself."""
+        """Evict a connection of the caller with the most; False if that is the newcomer itself."""
         greedy = self._greediest(newcomer)
         if greedy is None:
             return False
@@ -135,7 +137,7 @@ class Admission:
         idle = (each for each in theirs if not each.in_flight)
         sent_away = next(idle, None) or next(iter(theirs))
         loop, count = sent_away.loop, len(theirs)
-        text = "%s; %s has %d of them, and one gives way"
+        text = "%s; %s has %d of them, and one is evicted"
         self._greedy.warning(loop.time(), text, self._problem, name_of(greedy), count)
         self._forget(sent_away)
         sent_away.drain()
@@ -147,14 +149,14 @@ class Admission:
         oldest = self._strangers.pop_oldest(self._strangers.largest())
         self._crowded.warning(
             newest.loop.time(),
-            "more than %d connections without a proof; the oldest, from %s, was cut off",
+            "more than %d connections without a proof; closed the oldest, from %s",
             self._most_strangers,
             oldest.peer_name,
         )
         oldest.abort(ServerBusy("too many connections without a proof"))
 
     def _refuse(self, connection: AdmittedConnection) -> None:
-        """Not counted among those who stay, but bounded with the strangers until it is gone."""
+        """Refuse a connection; until it is gone it counts among those without a proof."""
         now, problem = connection.loop.time(), self._problem
         self._full.warning(now, "refused %s: %s", connection.peer_name, problem)
         connection.refuse(ServerBusy(problem, retry_after=RETRY_AFTER))

@@ -1,8 +1,8 @@
-"""What callers have not read of their answers, over all connections: a bound on its memory.
+"""A bound on the unread bytes of responses over all connections.
 
-A connection by itself begins no more calls while its caller does not read. A thousand such callers
-with one large answer each are the endpoint's matter: above a bound, the services that give large
-answers begin no calls for anybody until some are read, or those who read nothing are cut off.
+Each connection begins no more calls while its caller does not read. But a thousand callers with one
+large unread response each would still fill the memory. Above a bound, the services that send large
+responses begin no calls for anybody until callers have read, or stalled callers are disconnected.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     import asyncio
 
 MAX_UNREAD = 32 * 1024 * 1024
-"""Bytes of answers that all callers together may leave unread."""
+"""Bytes of responses that all callers together may leave unread."""
 
 
 class UnreadConnection(Protocol):
@@ -37,39 +37,39 @@ class UnreadConnection(Protocol):
 
 
 class Backpressure:
-    """Counts the answers that wait to be read."""
+    """Counts unread bytes of responses, and holds calls back while there are too many."""
 
     def __init__(self) -> None:
         self.is_active = False
-        """Whether there are too many."""
+        """Whether there are too many unread bytes."""
         self._total = 0
         self._sizes: dict[UnreadConnection, int] = {}
         self._answers: dict[UnreadConnection, deque[tuple[int, int]]] = {}
-        """Where the large answers begin and end in what was written."""
+        """Where each large response begins and ends in the bytes that were written."""
         self._large: set[str] = set()
-        """Services that have given a large answer."""
+        """Services that have sent a large response."""
         self._waiting: dict[UnreadConnection, None] = {}
-        """Those that hold calls back, in order."""
+        """Connections that hold calls back, in order."""
         self._next: dict[UnreadConnection, None] = {}
-        """Those of them that may go on, one a turn of the loop."""
+        """Connections that may continue, one in each turn of the event loop."""
 
     def answered(self, service: str, connection: UnreadConnection, size: int) -> None:
-        """A service gave a large answer of so many bytes."""
+        """Count a large response of so many bytes."""
         self._large.add(service)
         end = connection.written
         self._answers.setdefault(connection, deque()).append((end - size, end))
         self.measure(connection)
 
     def forbids(self, service: str) -> bool:
-        """Whether a service's calls may not begin now."""
+        """Whether the calls of a service may not begin now."""
         return self.is_active and service in self._large
 
     def hold(self, connection: UnreadConnection) -> None:
-        """A connection whose caller reads holds a call back; `release` it when there is room."""
+        """Remember a connection that holds a call back; `release` is called when there is room."""
         self._waiting[connection] = None
 
     def measure(self, connection: UnreadConnection) -> None:
-        """Look how much one caller has not read."""
+        """Update the unread bytes of one connection."""
         transport = connection.transport
         size = 0 if transport is None else transport.get_write_buffer_size()
         if connection in self._answers:
@@ -80,21 +80,22 @@ class Backpressure:
         self._judge()
 
     def measure_all(self) -> None:
-        """Look how much everybody has not read; about once a second is enough."""
+        """Update the unread bytes of all connections; call this about once a second."""
         for connection in list(self._sizes):
             self.measure(connection)
 
     def left(self, connection: UnreadConnection) -> None:
-        """A connection is gone."""
+        """Forget a connection that is gone."""
         self._waiting.pop(connection, None)
         self._next.pop(connection, None)
         self._answers.pop(connection, None)
         self.measure(connection)
 
     def _still_held(self, connection: UnreadConnection, unread: int) -> int:
-        """The bytes of an answer that were sent, and are held until its last one is.
+        """Sent bytes of a large response that asyncio still keeps in memory.
 
-        Since Python 3.12 asyncio keeps all of what it was given, and counts only what is left.
+        Since Python 3.12 asyncio keeps a whole buffer until its last byte is sent, but
+        `get_write_buffer_size` counts only the unsent part.
         """
         answers, sent = self._answers[connection], connection.written - unread
         while answers and answers[0][1] <= sent:
@@ -112,11 +113,10 @@ class Backpressure:
             self._release()
 
     def _release(self) -> None:
-        """Let one connection begin what it has held back, and others in the turns to come.
+        """Let one connection begin the calls that it holds back; the others follow in later turns.
 
-        A thousand callers may have gone at once. Were all their calls run before we hear of it,
-        nobody else would be served meanwhile, and what is raised by each attempt to answer one
-        would keep its answer.
+        A thousand callers may have disconnected at once, and asyncio reports it only in later
+        turns. Running all their calls now would delay every other caller.
         """
         self.is_active = self._total > MAX_UNREAD
         if self.is_active:
@@ -125,8 +125,8 @@ class Backpressure:
             connection = next(iter(self._next))
             del self._next[connection]
             connection.release()
-            if not self._next:  # it is the turn of those who have come meanwhile
+            if not self._next:  # now the connections that came meanwhile
                 self._next, self._waiting = self._waiting, {}
             if self._next:
-                self.is_active = True  # what comes now stays behind what waits
+                self.is_active = True  # new calls stay behind those that wait
                 connection.loop.call_soon(self._release)

@@ -1,8 +1,8 @@
-"""What all calls in flight may be together: their number, and the bytes of their requests.
+"""Quotas for all calls in flight together: their number, and the bytes of their requests.
 
-A connection has limits of its own, which its caller knows and keeps. Whoever makes connection after
-connection would have them as often as he likes; so what goes beyond a few calls is a caller's share
-of what there is. It is lent to connections in advance and in lumps, so that a call need not ask.
+Each connection has limits of its own, which its caller knows. A caller with many connections would
+multiply them, so everything beyond a few calls counts against the caller's fair share of a common
+quota. Connections borrow quota in advance and in large pieces, so most calls need no check.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ MAX_CALLS = 32_768
 MAX_BYTES = 512 * 1024 * 1024
 """Bytes of their requests; one caller alone may have half of them."""
 FREE = Limits(calls=16, bytes=4 * LARGE)
-"""What a connection may have without asking."""
+"""What a connection may have in flight without borrowing."""
 RETRY_AFTER = 0.2
 
 
@@ -49,7 +49,7 @@ class QuotaConnection(Protocol):
 
 
 class CallsInFlight:
-    """Lends shares to the connections of one endpoint, and takes back what they do not need."""
+    """Lends quota to the connections of one endpoint, and takes unused quota back."""
 
     def __init__(self) -> None:
         self._calls = FairQuota(MAX_CALLS)
@@ -58,7 +58,7 @@ class CallsInFlight:
         self._refused = ThrottledLog(log)
 
     def refusal(self, connection: QuotaConnection) -> ServerBusy | None:
-        """Lend what the calls that have come to a connection need; what to say where it cannot."""
+        """Lend the quota that a connection's calls need; returns an error if that is impossible."""
         session, caller = connection.session, connection.quota_key
         limits = session.limits
         self._lent.add(connection)
@@ -69,13 +69,13 @@ class CallsInFlight:
         if calls <= free_calls and size <= free_bytes:
             return None
         what = "calls" if calls > free_calls else "bytes of requests"
-        text, now = "refused calls: %s has its share of %s", connection.loop.time()
+        text, now = "refused calls: %s has used its fair share of %s", connection.loop.time()
         self._refused.warning(now, text, name_of(caller), what)
-        problem = f"you have as many {what} in flight as are left for all others"
+        problem = f"this caller already has its fair share of the {what} in flight"
         return ServerBusy(problem, retry_after=RETRY_AFTER)
 
     def settle(self) -> None:
-        """Take back what is not needed any more; about once a second is enough."""
+        """Take back quota that is no longer needed; call this about once a second."""
         for connection in list(self._lent):
             session = connection.session
             self._lower(connection, 2 * len(session.open_calls), 2 * session.bytes_coming)
@@ -83,7 +83,7 @@ class CallsInFlight:
                 self._lent.discard(connection)
 
     def left(self, connection: QuotaConnection) -> None:
-        """A connection is gone."""
+        """Take back the quota of a connection that is gone."""
         if connection in self._lent:
             self._lent.discard(connection)
             self._lower(connection, 0, 0)
@@ -101,8 +101,7 @@ class CallsInFlight:
 
 
 def _raised(shares: FairQuota, caller: QuotaKey, lent: int, needed: int, most: int) -> int:
-    """What a connection has after it has asked for more: twice its need, if that is not to be its
-    need, else what it had."""
+    """The quota after borrowing: twice the need, else the need, else the old quota."""
     for wanted in (min(2 * needed, most), needed):
         if lent < wanted and needed <= wanted and shares.take(caller, wanted - lent):
             return wanted

@@ -17,25 +17,25 @@ from taskrpc.errors import TaskRpcError
 
 
 class Keepalive(NamedTuple):
-    """When a connection looks after a silent peer."""
+    """When a connection probes a silent peer, and when it ends."""
 
     silence: float
-    """Seconds after which the peer is asked for a sign of life."""
+    """Seconds without a byte after which the peer is probed."""
     dead_after: float
-    """Seconds without an acknowledgement after which the kernel gives the peer up."""
+    """Seconds without an acknowledgement after which the kernel ends the connection."""
 
 
 DEFAULT = Keepalive(silence=5.0, dead_after=8.0)
 ROBOT = Keepalive(silence=1.0, dead_after=2.0)
-"""For who drives a robot, and must know at once that nobody hears."""
+"""For programs that drive a robot, and must notice a lost connection at once."""
 
 PROFILES = {"default": DEFAULT, "robot": ROBOT}
 
 
 def keepalive_of(name: str | None) -> Keepalive:
-    """The profile of this name, `TASKRPC_KEEPALIVE` where there is none.
+    """The profile of this name; without a name, that of `TASKRPC_KEEPALIVE`.
 
-    Raises TaskRpcError for a name that is none.
+    Raises TaskRpcError for an unknown name.
     """
     where = "keepalive" if name else "TASKRPC_KEEPALIVE"
     wanted = name or os.environ.get("TASKRPC_KEEPALIVE") or "default"
@@ -48,42 +48,42 @@ def keepalive_of(name: str | None) -> Keepalive:
 _TCP_MAXRT = 5  # Windows: seconds of retransmission before the connection is dropped
 _TCP_RXT_CONNDROPTIME = 0x80  # macOS: the same
 _FIRST_REPETITION = 0.25
-"""Seconds after a sending; Linux counts from then on."""
+"""Seconds until the first retransmission; Linux counts its timeout from there."""
 _INFO = "3xB20xI28xI84xI80xI"
 """The fields of Linux's tcp_info that `_Backlog` is made of."""
 _INFO_SIZE = struct.calcsize(_INFO)
-_IN_VAIN = 2
-"""Unanswered questions for room, since any one may be lost."""
+_UNANSWERED_PROBES = 2
+"""Unanswered window probes that count as proof, since a single one may be lost."""
 
 
 class TcpTimeouts:
-    """Lets the kernel end a connection whose peer is gone, and no other.
+    """Lets the kernel end a connection whose peer is dead, and no other.
 
     For a connection that has written something, after `drop_dead_peers`. It is not needed any
     more once `is_busy` is False: thousands of idle connections have none.
     """
 
-    __slots__ = ("_keepalive", "_sock", "_spares", "is_busy")
+    __slots__ = ("_is_spared", "_keepalive", "_sock", "is_busy")
 
     def __init__(self, sock: socket.socket, keepalive: Keepalive) -> None:
         self._sock = sock
         self._keepalive = keepalive
-        self._spares = False
+        self._is_spared = False
         self.is_busy = True
-        """Whether the peer has not acknowledged everything, as of the last look."""
+        """Whether bytes were unacknowledged at the last check."""
 
     def is_over(self) -> bool:
-        """Whether the peer is gone that had no room for more; to be asked once a second."""
+        """Whether a peer with a full receive buffer is dead; call this once a second."""
         backlog = _backlog_of(self._sock)
         if backlog is None:
             self.is_busy = False
             return False
         self.is_busy = backlog.is_there
-        if backlog.waits_for_room is not self._spares:
-            self._spares = backlog.waits_for_room
-            _bear(self._sock, 0.0 if self._spares else self._keepalive.dead_after)
-        is_late = backlog.heard_before >= self._keepalive.dead_after
-        return self._spares and is_late and backlog.asked_in_vain >= _IN_VAIN
+        if backlog.waits_for_room is not self._is_spared:
+            self._is_spared = backlog.waits_for_room
+            _set_user_timeout(self._sock, 0.0 if self._is_spared else self._keepalive.dead_after)
+        is_late = backlog.heard_ago >= self._keepalive.dead_after
+        return self._is_spared and is_late and backlog.unanswered_probes >= _UNANSWERED_PROBES
 
 
 def drop_dead_peers(sock: socket.socket, silence: float, seconds: float) -> bool:
@@ -110,31 +110,31 @@ def drop_dead_peers(sock: socket.socket, silence: float, seconds: float) -> bool
         elif sys.platform == "darwin":
             sock.setsockopt(socket.IPPROTO_TCP, _TCP_RXT_CONNDROPTIME, int(seconds))
         else:
-            _bear(sock, seconds)
+            _set_user_timeout(sock, seconds)
         return True
     return False
 
 
-def _bear(sock: socket.socket, seconds: float) -> None:
-    """How long Linux bears what is not acknowledged or not taken; 0.0 for as long as it likes."""
+def _set_user_timeout(sock: socket.socket, seconds: float) -> None:
+    """Set how long Linux waits for acknowledgement and buffer space; 0.0 for no limit."""
     if hasattr(socket, "TCP_USER_TIMEOUT"):
         since_then = int(max(0.0, seconds - _FIRST_REPETITION) * 1000)
         sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, since_then)
 
 
 class _Backlog(NamedTuple):
-    """What a kernel has not delivered, and when it heard of the peer's."""
+    """Undelivered bytes of a socket, and when its peer was heard last."""
 
     is_there: bool
     waits_for_room: bool
-    asked_in_vain: int
-    """How often the peer was asked for room since it last answered."""
-    heard_before: float
-    """Seconds since it last answered anything."""
+    unanswered_probes: int
+    """Window probes since the peer's last answer."""
+    heard_ago: float
+    """Seconds since the peer's last packet."""
 
 
 def _backlog_of(sock: socket.socket) -> _Backlog | None:
-    """What is to be delivered; None where it does not matter, or nobody can tell any more."""
+    """The backlog of a socket; None on other systems, or if the socket is closed."""
     if sys.platform != "linux":
         return None
     else:  # mypy recognises another system only by such a branch

@@ -1,4 +1,4 @@
-"""Log lines about what may happen thousands of times a second: one in ten seconds, or a few."""
+"""Throttled log lines about events that may happen thousands of times a second."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ PERIOD = 10.0
 
 
 class ThrottledLog:
-    """One kind of trouble; lines that are left out are counted in the next one."""
+    """One line in ten seconds; the next line says how many were left out."""
 
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
@@ -17,7 +17,7 @@ class ThrottledLog:
         self._left_out = 0
 
     def warning(self, now: float, message: str, *args: object) -> None:
-        """Log a line, unless the last one is not long ago; `now` is any clock's."""
+        """Log a line, unless the last one is recent; `now` is in seconds on any clock."""
         if now < self._next:
             self._left_out += 1
             return
@@ -29,11 +29,11 @@ class ThrottledLog:
 
 
 LINES = 100
-"""Lines about strangers in each such period; a flood of them must not fill a disk with its log."""
+"""Lines in each period; a flood of connections must not fill the disk with its log."""
 
 
 class LimitedLog:
-    """One kind of line of which each says something; more than a bound are only counted."""
+    """Up to `LINES` lines in ten seconds, for lines that each say something; more are counted."""
 
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
@@ -41,7 +41,7 @@ class LimitedLog:
         self._count = 0
 
     def warning(self, now: float, message: str, *args: object) -> None:
-        """Log a line, unless there were many; `now` is any clock's."""
+        """Log a line, unless there were many; `now` is in seconds on any clock."""
         if now >= self._until:
             self._tell_rest()
             self._until, self._count = now + PERIOD, 0

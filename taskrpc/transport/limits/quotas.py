@@ -1,4 +1,4 @@
-"""What callers have in common and nobody may take all of: seats, calls in flight, their bytes."""
+"""Fair shares of what callers have in common: connections, calls in flight, bytes of requests."""
 
 from __future__ import annotations
 
@@ -10,25 +10,25 @@ from typing import Generic, TypeAlias, TypeVar
 _Item = TypeVar("_Item")
 
 QuotaKey: TypeAlias = tuple[str, str]
-"""Who calls, where things are divided: the account, and the address of another machine."""
+"""A caller in the quotas: its account, and the address of its machine ("" for this one)."""
 
 
 def quota_key_of(principal: str, peername: object) -> QuotaKey:
-    """Between whom things are divided: `peername` is the other end's, as a socket has it.
+    """The key of a caller; `peername` is the socket address of the other end.
 
-    One account may be a whole class, and so may be all who have the server's own token: then each
-    machine counts for itself. The programs of this machine are one caller.
+    A whole class may use one account, or the server's own token: so each machine counts for
+    itself. The programs of this machine count together.
     """
     if not isinstance(peername, tuple):
         return principal, ""
     return principal, _machine(peername[0])
 
 
-@lru_cache(1024)  # a flood of connections comes from few machines
+@lru_cache(1024)  # even a flood of connections comes from few machines
 def _machine(host: str) -> str:
     address = ipaddress.ip_address(host.partition("%")[0])
     if isinstance(address, ipaddress.IPv6Address) and address.ipv4_mapped is not None:
-        address = address.ipv4_mapped  # as a socket for both versions shows it
+        address = address.ipv4_mapped  # how a socket for both IP versions shows an IPv4 address
         host = str(address)
     return "" if address.is_loopback else host
 
@@ -41,9 +41,9 @@ def name_of(caller: QuotaKey) -> str:
 
 
 class FairQuota:
-    """A quota that callers share. A caller may have as much of it as is left for the others.
+    """A quota that callers share: a caller may take as much as it leaves for the others.
 
-    One caller alone gets half, two get a third each: some is always left for the next caller.
+    One caller alone gets half, two get a third each, so some is always left for the next caller.
     """
 
     __slots__ = ("_taken", "_total", "left")
@@ -51,11 +51,11 @@ class FairQuota:
     def __init__(self, total: int) -> None:
         self._total = total
         self.left = total
-        """The amount that is not taken."""
+        """The amount that nobody has taken."""
         self._taken: dict[QuotaKey, int] = {}
 
     def take(self, caller: QuotaKey, amount: int) -> bool:
-        """Take more, if it is not too much."""
+        """Take more; False, and nothing is taken, if that exceeds the fair share."""
         taken = self._taken.get(caller, 0) + amount
         if taken > self.left - amount:
             return False
@@ -64,7 +64,7 @@ class FairQuota:
         return True
 
     def give(self, caller: QuotaKey, amount: int) -> None:
-        """Give back what was taken."""
+        """Return an amount that was taken."""
         self.left += amount
         self._taken[caller] -= amount
         if not self._taken[caller]:
@@ -77,7 +77,7 @@ def host_of(peername: object) -> str:
 
 
 class HostQueues(Generic[_Item]):
-    """Items in order of arrival, each from a machine; machines take turns."""
+    """A queue of items for each machine; `pop_next` takes from the machines in turn."""
 
     __slots__ = ("_count", "_hosts")
 

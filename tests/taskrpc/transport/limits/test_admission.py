@@ -56,7 +56,7 @@ async def test_an_account_with_most_connections_gives_one_to_who_has_fewer(crowd
     assert [getattr(each, "sum", 0) for each in answers] == [5, 5, 0]
     await asyncio.sleep(1)
     assert crowd.principals() == ["ana", "ana", "otto", "otto"]
-    assert "the account ana at this machine has 4 of them, and one gives way" in caplog.text
+    assert "the account ana at this machine has 4 of them, and one is evicted" in caplog.text
     # Who lost a connection calls on, once there is room.
     assert isinstance(await outcome(leaked[0].call(ask())), taskrpc.ServiceUnavailable)
     leaked[3]._channel._connection.close()

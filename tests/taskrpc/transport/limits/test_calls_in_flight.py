@@ -214,7 +214,9 @@ async def test_what_is_refused_for_its_share_is_observed_and_logged_seldom(
     calls = [client.call_async(ask(n)) for n in range(100)]
     await until(lambda: any(call.done() for call in calls))
     assert 'code="RESOURCE_EXHAUSTED"' in metrics.text()
-    line = "refused calls: the account class at the machine 192.0.2.1 has its share of calls"
+    line = (
+        "refused calls: the account class at the machine 192.0.2.1 has used its fair share of calls"
+    )
     assert caplog.text.count(line) == 1
     gate.opened.set()
     await asyncio.gather(*map(outcome, calls))
