@@ -1,4 +1,9 @@
-"""ROS 2 interface definitions in Python: parse them, load them as classes, generate packages."""
+"""ROS 2 interface definitions in Python: parse them, load them as classes, generate packages.
+
+Start with `parser`, which reads a definition, and `classes.loader`, which makes classes from it.
+This module only exports the public names, and imports a name when a program first uses it. Nothing
+in this package imports taskrpc.
+"""
 
 from __future__ import annotations
 

@@ -69,3 +69,10 @@ def test_a_page_uses_no_banned_word(page):
         for match in re.finditer(rf"\b(?:{'|'.join(BANNED)})\b", prose, flags=re.I)
     ]
     assert not found, "\n".join(found)
+
+
+def test_the_changelog_has_one_release_and_short_lines():
+    text = (ROOT / "CHANGELOG.md").read_text(encoding="utf-8")
+    groups = re.findall(r"^### (.*)$", text, flags=re.M)
+    assert groups == ["Added", "Changed", "Fixed", "Migration"]
+    assert not [line for line in text.splitlines() if len(line) > 100]
