@@ -19,7 +19,7 @@ VERBS = {
 TYPES = {verb: srvgen.load(f"taskrpc_interfaces/srv/{name}") for verb, name in VERBS.items()}
 DRAWN = (*VERBS, "resume", "resume", "reprioritise", "reprioritise", "requeue", "requeue")
 
-UNSTORED = "a restart would not know it"
+UNSTORED = "this could not be stored"
 """What an answer says of something that was done, and not stored."""
 
 
