@@ -185,7 +185,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             raise
         future.when_done(lambda: self._ended(number, future, cancel))
         if self._introspection.is_on:
-            self._introspection.tell("REQUEST_SENT", self._gid, number, request=request)
+            self._introspection.publish("REQUEST_SENT", self._gid, number, request=request)
         return future
 
     def _send(self, request: SrvRequestT, tell: Tell) -> Callable[[], object]:
@@ -299,7 +299,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         except IndexError:  # another thread took it
             return None
         if self._introspection.is_on and error is None:
-            self._introspection.tell("RESPONSE_RECEIVED", self._gid, number, response=response)
+            self._introspection.publish("RESPONSE_RECEIVED", self._gid, number, response=response)
         future = self._pending.get(number)
         if future is None:
             return None

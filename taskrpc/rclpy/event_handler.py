@@ -1,7 +1,7 @@
 """Events of publishers and subscriptions: matches, and incompatible QoS or types.
 
-Deadlines, leases and losses are not watched by this layer; a program that asks for them
-runs as on a network where nothing of the kind happens, and is told so once in its log.
+This layer does not watch deadlines, leases and losses. A program with callbacks for them runs as
+on a network where none of them happens; one line in its log says so.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ _REPORTED = ("incompatible_qos", "incompatible_type", "matched")
 
 @dataclasses.dataclass(kw_only=True)
 class SubscriptionEventCallbacks:
-    """Callbacks for events of a subscription; without any, what does not fit is logged."""
+    """Callbacks for events of a subscription; by default, incompatible publishers are logged."""
 
     deadline: Callback = None
     incompatible_qos: Callback = None
@@ -67,7 +67,7 @@ class SubscriptionEventCallbacks:
 
 @dataclasses.dataclass(kw_only=True)
 class PublisherEventCallbacks:
-    """Callbacks for events of a publisher; without any, what does not fit is logged."""
+    """Callbacks for events of a publisher; by default, incompatible subscriptions are logged."""
 
     deadline: Callback = None
     liveliness: Callback = None
@@ -135,16 +135,16 @@ class EventHandler(Waitable[Any]):
         self._source.add(self)
 
     def happened(self, event: Any) -> None:
-        """Have the callback called with this; from any thread."""
+        """Pass an event to the callback; from any thread."""
         self._events.append(event)
         self.notify_executor()
 
     def destroy(self) -> None:
-        """Get no more events."""
+        """Receive no more events."""
         self._source.remove(self)
 
     def get_num_entities(self) -> NumberOfEntities:
-        """What it waits for: one event."""
+        """How many entities it waits for: one event."""
         return NumberOfEntities(num_events=1)
 
     def has_work(self) -> bool:
@@ -155,7 +155,7 @@ class EventHandler(Waitable[Any]):
         """Take the oldest event and return the call of the callback."""
         try:
             event = self._events.popleft()
-        except IndexError:  # another thread was quicker
+        except IndexError:  # another thread took it
             return None
         return lambda: self.callback(event)
 
@@ -181,7 +181,7 @@ class QoSEventHandler(EventHandler):
 
 
 class Events:
-    """The events of one publisher or subscription, for the handlers that want them."""
+    """The events of one publisher or subscription, which it passes to their handlers."""
 
     def __init__(
         self, node: NodeInterface, group: CallbackGroup, callbacks: EventCallbacks, topic: str
@@ -209,7 +209,7 @@ class Events:
             )
 
     def create_handlers(self, parent: Handle) -> list[EventHandler]:
-        """Make the handlers of the callbacks, and let the node wait for them."""
+        """Create the handlers of the callbacks and add them to the node."""
         self._own = self._callbacks.create_event_handlers(self._group, parent, self._topic)
         for handler in self._own:
             if not isinstance(handler, _Logging):
@@ -230,7 +230,7 @@ class Events:
         self._handlers = tuple(each for each in self._handlers if each is not handler)
 
     def mismatch(self, what: str) -> None:
-        """An incompatible endpoint was found; called on the loop's thread."""
+        """Report an incompatible endpoint; called on the thread of the event loop."""
         for handler in self._of("incompatible_type" if what == "TYPE" else "incompatible_qos"):
             handler.total += 1
             if what == "TYPE":
@@ -244,7 +244,7 @@ class Events:
             handler.happened(event)
 
     def watch(self, native: NativePublisher | NativeSubscription) -> None:
-        """Report matches once a handler wants them."""
+        """Report matches as soon as a handler needs them."""
         self._native = native
         self._watch()
 
@@ -257,7 +257,7 @@ class Events:
         return [each for each in self._handlers if each.event_type is self._kinds[name]]
 
     def _matches_are(self, count: int) -> None:
-        """So many of the others match; called on the loop's thread."""
+        """Report the number of matching endpoints; called on the thread of the event loop."""
         change, self._matches = count - self._matches, count
         if not change:
             return
@@ -274,7 +274,7 @@ class Events:
 
     @contextlib.contextmanager
     def kept(self) -> Iterator[None]:
-        """Have them only if what they belong to can be made."""
+        """Destroy the events again if their publisher or subscription cannot be created."""
         try:
             yield
         except BaseException:
@@ -282,7 +282,7 @@ class Events:
             raise
 
     def destroy(self) -> None:
-        """Call no more."""
+        """Destroy the handlers."""
         for handler in self._own:
             handler.destroy()
             self._node.remove_waitable(handler)
@@ -313,7 +313,7 @@ def _made(
 
 
 class _Log:
-    """The default callback: it warns of an endpoint that does not fit."""
+    """The default callback: logs a warning about an incompatible endpoint."""
 
     def __init__(self, logger: Any, topic: str, subscribes: bool) -> None:
         self._logger = logger

@@ -1,4 +1,4 @@
-"""A callback that a program triggers itself, from any thread."""
+"""Guard conditions: a program triggers their callback itself, from any thread."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from .utilities import get_default_context
 
 
 class GuardCondition(Entity):
-    """Runs its callback on the spinning thread after `trigger`; several may run it once."""
+    """Runs its callback on the spinning thread after one or more triggers."""
 
     def __init__(
         self,
@@ -28,13 +28,13 @@ class GuardCondition(Entity):
         self._triggered = False
 
     def trigger(self) -> None:
-        """Have the callback run; raises InvalidHandle after `destroy`."""
+        """Make the callback run; raises InvalidHandle after `destroy`."""
         self.handle.check()
         self._triggered = True
         self.notify_executor()
 
     def destroy(self) -> None:
-        """Never run the callback again."""
+        """Stop running the callback for ever."""
         self.handle.destroy_when_not_in_use()
         self._triggered = False
 

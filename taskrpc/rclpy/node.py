@@ -1,4 +1,4 @@
-"""Nodes: what programs derive their classes from, and what makes everything else."""
+"""Nodes: the class that programs derive from, with the methods that create everything else."""
 
 from __future__ import annotations
 
@@ -53,11 +53,11 @@ if TYPE_CHECKING:
 
 
 HIDDEN_NODE_PREFIX = "_"
-"""How the names of nodes begin that are not listed unless somebody asks for all."""
+"""The prefix of hidden node names; listings omit them by default."""
 
 
 class _Unset:
-    """Stands for an attribute of a node until `Node.__init__` sets it."""
+    """Replaces an attribute until `Node.__init__` sets it; reading it explains the mistake."""
 
     def __set_name__(self, owner: type[object], name: str) -> None:
         self._name = name
@@ -74,20 +74,21 @@ class _Unset:
 class Node:
     """A participant: has services, clients, publishers, subscriptions, timers and parameters.
 
-    Its callbacks run while somebody spins it. It lives until `destroy_node`, or until its context
-    is shut down.
+    Its callbacks run while a thread spins it. It exists until `destroy_node`, or until the shutdown
+    of its context.
 
     Arguments:
-        node_name, namespace: by ROS's rules; remapped by `__node` and `__ns` of the command line.
-        context: of `rclpy.init` unless given.
-        cli_args: arguments of this node alone, before those of the program, which
-            `use_global_arguments=False` leaves out.
-        enable_rosout, rosout_qos_profile: whether and how its log goes to `/rosout`, too.
-        start_parameter_services: whether others may get and set its parameters.
-        parameter_overrides: values that come before those that are declared.
-        allow_undeclared_parameters: whether parameters can be set that are not declared.
-        automatically_declare_parameters_from_overrides: declare what overrides name.
-        enable_logger_service: whether others may get and set its loggers' levels.
+        node_name, namespace: follow the rules of ROS; `__node` and `__ns` on the command line
+            replace them.
+        context: the context of `rclpy.init` by default.
+        cli_args: arguments of this node alone; they take precedence over those of the program.
+        use_global_arguments: whether the arguments of the program apply, too.
+        enable_rosout, rosout_qos_profile: whether and how it publishes its log on `/rosout`.
+        start_parameter_services: whether other programs may get and set its parameters.
+        parameter_overrides: values that take precedence over declared ones.
+        allow_undeclared_parameters: whether undeclared parameters can be set.
+        automatically_declare_parameters_from_overrides: whether to declare all overrides.
+        enable_logger_service: whether other programs may get and set the levels of its loggers.
     """
 
     PARAM_REL_TOL = RELATIVE_TOLERANCE
@@ -126,7 +127,7 @@ class Node:
         if enable_rosout and self._context.arguments.rosout_logs is not False:
             self._rclpy_rosout = Rosout(handle, self._logger.name, rosout_qos_profile)
         self._context.track_node(self)
-        # The program's line first: what is given to the node itself replaces it.
+        # The arguments of the program come first: those of the node replace them.
         parameters = NodeParameters(
             self, given[::-1], parameter_overrides, allow_undeclared_parameters
         )
@@ -165,7 +166,7 @@ class Node:
         bridge = Bridge(name, namespace, self._context.get_domain_id())
         return NodeHandle(self, name, bridge.namespace, remapping, bridge)
 
-    # The first of these is what a program meets that does too much before `super().__init__`.
+    # A program that uses the node before `super().__init__` reads one of these.
     _rclpy_handle: NodeHandle = _Unset()  # type: ignore[assignment]
     _rclpy_executor: Any = _Unset()
     _rclpy_entities: NodeEntities = _Unset()  # type: ignore[assignment]
@@ -177,26 +178,26 @@ class Node:
     _logger: RcutilsLogger = _Unset()  # type: ignore[assignment]
     _clock: Clock = _Unset()  # type: ignore[assignment]
 
-    # What it is
+    # Identity
 
     @property
     def context(self) -> Context:
-        """The context that it belongs to."""
+        """Its context."""
         return self._context
 
     @property
     def handle(self) -> NodeHandle:
-        """What ROS keeps of it."""
+        """Its handle, which becomes invalid when the node is destroyed."""
         return self._rclpy_handle
 
     @property
     def executor(self) -> Executor | None:
-        """Who runs its callbacks; None before somebody spins it."""
+        """The executor that runs its callbacks; None while it has none."""
         return None if self._rclpy_executor is None else self._rclpy_executor()
 
     @executor.setter
     def executor(self, new_executor: Executor | None) -> None:
-        """Let another executor run its callbacks, or none."""
+        """Move the node to another executor; None removes it from its executor."""
         current = self.executor
         if current is new_executor:
             return
@@ -228,23 +229,23 @@ class Node:
         return self._rclpy_handle.full_name
 
     def get_clock(self) -> Clock:
-        """Its clock: the system's time, or a simulation's with `use_sim_time`."""
+        """Its clock: the system time, or simulated time with `use_sim_time`."""
         return self._clock
 
     def get_logger(self) -> RcutilsLogger:
-        """Its logger, of the name `namespace.name`."""
+        """Its logger, which is named `namespace.name`."""
         return self._logger
 
     def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
-        """The absolute name that a topic name means here, remapped unless `only_expand`."""
+        """The absolute name of a topic, after remapping unless `only_expand`."""
         return self._rclpy_resolve(topic, is_service=False, only_expand=only_expand)
 
     def resolve_service_name(self, service: str, *, only_expand: bool = False) -> str:
-        """The absolute name that a service name means here, remapped unless `only_expand`."""
+        """The absolute name of a service, after remapping unless `only_expand`."""
         return self._rclpy_resolve(service, is_service=True, only_expand=only_expand)
 
     def destroy_node(self) -> None:
-        """Destroy all that it has, and leave the network; nothing happens the second time."""
+        """Destroy its entities and leave the network; a second call does nothing."""
         if not self._rclpy_handle.valid:
             return
         watchdog.ends(self)
@@ -313,7 +314,7 @@ class Node:
 
     @property
     def waitables(self) -> Iterator[Waitable[Any]]:
-        """What else it waits for."""
+        """Its waitables."""
         return self._rclpy_entities.waitables
 
     def create_publisher(
@@ -327,7 +328,7 @@ class Node:
         qos_overriding_options: Any = None,
         publisher_class: type[Publisher[Any]] = Publisher,
     ) -> Publisher[MsgT]:
-        """Publish messages of a type on a topic; a number as `qos_profile` is its depth."""
+        """Create a publisher of a topic; a number as `qos_profile` is the depth."""
         return self._rclpy_entities.create_publisher(
             msg_type,
             topic,
@@ -351,9 +352,9 @@ class Node:
         raw: bool = False,
         content_filter_options: Any = None,
     ) -> Subscription[MsgT]:
-        """Have `callback(message)` called for each message of a topic.
+        """Create a subscription, which calls `callback(message)` for each message of a topic.
 
-        A callback with two parameters gets a `MessageInfo`, too; with `raw`, the message is CDR.
+        A callback with two parameters also receives a `MessageInfo`; with `raw`, messages are CDR.
         """
         return self._rclpy_entities.create_subscription(
             msg_type,
@@ -375,7 +376,7 @@ class Node:
         qos_profile: QoSProfile = qos_profile_services_default,
         callback_group: CallbackGroup | None = None,
     ) -> Client[RequestT, ResponseT]:
-        """A client of a service."""
+        """Create a client of a service."""
         return self._rclpy_entities.create_client(
             srv_type, srv_name, qos_profile=qos_profile, callback_group=callback_group
         )
@@ -389,9 +390,9 @@ class Node:
         qos_profile: QoSProfile = qos_profile_services_default,
         callback_group: CallbackGroup | None = None,
     ) -> Service[RequestT, ResponseT]:
-        """Offer a service: `callback(request, response)` is called for each and returns the answer.
+        """Offer a service: `callback(request, response)` returns the response of a request.
 
-        Raises NameInUse where another program offers it.
+        Raises NameInUse when another program offers the service.
         """
         return self._rclpy_entities.create_service(
             srv_type, srv_name, callback, qos_profile=qos_profile, callback_group=callback_group
@@ -405,7 +406,7 @@ class Node:
         clock: Clock | None = None,
         autostart: bool = True,
     ) -> Timer:
-        """Have `callback()` called every `timer_period_sec` seconds, first after one period."""
+        """Call `callback()` every `timer_period_sec` seconds, first after one period."""
         return self._rclpy_entities.create_timer(
             timer_period_sec, callback, callback_group, clock, autostart
         )
@@ -413,50 +414,50 @@ class Node:
     def create_guard_condition(
         self, callback: Callable[[], Any], callback_group: CallbackGroup | None = None
     ) -> GuardCondition:
-        """Have `callback()` called whenever the guard condition is triggered."""
+        """Create a guard condition, which calls `callback()` when it is triggered."""
         return self._rclpy_entities.create_guard_condition(callback, callback_group)
 
     def create_rate(self, frequency: float, clock: Clock | None = None) -> Rate:
-        """Sleep `frequency` times a second, in a thread beside the one that spins.
+        """Create a rate of `frequency` hertz, for a thread other than the spinning one.
 
-        Raises ValueError for a frequency that is not above 0.
+        Raises ValueError for a frequency of 0 or below.
         """
         return self._rclpy_entities.create_rate(frequency, clock)
 
     def add_waitable(self, waitable: Waitable[Any]) -> None:
-        """Wait for something of the program's own, too."""
+        """Add a waitable, an entity that the program defines itself."""
         self._rclpy_entities.add_waitable(waitable)
 
     def remove_waitable(self, waitable: Waitable[Any]) -> None:
-        """Wait for it no longer."""
+        """Remove a waitable."""
         self._rclpy_entities.remove_waitable(waitable)
 
     def destroy_publisher(self, publisher: Publisher[Any]) -> bool:
-        """Publish no more; whether it was this node's."""
+        """Destroy a publisher; returns whether it belonged to this node."""
         return self._rclpy_entities.destroy_publisher(publisher)
 
     def destroy_subscription(self, subscription: Subscription[Any]) -> bool:
-        """Read no more; whether it was this node's."""
+        """Destroy a subscription; returns whether it belonged to this node."""
         return self._rclpy_entities.destroy_subscription(subscription)
 
     def destroy_client(self, client: Client[Any, Any]) -> bool:
-        """Call no more; whether it was this node's."""
+        """Destroy a client; returns whether it belonged to this node."""
         return self._rclpy_entities.destroy_client(client)
 
     def destroy_service(self, service: Service[Any, Any]) -> bool:
-        """Offer it no more; whether it was this node's."""
+        """Destroy a service; returns whether it belonged to this node."""
         return self._rclpy_entities.destroy_service(service)
 
     def destroy_timer(self, timer: Timer) -> bool:
-        """Call back no more; whether it was this node's."""
+        """Destroy a timer; returns whether it belonged to this node."""
         return self._rclpy_entities.destroy_timer(timer)
 
     def destroy_guard_condition(self, guard: GuardCondition) -> bool:
-        """Call back no more; whether it was this node's."""
+        """Destroy a guard condition; returns whether it belonged to this node."""
         return self._rclpy_entities.destroy_guard_condition(guard)
 
     def destroy_rate(self, rate: Rate) -> bool:
-        """Wake who sleeps; whether it was this node's."""
+        """Destroy a rate and wake its sleepers; returns whether it belonged to this node."""
         return self._rclpy_entities.destroy_rate(rate)
 
     # Graph
@@ -488,7 +489,7 @@ class Node:
     def get_publisher_names_and_types_by_node(
         self, node_name: str, node_namespace: str, no_demangle: bool = False
     ) -> NamesAndTypes:
-        """The topics that a node publishes; raises NodeNameNonExistentError for an unknown one."""
+        """The topics that a node publishes; raises NodeNameNonExistentError for an unknown node."""
         return self._rclpy_graph.get_publisher_names_and_types_by_node(
             node_name, node_namespace, no_demangle
         )
@@ -496,7 +497,7 @@ class Node:
     def get_subscriber_names_and_types_by_node(
         self, node_name: str, node_namespace: str, no_demangle: bool = False
     ) -> NamesAndTypes:
-        """The topics that a node reads; raises NodeNameNonExistentError for an unknown one."""
+        """The topics that a node subscribes to; NodeNameNonExistentError for an unknown node."""
         return self._rclpy_graph.get_subscriber_names_and_types_by_node(
             node_name, node_namespace, no_demangle
         )
@@ -504,13 +505,13 @@ class Node:
     def get_service_names_and_types_by_node(
         self, node_name: str, node_namespace: str
     ) -> NamesAndTypes:
-        """The services that a node offers; raises NodeNameNonExistentError for an unknown one."""
+        """The services that a node offers; raises NodeNameNonExistentError for an unknown node."""
         return self._rclpy_graph.get_service_names_and_types_by_node(node_name, node_namespace)
 
     def get_client_names_and_types_by_node(
         self, node_name: str, node_namespace: str
     ) -> NamesAndTypes:
-        """The services that a node calls; raises NodeNameNonExistentError for an unknown one."""
+        """The services that a node calls; raises NodeNameNonExistentError for an unknown node."""
         return self._rclpy_graph.get_client_names_and_types_by_node(node_name, node_namespace)
 
     def count_publishers(self, topic_name: str) -> int:
@@ -550,7 +551,7 @@ class Node:
         return self._rclpy_graph.get_clients_info_by_service(service_name)
 
     def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
-        """Wait until a node is there, at most `timeout` seconds; whether it is."""
+        """Wait for a node, at most `timeout` seconds; returns whether it is there."""
         return self._rclpy_graph.wait_for_node(fully_qualified_node_name, timeout)
 
     # Parameters
@@ -564,11 +565,11 @@ class Node:
     ) -> Parameter:
         """Declare a parameter by its default value, or by its type alone (`Parameter.Type.…`).
 
-        An override from the command line, a file or the node's constructor comes before the
-        default. From now on the type stays, unless the descriptor has `dynamic_typing`.
+        An override from the command line, a file or the constructor takes precedence over the
+        default. The type is fixed from now on, unless the descriptor has `dynamic_typing`.
 
         Raises:
-            ParameterAlreadyDeclaredException: there is one of this name.
+            ParameterAlreadyDeclaredException: a parameter of this name is declared.
             InvalidParameterException: the name is empty.
             InvalidParameterTypeException: an override has another type.
             InvalidParameterValueException: the descriptor's range or a callback refuses the value.
@@ -581,18 +582,18 @@ class Node:
         parameters: Sequence[tuple[Any, ...]],
         ignore_override: bool = False,
     ) -> list[Parameter]:
-        """Declare several: tuples of name, value or type, descriptor; the last two may lack.
+        """Declare several: tuples of name, value or type, descriptor; the last two are optional.
 
-        With a namespace, its name and a dot go in front of every name. Those before one that is
-        refused stay declared. Raises as `declare_parameter` does, and TypeError for a tuple of
+        A namespace and a dot are put before every name. When one is refused, those before it stay
+        declared. Raises as `declare_parameter` does, and TypeError for a tuple of
         another form.
         """
         return self._rclpy_parameters.declare_parameters(namespace, parameters, ignore_override)
 
     def undeclare_parameter(self, name: str) -> None:
-        """Forget a parameter.
+        """Remove a parameter.
 
-        Raises ParameterNotDeclaredException where there is none, ParameterImmutableException for
+        Raises ParameterNotDeclaredException for an undeclared one, ParameterImmutableException for
         a read-only one.
         """
         self._rclpy_parameters.undeclare_parameter(name)
@@ -606,9 +607,9 @@ class Node:
         return self._rclpy_parameters.get_parameter_types(names)
 
     def get_parameter_type(self, name: str) -> Any:
-        """The number of a parameter's type; NOT_SET for an undeclared one where that is allowed.
+        """The number of the type of a parameter; NOT_SET for an undeclared one if allowed.
 
-        Raises ParameterNotDeclaredException where it is not.
+        Raises ParameterNotDeclaredException if they are not.
         """
         return self._rclpy_parameters.get_parameter_type(name)
 
@@ -617,7 +618,7 @@ class Node:
         return self._rclpy_parameters.get_parameters(names)
 
     def get_parameter(self, name: str) -> Parameter:
-        """A parameter; its `.value` is what it is set to.
+        """A parameter; `.value` has its value.
 
         Raises ParameterNotDeclaredException unless undeclared ones are allowed, and
         ParameterUninitializedException for one that was declared by its type and never set.
@@ -625,7 +626,7 @@ class Node:
         return self._rclpy_parameters.get_parameter(name)
 
     def get_parameter_or(self, name: str, alternative_value: Parameter | None = None) -> Parameter:
-        """A parameter, or the alternative where it is not declared or not set."""
+        """A parameter, or the alternative if the parameter is not declared or not set."""
         return self._rclpy_parameters.get_parameter_or(name, alternative_value)
 
     def get_parameters_by_prefix(self, prefix: str) -> dict[str, Parameter]:
@@ -633,14 +634,14 @@ class Node:
         return self._rclpy_parameters.get_parameters_by_prefix(prefix)
 
     def set_parameters(self, parameter_list: Sequence[Parameter]) -> list[Any]:
-        """Set one after the other; the answers say which could be set, and why not.
+        """Set one after the other; the results say which were set, and why others were not.
 
         Raises ParameterNotDeclaredException at the first undeclared one, unless these are allowed.
         """
         return self._rclpy_parameters.set_parameters(parameter_list)
 
     def set_parameters_atomically(self, parameter_list: Sequence[Parameter]) -> Any:
-        """Set all or none; the answer says whether, and why not.
+        """Set all or none; the result says whether they were set, and why not.
 
         Raises ParameterNotDeclaredException for undeclared ones, unless these are allowed.
         """
@@ -650,19 +651,19 @@ class Node:
         """The names of parameters and of their groups, as a ListParametersResult.
 
         Args:
-            prefixes: only these and what is in these groups; all where there is none.
-            depth: how many names deep to look below them; 0 for all.
+            prefixes: only these parameters and groups; all if the list is empty.
+            depth: how many levels to list below them; 0 for all.
 
         Raises:
-            TypeError: the prefixes are no list of names, or the depth is no number.
+            TypeError: the prefixes are not a list of names, or the depth is not a number.
             ValueError: the depth is negative.
         """
         return self._rclpy_parameters.list_parameters(prefixes, depth)
 
     def describe_parameter(self, name: str) -> Any:
-        """A parameter's descriptor; an empty one for an undeclared one where that is allowed.
+        """The descriptor of a parameter; an empty one for an undeclared one if these are allowed.
 
-        Raises ParameterNotDeclaredException where it is not.
+        Raises ParameterNotDeclaredException if they are not.
         """
         return self._rclpy_parameters.describe_parameter(name)
 
@@ -671,49 +672,49 @@ class Node:
         return self._rclpy_parameters.describe_parameters(names)
 
     def set_descriptor(self, name: str, descriptor: Any, alternative_value: Any = None) -> Any:
-        """Give a parameter another descriptor; its ParameterValue afterwards comes back.
+        """Replace the descriptor of a parameter; returns its ParameterValue afterwards.
 
         Args:
-            name: of the parameter; that in the descriptor is ignored.
-            descriptor: what its values must fit from now on.
-            alternative_value: a ParameterValue to set where the present one does not fit.
+            name: the name of the parameter; the name in the descriptor is ignored.
+            descriptor: the rules for its values from now on.
+            alternative_value: a ParameterValue to set if the present one does not fit.
 
         Raises:
-            ParameterNotDeclaredException: there is none, and undeclared ones are not allowed.
+            ParameterNotDeclaredException: it is not declared, and undeclared ones are not allowed.
             ParameterImmutableException: it is read-only.
             InvalidParameterValueException: neither value fits.
         """
         return self._rclpy_parameters.set_descriptor(name, descriptor, alternative_value)
 
     def add_pre_set_parameters_callback(self, callback: PreSetCallback) -> None:
-        """Have what is to be set go through a callback, before it is checked.
+        """Add a callback that may change the parameters to set, before they are checked.
 
-        It takes a list of parameters and returns the list to set instead. It is asked about every
-        setting, and about no declaration.
+        It receives a list of parameters and returns the list to set instead. It runs for every
+        setting and for no declaration.
         """
         self._rclpy_parameters.add_pre_set_parameters_callback(callback)
 
     def add_on_set_parameters_callback(self, callback: OnSetCallback) -> None:
-        """Have a callback allow or refuse values: it returns a SetParametersResult.
+        """Add a callback that accepts or rejects values: it returns a SetParametersResult.
 
-        It is asked about every setting and declaration; the one that was added last, first.
+        It runs for every setting and declaration; the callback that was added last runs first.
         """
         self._rclpy_parameters.add_on_set_parameters_callback(callback)
 
     def add_post_set_parameters_callback(self, callback: PostSetCallback) -> None:
-        """Have a callback told of what was set or declared."""
+        """Add a callback that receives the parameters that were set or declared."""
         self._rclpy_parameters.add_post_set_parameters_callback(callback)
 
     def remove_pre_set_parameters_callback(self, callback: PreSetCallback) -> None:
-        """Ask it no more. Raises ValueError for one that was not added."""
+        """Remove a callback. Raises ValueError for one that was not added."""
         self._rclpy_parameters.remove_pre_set_parameters_callback(callback)
 
     def remove_on_set_parameters_callback(self, callback: OnSetCallback) -> None:
-        """Ask it no more. Raises ValueError for one that was not added."""
+        """Remove a callback. Raises ValueError for one that was not added."""
         self._rclpy_parameters.remove_on_set_parameters_callback(callback)
 
     def remove_post_set_parameters_callback(self, callback: PostSetCallback) -> None:
-        """Tell it no more. Raises ValueError for one that was not added."""
+        """Remove a callback. Raises ValueError for one that was not added."""
         self._rclpy_parameters.remove_post_set_parameters_callback(callback)
 
     # Internal

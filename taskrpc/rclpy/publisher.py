@@ -1,4 +1,4 @@
-"""Publishers: send messages to whoever subscribes."""
+"""Publishers send messages to the subscriptions of a topic."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MsgT = TypeVar("MsgT")
 
 
 class Publisher(Generic[MsgT]):
-    """Publishes messages of one type on a topic; `Node.create_publisher` makes one."""
+    """Publishes messages of one type on a topic; `Node.create_publisher` creates it."""
 
     def __init__(
         self,
@@ -61,7 +61,7 @@ class Publisher(Generic[MsgT]):
         return str(self.parent_node.get_logger().name)
 
     def publish(self, msg: MsgT | bytes) -> None:
-        """Send a message, or one that `serialize_message` made bytes of, without waiting.
+        """Send a message, or the bytes of `serialize_message`, without waiting.
 
         Raises TypeError for another type, InvalidRequest for a value that does not fit its field.
         """
@@ -72,22 +72,22 @@ class Publisher(Generic[MsgT]):
         self._native.publish(detached(message))
 
     def get_subscription_count(self) -> int:
-        """How many subscriptions read it."""
+        """How many subscriptions match."""
         self.handle.check()
         return self._native.get_subscription_count()
 
     def assert_liveliness(self) -> None:
-        """Say that it is alive; here nobody asks."""
+        """Do nothing: this layer does not watch liveliness."""
         self.handle.check()
 
     def wait_for_all_acked(self, timeout: Duration | None = None) -> bool:
-        """Wait until what was published is on its way to all subscriptions; True."""
+        """Wait until all published messages are on their way; always returns True."""
         self.handle.check()
         self.parent_node.handle.bridge.do(lambda: None)  # the loop sends in order
         return True
 
     def destroy(self) -> None:
-        """Publish no more; use it through `Node.destroy_publisher`, or `with`."""
+        """Stop publishing; use it through `Node.destroy_publisher`, or `with`."""
         if self.handle.valid:
             if self._events is not None:
                 self._events.destroy()

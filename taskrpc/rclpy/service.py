@@ -155,7 +155,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     def _serve(self, call: DeferredCall[Any, Any]) -> Any:
         call.started()
         if self._introspection.is_on:
-            self._tell(call, "REQUEST_RECEIVED", request=call.request)
+            self._introspect(call, "REQUEST_RECEIVED", request=call.request)
         try:
             response = self.callback(call.request, self.srv_type.Response())
             if type(response) is CoroutineType:
@@ -220,7 +220,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
                 call.fail(HandlerFailed(Code.INTERNAL, why))
             raise
         if self._introspection.is_on:
-            self._tell(call, "RESPONSE_SENT", response=response)
+            self._introspect(call, "RESPONSE_SENT", response=response)
 
     def _send(self, call: DeferredCall[Any, Any], response: Any) -> None:
         try:
@@ -228,9 +228,9 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         except InvalidRequest as error:
             call.reply(wrapped_or_refused(response, self._full_name, error))
 
-    def _tell(self, call: DeferredCall[Any, Any], step: str, **messages: Any) -> None:
+    def _introspect(self, call: DeferredCall[Any, Any], step: str, **messages: Any) -> None:
         info = call.info
-        self._introspection.tell(step, gid_of(info.caller), info.number, **messages)
+        self._introspection.publish(step, gid_of(info.caller), info.number, **messages)
 
     def _raised(self, call: DeferredCall[Any, Any], error: BaseException) -> None:
         if explain.like_ros():

@@ -1,4 +1,4 @@
-"""Service introspection: every step of a call told on the topic `SERVICE/_service_event`."""
+"""Service introspection: each step of a call is published on `SERVICE/_service_event`."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 class ServiceIntrospectionState(IntEnum):
-    """How much is told: nothing, that something happened, or the messages, too."""
+    """How much is published: nothing, the events, or the events with their messages."""
 
     OFF = 0
     METADATA = 1
@@ -23,7 +23,7 @@ class ServiceIntrospectionState(IntEnum):
 
 
 class Introspection:
-    """What one client or service tells of its calls; nothing before `configure`."""
+    """Publishes the introspection events of one client or service; nothing before `configure`."""
 
     def __init__(self, node: NodeInterface, srv_type: Any, service: str) -> None:
         self._node = node
@@ -35,13 +35,13 @@ class Introspection:
 
     @property
     def is_on(self) -> bool:
-        """Whether anything is to be told."""
+        """Whether events are published."""
         return self._state is not ServiceIntrospectionState.OFF
 
     def configure(
         self, clock: Clock, qos_profile: QoSProfile, state: ServiceIntrospectionState
     ) -> None:
-        """Tell so much from now on, with this clock's time."""
+        """Publish with this content from now on, with the time of this clock."""
         self.close()
         self._clock = clock
         self._state = ServiceIntrospectionState(state)
@@ -49,19 +49,19 @@ class Introspection:
             publisher = self._node.handle.bridge.publisher
             self._publisher = publisher(self._srv_type.Event, self._topic, qos_profile.to_native())
 
-    def tell(
+    def publish(
         self, step: str, gid: list[int], number: int, request: Any = None, response: Any = None
     ) -> None:
-        """Tell of a step by the name that ServiceEventInfo has for it."""
+        """Publish an event; `step` is its name in ServiceEventInfo."""
         publisher, clock = self._publisher, self._clock
         if publisher is None or clock is None:
             return
-        told = (request, response) if self._state is ServiceIntrospectionState.CONTENTS else ()
+        contents = (request, response) if self._state is ServiceIntrospectionState.CONTENTS else ()
         stamp = clock.now().nanoseconds
-        publisher.publish(service_event(self._srv_type, step, stamp, gid, number, *told))
+        publisher.publish(service_event(self._srv_type, step, stamp, gid, number, *contents))
 
     def close(self) -> None:
-        """Tell nothing more."""
+        """Stop publishing."""
         publisher, self._publisher = self._publisher, None
         self._state = ServiceIntrospectionState.OFF
         if publisher is not None:

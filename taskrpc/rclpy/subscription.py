@@ -1,4 +1,4 @@
-"""Subscriptions: a callback for each message, on the thread that spins."""
+"""Subscriptions call a callback for each message, on the thread that spins the node."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ MsgT = TypeVar("MsgT")
 
 
 class MessageInfo(TypedDict):
-    """What callbacks with two parameters learn of a message; times in ns since the epoch."""
+    """The second argument of callbacks with two parameters; times in nanoseconds since 1970."""
 
     source_timestamp: int
     received_timestamp: int
@@ -43,13 +43,13 @@ SubscriptionCallback: TypeAlias = (
 
 
 class Subscription(Entity, Generic[MsgT]):
-    """Reads a topic; `Node.create_subscription` makes one.
+    """Receives the messages of a topic; `Node.create_subscription` creates it.
 
-    While callbacks are behind, the last messages wait, as many as the profile's depth.
+    While callbacks are slow, the last messages wait, as many as the depth of the profile.
     """
 
     class CallbackType(Enum):
-        """What a callback wants."""
+        """The arguments that a callback takes."""
 
         MessageOnly = 0
         WithMessageInfo = 1
@@ -101,9 +101,9 @@ class Subscription(Entity, Generic[MsgT]):
 
     @property
     def callback(self) -> Callable[..., Any]:
-        """What is called with each message, and with its `MessageInfo` if it has two parameters.
+        """Receives each message, and its `MessageInfo` if it has two parameters.
 
-        Raises RuntimeError where it takes neither one nor two.
+        Setting it raises RuntimeError for a callback with another number of parameters.
         """
         return self._callback
 
@@ -114,16 +114,16 @@ class Subscription(Entity, Generic[MsgT]):
 
     @property
     def is_cft_enabled(self) -> bool:
-        """Whether messages are filtered by their content; never."""
+        """Whether messages are filtered by content; always False."""
         return False
 
     def get_publisher_count(self) -> int:
-        """How many publishers send to it."""
+        """How many publishers match."""
         self.handle.check()
         return self._native.get_publisher_count()
 
     def destroy(self) -> None:
-        """Read no more; use it through `Node.destroy_subscription`, or `with`."""
+        """Stop receiving; use it through `Node.destroy_subscription`, or `with`."""
         if self.handle.valid:
             if self._events is not None:
                 self._events.destroy()
@@ -143,7 +143,7 @@ class Subscription(Entity, Generic[MsgT]):
         self.parent_node.destroy_subscription(self)
 
     def _on_message(self, message: Any) -> None:
-        """A message, on the loop's thread."""
+        """Store a message; runs on the thread of the event loop."""
         now = time.time_ns()
         self._received += 1
         info = MessageInfo(
@@ -175,16 +175,16 @@ class Subscription(Entity, Generic[MsgT]):
     def _next(self) -> tuple[Any, MessageInfo] | None:
         try:
             message, info = self._messages.popleft()
-        except IndexError:  # another thread was quicker
+        except IndexError:  # another thread took it
             return None
         return to_cdr(message) if self.raw else message, info
 
 
 class SubscriptionHandle(ArrivalHandle):
-    """What `Subscription.handle` is; messages can be taken from it instead of by a callback."""
+    """`Subscription.handle`: a program may take messages from it instead of by a callback."""
 
     def take_message(self, pymsg_type: Any, raw: bool) -> tuple[Any, MessageInfo] | None:
-        """A message that came, and what is known of it; None when there is none."""
+        """Take a message and its info; None when none waits."""
         self.check()
         taken: tuple[Any, MessageInfo] | None = self.owner._next()
         if taken is None or not raw or isinstance(taken[0], bytes):
@@ -192,21 +192,21 @@ class SubscriptionHandle(ArrivalHandle):
         return to_cdr(taken[0]), taken[1]
 
     def set_on_new_message_callback(self, callback: Callable[[int], object]) -> None:
-        """Call this with how many messages arrived, on the thread that received them."""
+        """Call this with the number of new messages, on the thread that received them."""
         self.set_on_new_callback(callback)
 
     def clear_on_new_message_callback(self) -> None:
-        """Call nothing any more when messages arrive."""
+        """Remove the callback for new messages."""
         self.set_on_new_callback(None)
 
 
 def _callback_type(callback: Callable[..., Any]) -> Subscription.CallbackType:
-    """By how many arguments it takes."""
+    """The kind of a callback, by the number of its parameters."""
     try:
         signature = inspect.signature(callback)
-    except ValueError:  # some built-in functions tell nothing of themselves
+    except ValueError:  # some built-in functions have no signature
         return Subscription.CallbackType.MessageOnly
-    except TypeError:  # nothing that can be called
+    except TypeError:  # not callable
         signature = inspect.Signature()
     for count, kind in ((1, "MessageOnly"), (2, "WithMessageInfo")):
         try:

@@ -13,14 +13,14 @@ from .clock_type import ClockType
 from .time import Time
 
 CLOCK_TOPIC = "/clock"
-"""Where simulated time arrives."""
+"""The topic of the simulated time."""
 
 USE_SIM_TIME_NAME = "use_sim_time"
-"""The parameter that switches it on."""
+"""The parameter that switches simulated time on."""
 
 
 class TimeSource:
-    """Ties clocks to one node's simulated time; every node has one of its own."""
+    """Connects clocks to the simulated time of one node; every node has its own."""
 
     def __init__(self, *, node: NodeInterface | None = None) -> None:
         self._clock_sub: Any = None
@@ -33,7 +33,7 @@ class TimeSource:
 
     @property
     def ros_time_is_active(self) -> bool:
-        """Whether the clocks show what arrives on `/clock`."""
+        """Whether the clocks show the time from `/clock`."""
         return self._ros_time_is_active
 
     @ros_time_is_active.setter
@@ -49,7 +49,7 @@ class TimeSource:
             self._unsubscribe()
 
     def attach_node(self, node: NodeInterface) -> None:
-        """Follow this node's parameter and its `/clock`, and no longer another's."""
+        """Follow the parameter and the `/clock` of this node instead of another one."""
         from .parameter import Parameter
 
         if not isinstance(getattr(node, "handle", None), NodeHandle):
@@ -67,12 +67,12 @@ class TimeSource:
         node.add_on_set_parameters_callback(self._on_parameter_event)
 
     def detach_node(self) -> None:
-        """Follow the node no more."""
+        """Stop following the node."""
         self._unsubscribe()
         self._node_ref = None
 
     def attach_clock(self, clock: ROSClock) -> None:
-        """Set this clock, too; raises ValueError for one that is no ROS clock."""
+        """Set this clock, too; raises ValueError unless it is a ROS clock."""
         if not isinstance(clock, ROSClock):
             raise ValueError("Only clocks with type ROS_TIME can be attached.")
         clock.set_ros_time_override(self._last_time_set)
@@ -80,7 +80,7 @@ class TimeSource:
         self._associated_clocks.add(clock)
 
     def clock_callback(self, msg: Any) -> None:
-        """Take the time of one message of `/clock`."""
+        """Set the clocks to the time of a message from `/clock`."""
         self._last_time_set = Time.from_msg(msg.clock)
         for clock in self._associated_clocks:
             clock.set_ros_time_override(self._last_time_set)
@@ -107,7 +107,7 @@ class TimeSource:
         self._clock_sub = None
 
     def _on_parameter_event(self, parameter_list: list[Any]) -> Any:
-        """Switch when the parameter is set, and refuse what is no bool."""
+        """Switch simulated time when the parameter is set; reject values other than bool."""
         from .parameter import Parameter
 
         result = srvgen.load("rcl_interfaces/msg/SetParametersResult")

@@ -1,4 +1,4 @@
-"""Small questions that need no node: is ROS up, what is left of the arguments."""
+"""Functions that need no node: the default context, its state, and arguments without ROS's."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _lock = threading.Lock()
 
 
 def get_default_context(*, shutting_down: bool = False) -> Context:
-    """The context that `rclpy.init()` fills; with `shutting_down`, a new one is next."""
+    """The context that `rclpy.init()` initialises; `shutting_down` forgets it."""
     global _default_context
     with _lock:
         context = Context() if _default_context is None else _default_context
@@ -29,19 +29,19 @@ def remove_ros_args(args: Sequence[str] | None = None) -> list[str]:
 
 
 def ok(*, context: Context | None = None) -> bool:
-    """Whether the context was initialised and not shut down since."""
+    """Whether the context is initialised and not shut down."""
     return (get_default_context() if context is None else context).ok()
 
 
 def shutdown(*, context: Context | None = None) -> None:
-    """End the context; raises RuntimeError where it is over already."""
+    """Shut the context down; raises RuntimeError if it is shut down already."""
     if context is None:
         context = get_default_context(shutting_down=True)
     context.shutdown()
 
 
 def try_shutdown(*, context: Context | None = None, uninstall_handlers: bool | None = None) -> None:
-    """End the context, unless it never began or is over."""
+    """Shut the context down, unless it is not initialised or already shut down."""
     from .signals import uninstall_signal_handlers
 
     default = context is None
@@ -53,12 +53,12 @@ def try_shutdown(*, context: Context | None = None, uninstall_handlers: bool | N
 
 
 def get_rmw_implementation_identifier() -> str:
-    """What carries the calls and messages here."""
+    """The name of the middleware that carries calls and messages."""
     return "rmw_taskrpc"
 
 
 def get_available_rmw_implementations() -> set[str]:
-    """What could carry them."""
+    """The names of all middlewares that could carry them."""
     return {get_rmw_implementation_identifier()}
 
 

@@ -1,4 +1,4 @@
-"""What a program may add to a node beside timers, subscriptions, clients and services."""
+"""Waitables: entities that a program defines itself and adds to a node."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ T = TypeVar("T")
 
 @dataclasses.dataclass
 class NumberOfEntities:
-    """How many things of each kind a waitable waits for; they add up."""
+    """How many entities of each kind a waitable waits for; objects can be added."""
 
     num_subscriptions: int = 0
     num_guard_conditions: int = 0
@@ -39,21 +39,21 @@ class NumberOfEntities:
 
 
 class WaitSet:
-    """What a waitable is asked with: it adds guard conditions, and asks which were triggered."""
+    """Collects the guard conditions of a waitable and tells which were triggered."""
 
     def __init__(self, node: Any) -> None:
         self.parent_node = node
         self._guards: list[GuardCondition] = []
 
     def add_guard_condition(self, handle: Handle) -> int:
-        """Wait for a guard condition's trigger; the number by which to ask."""
+        """Wait for the trigger of a guard condition; returns its index for `is_ready`."""
         guard: GuardCondition = handle.owner
-        guard.parent_node = self.parent_node  # so that the trigger wakes who waits here
+        guard.parent_node = self.parent_node  # so that the trigger wakes the executor of this node
         self._guards.append(guard)
         return len(self._guards) - 1
 
     def is_ready(self, kind: str, index: int) -> bool:
-        """Whether it was triggered since it was asked last; `kind` is "guard_condition"."""
+        """Whether it was triggered since the last call; `kind` is "guard_condition"."""
         guard = self._guards[index]
         ready = guard.has_work()
         guard.take_work()
@@ -61,9 +61,9 @@ class WaitSet:
 
 
 class Waitable(Entity, Generic[T]):
-    """Something of a program's own that an executor asks each round whether it has work.
+    """An entity of the program's own, which an executor queries for work in each round.
 
-    A subclass defines `is_ready`, `take_data` and `execute`, and adds what it waits for in
+    A subclass defines `is_ready`, `take_data` and `execute`, and adds its guard conditions in
     `add_to_wait_set`.
     """
 
@@ -73,7 +73,7 @@ class Waitable(Entity, Generic[T]):
         self._futures: list[Future[Any]] = []
 
     def __enter__(self) -> None:
-        """Be used by an executor."""
+        """Do nothing: an executor starts to use it."""
 
     def __exit__(
         self,
@@ -81,34 +81,34 @@ class Waitable(Entity, Generic[T]):
         error: BaseException | None,
         traceback: TracebackType | None,
     ) -> None:
-        """Be left by an executor."""
+        """Do nothing: an executor stops using it."""
 
     def add_future(self, future: Future[Any]) -> None:
-        """Have the future's done callbacks run by the executor."""
+        """Let the executor run the done callbacks of a future."""
         self._futures.append(future)
 
     def remove_future(self, future: Future[Any]) -> None:
-        """Forget the future."""
+        """Stop doing so for a future."""
         self._futures.remove(future)
 
     def is_ready(self, wait_set: Any) -> bool:
-        """Whether there is something to take."""
+        """Whether there is data to take."""
         raise NotImplementedError("Must be implemented by subclass")
 
     def take_data(self) -> T:
-        """Take what is there, so that `is_ready` says False."""
+        """Take the data, so that `is_ready` becomes False."""
         raise NotImplementedError("Must be implemented by subclass")
 
     async def execute(self, taken_data: T) -> None:
-        """Work on what `take_data` took."""
+        """Handle the data that `take_data` took."""
         raise NotImplementedError("Must be implemented by subclass")
 
     def get_num_entities(self) -> NumberOfEntities:
-        """What it waits for; not asked here."""
+        """How many entities it waits for; this layer does not call it."""
         return NumberOfEntities()
 
     def add_to_wait_set(self, wait_set: Any) -> None:
-        """Tell by its handles what it waits for, and keep their numbers for `is_ready`."""
+        """Add its guard conditions by their handles; keep their indices for `is_ready`."""
 
     def has_work(self) -> bool:
         """Ask the subclass, by a wait set, whether there is work."""

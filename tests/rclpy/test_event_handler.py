@@ -69,7 +69,7 @@ BEST_EFFORT = qos_profile_sensor_data
 def test_service_and_client_with_different_qos_are_reported(
     capfd, monkeypatch, server, client, problem, server_first
 ):
-    monkeypatch.setattr(explain, "_told", set())
+    monkeypatch.setattr(explain, "_reported", set())
     monkeypatch.setattr(explain, "like_ros", lambda: False)
     with rclpy.init():
         node = rclpy.create_node("both")
@@ -93,7 +93,7 @@ def test_service_and_client_with_different_qos_are_reported(
 
 @pytest.mark.parametrize("profile", [BEST_EFFORT, LATCHED, qos_profile_services_default])
 def test_service_and_client_with_equal_qos_are_not_reported(capfd, monkeypatch, profile):
-    monkeypatch.setattr(explain, "_told", set())
+    monkeypatch.setattr(explain, "_reported", set())
     with rclpy.init():
         node = rclpy.create_node("both")
         server = node.create_service(AddTwoInts, "add", add, qos_profile=profile)

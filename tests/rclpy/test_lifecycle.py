@@ -155,7 +155,7 @@ def test_a_callback_that_raises_is_an_error_and_it_is_told(quiet, capsys, monkey
         def on_configure(self):
             return SUCCESS
 
-    monkeypatch.setattr(explain, "_told", set())
+    monkeypatch.setattr(explain, "_reported", set())
     assert quiet(Robot).trigger_configure() is ERROR
     said = capsys.readouterr().err
     assert said.startswith(
@@ -269,7 +269,7 @@ def test_others_ask_for_steps_and_are_told_of_them():
 
 @pytest.mark.real_time
 def test_a_step_that_is_not_possible_is_refused_and_the_node_goes_on(capsys, monkeypatch):
-    monkeypatch.setattr(explain, "_told", set())
+    monkeypatch.setattr(explain, "_reported", set())
     with living() as world:
         node = Node("robot", context=world.context)
         world.executor.add_node(node)

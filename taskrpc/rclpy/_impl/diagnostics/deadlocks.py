@@ -1,4 +1,4 @@
-"""Finds, before a callback waits, that what it waits for could only be run after it."""
+"""Detects deadlocks before a callback waits for work that could only run after it."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ class WaitingClient(Protocol):
 
 
 _calls: dict[int, tuple[WaitingClient, Callback]] = {}
-"""Calls that callbacks wait for without end, by the callback's identity."""
+"""Calls without a timeout that callbacks wait for, by the identity of the callback."""
 
 
 def check_call(client: WaitingClient, timeout: float | None) -> Callback | None:
-    """Raise WouldDeadlock where `Client.call` could never end, or tell that its timeout will.
+    """Raise WouldDeadlock when `Client.call` could never end; warn when only its timeout ends it.
 
     Returns the callback that waits, for `call_ended`.
     """
@@ -51,7 +51,7 @@ def check_call(client: WaitingClient, timeout: float | None) -> Callback | None:
         return None
     why = obstacle(client, callback)
     if timeout is None or timeout < 0:
-        _calls[id(callback)] = client, callback  # before looking: others may look at this moment
+        _calls[id(callback)] = client, callback  # before the check: other threads check, too
         if why := why or _circle(client, callback):
             call_ended(callback)
             raise WouldDeadlock(
@@ -63,12 +63,12 @@ def check_call(client: WaitingClient, timeout: float | None) -> Callback | None:
 
 
 def call_ended(callback: Callback | None) -> None:
-    """Know that a callback waits for its call no longer."""
+    """Record that a callback waits for its call no longer."""
     _calls.pop(id(callback), None)
 
 
 def callers() -> dict[ExecutorInterface, list[tuple[WaitingClient, Callback]]]:
-    """Callbacks that wait without end for answers that their own executor would have to take."""
+    """Callbacks that wait without a timeout for responses that their own executor must take."""
     found: dict[ExecutorInterface, list[tuple[WaitingClient, Callback]]] = {}
     for client, callback in list(_calls.values()):
         if callback.executor.has_node(client.parent_node):
@@ -77,7 +77,7 @@ def callers() -> dict[ExecutorInterface, list[tuple[WaitingClient, Callback]]]:
 
 
 def check_spin(executor: ExecutorInterface, future: Any, timeout: float | None) -> None:
-    """Raise WouldDeadlock where a spin in a callback waits for what the callback's group holds."""
+    """Raise WouldDeadlock when a spin in a callback waits for a group that the callback holds."""
     callback = current_callback()
     if callback is None or explain.like_ros() or not (timeout is None or timeout < 0):
         return
@@ -101,14 +101,14 @@ def check_rate(node: Any) -> None:
 
 
 def check_deaf(executor: ExecutorInterface, node: Any) -> None:
-    """Tell of a spin in a callback that takes its node away from the spin around it."""
+    """Warn of a spin in a callback that removes its node from the outer spin."""
     callback = current_callback()
     if callback is not None and callback.executor is executor and executor.has_node(node):
         explain.went_deaf(node_name(node), callback_name(callback))
 
 
 def obstacle(client: WaitingClient, callback: Callback) -> str:
-    """What keeps the answer from being taken while the callback runs; "" if nothing does."""
+    """What prevents the response from being taken while the callback runs; "" if nothing does."""
     if not callback.executor.has_node(client.parent_node):
         return ""
     if callback.executor.runs_one_at_a_time:
@@ -118,7 +118,7 @@ def obstacle(client: WaitingClient, callback: Callback) -> str:
 
 
 def _server_obstacle(name: str, callback: Callback) -> str:
-    """What keeps a request to this service from being taken while the callback runs."""
+    """What prevents a request of this service from being taken while the callback runs."""
     for node in callback.executor.get_nodes():
         for service in node.services:
             if service.service_name == name:
@@ -129,7 +129,7 @@ def _server_obstacle(name: str, callback: Callback) -> str:
 
 
 def _circle(client: WaitingClient, callback: Callback) -> str:
-    """The way from a call over other callbacks' calls back to the callback; "" if there is none."""
+    """The chain of calls from a call back to its callback; "" if there is none."""
     name, way = client.service_name, list[str]()
     for _ in range(len(_calls)):
         if way and _server_obstacle(name, callback):

@@ -1,4 +1,4 @@
-"""Says in one line what ROS 2 would have done where we help; or, on request, lets it happen."""
+"""Explains in one line what ROS 2 would do where taskrpc helps; `like_ros` turns the help off."""
 
 from __future__ import annotations
 
@@ -9,13 +9,13 @@ import threading
 from collections.abc import Sequence
 from typing import Any
 
-_told: set[tuple[object, ...]] = set()
+_reported: set[tuple[object, ...]] = set()
 _lock = threading.Lock()
 
 
 @functools.cache
 def like_ros() -> bool:
-    """Whether to behave as ROS 2 does instead of helping (`TASKRPC_LIKE_ROS=1`)."""
+    """Whether to behave exactly as ROS 2 instead of helping (`TASKRPC_LIKE_ROS=1`)."""
     return os.environ.get("TASKRPC_LIKE_ROS") == "1"
 
 
@@ -212,12 +212,12 @@ def would_wrap(name: str, error: Exception, wrapped: Any) -> None:
 
 
 def tell(cause: tuple[object, ...], sentence: str) -> None:
-    """Print what ROS 2 would do, once for each cause; nothing where it is what happens."""
+    """Print what ROS 2 would do, once for each cause; nothing when `like_ros` is on."""
     if like_ros():
         return
     with _lock:
-        if cause in _told:
+        if cause in _reported:
             return
-        _told.add(cause)
-    if sys.stderr is not None:  # pythonw, or a program's very end
+        _reported.add(cause)
+    if sys.stderr is not None:  # None under pythonw, and at the very end of a program
         print(f"[taskrpc] ROS 2 would {sentence}", file=sys.stderr, flush=True)

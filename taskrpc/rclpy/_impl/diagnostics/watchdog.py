@@ -1,4 +1,4 @@
-"""Looks now and then whether something waits in silence, which no single place could notice."""
+"""Checks once a second for work that waits for ever, which no single module could notice."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ from . import explain
 from .deadlocks import callers, obstacle
 
 _PERIOD = 1.0
-"""Seconds from look to look."""
+"""Seconds between two checks."""
 _SOON = 2.0
-"""Seconds after which it is told of what cannot end, or hardly."""
+"""Seconds after which a wait that can hardly end is reported."""
 _LATE = 5.0
-"""Seconds after which it is told of what may only be late."""
+"""Seconds after which a wait that may only be late is reported."""
 _STUCK = 15.0
-"""Seconds after which a callback has not only much to do."""
+"""Seconds after which a callback that has not returned is reported."""
 _LIBRARIES = (str(Path(__file__).parents[3]), sysconfig.get_path("stdlib"))
 
 _nodes: weakref.WeakSet[NodeInterface] = weakref.WeakSet()
@@ -45,7 +45,7 @@ _looking = False
 
 
 def watch(node: NodeInterface) -> None:
-    """Look after a node until it is destroyed."""
+    """Check a node until it is destroyed."""
     global _looking
     if explain.like_ros():
         return
@@ -57,20 +57,20 @@ def watch(node: NodeInterface) -> None:
 
 
 def ends(node: NodeInterface) -> None:
-    """Tell of calls of a node that nobody ever spun, at its end."""
-    pending = sorted({client.service_name for client in node.clients if _is_heeded(client)})
+    """At the end of a node that was never spun, report the calls that it still waits for."""
+    pending = sorted({client.service_name for client in node.clients if _is_observed(client)})
     if pending and node.executor is None and not node.context.was_interrupted:
         _tell_unspun(node, f"complete the future of a call of {', '.join(pending)}")
 
 
 class _Look:
-    """One look after the other, on the background loop's thread."""
+    """The repeated check, on the thread of the background loop."""
 
     def __init__(self) -> None:
         self._seen: dict[tuple[object, ...], float] = {}
 
     def again(self) -> None:
-        """Look, and look again after a while, as long as there are nodes."""
+        """Check, and check again after a while, as long as there are nodes."""
         global _looking
         with _lock:
             nodes = [node for node in list(_nodes) if node.handle.valid]
@@ -80,7 +80,7 @@ class _Look:
             asyncio.get_running_loop().call_later(_PERIOD, self.again)
 
     def _look(self, nodes: list[NodeInterface]) -> None:
-        """Tell of what was there for long enough, and forget what is gone."""
+        """Report what has waited long enough, and forget what has ended."""
         now = time.monotonic()
         for thread, callback in list(running.items()):
             if now - callback.since >= _STUCK and _keeps_others(callback):
@@ -94,7 +94,7 @@ class _Look:
 
 
 def _waits(node: NodeInterface) -> Iterator[tuple[tuple[object, ...], float, Any]]:
-    """What waits at a node: what it is, for how long it may, and what to say then."""
+    """What waits at a node: its identity, how long it may wait, and how to report it."""
     busy = is_busy(node.executor)
     for client in list(node.clients):
         if busy:
@@ -110,7 +110,7 @@ def _waits(node: NodeInterface) -> Iterator[tuple[tuple[object, ...], float, Any
 
 
 def _full_pools() -> Iterator[tuple[tuple[object, ...], float, Any]]:
-    """Executors all of whose threads wait for answers, which another thread would have to take."""
+    """Executors whose threads all wait for responses that one of these threads must take."""
     for executor, calls in callers().items():
         if 1 < executor.thread_count <= len(calls):
             named = [(client.service_name, callback_name(callback)) for client, callback in calls]
@@ -133,7 +133,7 @@ def _keeps_others(callback: Callback) -> bool:
 
 
 def _polled_in_vain(client: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
-    """Futures that a callback asks for again and again, and keeps from being done."""
+    """Futures that a callback polls while the callback itself prevents their completion."""
     for future in client.pending_futures:
         callback, last = future.last_poll
         if callback is None or time.monotonic() - last > _PERIOD:
@@ -177,17 +177,17 @@ def _untaken_request(service: Any) -> Iterator[tuple[tuple[object, ...], float, 
 
 
 def _patience(node: NodeInterface) -> float:
-    """How long a node may be left alone: one that was spun once may be spun again."""
+    """How long a node may go unspun: a node that was spun once may be spun again."""
     return _STUCK if node.handle.was_spun and not node.handle.taken_by else _LATE
 
 
 def _holder(entity: Any) -> Any:
-    """Whose callback keeps the entity's group while it awaits something; None if none does."""
+    """The entity whose coroutine holds the group of this entity; None if the group is free."""
     return getattr(entity.callback_group, "active_entity", None)
 
 
 def _awaits(node: Any, holder: Any, service: str) -> bool:
-    """Whether the callback of `holder` awaits an answer of the service, by its node's client."""
+    """Whether the callback of `holder` awaits a response of the service."""
     futures = [
         future
         for client in list(node.clients)
@@ -198,8 +198,8 @@ def _awaits(node: Any, holder: Any, service: str) -> bool:
     return any(task is not None and task.entity is holder for task in tasks)
 
 
-def _is_heeded(client: Any) -> bool:
-    """Whether the program ever looked at what the client's calls came to: it may not want to."""
+def _is_observed(client: Any) -> bool:
+    """Whether the program ever looked at a future of the client: it may not want the results."""
     return any(future.is_observed for future in client.pending_futures)
 
 
@@ -252,7 +252,7 @@ def _tell_stuck(thread: int, callback: Callback) -> None:
 
 
 def _where(frame: FrameType | None) -> str:
-    """The line of the program that a thread is in."""
+    """The line of the program that a thread executes."""
     while frame is not None and frame.f_code.co_filename.startswith((*_LIBRARIES, "<")):
         frame = frame.f_back
     if frame is None:

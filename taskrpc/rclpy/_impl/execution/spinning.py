@@ -1,4 +1,4 @@
-"""The functions that most programs are made of: init, create a node, spin, shutdown."""
+"""The functions at the top of rclpy: init, create a node, spin, shutdown."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _executor: Executor | None = None
 
 
 class InitContextManager:
-    """What `init` returns: `with rclpy.init():` shuts down at its end."""
+    """The result of `init`: `with rclpy.init():` shuts down at the end of the block."""
 
     def __init__(self, context: Context, installed_signal_handlers: bool) -> None:
         self.context = context
@@ -50,10 +50,10 @@ def init(
     domain_id: int | None = None,
     signal_handler_options: SignalHandlerOptions | None = None,
 ) -> InitContextManager:
-    """Begin: nodes can be made from now on. Use it alone or as `with rclpy.init():`.
+    """Initialise the context, so that nodes can be created. Also `with rclpy.init():`.
 
-    `args` are the command line's by default; what stands behind `--ros-args` is heeded.
-    Raises RuntimeError the second time without a shutdown between.
+    `args` is the command line by default; arguments after `--ros-args` are applied.
+    Raises RuntimeError if the context is initialised already.
     """
     default = context is None or context is get_default_context()
     context = get_default_context() if context is None else context
@@ -79,14 +79,14 @@ def get_global_executor() -> Executor:
         if _executor is executor:
             _executor = None
 
-    executor.context.on_shutdown(reset)  # at once, where a signal came meanwhile
+    executor.context.on_shutdown(reset)  # calls it at once if a signal has come
     return executor
 
 
 def shutdown(*, context: Context | None = None, uninstall_handlers: bool | None = None) -> None:
-    """End: nodes are destroyed, whoever spins stops.
+    """Shut the context down: destroys its nodes and stops the executors.
 
-    Raises RuntimeError when it is over already (silent after Ctrl-C and SIGTERM, which end it).
+    Raises RuntimeError if it is shut down already, except by Ctrl-C or SIGTERM.
     """
     utilities.shutdown(context=context)
     if uninstall_handlers or (uninstall_handlers is None and context is None):
@@ -94,7 +94,7 @@ def shutdown(*, context: Context | None = None, uninstall_handlers: bool | None 
 
 
 def create_node(node_name: str, **settings: Any) -> Node:
-    """A node; the settings are those of `rclpy.node.Node`."""
+    """Create a node; the settings are those of `rclpy.node.Node`."""
     from ...node import Node
 
     return Node(node_name, **settings)
@@ -116,8 +116,8 @@ def spin_once(
 def spin(node: Node, executor: Executor | None = None) -> None:
     """Run the node's callbacks until the context is shut down.
 
-    An exception in a callback leaves it; ExternalShutdownException says that a signal or another
-    thread shut down while it waited.
+    An exception of a callback propagates. Raises ExternalShutdownException when a signal or another
+    thread shuts the context down.
     """
     executor = get_global_executor() if executor is None else executor
     check_deaf(executor, node)
@@ -142,5 +142,5 @@ def spin_until_future_complete(
     try:
         executor.spin_until_future_complete(future, timeout_sec)
     finally:
-        if added:  # in a callback the spin around it goes on with the node
+        if added:  # else an outer spin has the node and continues with it
             executor.remove_node(node)
