@@ -75,7 +75,7 @@ def stubs(definitions: Mapping[str, Definition]) -> dict[str, str]:
 
 def _package(name: str, search: Search) -> str:
     if "/" in name:
-        return search.existing(name).split("/")[0]
+        return search.existing_name(name).split("/")[0]
     search.interfaces(name)  # raises DefinitionError if there is no such package
     return name
 

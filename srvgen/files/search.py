@@ -86,7 +86,7 @@ class Search:
         """Whether no type of this name can be found."""
         return self._candidates(self.resolve_name(full_name)) is None
 
-    def existing(self, text: str) -> str:
+    def existing_name(self, text: str) -> str:
         """The full name of a type that can be found.
 
         Raises:

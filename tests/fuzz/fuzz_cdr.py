@@ -19,7 +19,7 @@ from typing import Any
 
 from srvgen import CdrError, define, from_cdr, load, to_cdr
 from srvgen.cdr.messages import _decoders
-from tests.srvgen.cdr_reference import random_message
+from tests.srvgen.cdr.reference import random_message
 
 EVERYTHING = f"""bool flag
 byte raw

@@ -1,4 +1,4 @@
-"""A workspace to stand in, the command to run there, and mypy beside it."""
+"""Fixtures: an empty workspace as working directory, the `srvgen` command, and mypy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Writes definitions, and other files of a tree, where a test wants them."""
+"""Writes definitions and other files for tests."""
 
 from __future__ import annotations
 

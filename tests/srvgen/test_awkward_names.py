@@ -1,4 +1,4 @@
-"""Fields, constants and types named like words of Python or parts of a generated class work."""
+"""Fields, constants and types may be named like Python keywords or parts of generated classes."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The bundled definitions are those of ROS 2: same fields, constants, defaults and hashes."""
+"""The bundled definitions have the fields, constants, defaults and hashes of ROS 2."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ OURS = {"my_robot_interfaces", "taskrpc_interfaces"}
 """Packages that ROS 2 does not have."""
 
 NOT_PROVEN = {"nav_msgs/msg/Goals"}
-"""Types whose hash no official tool has told us yet."""
+"""Types for which there is no official hash yet."""
 
 FILES = {
     f"{path.parts[-3]}/{path.parts[-2]}/{path.stem}": path

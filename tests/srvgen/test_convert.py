@@ -1,4 +1,4 @@
-"""Messages as plain values and back; a wrong value is named by its path."""
+"""Messages are converted to plain values and back; an error has the path of the value."""
 
 from __future__ import annotations
 

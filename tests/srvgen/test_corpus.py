@@ -1,4 +1,4 @@
-"""Definitions written by others mean to srvgen what they mean to ROS 2's own tools.
+"""srvgen reads a corpus of definitions exactly as the tools of ROS 2 do.
 
 The corpus lies beside a checkout or not at all; where it is absent, these tests are skipped.
 """

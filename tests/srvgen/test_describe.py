@@ -1,4 +1,4 @@
-"""A definition is shown with what its fields contain, in the form of `ros2 interface show`."""
+"""A definition is shown with its nested definitions, in the format of `ros2 interface show`."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""Definitions come from peers: no text runs code, fills the memory or ends in another error."""
+"""Hostile definitions: no text runs code, exhausts the memory or raises another error."""
 
 from __future__ import annotations
 

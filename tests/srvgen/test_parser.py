@@ -1,4 +1,4 @@
-"""From text to model: what is kept, what is refused, and that nothing else can happen."""
+"""The parser: the model of valid texts, the errors of invalid ones, and random texts."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""What is wrong with a definition is said exactly as the file beside it has it.
+"""An invalid definition gives exactly the messages of the .txt file beside it.
 
 After a deliberate change of a message: `UPDATE_REJECTED=1 pytest tests/srvgen/test_rejected.py`,
 and read the difference.

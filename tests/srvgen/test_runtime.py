@@ -1,4 +1,4 @@
-"""What every generated class does: construct, set, check, encode, decode, compare, copy, print."""
+"""Generated classes: construct, set, check, encode, decode, compare, copy and print messages."""
 
 from __future__ import annotations
 

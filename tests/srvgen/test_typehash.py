@@ -1,4 +1,4 @@
-"""RIHS01 hashes are those that ROS 2 puts on the wire."""
+"""RIHS01 hashes are equal to those of ROS 2."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""CDR: the bytes that ROS 2 robots speak, what is refused in a message, and where."""
+"""CDR: the bytes of messages, and the errors of invalid bytes."""
 
 from __future__ import annotations
 

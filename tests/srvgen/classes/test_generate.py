@@ -53,7 +53,7 @@ def importable(demo, tmp_path, monkeypatch):
 
 
 def test_the_output_is_the_golden_one(demo):
-    """Run with UPDATE_GOLDEN=1 after a change that is meant, and read the difference."""
+    """Run with UPDATE_GOLDEN=1 after a deliberate change, and review the difference."""
     ours = {
         path: text
         for path, text in demo.items()

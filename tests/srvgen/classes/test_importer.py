@@ -1,4 +1,4 @@
-"""The import hook: definitions are importable, and Python packages stay as they are."""
+"""The import hook: definitions are importable, and Python packages are not changed."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`load`, `define` and `type_hash`: one class for one definition, fresh when a file changes."""
+"""`load`, `define` and `type_hash`: one class per definition, a new one when a file changes."""
 
 from __future__ import annotations
 

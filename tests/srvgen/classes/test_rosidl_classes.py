@@ -1,4 +1,4 @@
-"""Classes of programs for ROS: numpy's arrays, `SLOT_TYPES`, and fields that are checked when set.
+"""Classes for programs for ROS: numpy arrays, `SLOT_TYPES`, and fields that are checked when set.
 
 The texts are those of real classes (rosidl_generator_py 0.24).
 """

@@ -1,4 +1,4 @@
-"""The `srvgen` command: what it prints, where, and how it ends."""
+"""The `srvgen` command: its output on stdout and stderr, and its exit codes."""
 
 import json
 import re

@@ -1,4 +1,4 @@
-"""How the processes of the commands begin and end: signals and standard streams."""
+"""Start and end of a command process: signals and standard streams."""
 
 from __future__ import annotations
 

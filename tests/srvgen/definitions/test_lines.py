@@ -1,4 +1,4 @@
-"""A server can hand a whole definition to a client that lacks it."""
+"""A full text has a definition and its dependencies."""
 
 from hypothesis import given
 from hypothesis import strategies as st

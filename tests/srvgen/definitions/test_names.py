@@ -1,4 +1,4 @@
-"""Names: what ROS 2 accepts, and what was meant by what it does not accept."""
+"""Names: which ones ROS 2 accepts, and suggestions for the others."""
 
 import re
 

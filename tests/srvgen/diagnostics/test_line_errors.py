@@ -1,4 +1,4 @@
-"""One slip is one error, under its first character, with a hint that works when it is followed."""
+"""One mistake is one error at its first character, with a hint that leads to a valid line."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`srvgen fix` puts right what has one right answer, and nothing else."""
+"""`srvgen fix` repairs only errors that have exactly one correction."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a file's path and bytes say about a definition."""
+"""The path of a file gives the type; its bytes must be UTF-8."""
 
 import os
 from pathlib import Path

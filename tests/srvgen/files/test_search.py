@@ -1,4 +1,4 @@
-"""Definitions are found where they should be; what is missing is named."""
+"""Definitions are found in the documented order; errors name missing types."""
 
 import logging
 import os

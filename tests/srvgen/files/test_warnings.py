@@ -1,4 +1,4 @@
-"""What is valid and hardly meant is a warning: it is told, and nothing fails."""
+"""Valid values that are probably mistakes give a warning and no error."""
 
 from __future__ import annotations
 

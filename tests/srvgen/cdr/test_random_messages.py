@@ -1,4 +1,4 @@
-"""CDR of random messages of every bundled class, and of bytes that somebody has tampered with."""
+"""CDR of random messages of every bundled class, and of tampered bytes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from srvgen import CdrError, FieldError, define, from_cdr, to_cdr
 from srvgen.definitions import limits
 from tests.fuzz.fuzz_cdr import classes, decode_or_refuse
-from tests.srvgen.cdr_reference import bundled_classes, random_message, reference_cdr
+from tests.srvgen.cdr.reference import bundled_classes, random_message, reference_cdr
 
 Everything = classes()[0]
 of_each_fuzzed_class = pytest.mark.parametrize("cls", classes(), ids=lambda cls: cls._TYPE)

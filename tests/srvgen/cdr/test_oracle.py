@@ -1,4 +1,4 @@
-"""CDR is what other implementations write, byte for byte, and is read back to the same message."""
+"""CDR has the same bytes as other implementations, and is decoded to the same message."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from srvgen.definitions.derived import references
 from srvgen.definitions.lines import join_full_text
 from srvgen.files.reading import decode, parse_definition
 
-CORPUS = Path(__file__).parents[3] / "shared" / "corpus"
+CORPUS = Path(__file__).parents[4] / "shared" / "corpus"
 pytestmark = pytest.mark.skipif(not CORPUS.is_dir(), reason="the corpus is not beside the checkout")
 
 

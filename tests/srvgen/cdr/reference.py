@@ -1,4 +1,4 @@
-"""Random messages of any class, and XCDR1 written as its rules are told, value after value."""
+"""Random messages of any class, and a simple XCDR1 encoder that follows the rules literally."""
 
 from __future__ import annotations
 
