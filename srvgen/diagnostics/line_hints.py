@@ -71,7 +71,7 @@ def extra_word(code: str) -> InvalidText | None:
         )
     if word not in _MODIFIERS or " " not in rest:
         return None
-    why = {"const": "the '=' makes it a constant", "optional": "every field is always present"}
+    why = {"const": "a line with '=' is a constant", "optional": "every field is always present"}
     return InvalidText(
         f"expected a type at the start of the line, got {word!r}",
         hint=f"remove it{': ' + why[word] if word in why else ''}",

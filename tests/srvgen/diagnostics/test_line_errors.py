@@ -93,7 +93,7 @@ def problems_of(text, kind="msg"):
         ("int32[3] x = {1,2,3}", 12, "did you mean int32[3] x [1,2,3]?"),
         ("int32[] x (1, 2)", 11, "did you mean [1, 2]?"),
         ("geometry_msgs/Point p = 3", 23, "a message uses the defaults of its own fields"),
-        ("const int32 A=3", 1, "remove it: the '=' makes it a constant"),
+        ("const int32 A=3", 1, "remove it: a line with '=' is a constant"),
         ("optional int32 a", 1, "remove it: every field is always present"),
         ("repeated int32 a", 1, "write an array with brackets: int32[] a"),
         ("int32 a b c", 9, "only a default may follow the name; write a second field on its own"),
