@@ -44,8 +44,9 @@ if TYPE_CHECKING:
     from taskrpc.exactly_once.stores import MemoryCompletions, SqliteCompletions
     from taskrpc.message_types import Msg, Srv
     from taskrpc.metrics import Metrics
-    from taskrpc.node import Node, run
+    from taskrpc.node import Node
     from taskrpc.observer import NodeStatus, Observer, Observers
+    from taskrpc.program import run
     from taskrpc.qos import QoS
     from taskrpc.retry import RetryPolicy
     from taskrpc.robot import (
@@ -79,7 +80,8 @@ _HOMES = {
     ),
     "message_types": "Msg Srv",
     "metrics": "Metrics",
-    "node": "Node run",
+    "node": "Node",
+    "program": "run",
     "observer": "NodeStatus Observer Observers",
     "qos": "QoS",
     "retry": "RetryPolicy",

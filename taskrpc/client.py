@@ -3,19 +3,25 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import math
 import time
 from collections.abc import Callable
+from contextvars import ContextVar
 from enum import Enum
-from typing import Any, Final, Generic
+from typing import TYPE_CHECKING, Any, Final, Generic
 
 from taskrpc.attempts import Attempts
-from taskrpc.errors import InvalidRequest, TaskRpcError
+from taskrpc.errors import Code, InvalidRequest, TaskRpcError
 from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.retry import RetryBudget, RetryPolicy
 from taskrpc.transport.base import Channel, Tell, ToldThread, Transport, WaitingThread
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.connection.deadline_timer import clock_of
+from taskrpc.wire.status import code_of
+
+if TYPE_CHECKING:
+    from taskrpc.observer import Observer
 
 DEFAULT_TIMEOUT = 10.0
 
@@ -154,7 +160,7 @@ class Client(Generic[RequestT, ResponseT]):
         call.future.add_done_callback(call.give_up)
         return call.future
 
-    def _send_in_thread(
+    def send_in_thread(
         self,
         request: Any,
         timeout: float | Unset | None,
@@ -171,7 +177,7 @@ class Client(Generic[RequestT, ResponseT]):
         deadline = None if span is None else self._now() + span
         return self._channel.send_in_thread(request, deadline)
 
-    def _tell_in_thread(
+    def tell_in_thread(
         self, request: Any, timeout: float | Unset | None, tell: Tell
     ) -> ToldThread | None:
         """The same without waiting: `tell(response, error)` is called at the end."""
@@ -217,3 +223,99 @@ def _checked(timeout: float | None) -> float | None:
     if not finite:
         raise ValueError(f"timeout: expected seconds, or None for no deadline, got {timeout!r}")
     return timeout
+
+
+_span: ContextVar[bytes] = ContextVar("taskrpc_span", default=b"")
+"""The trace span of the call whose request is being sent."""
+
+
+class ObservedClient(Client[RequestT, ResponseT]):
+    """A client that reports each call to its node's observer."""
+
+    def __init__(self, observer: Observer, *settings: Any, **more: Any) -> None:
+        super().__init__(*settings, **more)
+        self._observer = observer
+        self._channel.span_of = _span.get
+
+    async def call(
+        self,
+        request: RequestT,
+        timeout: float | Unset | None = UNSET,
+        retry: RetryPolicy | Unset | None = UNSET,
+        request_id: str = "",
+    ) -> ResponseT:
+        """Call the service; see `Client.call`."""
+        began = self._begin()
+        token = _span.set(began.span)
+        try:
+            response = await super().call(request, timeout, retry, request_id)
+        except BaseException as error:
+            began.end(_code(error))
+            raise
+        finally:
+            with contextlib.suppress(ValueError):  # garbage collection uses another context
+                _span.reset(token)
+        began.end(Code.OK)
+        return response
+
+    def call_async(
+        self,
+        request: RequestT,
+        timeout: float | Unset | None = UNSET,
+        retry: RetryPolicy | Unset | None = UNSET,
+        request_id: str = "",
+    ) -> asyncio.Future[ResponseT]:
+        """Send the request now; see `Client.call_async`."""
+        began = self._begin()
+        token = _span.set(began.span)
+        try:
+            future = super().call_async(request, timeout, retry, request_id)
+        finally:
+            _span.reset(token)
+        future.add_done_callback(began.done)
+        return future
+
+    def send_in_thread(
+        self,
+        request: Any,
+        timeout: float | Unset | None,
+        retry: RetryPolicy | Unset | None,
+    ) -> WaitingThread | None:
+        """Return None: only the event loop can make the call."""
+        return None  # the event loop must make the call: observers are called there
+
+    def tell_in_thread(self, request: Any, timeout: float | Unset | None, tell: Tell) -> None:
+        """Return None: only the event loop can make the call."""
+
+    def _begin(self) -> _Begun:
+        return _Begun(self._observer, self.service_name, self._now)
+
+
+class _Begun:
+    """One call that is reported to an observer."""
+
+    def __init__(self, observer: Observer, service: str, now: Callable[[], float]) -> None:
+        self._observer, self._service = observer, service
+        self._now = now
+        self._began = now()
+        from taskrpc.observer import told  # only nodes with an observer need it
+
+        self._told = told
+        self._outgoing = told(observer.request_began, service)
+        self.span = b"" if self._outgoing is None else self._outgoing.span
+
+    def end(self, code: Code) -> None:
+        seconds = self._now() - self._began
+        if self._outgoing is not None:
+            self._told(self._outgoing.ended, code, seconds)
+        self._told(self._observer.request_ended, self._service, code, seconds)
+
+    def done(self, future: asyncio.Future[Any]) -> None:
+        error = asyncio.CancelledError() if future.cancelled() else future.exception()
+        self.end(Code.OK if error is None else _code(error))
+
+
+def _code(error: BaseException) -> Code:
+    if isinstance(error, TaskRpcError):
+        return code_of(error)
+    return Code.CANCELLED if isinstance(error, asyncio.CancelledError) else Code.UNKNOWN

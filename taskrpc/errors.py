@@ -36,6 +36,8 @@ from enum import IntEnum
 
 _NUMERIC = tuple("bcdeEfFgGnoxX%")
 """The last letters of the format specs of numbers."""
+_ERROR, _DEADLINE, _NOT_RUN, _UNKNOWN = 1, 3, 4, 5
+"""Exit statuses of scripts, the same as those of the commands."""
 
 
 class Code(IntEnum):
@@ -274,3 +276,32 @@ def _code_of(code: Code | str) -> Code:
         names = ", ".join(Code.__members__)
         problem = f"code: expected a Code or the name of one ({names}), got {code!r}"
         raise ValueError(problem) from None
+
+
+def exit_status(error: BaseException) -> int:
+    """Return the exit status for a script that does not catch the error: 1, 3, 4 or 5."""
+    if isinstance(error, DeadlineExceeded):
+        return _NOT_RUN if error.not_executed else _DEADLINE
+    if isinstance(error, ConnectionLost):
+        return _NOT_RUN if error.not_executed else _UNKNOWN
+    return _NOT_RUN if isinstance(error, ServiceUnavailable | ServerBusy) else _ERROR
+
+
+def is_ours(error: BaseException) -> bool:
+    """Whether taskrpc or srvgen raised the error on purpose, so that its text explains it."""
+    if isinstance(error, TaskRpcError):
+        return True
+    from srvgen import DefinitionError, FieldError  # few programs end with an error
+
+    return isinstance(error, DefinitionError | FieldError)
+
+
+def show_in_one_message() -> None:
+    """End this program without a traceback after an error of taskrpc that it does not catch.
+
+    Errors of other kinds keep their traceback. A program with its own excepthook keeps it;
+    `python -X dev` shows all tracebacks.
+    """
+    from srvgen import excepthook  # commands that only need the errors start without it
+
+    excepthook.show_in_one_message(is_ours, exit_status)

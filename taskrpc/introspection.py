@@ -1,31 +1,80 @@
-"""Service introspection: each step of a service's calls, told on `SERVICE/_service_event`.
+"""Service introspection: publishes each step of a service's calls on `SERVICE/_service_event`.
 
-The events are those of ROS 2: `taskrpc service echo` prints them for all kinds of programs.
+The events are those of ROS 2: `taskrpc service echo` prints them for programs of both kinds.
 """
 
 from __future__ import annotations
 
+import asyncio
 import hashlib
 import logging
 import time
-from typing import Any, Literal, TypeAlias
+from typing import TYPE_CHECKING, Any, Literal, Protocol, TypeAlias
 
 import srvgen
 from taskrpc.callinfo import CallInfo
 from taskrpc.errors import InvalidRequest, TaskRpcError
-from taskrpc.observer import Observer
-from taskrpc.topic import Publisher
+from taskrpc.observer import Observer, Observers
+from taskrpc.security.roles import Role
+
+if TYPE_CHECKING:
+    from taskrpc.qos import QoS
+    from taskrpc.service import Service
+    from taskrpc.topic import Publisher
 
 log = logging.getLogger("taskrpc.topics")
 
 IntrospectionState: TypeAlias = Literal["off", "metadata", "contents"]
-"""How much is told: nothing, that something happened, or the messages, too."""
+"""What is published: nothing, only that a step happened, or also the messages."""
 
 SUFFIX = "/_service_event"
 
 
+class PublishingNode(Protocol):
+    """The part of a node that introspection needs."""
+
+    def create_publisher(
+        self, msg_type: type[Any], topic: str, qos: QoS | int = 10, *, role: Role = Role.OBSERVE
+    ) -> Publisher[Any]:
+        """Publish messages of a type on a topic."""
+
+
+class ServiceIntrospection:
+    """The introspected services of one node.
+
+    `observer` is the node's own: its services report to both.
+    """
+
+    def __init__(self, node: PublishingNode, observer: Observer | None) -> None:
+        self._node = node
+        self._observer = observer
+        self._publishers: dict[asyncio.Future[None], Publisher[Any]] = {}
+        """Introspection publishers, keyed by `service.finished`."""
+
+    def configure(self, service: Service, state: IntrospectionState, qos: QoS | int) -> None:
+        """Start, change or end the introspection of a service."""
+        if state not in ("off", "metadata", "contents"):
+            raise ValueError(f"state: expected 'off', 'metadata' or 'contents', got {state!r}")
+        self._stop(service.finished)
+        if state == "off":
+            service.observe(self._observer)
+            return
+        topic = f"{service.service_name}{SUFFIX}"
+        srv_type: Any = service.srv_type
+        publisher = self._node.create_publisher(srv_type.Event, topic, qos, role=Role.OPERATE)
+        self._publishers[service.finished] = publisher
+        events = ServiceEvents(publisher, srv_type, contents=state == "contents")
+        service.observe(Observers(self._observer, events) if self._observer else events)
+        service.finished.add_done_callback(self._stop)
+
+    def _stop(self, finished: asyncio.Future[None]) -> None:
+        finished.remove_done_callback(self._stop)
+        if (publisher := self._publishers.pop(finished, None)) is not None:
+            publisher.destroy()
+
+
 class ServiceEvents(Observer):
-    """Publishes what becomes of one service's calls; nothing while nobody subscribes."""
+    """Publishes the events of one service, if the topic has subscriptions."""
 
     def __init__(self, publisher: Publisher[Any], srv_type: Any, *, contents: bool) -> None:
         self.publisher = publisher
@@ -34,27 +83,27 @@ class ServiceEvents(Observer):
         self._has_failed = False
 
     def call_began(self, call: CallInfo) -> None:
-        """A request came."""
-        self._tell("REQUEST_RECEIVED", call, request=getattr(call, "request", None))
+        """Publish that a request arrived."""
+        self._publish("REQUEST_RECEIVED", call, request=getattr(call, "request", None))
 
     def call_answered(self, call: CallInfo, response: Any) -> None:
-        """Its response goes back."""
-        self._tell("RESPONSE_SENT", call, response=response)
+        """Publish that a response is sent."""
+        self._publish("RESPONSE_SENT", call, response=response)
 
-    def _tell(self, step: str, call: CallInfo, **messages: Any) -> None:
+    def _publish(self, step: str, call: CallInfo, **messages: Any) -> None:
         if not self.publisher.get_subscription_count():
             return
-        told = messages if self._contents else {}
+        published = messages if self._contents else {}
         gid, stamp = gid_of(call.caller), time.time_ns()
-        event = service_event(self._srv_type, step, stamp, gid, call.number, **told)
+        event = service_event(self._srv_type, step, stamp, gid, call.number, **published)
         try:
             self.publisher.publish(event)
-        except InvalidRequest as error:  # with what is around it, it has grown too large
+        except InvalidRequest as error:  # the event is larger than its message, perhaps too large
             if not self._has_failed:
                 self._has_failed = True
-                log.warning("%s lacks an event: %s", self.publisher.topic_name, error)
+                log.warning("an event is missing on %s: %s", self.publisher.topic_name, error)
         except TaskRpcError:
-            pass  # a call's answer may come after the publisher's end
+            pass  # the publisher is destroyed, and this call ends later
 
 
 def service_event(
@@ -66,7 +115,7 @@ def service_event(
     request: Any = None,
     response: Any = None,
 ) -> Any:
-    """The event of a step, by its name in ServiceEventInfo; `stamp` in ns since 1970."""
+    """Return the event of a step, by its name in ServiceEventInfo; `stamp` in ns since 1970."""
     info_type = srvgen.load("service_msgs/msg/ServiceEventInfo")
     event = srv_type.Event()
     event.info = info_type(
@@ -79,5 +128,5 @@ def service_event(
 
 
 def gid_of(*parts: object) -> list[int]:
-    """Sixteen numbers that tell one endpoint from every other."""
+    """Return sixteen numbers that identify an endpoint."""
     return list(hashlib.sha256("\n".join(map(str, parts)).encode()).digest()[:16])

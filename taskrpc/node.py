@@ -1,44 +1,52 @@
-"""A node: a name on a network, with services, clients and topics of its own."""
+"""A node: a name on the network that owns services, clients, publishers, subscriptions, timers."""
 
 from __future__ import annotations
 
 import asyncio
-import contextlib
-import inspect
 import os
-from collections.abc import AsyncIterator, Callable, Coroutine, Sequence
+from collections.abc import Callable, Sequence
+from copy import copy
 from functools import partial
 from pathlib import Path
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Self, TypeVar, cast
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 from srvgen import excepthook
-from taskrpc import names, platform, script_errors
-from taskrpc.client import DEFAULT_TIMEOUT, Client
-from taskrpc.errors import ServiceUnavailable, TaskRpcError, WouldDeadlock
-from taskrpc.message_types import RequestT, ResponseT, Srv, service_type
-from taskrpc.node_topics import NodeTopics
+from taskrpc import errors, names
+from taskrpc.client import DEFAULT_TIMEOUT, Client, ObservedClient
+from taskrpc.errors import ServiceUnavailable, TaskRpcError
+from taskrpc.message_types import MsgT, RequestT, ResponseT, Srv, message_type, service_type
+from taskrpc.program import stop_requested
+from taskrpc.qos import QoS, qos_of
 from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.retry import RetryPolicy
 from taskrpc.security.roles import Accounts, Role
 from taskrpc.security.tls import Tls
-from taskrpc.transport.base import Mode, Transport
+from taskrpc.transport.base import Mode, OnMismatch, Transport
 from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.transport.shared_endpoint import lab_namespace, shared_transport
 
 if TYPE_CHECKING:
     from taskrpc.deferred import DeferredService, Take
-    from taskrpc.observer import NodeStatus, Observer
+    from taskrpc.introspection import IntrospectionState, ServiceIntrospection
+    from taskrpc.observer import NodeStatus, Observer, TopicStatus
     from taskrpc.service import Callback, Service
-
-_Result = TypeVar("_Result")
+    from taskrpc.timer import Timer
+    from taskrpc.topic import Publisher, Subscription
 
 DRAIN_GRACE = 30.0
 """Seconds that calls in flight get when a node shuts down."""
 
 
-class Node(NodeTopics):
-    """A participant: offers services, calls others'.
+class _Part(Protocol):
+    """A publisher, subscription or timer of a node."""
+
+    def destroy(self) -> None: ...
+    def count_into(self, topics: dict[str, TopicStatus]) -> None: ...
+
+
+class Node:
+    """A participant of the network: offers services and topics, and calls the services of others.
 
     Use it as `async with taskrpc.Node("name") as node:`. All nodes of one program and event loop
     share one listening socket and its connections.
@@ -48,22 +56,22 @@ class Node(NodeTopics):
             this user has in the lab that was joined (`taskrpc join`), where the lab is called.
         transport: `tcp`, or `memory` for nodes of this event loop only (tests, demos).
         listen: `HOST:PORT` to take calls at, or `unix:/path` (`unix:` alone: in the runtime
-            folder); any free loopback port unless said.
+            folder); by default any free loopback port.
         peers: `HOST:PORT` (or `unix:/path`) of processes to call, instead of this machine's
-            registry (`TASKRPC_PEERS` where not given).
+            registry (`TASKRPC_PEERS` if not given).
         tls: certificates, for nodes that are reached from, or call, other machines.
         token: the secret that callers and peers on other machines must know
-            (`TASKRPC_TOKEN` where not given); processes of one user and machine need none.
+            (`TASKRPC_TOKEN` if not given); processes of one user and machine need none.
         accounts: the other users that may call, with their roles; `Accounts`, or a file of them
             (JSON, TOML) that is read again when it changes. Without them, the token allows
             everything.
-        keepalive: how soon a peer whose machine is gone is given up: after 8 s (`default`) or
-            2 s (`robot`); `TASKRPC_KEEPALIVE` where not given.
-        observer: is told what becomes of each call; a `Metrics`, or an `Observer` of your own.
+        keepalive: when to give up on a silent peer: `default` (8 s) or `robot` (2 s);
+            `TASKRPC_KEEPALIVE` if not given.
+        observer: receives an event for each call; a `Metrics`, or an `Observer` of your own.
     """
 
     _threads = False
-    """Whether other threads than the event loop's call."""
+    """Whether threads other than the event loop's use the node."""
 
     domain: int | None = None
     """Its domain if that is not `ROS_DOMAIN_ID`; to be set before `start`."""
@@ -82,8 +90,7 @@ class Node(NodeTopics):
         keepalive: str | None = None,
         observer: Observer | None = None,
     ) -> None:
-        super().__init__()
-        script_errors.show_in_one_message()
+        errors.show_in_one_message()
         self._name = names.check_node_name(name)
         in_lab = "" if namespace else lab_namespace(transport, peers)
         self._namespace = names.check_namespace(namespace or in_lab)
@@ -99,9 +106,15 @@ class Node(NodeTopics):
         self._services: dict[Service | DeferredService, None] = {}
         self._clients: dict[Client[Any, Any], None] = {}
         self._retries: dict[str, int] = {}
-        """Those of clients that are gone."""
+        """Retries of destroyed clients, by service."""
+        self._parts: dict[_Part, None] = {}
+        """The publishers, subscriptions and timers."""
+        self._earlier_topics: dict[str, TopicStatus] = {}
+        """The counts of destroyed publishers and subscriptions, by topic."""
+        self._introspection: ServiceIntrospection | None = None
+        """Made when a service is first introspected."""
 
-    # What it is
+    # Names and address
 
     def get_name(self) -> str:
         """The node's name, without its namespace."""
@@ -121,10 +134,10 @@ class Node(NodeTopics):
 
     @property
     def address(self) -> str:
-        """Where it takes calls: `HOST:PORT` or `unix:/path`, "" before it offers anything."""
+        """The address for calls: `HOST:PORT` or `unix:/path`, "" before it offers anything."""
         return self._transport.address if self._transport is not None else ""
 
-    # Its life
+    # Start and end
 
     async def __aenter__(self) -> Self:
         await self.start()
@@ -168,10 +181,10 @@ class Node(NodeTopics):
             self._tell(lambda observer: observer.node_started(self))
 
     async def destroy(self) -> None:
-        """Withdraw all that it has and leave the network; `async with` does it.
+        """Withdraw its services and topics and leave the network; `async with` does it.
 
-        It does not wait: callers of what still runs learn that the outcome is unknown. Use `drain`
-        before to let them have their answers.
+        It does not wait: callers of calls that still run get OutcomeUnknown. Call `drain` first to
+        let those calls finish.
         """
         if self._transport is None:
             return
@@ -180,7 +193,8 @@ class Node(NodeTopics):
             service.abandon()
         for client in list(self._clients):
             client.destroy()
-        self._destroy_parts()
+        for part in list(self._parts):
+            part.destroy()
         self._services.clear()
         transport, self._transport = self._transport, None
         transport.remove_node(self.get_fully_qualified_name())
@@ -208,7 +222,7 @@ class Node(NodeTopics):
         if self._services:
             await asyncio.wait([each.finished for each in self._services], timeout=grace)
 
-    # What it has
+    # Services, clients, publishers, subscriptions, timers
 
     def create_service(
         self,
@@ -273,7 +287,7 @@ class Node(NodeTopics):
 
         Raises InvalidName; NameInUse, unless it joins a server of the same name.
         """
-        from taskrpc.deferred import DeferredService  # few programs have a way of their own
+        from taskrpc.deferred import DeferredService  # few programs need it
 
         service = DeferredService(
             self._started(),
@@ -310,14 +324,119 @@ class Node(NodeTopics):
         self._clients[client] = None
         return client
 
+    def resolve_topic_name(self, topic: str) -> str:
+        """Return the absolute name that a topic name means for this node."""
+        return names.expand(topic, namespace=self._namespace, node=self._name, kind="topic name")
+
+    def create_publisher(
+        self,
+        msg_type: type[MsgT],
+        topic: str,
+        qos: QoS | int = 10,
+        *,
+        role: Role = Role.OBSERVE,
+        on_mismatch: OnMismatch | None = None,
+    ) -> Publisher[MsgT]:
+        """Publish messages of a type on a topic; a number as `qos` is the depth.
+
+        `role` is the least that a subscriber's account must have, where the node has accounts.
+        For a subscription that does not match, the node logs a warning, or calls
+        `on_mismatch(what)` on the event loop: `TYPE`, `RELIABILITY` or `DURABILITY`.
+
+        Raises InvalidName, CannotListen.
+        """
+        from taskrpc.topic import Publisher  # few programs need it
+
+        publisher = Publisher(
+            self._started(),
+            message_type(msg_type),
+            self.resolve_topic_name(topic),
+            self.get_fully_qualified_name(),
+            qos_of(qos),
+            role,
+            self._forget_part,
+            on_mismatch,
+        )
+        self._parts[publisher] = None
+        return publisher
+
+    def create_subscription(
+        self,
+        msg_type: type[MsgT],
+        topic: str,
+        callback: Callable[[MsgT], object],
+        qos: QoS | int = 10,
+        *,
+        threaded: bool = False,
+        on_mismatch: OnMismatch | None = None,
+    ) -> Subscription[MsgT]:
+        """Call `callback(message)` for each message of a topic; a number as `qos` is the depth.
+
+        The callback may be async. A plain one runs on the event loop and must be quick;
+        `threaded=True` runs it in a thread instead. One call at a time; while it runs, the last
+        `depth` messages wait. Publishers of the topic are found whenever they appear; for one that
+        does not match, `on_mismatch` is called as in `create_publisher`.
+
+        Raises InvalidName.
+        """
+        from taskrpc.topic import Subscription  # few programs need it
+
+        subscription = Subscription(
+            self._started(),
+            message_type(msg_type),
+            self.resolve_topic_name(topic),
+            self.get_fully_qualified_name(),
+            callback,
+            qos_of(qos),
+            threaded=threaded,
+            forget=self._forget_part,
+            on_mismatch=on_mismatch,
+            otherwise=self._name_in_lab(topic),
+        )
+        self._parts[subscription] = None
+        return subscription
+
+    def create_timer(
+        self, period: float, callback: Callable[[], object], *, threaded: bool = False
+    ) -> Timer:
+        """Call `callback()` every `period` seconds, first after one period.
+
+        The callback may be async; a plain one runs on the event loop unless `threaded=True`. Calls
+        that are due while a call runs are skipped.
+        """
+        from taskrpc.timer import Timer  # few programs need it
+
+        self._started()
+        timer = Timer(period, callback, threaded=threaded, forget=self._forget_part)
+        self._parts[timer] = None
+        return timer
+
+    def configure_introspection(
+        self, service: Service, state: IntrospectionState, qos: QoS | int = 100
+    ) -> None:
+        """Publish an event for each step of each call of a service of this node.
+
+        The topic is `SERVICE/_service_event`; `taskrpc service echo` shows it. With `metadata` an
+        event says that a request arrived or its response was sent, when, and who called; with
+        `contents` it also has the messages; `off` ends it. If the node has accounts, subscribers
+        need the role operate. A service without introspection pays nothing for it.
+
+        Raises CannotListen.
+        """
+        if self._introspection is None:
+            from taskrpc.introspection import ServiceIntrospection  # few programs need it
+
+            self._introspection = ServiceIntrospection(self, self._observer)
+        self._introspection.configure(service, state, qos)
+
     async def graph(self) -> list[RegistryEntry]:
-        """Every process that this node can see: its nodes, and what they have."""
+        """Return every process that this node can see, with its nodes, services and topics."""
         return await self._started().graph()
 
     async def definition(self, srv_name: str) -> tuple[str, str]:
-        """A service's type name and the full text of its definition, told by its server.
+        """A service's type name and the full text of its definition, as its server reports them.
 
-        Raises ServiceUnavailable when nobody offers it.
+        Raises ServiceUnavailable if no server offers it.
         """
         transport, otherwise = self._started(), self._name_in_lab(srv_name)
         try:
@@ -328,13 +447,13 @@ class Node(NodeTopics):
             return await transport.definition(otherwise)
 
     def status(self) -> NodeStatus:
-        """What this node has to do now, and what it has done since it started."""
+        """Return the present load of this node, and its counts since it started."""
         retries = dict(self._retries)
-        for client in list(self._clients):  # another thread may ask
+        for client in list(self._clients):  # a copy: another thread may call this
             name = client.service_name
             retries[name] = retries.get(name, 0) + client.retries
         services = tuple(service.status() for service in list(self._services))
-        from taskrpc.observer import NodeStatus  # few programs ask
+        from taskrpc.observer import NodeStatus  # few programs need it
 
         traffic = self._started().traffic()
         return NodeStatus(services, retries, *traffic, self._topic_status())
@@ -344,10 +463,10 @@ class Node(NodeTopics):
         service.finished.add_done_callback(lambda _: self._services.pop(service, None))
 
     def _name_in_lab(self, name: str) -> str:
-        """What else a relative name may mean: what the lab itself has, "" for nothing.
+        """Return the second meaning of a relative name in a lab, "" for none: a name in the root.
 
-        The lab has its services and topics in the root; programs that were not written for a lab
-        name them by relative names.
+        The lab's own services and topics are in the root namespace; programs that were not written
+        for a lab use relative names for them.
         """
         if not self._is_in_lab or name.startswith(("/", "~")):
             return ""
@@ -362,15 +481,26 @@ class Node(NodeTopics):
     def _client_maker(self) -> Callable[..., Client[Any, Any]]:
         if self._observer is None:
             return Client
-        from taskrpc.observed_client import ObservedClient  # programs that want it are few
-
         return partial(ObservedClient, self._observer)
+
+    def _forget_part(self, part: _Part) -> None:
+        if part in self._parts:
+            del self._parts[part]
+            part.count_into(self._earlier_topics)
+            for status in self._earlier_topics.values():
+                status.subscriptions = status.publishers = 0
+
+    def _topic_status(self) -> dict[str, TopicStatus]:
+        topics = {name: copy(status) for name, status in self._earlier_topics.items()}
+        for part in list(self._parts):  # a copy: another thread may call `status`
+            part.count_into(topics)
+        return topics
 
     def _forget_client(self, client: Client[Any, Any]) -> None:
         if client in self._clients:
             del self._clients[client]
             name = client.service_name
-            if client.retries:  # names that a program was told may be many
+            if client.retries:  # only those: a program may call thousands of services once
                 self._retries[name] = self._retries.get(name, 0) + client.retries
 
     def _started(self) -> Transport:
@@ -380,66 +510,3 @@ class Node(NodeTopics):
                 way = "with taskrpc.sync.Node(...) as node:` or call `node.start()"
             raise TaskRpcError(f"the node {self._name} has not started; write `{way}`")
         return self._transport
-
-
-@contextlib.asynccontextmanager
-async def stop_requested() -> AsyncIterator[asyncio.Future[int]]:
-    """A future that is done when the program gets Ctrl-C, SIGTERM or Ctrl-Break.
-
-    Its result is the signal's number. Signals are caught while the block runs; a second one ends
-    the program at once.
-    """
-    loop = asyncio.get_running_loop()
-    stopped: asyncio.Future[int] = loop.create_future()
-
-    def stop(number: int) -> None:
-        if stopped.done():
-            os._exit(128 + number)
-        stopped.set_result(number)
-
-    with platform.stop_signals(lambda number: loop.call_soon_threadsafe(stop, number)):
-        yield stopped
-
-
-def run(main: Coroutine[Any, Any, _Result]) -> _Result:
-    """Run a coroutine to its end: `asyncio.run`, on uvloop where it is installed.
-
-    An error of taskrpc that escapes from a script is shown as one message without a traceback,
-    and sets the script's exit status as in the commands' table.
-
-    Raises:
-        TaskRpcError: `main` is not a coroutine.
-        WouldDeadlock: an event loop is already running, as in a notebook; await `main()` there.
-    """
-    script_errors.show_in_one_message()
-    _check_main(main)
-    with asyncio.Runner(loop_factory=fast_loop()) as runner:
-        return runner.run(main)
-
-
-def _check_main(main: Any) -> None:
-    """Refuse what `run` cannot run."""
-    name = getattr(main, "__name__", "main")
-    if not inspect.iscoroutine(main):
-        found = f"the function {name}" if callable(main) else repr(main)
-        raise TaskRpcError(
-            f"taskrpc.run: expected a coroutine, got {found}; write taskrpc.run({name}())"
-        )
-    try:
-        asyncio.get_running_loop()
-    except RuntimeError:
-        return
-    main.close()
-    raise WouldDeadlock(
-        "taskrpc.run: an event loop runs already, as in a notebook or an async function;"
-        f" write `await {name}()` there"
-    )
-
-
-def fast_loop() -> Callable[[], asyncio.AbstractEventLoop] | None:
-    """uvloop's loop where it is installed, else None for asyncio's own."""
-    try:
-        from uvloop import new_event_loop
-    except ImportError:
-        return None
-    return cast("Callable[[], asyncio.AbstractEventLoop]", new_event_loop)

@@ -240,8 +240,7 @@ def _interface_of(value: Any, name: str) -> Iterator[str]:
         yield _signature(value, name)
         return
     yield name if name in NOT_CONSTRUCTED else _signature(value, name)
-    mixins = [each for each in value.__mro__ if each.__name__ in ("NodeTopics", "SyncTopics")]
-    for member, found in [item for each in (value, *mixins) for item in vars(each).items()]:
+    for member, found in vars(value).items():
         if member.startswith("_"):
             continue
         if isinstance(found, property):

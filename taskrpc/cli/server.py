@@ -61,7 +61,7 @@ def _run(arguments: list[str]) -> Exit:
         raise UsageError(f"taskrpc-server: error: {problem}")
     handler = logs.handler(options.log_format)
     logging.basicConfig(level=options.log_level.upper(), handlers=[handler])
-    from taskrpc.node import run
+    from taskrpc.program import run
 
     process.start_work()
     # Not on the loop: there Ctrl-C would have to wait until the map is read.
@@ -144,7 +144,8 @@ def _add_security_options(parser: argparse.ArgumentParser) -> None:
 
 async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int:
     """Serve until a signal comes; returns its number."""
-    from taskrpc.node import Node, stop_requested
+    from taskrpc.node import Node
+    from taskrpc.program import stop_requested
     from taskrpc.tasks import SqliteStore, TaskServer
 
     access = remote.remote_of(options)

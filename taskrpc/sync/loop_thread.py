@@ -12,7 +12,7 @@ from concurrent.futures import TimeoutError as WaitTimeout
 from typing import Any, TypeVar
 
 from taskrpc.errors import WouldDeadlock
-from taskrpc.node import fast_loop
+from taskrpc.program import fast_loop
 
 _Result = TypeVar("_Result")
 

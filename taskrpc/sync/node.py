@@ -1,7 +1,7 @@
-"""The same nodes and clients for programs that block: no async, no await.
+"""The blocking node and client: no async, no await.
 
-The event loop runs in a thread of its own, one a process. Calls may come from any thread; service
-callbacks run in threads, so that they may block and call other services.
+One event loop for the process runs in a thread of its own. Any thread may call; service callbacks
+run in threads, so that they may block and call other services.
 """
 
 from __future__ import annotations
@@ -23,22 +23,24 @@ from taskrpc import node as _node
 from taskrpc import platform
 from taskrpc.client import DEFAULT_TIMEOUT, UNSET, Unset
 from taskrpc.deferred import DeferredService, Take
-from taskrpc.message_types import RequestT, ResponseT, Srv
+from taskrpc.message_types import MsgT, RequestT, ResponseT, Srv
+from taskrpc.qos import QoS
 from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.retry import RetryPolicy
 from taskrpc.security.roles import Accounts, Role
 from taskrpc.security.tls import Tls
 from taskrpc.service import Callback, Service
 from taskrpc.sync.loop_thread import SLICE, LoopThread, wait
-from taskrpc.sync.topics import SyncTopics
-from taskrpc.transport.base import Tell
+from taskrpc.sync.topics import Publisher, Subscription, Timer
+from taskrpc.transport.base import OnMismatch, Tell
 from taskrpc.transport.discovery.entries import RegistryEntry
 
 if TYPE_CHECKING:
+    from taskrpc.introspection import IntrospectionState
     from taskrpc.observer import NodeStatus, Observer
 
 
-class Node(SyncTopics):
+class Node:
     """A node for blocking programs; arguments and methods are those of `taskrpc.Node`.
 
     Use it as `with taskrpc.sync.Node("name") as node:`. In a notebook or at the prompt, call
@@ -118,7 +120,7 @@ class Node(SyncTopics):
 
     @property
     def address(self) -> str:
-        """Where it takes calls: `HOST:PORT` or `unix:/path`, "" before it offers anything."""
+        """The address for calls: `HOST:PORT` or `unix:/path`, "" before it offers anything."""
         return self._node.address
 
     def create_service(
@@ -141,7 +143,7 @@ class Node(SyncTopics):
                 srv_name,
                 callback,
                 concurrency=concurrency,
-                threaded=threaded and not inspect.iscoroutinefunction(callback),
+                threaded=_in_thread(callback, threaded),
                 idempotent=idempotent,
                 exactly_once=exactly_once,
                 join=join,
@@ -185,12 +187,78 @@ class Node(SyncTopics):
         )
         return Client(self._loop, inner)
 
+    def create_publisher(
+        self,
+        msg_type: type[MsgT],
+        topic: str,
+        qos: QoS | int = 10,
+        *,
+        role: Role = Role.OBSERVE,
+        on_mismatch: OnMismatch | None = None,
+    ) -> Publisher[MsgT]:
+        """Publish messages of a type on a topic; as `taskrpc.Node.create_publisher`."""
+        inner = self._loop.do(
+            lambda: self._node.create_publisher(
+                msg_type, topic, qos, role=role, on_mismatch=on_mismatch
+            ),
+            "create_publisher()",
+        )
+        return Publisher(self._loop, inner)
+
+    def create_subscription(
+        self,
+        msg_type: type[MsgT],
+        topic: str,
+        callback: Callable[[MsgT], object],
+        qos: QoS | int = 10,
+        *,
+        threaded: bool = True,
+        on_mismatch: OnMismatch | None = None,
+    ) -> Subscription[MsgT]:
+        """Call `callback(message)` for each message of a topic.
+
+        As `taskrpc.Node.create_subscription`, but plain callbacks run in a thread.
+        """
+        inner = self._loop.do(
+            lambda: self._node.create_subscription(
+                msg_type,
+                topic,
+                callback,
+                qos,
+                threaded=_in_thread(callback, threaded),
+                on_mismatch=on_mismatch,
+            ),
+            "create_subscription()",
+        )
+        return Subscription(self._loop, inner)
+
+    def configure_introspection(
+        self, service: Service, state: IntrospectionState, qos: QoS | int = 100
+    ) -> None:
+        """Publish the calls of a service; as `taskrpc.Node.configure_introspection`."""
+        self._loop.do(
+            lambda: self._node.configure_introspection(service, state, qos),
+            "configure_introspection()",
+        )
+
+    def create_timer(
+        self, period: float, callback: Callable[[], object], *, threaded: bool = True
+    ) -> Timer:
+        """Call `callback()` every `period` seconds, in a thread if it is plain."""
+        inner = self._loop.do(
+            lambda: self._node.create_timer(
+                period, callback, threaded=_in_thread(callback, threaded)
+            ),
+            "create_timer()",
+        )
+        return Timer(self._loop, inner)
+
     def status(self) -> NodeStatus:
-        """What this node has to do now, and what it has done since it started."""
+        """Return the present load of this node, and its counts since it started."""
         return self._loop.do(self._node.status, "status()")
 
     def graph(self) -> list[RegistryEntry]:
-        """Every process that this node can see: its nodes, and what they have."""
+        """Return every process that this node can see, with its nodes, services and topics."""
         return self._loop.run(self._node.graph(), "graph()")
 
     def spin(self) -> None:
@@ -210,7 +278,7 @@ class Node(SyncTopics):
             self._loop.run(self._node.drain(), "spin()")
 
     def destroy(self) -> None:
-        """Withdraw all that it has and leave the network; `with` does it."""
+        """Withdraw its services and topics and leave the network; `with` does it."""
         self._loop.run(self._node.destroy(), "destroy()")
 
 
@@ -220,8 +288,8 @@ class Client(Generic[RequestT, ResponseT]):
     def __init__(self, loop: LoopThread, inner: _client.Client[RequestT, ResponseT]) -> None:
         self._loop = loop
         self._inner = inner
-        self._untold: set[Future[Any]] = set()
-        """Calls that the loop was given to send, and whose end nobody was told yet."""
+        self._handed_off: set[Future[Any]] = set()
+        """Calls of `call_then` that the event loop sends and that have not ended."""
         self.srv_type = inner.srv_type
         self.service_name = inner.service_name
 
@@ -235,7 +303,7 @@ class Client(Generic[RequestT, ResponseT]):
         return self._inner.service_is_ready()
 
     def wait_for_service(self, timeout: float | None = None) -> bool:
-        """Wait until the service is there; False when it is not within `timeout` seconds."""
+        """Wait until a server offers the service; False if none does within `timeout` seconds."""
         return self._loop.run(self._inner.wait_for_service(timeout), "wait_for_service()")
 
     def call(
@@ -251,7 +319,7 @@ class Client(Generic[RequestT, ResponseT]):
         """
         self._loop.refuse_own_thread("call()")
         if not request_id:
-            sent = self._inner._send_in_thread(request, timeout, retry)
+            sent = self._inner.send_in_thread(request, timeout, retry)
             if sent is not None:
                 response: ResponseT = sent.wait()
                 return response
@@ -277,28 +345,28 @@ class Client(Generic[RequestT, ResponseT]):
     def call_then(
         self, request: RequestT, tell: Tell, timeout: float | Unset | None = UNSET
     ) -> Callable[[], object]:
-        """Send the request now and have `tell(response, error)` called at its end.
+        """Send the request now, and call `tell(response, error)` at the end of the call.
 
-        One of the two is None. It is called on the event loop's thread and must not block.
-        Returns a function that gives the call up; `tell` is not called then.
+        One of the two is None. `tell` runs on the event loop's thread and must not block.
+        Returns a function that cancels the call; `tell` is not called then.
 
         Raises InvalidRequest for a request that cannot be sent.
         """
         self._loop.refuse_without_loop("call_then()")
-        if not self._untold:
-            sent = self._inner._tell_in_thread(request, timeout, tell)
+        if not self._handed_off:
+            sent = self._inner.tell_in_thread(request, timeout, tell)
             if sent is not None:
                 return sent.give_up
-        # What was handed over before must be sent before, and told before.
+        # Keep the order: earlier calls that the event loop sends go first, and end first.
         future: Future[ResponseT] = Future()
-        future.add_done_callback(lambda done: self._told(done, tell))
-        self._untold.add(future)
+        future.add_done_callback(lambda done: self._ended(done, tell))
+        self._handed_off.add(future)
         call = partial(self._call_in_task, request, timeout)
         self._loop.soon(lambda: self._begin(future, call))
         return future.cancel
 
-    def _told(self, done: Future[ResponseT], tell: Tell) -> None:
-        self._untold.discard(done)  # now the caller's thread may send by itself again
+    def _ended(self, done: Future[ResponseT], tell: Tell) -> None:
+        self._handed_off.discard(done)  # when none is left, the caller's thread may send again
         if not done.cancelled():
             error = done.exception()
             tell(None if error else done.result(), error)
@@ -312,15 +380,15 @@ class Client(Generic[RequestT, ResponseT]):
     ) -> asyncio.Task[ResponseT]:
         """Call in a task, even where `call_async` would need none.
 
-        Every answer then takes the same number of the loop's turns to its caller. An answer that
-        took fewer turns would be told before those that arrived with it.
+        Every response then takes the same number of loop iterations to its caller. One that took
+        fewer would overtake the responses that arrived with it.
         """
         return asyncio.get_running_loop().create_task(self._inner.call(request, timeout))
 
     def _begin(
         self, outer: Future[ResponseT], call: Callable[[], asyncio.Future[ResponseT]]
     ) -> None:
-        """Begin a call on the loop and tie its future to the caller's."""
+        """Begin a call on the event loop and connect its future to the caller's."""
         if outer.cancelled():
             outer.set_running_or_notify_cancel()  # wakes programs that wait for several futures
             return
@@ -334,7 +402,7 @@ class Client(Generic[RequestT, ResponseT]):
 
 
 class _Node(_node.Node):
-    """The node that lives on the loop, and is used by other threads."""
+    """The asynchronous node on the event loop, which other threads use."""
 
     _threads = True
 
@@ -348,3 +416,7 @@ def _copy(inner: asyncio.Future[Any], outer: Future[Any]) -> None:
         outer.set_exception(error)
     else:
         outer.set_result(inner.result())
+
+
+def _in_thread(callback: Callable[..., object], threaded: bool) -> bool:
+    return threaded and not inspect.iscoroutinefunction(callback)

@@ -8,7 +8,7 @@ import weakref
 import pytest
 
 import taskrpc
-from taskrpc.node import fast_loop
+from taskrpc.program import fast_loop
 from tests.taskrpc.transport.helpers import Add, Gate, add, ask, outcome, until
 
 

@@ -11,8 +11,7 @@ from collections.abc import Callable, Sequence
 from enum import IntEnum
 
 from srvgen.cli import process
-from taskrpc.errors import TaskRpcError
-from taskrpc.script_errors import exit_status, is_ours
+from taskrpc.errors import TaskRpcError, exit_status, is_ours
 
 TYPE_CHECKING = False  # typing itself is heavy
 if TYPE_CHECKING:

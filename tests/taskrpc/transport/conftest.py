@@ -9,7 +9,7 @@ import itertools
 import pytest
 
 import taskrpc
-from taskrpc.node import fast_loop
+from taskrpc.program import fast_loop
 from taskrpc.testing import VirtualTimeLoop
 
 CONTRACT = "_contract"

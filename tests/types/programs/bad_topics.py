@@ -30,22 +30,22 @@ def main(node: taskrpc.Node, blocking: sync.Node) -> None:
     # mypy reports: Argument 1 to "publish" of "Publisher" has incompatible type "type[Spot]"; expected "Spot"
     # pyright reports: Argument of type "type[Spot]" cannot be assigned to parameter…
     node.create_subscription(Spot, "spots", heard)
-    # mypy reports: Argument 3 to "create_subscription" of "NodeTopics" has incompatible type "Callable[[String], None]"; expected …
+    # mypy reports: Argument 3 to "create_subscription" of "Node" has incompatible type "Callable[[String], None]"; expected …
     # pyright reports: …"Spot" is not assignable to "String"
     node.create_subscription(Spot, "spots", heard_slowly)
-    # mypy reports: Argument 3 to "create_subscription" of "NodeTopics" has incompatible type "Callable[[String], Coroutine[Any, Any, None]]"; expected …
+    # mypy reports: Argument 3 to "create_subscription" of "Node" has incompatible type "Callable[[String], Coroutine[Any, Any, None]]"; expected …
     # pyright reports: …"Spot" is not assignable to "String"
     node.create_subscription(Spot, "spots", lambda spot: print(spot.z))
     # mypy reports: "Spot" has no attribute "z"
     # pyright reports: Cannot access attribute "z" for class "Spot"
     node.create_publisher(Greet, "spots")
-    # mypy reports: Value of type variable "MsgT" of "create_publisher" of "NodeTopics" cannot be "Greet"
+    # mypy reports: Value of type variable "MsgT" of "create_publisher" of "Node" cannot be "Greet"
     # pyright reports: …"get_fields_and_field_types" is not present
     node.create_publisher("my_interfaces/msg/Spot", "spots")
-    # mypy reports: Argument 1 to "create_publisher" of "NodeTopics" has incompatible type "str"; expected "type[Any]"
+    # mypy reports: Argument 1 to "create_publisher" of "Node" has incompatible type "str"; expected "type[Any]"
     # pyright reports: Argument of type "Literal['my_interfaces/msg/Spot']" cannot be assigned to parameter…
     node.create_timer(1.0, heard)
-    # mypy reports: Argument 2 to "create_timer" of "NodeTopics" has incompatible type "Callable[[String], None]"; expected …
+    # mypy reports: Argument 2 to "create_timer" of "Node" has incompatible type "Callable[[String], None]"; expected …
     # pyright reports: …Extra parameter "message"
     blocking.create_publisher(Spot, "spots").publish(String())
     # mypy reports: Argument 1 to "publish" of "Publisher" has incompatible type "String"; expected "Spot"

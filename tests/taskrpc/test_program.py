@@ -9,7 +9,7 @@ import pytest
 import srvgen
 import taskrpc
 from srvgen import DefinitionError
-from taskrpc import script_errors
+from taskrpc import errors
 
 THIS_FILE = os.path.relpath(__file__)
 AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
@@ -19,7 +19,7 @@ AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
 def ended(monkeypatch, capsys):
     """Runs a function as the last line of a script; gives the exit status and stderr's text."""
     monkeypatch.setattr(sys, "excepthook", sys.__excepthook__)
-    script_errors.show_in_one_message()
+    errors.show_in_one_message()
 
     def run(function):
         status = 1  # Python's own after an excepthook
