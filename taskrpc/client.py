@@ -160,7 +160,7 @@ class Client(Generic[RequestT, ResponseT]):
         call.future.add_done_callback(call.give_up)
         return call.future
 
-    def send_in_thread(
+    def _send_in_thread(
         self,
         request: Any,
         timeout: float | Unset | None,
@@ -177,7 +177,7 @@ class Client(Generic[RequestT, ResponseT]):
         deadline = None if span is None else self._now() + span
         return self._channel.send_in_thread(request, deadline)
 
-    def tell_in_thread(
+    def _tell_in_thread(
         self, request: Any, timeout: float | Unset | None, tell: Tell
     ) -> ToldThread | None:
         """The same without waiting: `tell(response, error)` is called at the end."""
@@ -211,6 +211,26 @@ class Client(Generic[RequestT, ResponseT]):
     def _deadline(self, timeout: float | Unset | None) -> float | None:
         span = self._timeout if timeout is UNSET else _checked(timeout)
         return None if span is None else self._now() + span
+
+
+def send_in_thread(
+    client: Client[Any, Any],
+    request: Any,
+    timeout: float | Unset | None,
+    retry: RetryPolicy | Unset | None,
+) -> WaitingThread | None:
+    """Send the request from a thread that is not the loop's, if that is possible at once.
+
+    For `taskrpc.sync`; it returns None where only the event loop can make the call.
+    """
+    return client._send_in_thread(request, timeout, retry)
+
+
+def tell_in_thread(
+    client: Client[Any, Any], request: Any, timeout: float | Unset | None, tell: Tell
+) -> ToldThread | None:
+    """Do as `send_in_thread`, but call `tell(response, error)` at the end instead of waiting."""
+    return client._tell_in_thread(request, timeout, tell)
 
 
 def _checked(timeout: float | None) -> float | None:
@@ -275,7 +295,7 @@ class ObservedClient(Client[RequestT, ResponseT]):
         future.add_done_callback(began.done)
         return future
 
-    def send_in_thread(
+    def _send_in_thread(
         self,
         request: Any,
         timeout: float | Unset | None,
@@ -284,7 +304,7 @@ class ObservedClient(Client[RequestT, ResponseT]):
         """Return None: only the event loop can make the call."""
         return None  # the event loop must make the call: observers are called there
 
-    def tell_in_thread(self, request: Any, timeout: float | Unset | None, tell: Tell) -> None:
+    def _tell_in_thread(self, request: Any, timeout: float | Unset | None, tell: Tell) -> None:
         """Return None: only the event loop can make the call."""
 
     def _begin(self) -> _Begun:

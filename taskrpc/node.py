@@ -42,7 +42,7 @@ class _Part(Protocol):
     """A publisher, subscription or timer of a node."""
 
     def destroy(self) -> None: ...
-    def count_into(self, topics: dict[str, TopicStatus]) -> None: ...
+    def _count_into(self, topics: dict[str, TopicStatus]) -> None: ...
 
 
 class Node:
@@ -486,14 +486,14 @@ class Node:
     def _forget_part(self, part: _Part) -> None:
         if part in self._parts:
             del self._parts[part]
-            part.count_into(self._earlier_topics)
+            part._count_into(self._earlier_topics)
             for status in self._earlier_topics.values():
                 status.subscriptions = status.publishers = 0
 
     def _topic_status(self) -> dict[str, TopicStatus]:
         topics = {name: copy(status) for name, status in self._earlier_topics.items()}
         for part in list(self._parts):  # a copy: another thread may call `status`
-            part.count_into(topics)
+            part._count_into(topics)
         return topics
 
     def _forget_client(self, client: Client[Any, Any]) -> None:

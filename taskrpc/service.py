@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import msgspec
 
 from taskrpc.callinfo import Denied, answering
-from taskrpc.deadline import TICK
 from taskrpc.errors import (
     DeadlineExceeded,
     HandlerError,
@@ -39,7 +38,7 @@ from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.security.roles import Role
 from taskrpc.transport.base import IncomingCall, Mode, Offer, Transport
 from taskrpc.transport.codec import ServiceType, codec_of
-from taskrpc.transport.connection.deadline_timer import clock_of
+from taskrpc.transport.connection.deadline_timer import TICK, clock_of
 from taskrpc.transport.connection.incoming_call import answer_unexpected
 from taskrpc.wire.messages import DEFAULT_LIMITS
 

@@ -67,7 +67,7 @@ class Timer:
         self._runner.close()
         self._forget(self)
 
-    def count_into(self, topics: dict[str, Any]) -> None:
+    def _count_into(self, topics: dict[str, Any]) -> None:
         """A timer has no part in topics."""
 
     def _tick(self) -> None:

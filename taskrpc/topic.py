@@ -139,7 +139,7 @@ class Publisher(Generic[MsgT]):
         if self._destroyed:
             raise TaskRpcError(f"the publisher of {self.topic_name} is destroyed")
 
-    def count_into(self, topics: dict[str, TopicStatus]) -> None:
+    def _count_into(self, topics: dict[str, TopicStatus]) -> None:
         """Add what it has done to its topic's counts."""
         status = _status_of(topics, self.topic_name)
         status.published += self.sent
@@ -249,7 +249,7 @@ class Subscription(Generic[MsgT]):
             self._runner.close()
             self._forget(self)
 
-    def count_into(self, topics: dict[str, TopicStatus]) -> None:
+    def _count_into(self, topics: dict[str, TopicStatus]) -> None:
         """Add what it has done to its topic's counts."""
         status = _status_of(topics, self.topic_name)
         status.received += self.received

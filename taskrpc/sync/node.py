@@ -319,7 +319,7 @@ class Client(Generic[RequestT, ResponseT]):
         """
         self._loop.refuse_own_thread("call()")
         if not request_id:
-            sent = self._inner.send_in_thread(request, timeout, retry)
+            sent = _client.send_in_thread(self._inner, request, timeout, retry)
             if sent is not None:
                 response: ResponseT = sent.wait()
                 return response
@@ -354,7 +354,7 @@ class Client(Generic[RequestT, ResponseT]):
         """
         self._loop.refuse_without_loop("call_then()")
         if not self._handed_off:
-            sent = self._inner.tell_in_thread(request, timeout, tell)
+            sent = _client.tell_in_thread(self._inner, request, timeout, tell)
             if sent is not None:
                 return sent.give_up
         # Keep the order: earlier calls that the event loop sends go first, and end first.

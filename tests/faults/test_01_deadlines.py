@@ -8,8 +8,8 @@ import pytest
 
 import taskrpc
 from taskrpc.client import DEFAULT_TIMEOUT, Client
-from taskrpc.deadline import TICK, Lookout
 from taskrpc.transport.connection import deadline_timer
+from taskrpc.transport.connection.deadline_timer import TICK, Lookout
 from tests.faults.harness import Bug, Lateness, milliseconds, percentile
 from tests.taskrpc.transport.helpers import Add, Gate, ask
 

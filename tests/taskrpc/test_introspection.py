@@ -127,7 +127,7 @@ async def test_what_is_switched_often_leaves_nothing_behind(server):
     assert service.finished._callbacks == before
     server.configure_introspection(service, "contents")
     service.destroy()
-    await until(lambda: not server._events)
+    await until(lambda: not server._introspection._publishers)
 
 
 async def test_the_nodes_own_observer_is_still_told(listener):

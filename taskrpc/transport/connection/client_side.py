@@ -10,7 +10,6 @@ from typing import Any, ClassVar, Protocol
 
 import msgspec
 
-from taskrpc.deadline import LOOK_LATE, TICK
 from taskrpc.errors import (
     ConnectionLost,
     DeadlineExceeded,
@@ -21,6 +20,7 @@ from taskrpc.errors import (
 )
 from taskrpc.request_ids.ids import RequestCounter
 from taskrpc.transport.connection.connection import Connection, Owner
+from taskrpc.transport.connection.deadline_timer import LOOK_LATE, TICK
 from taskrpc.wire import messages
 from taskrpc.wire.events import (
     Closed,

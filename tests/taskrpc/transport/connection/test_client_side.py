@@ -5,9 +5,9 @@ import asyncio
 import pytest
 
 import taskrpc
-from taskrpc.deadline import TICK
 from taskrpc.testing import FaultyNetwork
 from taskrpc.transport.connection.client_side import OpenCall
+from taskrpc.transport.connection.deadline_timer import TICK
 from taskrpc.wire.session import Session
 from tests.taskrpc.transport.helpers import Add, Gate, ask, outcome
 

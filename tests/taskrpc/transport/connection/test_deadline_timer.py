@@ -7,7 +7,7 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, rule
 
-from taskrpc.deadline import LOOK_LATE, TICK, Lookout, is_over
+from taskrpc.transport.connection.deadline_timer import LOOK_LATE, TICK, Lookout, is_over
 
 RESOLUTION = 2e-9
 
