@@ -9,9 +9,9 @@ import trustme
 
 import taskrpc
 from taskrpc import Account, Accounts
+from taskrpc.security import listen_policy
 from taskrpc.security.tls import Tls
 from taskrpc.transport.connection import server_side
-from taskrpc.transport.tcp import tcp_network
 from tests.faults.harness import Bug
 from tests.taskrpc.transport.helpers import Add, ask
 
@@ -49,7 +49,7 @@ def files(tmp_path_factory):
 
 
 def listens_anywhere(patch):
-    patch(tcp_network, "refuse_exposure", lambda host, **options: None)
+    patch(listen_policy, "refuse_exposure", lambda host, **options: None)
 
 
 def trusts_all(patch):
