@@ -70,8 +70,8 @@ class Hasher:
     def __init__(self, resolve: Resolve) -> None:
         self._resolve = resolve
         self._known: dict[str, MessageDef] = {}
-        self._needs: dict[str, frozenset[str]] = {}
-        self._texts: dict[str, bytes] = {}
+        self._needs: dict[str, frozenset[str]] = {}  # direct dependencies by full name
+        self._texts: dict[str, bytes] = {}  # JSON descriptions by full name
 
     def hashes(self, definitions: Sequence[Definition]) -> dict[str, str]:
         """The hash of each definition by its full name; definitions may refer to each other."""

@@ -14,8 +14,8 @@ class Position:
     def __init__(self, lines: list[str], *, is_known: bool) -> None:
         self._lines = lines
         self._base = "" if is_known else "at"
-        self._number = 0
-        self._terms: list[str] = []
+        self._number = 0  # bytes after the base
+        self._terms: list[str] = []  # expressions of further bytes after the base
 
     def add(self, size: int | str) -> None:
         """Advance by a number of bytes, or by an expression."""

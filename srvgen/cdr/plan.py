@@ -140,8 +140,8 @@ class _Planner:
         self.steps: list[FixedPart | VariablePart] = []
         self.starts = ANYWHERE if is_element else frozenset({0})
         self.min_size = 0
-        self._items: list[Item] = []
-        self._numbers = 0
+        self._items: list[Item] = []  # values of the fixed part that is not finished yet
+        self._numbers = 0  # the last number that made a local variable unique
         if not is_element:
             self._items.append(Item("", "a header of 4 bytes", "H2x", 1, "header", "kind", "0x100"))
 

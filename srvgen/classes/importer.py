@@ -192,6 +192,7 @@ class _FolderLoader(_PackageLoader):
 
     def __init__(self, kind: Kind, names: list[str]) -> None:
         self.names = names
+        # The interface that defines each exported class: AddTwoInts for AddTwoInts_Request.
         self.interface_of = {one: name for name in names for one in names_in_folder(kind, name)}
 
     def exec_module(self, module: ModuleType) -> None:

@@ -193,7 +193,7 @@ class _FullTextSource:
         for one in needed:
             split_type_name(one)
         self._texts = {**needed, type_name: own_text}
-        self._whole = {type_name: whole}
+        self._whole = {type_name: whole}  # empty once a definition was missing in the text
 
     def find(self, full_name: str) -> Path:
         return Path(full_name)
@@ -234,7 +234,7 @@ class _Builder:
         self.resolve = resolve
         self.text_of = text_of
         self._hasher = Hasher(resolve)
-        self._modules: dict[str, ModuleType] = {}
+        self._modules: dict[str, ModuleType] = {}  # by the full name of the definition
 
     def build(self, definition: Definition) -> ModuleType:
         """The module of a definition; each module is built only once."""

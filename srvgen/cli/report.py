@@ -19,7 +19,7 @@ class Report:
         self.exit_code = 0
         self._as_json = as_json
         self._problems: dict[tuple[str, int, int, str], DefinitionError] = {}
-        self._names: dict[str, str] = {}
+        self._names: dict[str, str] = {}  # the path as the user wrote it, by resolved path
 
     @property
     def warnings(self) -> int:

@@ -150,10 +150,10 @@ class _Walk:
         self.source = source
         self.ordered: list[Definition] = []
         self.problems: list[DefinitionError] = []
-        self._open: list[str] = []
+        self._open: list[str] = []  # the types being visited, outermost first, to find cycles
         self._seen: set[str] = set()
-        self._missing: dict[str, DefinitionError] = {}
-        self._memory: dict[str, int] = {}
+        self._missing: dict[str, DefinitionError] = {}  # reported again at every field
+        self._memory: dict[str, int] = {}  # approximate bytes of a message of each type
 
     def visit(self, definition: Definition, location: _Location) -> None:
         self._seen.add(definition.full_name)

@@ -53,6 +53,7 @@ class Search:
 
     def __init__(self, paths: Sequence[Path | str] = ()) -> None:
         self.paths = [Path(path) for path in paths]
+        # For each file the time and size at which it was parsed, and the result.
         self._parsed: dict[Path, tuple[tuple[int, int], Definition]] = {}
         self._caches = threading.local()
 
