@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _DEFAULT_TIMEOUT = 10.0
 _EPILOG = """\
-two that mean the same, the first without quotes in any shell:
+two equal calls; the first needs no quotes in any shell:
   %(prog)s /robot_task task_type=move target=3,4 priority=8
   %(prog)s /robot_task "{task_type: move, target: '3,4', priority: 8}"
 """
@@ -98,9 +98,9 @@ def _add_positional(parser: argparse.ArgumentParser) -> None:
     what = "Name of the service to call to (e.g. '/add_two_ints')"
     parser.add_argument("service_name", help=what)
     what = (
-        "Type of the service (e.g. 'std_srvs/srv/Empty'; may be left out: the server tells it),"
+        "Type of the service (e.g. 'std_srvs/srv/Empty'; optional, because the server reports it),"
         ' then values to fill the request with, in YAML format (e.g. "{a: 1, b: 2}") or as'
-        " FIELD=VALUE; without any the request has its default values"
+        " FIELD=VALUE; without values the request has its defaults"
     )
     parser.add_argument("request", nargs="*", default=[], metavar="TYPE, VALUES", help=what)
     parser.usage = "%(prog)s [options] service_name [TYPE] [YAML | FIELD=VALUE ...]"
@@ -117,13 +117,13 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
     add("-r", "--rate", metavar="N", type=positive, help=what)
     what = "Call this many times (once; with --rate until interrupted)"
     add("--count", metavar="N", type=whole(1), default=0, help=what)
-    what = f"Seconds for waiting and call together ({_DEFAULT_TIMEOUT:g}); 0 or inf: no limit"
+    what = f"Seconds for waiting and the call together ({_DEFAULT_TIMEOUT:g}); 0 or inf: no limit"
     add("--timeout", metavar="S", type=_time_limit, default=_DEFAULT_TIMEOUT, help=what)
-    what = "Repeat a failed call up to N times, where that is safe (0)"
+    what = "Repeat a failed call up to N times, if repeating is safe (0)"
     add("--retries", metavar="N", type=whole(0), default=0, help=what)
     what = (
-        "Name this request: sent again under the same name, by whomever, it is answered as before"
-        " and does not run again (exactly-once services)"
+        "The id of this request. Repeating a request with the same id returns the stored response,"
+        " also from another program (exactly-once services)"
     )
     add("--request-id", metavar="ID", default="", help=what)
     what = "Print each response as one line of JSON (NaN and infinity as null)"

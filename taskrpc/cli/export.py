@@ -20,9 +20,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     purpose = "Make a workspace that colcon builds with a real ROS 2"
     colcon = add_command(commands, "colcon", purpose)
     colcon.add_argument("out", metavar="OUT", help="Folder to make the workspace in")
-    what = "Folder with the programs and definitions (the working directory)"
+    what = "Folder with the programs and definitions (default: the working directory)"
     colcon.add_argument("--from", metavar="FOLDER", dest="source", default=".", help=what)
-    what = "Name of the package of the programs (that of their folder)"
+    what = "Name of the package of the programs (default: the name of their folder)"
     colcon.add_argument("--package-name", metavar="NAME", default="", help=what)
     colcon.set_defaults(run=_colcon)
 

@@ -18,11 +18,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("path", metavar="FILE|FOLDER", help=what)
     which = parser.add_mutually_exclusive_group()
     which.add_argument("--json", action="store_true", help="print a JSON array of the findings")
-    what = (
-        "run the file here and with this computer's real ROS 2 too, with these arguments of its own"
-    )
+    what = "run the file here and with the real ROS 2 of this computer, with these arguments"
     which.add_argument("--run", metavar="ARGS", dest="both", nargs=argparse.REMAINDER, help=what)
-    what = "before --run: seconds until a program that does not end gets Ctrl-C (10)"
+    what = "before --run: seconds after which a program that still runs gets Ctrl-C (10)"
     positive = number("above 0", lambda n: n > 0)
     parser.add_argument("--timeout", metavar="S", type=positive, default=10.0, help=what)
     parser.set_defaults(run=_graduate)

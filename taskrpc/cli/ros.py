@@ -13,7 +13,7 @@ def configure(parser: ArgumentParser) -> None:
     commands = add_group(parser)
     purpose = "Let programs of this Python environment import rclpy"
     add_command(commands, "enable", purpose).set_defaults(run=_enable)
-    purpose = "Undo what taskrpc ros enable did"
+    purpose = "Undo taskrpc ros enable"
     add_command(commands, "disable", purpose).set_defaults(run=_disable)
     purpose = "Say whether programs of this Python environment can import rclpy"
     add_command(commands, "status", purpose).set_defaults(run=_status)

@@ -76,7 +76,7 @@ def _run(arguments: list[str]) -> Exit:
 def _parser() -> Parser:
     parser = Parser(
         prog="taskrpc-server",
-        description="A robot that takes tasks: offers /robot_task and drives a simulated robot.",
+        description="Run the task server: offer /robot_task and drive a simulated robot.",
         epilog="Call it: taskrpc-call /robot_task task_type=move target=warehouse priority=8",
     )
     _add_service_options(parser)
@@ -87,38 +87,38 @@ def _parser() -> Parser:
 
 def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    listen = "where to take calls, also unix:/path (127.0.0.1:0)"
+    listen = "the address for calls, also unix:/path (127.0.0.1:0)"
     add("--listen", metavar="HOST:PORT", type=remote.any_place, help=listen)
-    add("--db", metavar="FILE", help="where tasks survive; :memory: forgets them at the end")
+    add("--db", metavar="FILE", help="the database of tasks; :memory: keeps nothing after the end")
     add("--fresh", action="store_true", help="forget the tasks of earlier runs")
-    limit = "how many tasks may wait (10000)"
+    limit = "the most tasks in the queue (10000)"
     add("--queue-limit", metavar="N", type=whole(1), default=10_000, help=limit)
-    share = "how many of them may be of one account at one machine (all)"
+    share = "the most queued tasks of one account at one machine (all)"
     add("--share", metavar="N", type=whole(1), help=share)
-    attendance = "note there when each account last called"
+    attendance = "a file in which to note when each account last called"
     add("--attendance", metavar="FILE", help=attendance)
-    settle = "seconds that an idle robot waits for company before it takes a task (0.1)"
+    settle = "seconds that an idle robot waits for more tasks before it takes the first (0.1)"
     seconds = number("from 0 on", lambda seconds: seconds >= 0)
     add("--settle", metavar="S", type=seconds, default=0.1, help=settle)
-    add("--join", action="store_true", help="start although another server has the name")
-    standby = "wait until the server that uses the database ends, then go on in its place"
+    add("--join", action="store_true", help="start even if another server offers the same services")
+    standby = "wait until the server that uses the database ends, then replace it"
     add("--standby", action="store_true", help=standby)
-    events = "what `taskrpc service echo` sees of calls (off)"
+    events = "what `taskrpc service echo` prints of calls (off)"
     add("--introspection", choices=["off", "metadata", "contents"], default="off", help=events)
-    found = "how soon a caller whose machine is gone is given up: after 8 s, or 2 s (default)"
+    found = "when to give up on a silent peer: `default` (8 s) or `robot` (2 s)"
     add("--keepalive", choices=["default", "robot"], help=found)
-    web = "also show /health and /metrics there, by HTTP"
+    web = "also serve /health and /metrics there over HTTP"
     add("--web", metavar="HOST:PORT", type=remote.place, help=web)
     levels = ["debug", "info", "warning", "error"]
     add("--log-level", choices=levels, default="info", help="what to log to stderr (info)")
-    what = "how each line there looks: as in ROS 2, or JSON for programs (text)"
+    what = "the format of log lines: text as in ROS 2, or JSON for programs (text)"
     add("--log-format", choices=logs.STYLES, default="text", help=what)
 
 
 def _add_robot_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--map", metavar="FILE", help="the map (YAML) on which the simulated robot drives")
-    speed = "simulated seconds a second (1)"
+    add("--map", metavar="FILE", help="the map (YAML) of the simulated robot")
+    speed = "simulated seconds per second (1)"
     add(
         "--speed",
         metavar="X",
@@ -126,20 +126,22 @@ def _add_robot_options(parser: argparse.ArgumentParser) -> None:
         default=1.0,
         help=speed,
     )
-    robot = "your own class in the simulated robot's place; see taskrpc.Robot"
+    robot = "your own robot class instead of the simulated robot; see taskrpc.Robot"
     add("--robot", metavar="MODULE:CLASS", help=robot)
 
 
 def _add_security_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
-    add("--token-file", metavar="FILE", help="the secret that callers elsewhere must know")
+    what = "a file with the token that callers on other machines must present"
+    add("--token-file", metavar="FILE", help=what)
     what = (
-        "other users that may call, with their roles: a file (TOML or JSON), read when it changes"
+        "a TOML or JSON file of users that may call, with their roles; read again when it changes"
     )
     add("--accounts", metavar="FILE", help=what)
     add("--tls-cert", metavar="FILE", help="this server's certificate (PEM)")
     add("--tls-key", metavar="FILE", help="its key (PEM)")
-    add("--tls-ca", metavar="FILE", help="callers must show a certificate signed by this one")
+    what = "callers need a certificate that this authority signed (PEM)"
+    add("--tls-ca", metavar="FILE", help=what)
 
 
 async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int:

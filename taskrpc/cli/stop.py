@@ -20,10 +20,10 @@ _POLL = 0.05
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `stop`."""
-    what = "A pid, a script (server.py), a node or a service; may be left out if only one runs"
+    what = "A pid, a script (server.py), a node or a service; optional if only one program runs"
     parser.add_argument("name", nargs="?", metavar="NAME", help=what)
     parser.add_argument("--all", action="store_true", help="End all of them")
-    what = "End them at once, calls in flight and all"
+    what = "End them at once, without waiting for calls in flight"
     parser.add_argument("--force", action="store_true", help=what)
     parser.set_defaults(run=_run)
 

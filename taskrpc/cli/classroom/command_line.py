@@ -29,27 +29,28 @@ _CLASS = "class"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `classroom` and its commands."""
     add = parser.add_argument
-    what = "a name or address of this machine to put into the strings (found by itself)"
+    what = "a name or address of this machine for the join strings (default: found automatically)"
     add("--address", action="append", metavar="HOST", type=_host, help=what)
     add("--port", metavar="N", type=_port, help=f"where the server listens ({_PORT})")
-    what = "a string for each: a file with a name a line, or how many (one string for all)"
+    what = "a file with one student per line, or a number of students (default: one string for all)"
     add("--students", metavar="FILE|N", help=what)
-    what = f"how long the strings are good for ({_DAYS})"
+    what = f"how many days the strings are valid ({_DAYS})"
     add("--days", metavar="N", type=whole(1, _MOST_DAYS), default=_DAYS, help=what)
-    add("--renew", action="store_true", help="make a new certificate; everybody must join again")
-    what = f"with --serve: how many tasks of one laptop may wait ({_SHARE})"
+    add("--renew", action="store_true", help="make a new certificate; all students must join again")
+    what = f"with --serve: the most queued tasks of one laptop ({_SHARE})"
     add("--share", metavar="N", type=whole(1), default=_SHARE, help=what)
-    what = "then run taskrpc-server for them; what follows are options of its"
+    what = "then run taskrpc-server for the class; the words that follow are its options"
     add("--serve", nargs=argparse.REMAINDER, metavar="OPTION", help=what)
     commands = add_group(parser)
     parser.set_defaults(run=_make)
     roster = add_command(commands, "roster", "Show students, their last calls and queued tasks")
     roster.add_argument("--json", action="store_true", help="Print JSON")
     roster.set_defaults(run=_roster)
-    adding = add_command(commands, "add", "Let more students in; prints their strings")
-    adding.add_argument("names", nargs="+", metavar="NAME", help="of the account")
+    adding = add_command(commands, "add", "Add students and print their join strings")
+    adding.add_argument("names", nargs="+", metavar="NAME", help="name of the student")
     days = whole(1, _MOST_DAYS)
-    adding.add_argument("--days", metavar="N", type=days, default=_DAYS, help=f"({_DAYS})")
+    what = f"how many days the strings are valid ({_DAYS})"
+    adding.add_argument("--days", metavar="N", type=days, default=_DAYS, help=what)
     adding.set_defaults(run=_add)
     bundling = add_command(commands, "bundle", "Make a folder that installs taskrpc offline")
     what = "the folder to fill, for example on a memory stick; created if it is missing"
@@ -57,8 +58,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = "a Python version of the laptops (default: 3.11, 3.12, 3.13 and 3.14)"
     bundling.add_argument("--python", action="append", metavar="VERSION", type=_python, help=what)
     bundling.set_defaults(run=_bundle)
-    revoking = add_command(commands, "revoke", "Let students in no more; a running server obeys")
-    revoking.add_argument("names", nargs="+", metavar="NAME", help="of the account")
+    what = "Remove students; a running server then refuses them"
+    revoking = add_command(commands, "revoke", what)
+    revoking.add_argument("names", nargs="+", metavar="NAME", help="name of the student")
     revoking.set_defaults(run=_revoke)
 
 

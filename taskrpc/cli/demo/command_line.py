@@ -27,9 +27,9 @@ def configure(parser: ArgumentParser) -> None:
     """Give the parser of `taskrpc demo` its options."""
     least, most = _SPEEDS
     speed = number(f"from {least:g} to {most:g}", lambda value: least <= value <= most)
-    what = f"simulated seconds a second, {least:g} to {most:g} (4.5)"
+    what = f"simulated seconds per second, {least:g} to {most:g} (4.5)"
     parser.add_argument("--speed", metavar="X", type=speed, default=4.5, help=what)
-    what = "print lines, as where stdout is no terminal, and draw no picture"
+    what = "print lines instead of drawing a picture"
     parser.add_argument("--plain", action="store_true", help=what)
     parser.set_defaults(run=run)
 

@@ -20,7 +20,7 @@ from taskrpc.transport.tcp.tcp_network import environment_peers
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `doctor`."""
-    what = "a server on another machine, or at unix:/path, that cannot be reached"
+    what = "a server that you cannot reach, on another machine or at unix:/path"
     parser.add_argument("connect", nargs="?", metavar="HOST:PORT", type=_place, help=what)
     add_secrets(parser)
     parser.add_argument("--json", action="store_true", help="Print a JSON array of findings")

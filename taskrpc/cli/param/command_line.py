@@ -58,9 +58,9 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = "Hide the type information"
     command.add_argument("--hide-type", action="store_true", help=what)
     command = _add(commands, "set", "Set parameter", _set)
-    what = "Name of a parameter and its value, as YAML has it; several pairs set several"
+    what = "Name of a parameter and its value in YAML; several pairs set several parameters"
     command.add_argument("pairs", nargs="+", metavar="name value", help=what)
-    what = "Set all of them or, where one is refused, none"
+    what = "Set all parameters, or none if one is refused"
     command.add_argument("--atomic", action="store_true", help=what)
     command = _add(commands, "describe", "Show descriptive information about parameters", _describe)
     command.add_argument("parameter_names", nargs="+", help="Names of the parameters")
@@ -69,7 +69,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     _add(commands, "dump", "Show all of the parameters of a node as a YAML file", _dump)
     command = _add(commands, "load", "Load parameter file for a node", _load)
     command.add_argument("parameter_file", help="Parameter file")
-    what = "Do not load parameters that the file has for every node (/**)"
+    what = "Ignore the parameters that the file has for all nodes (/**)"
     command.add_argument("--no-use-wildcard", action="store_true", help=what)
 
 
@@ -81,7 +81,7 @@ def _add_list(commands: Commands) -> None:
     what = "Only list parameters with the provided prefixes"
     command.add_argument("--param-prefixes", nargs="+", default=[], help=what)
     command.add_argument("--param-type", action="store_true", help="Print parameter types")
-    what = "Only list parameters that begin with what a regular expression matches"
+    what = "Only list parameters whose beginning matches a regular expression"
     command.add_argument("--filter", metavar="REGEX", type=_expression, help=what)
     add_connect(command)
     add_discovery(command)
@@ -94,9 +94,9 @@ def _add(commands: Commands, verb: str, purpose: str, action: Action) -> Parser:
     what = "Consider hidden nodes as well"
     command.add_argument("--include-hidden-nodes", action="store_true", help=what)
     at_least = number("from 0 on", lambda seconds: seconds >= 0)
-    what = "Seconds to wait for the node to be there (0)"
+    what = "Seconds to wait until the node is available (0)"
     command.add_argument("--timeout", metavar="N", type=at_least, default=0.0, help=what)
-    what = f"Seconds to wait for the node's answer ({PATIENCE:g})"
+    what = f"Seconds to wait for the response of the node ({PATIENCE:g})"
     command.add_argument(
         "--service-timeout", metavar="N", type=at_least, default=PATIENCE, help=what
     )

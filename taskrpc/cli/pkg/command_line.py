@@ -15,7 +15,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     _add_create(commands)
     what = "Output a list of package specific executables"
     command = add_command(commands, "executables", what)
-    what = "Name of the package (all of the workspace here)"
+    what = "Name of the package (default: all packages of this workspace)"
     command.add_argument("package_name", nargs="?", help=what)
     what = "Show where each executable is defined"
     command.add_argument("--full-path", action="store_true", help=what)

@@ -39,13 +39,15 @@ def _add_echo(commands: Commands) -> None:
     parser.add_argument("service_type", nargs="?", default="", help=what)
     what = "Output all values separated by commas (e.g. for plotting)"
     parser.add_argument("--csv", action="store_true", help=what)
-    what = "Output all of long texts and arrays"
+    what = "Output long texts and arrays in full"
     parser.add_argument("-f", "--full-length", action="store_true", help=what)
-    what = "Characters and elements that are output at most (128)"
+    what = "The most characters and elements to output (128)"
     length = whole(0)
     parser.add_argument("-l", "--truncate-length", metavar="N", type=length, default=128, help=what)
-    parser.add_argument("--no-arr", action="store_true", help="Do not output what is in arrays")
-    parser.add_argument("--no-str", action="store_true", help="Do not output what is in texts")
+    what = "Do not output the contents of arrays"
+    parser.add_argument("--no-arr", action="store_true", help=what)
+    what = "Do not output the contents of texts"
+    parser.add_argument("--no-str", action="store_true", help=what)
     what = "Output each array in one line"
     parser.add_argument("--flow-style", action="store_true", help=what)
     add_connect(parser)
@@ -63,7 +65,7 @@ def _add_find(commands: Commands) -> None:
 
 def _add_info(commands: Commands) -> None:
     parser = _add_with_name(commands, "info", "Print information about a service")
-    what = "Print each server and client too"
+    what = "Print each server and client"
     parser.add_argument("-v", "--verbose", action="store_true", help=what)
     parser.set_defaults(run=_info)
 

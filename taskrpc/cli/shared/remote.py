@@ -93,7 +93,7 @@ HERE = Remote()
 def add_connect(parser: argparse.ArgumentParser) -> None:
     """Give a command `--connect` and what goes with it."""
     group = parser.add_argument_group("a program on another machine")
-    what = "ask the program there (or at unix:/path) instead of those of this machine"
+    what = "use the program there (or at unix:/path), not those of this machine"
     group.add_argument("--connect", metavar="HOST:PORT", type=any_place, help=what)
     add_secrets(group)
 
@@ -143,11 +143,11 @@ def any_place(text: str) -> str:
 
 def add_secrets(group: argparse._ActionsContainer) -> None:
     """Give a command the options with which it gets in elsewhere."""
-    what = "the secret of that program (TASKRPC_TOKEN where not given)"
+    what = "a file with the token of that program (or set TASKRPC_TOKEN)"
     group.add_argument("--token-file", metavar="FILE", help=what)
-    what = "the certificate that signed that program's own (PEM)"
+    what = "the certificate of the authority that signed that program's certificate (PEM)"
     group.add_argument("--tls-ca", metavar="FILE", help=what)
-    group.add_argument("--tls-cert", metavar="FILE", help="a certificate to show there")
+    group.add_argument("--tls-cert", metavar="FILE", help="the certificate of this client (PEM)")
     group.add_argument("--tls-key", metavar="FILE", help="its key")
 
 

@@ -20,17 +20,17 @@ if TYPE_CHECKING:
 
 _SECONDS = number("greater than zero", lambda value: value > 0)
 _ORDERS = (
-    ("cancel", "Call tasks off; one that runs is halted"),
-    ("requeue", "Queue tasks once more that were interrupted, failed or cancelled"),
-    ("drop", "Give up tasks that wait or were interrupted"),
+    ("cancel", "Cancel tasks; a running task is halted"),
+    ("requeue", "Queue interrupted, failed or cancelled tasks again"),
+    ("drop", "Remove queued or interrupted tasks"),
 )
 _HALTS = (
-    ("pause", "Halt the robot in mid-task and begin no other"),
+    ("pause", "Halt the robot during its task and start no other task"),
     ("stop", "Halt the robot at once and pause the queue (no emergency stop: this is software)"),
 )
 _SPELLINGS = (
     ("reprioritise", "Move a queued task to another priority"),
-    ("reprioritize", "The same, as Americans spell it"),
+    ("reprioritize", "The American spelling of reprioritise"),
 )
 
 
@@ -45,9 +45,9 @@ def configure(parser: ArgumentParser) -> None:
         command.set_defaults(verb=verb)
     for verb, purpose in _HALTS:
         _add(commands, verb, purpose, _halt).set_defaults(verb=verb)
-    what = "Go on after a pause or a stop; with numbers, with tasks that were interrupted"
+    what = "Continue after a pause or a stop; with IDs, continue interrupted tasks"
     command = _add(commands, "resume", what, _resume)
-    what = "a task that ran when the server ended: it gets its old place in the queue"
+    what = "a task that ran when the server ended; it gets its old place in the queue"
     command.add_argument("task_ids", metavar="ID", type=int, nargs="*", help=what)
     for verb, purpose in _SPELLINGS:
         command = _add(commands, verb, purpose, _reprioritise)
@@ -58,18 +58,18 @@ def configure(parser: ArgumentParser) -> None:
 def _add_submit(commands: Commands) -> None:
     command = _add(commands, "submit", "Queue a task", _submit)
     add = command.add_argument
-    add("task_type", metavar="TYPE", help="move, scan or report (more with a robot of your own)")
-    add("target", metavar="TARGET", help="a place of the map, or x,y in metres")
-    what = "1 to 10, 10 runs first (5)"
+    add("task_type", metavar="TYPE", help="move, scan or report (your own robot may have more)")
+    add("target", metavar="TARGET", help="a place on the map, or x,y in metres")
+    what = "1 to 10; 10 runs first (5)"
     add("priority", metavar="PRIORITY", type=int, nargs="?", default=5, help=what)
-    what = "follow the task to its end; exit code 0 if it SUCCEEDED, 1 at any other end"
+    what = "follow the task to its end; exit code 0 if it SUCCEEDED, else 1"
     add("--wait", action="store_true", help=what)
 
 
 def _add_views(commands: Commands) -> None:
     command = _add(commands, "list", "List the tasks in the order in which they run", _list)
-    command.add_argument("--all", action="store_true", help="then also what has ended")
-    command = _add(commands, "show", "Show all about a task: its result, its estimate", _show)
+    command.add_argument("--all", action="store_true", help="list ended tasks too")
+    command = _add(commands, "show", "Show a task with its result and its estimate", _show)
     command.add_argument("task_id", metavar="ID", type=int, help="the task's number")
     command = _add(commands, "watch", "Print a line for each change, until Ctrl-C", _watch)
     what = "only this task"
@@ -82,9 +82,9 @@ def _add(commands: Commands, verb: str, purpose: str, action: Action) -> Parser:
     command = add_command(commands, verb, purpose)
     command.mixed = True
     add = command.add_argument
-    what = "the service that takes the tasks (/robot_task)"
+    what = "the service of the task server (/robot_task)"
     add("--service", metavar="NAME", default="/robot_task", help=what)
-    what = "seconds for one call, waiting for the server included (10)"
+    what = "seconds for one call, including the wait for the server (10)"
     add("--timeout", metavar="S", type=_SECONDS, default=10.0, help=what)
     add("--json", action="store_true", help="print JSON")
     add_connect(command)

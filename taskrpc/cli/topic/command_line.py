@@ -78,7 +78,7 @@ def _add_listing(parser: Parser, *names: str) -> None:
 
 def _add_info(commands: Commands) -> None:
     parser = _add(commands, "info", "Print information about a topic", _LOOKING, "print_info")
-    what = "Print each publisher and subscription too: node, type, QoS, process"
+    what = "Print each publisher and subscription: node, type, QoS, process"
     parser.add_argument("-v", "--verbose", action="store_true", help=what)
     parser.add_argument("--json", action="store_true", help="Print JSON")
 
@@ -93,27 +93,29 @@ def _add_echo(commands: Commands) -> None:
     parser.add_argument("--csv", action="store_true", help=what)
     what = "Output one field only (e.g. 'pose.position')"
     parser.add_argument("--field", metavar="FIELD", help=what)
-    what = "Output all of long texts and arrays"
+    what = "Output long texts and arrays in full"
     parser.add_argument("-f", "--full-length", action="store_true", help=what)
-    what = "Characters and elements that are output at most (128)"
+    what = "The most characters and elements to output (128)"
     parser.add_argument(
         "-l", "--truncate-length", metavar="N", type=whole(0), default=128, help=what
     )
-    parser.add_argument("--no-arr", action="store_true", help="Do not output what is in arrays")
-    parser.add_argument("--no-str", action="store_true", help="Do not output what is in texts")
+    what = "Do not output the contents of arrays"
+    parser.add_argument("--no-arr", action="store_true", help=what)
+    what = "Do not output the contents of texts"
+    parser.add_argument("--no-str", action="store_true", help=what)
     what = "Output each message in one line"
     parser.add_argument("--flow-style", action="store_true", help=what)
     parser.add_argument("--raw", action="store_true", help="Output the bytes that ROS would send")
     what = "Output messages for which a Python expression is true; m is the message"
     parser.add_argument("--filter", metavar="EXPR", help=what)
-    what = "Output before each message when it came, and its number"
+    what = "Output the time of arrival and the number of each message"
     parser.add_argument("-i", "--include-message-info", action="store_true", help=what)
     parser.add_argument("--once", action="store_true", help="Output one message and exit")
-    what = "Exit after so many seconds; with --once and no message by then, with exit code 1"
+    what = "Exit after this many seconds; with --once and no message, with exit code 1"
     parser.add_argument(
         "--timeout", metavar="S", type=number("above 0", lambda n: n > 0), help=what
     )
-    what = "Do not say when messages were lost"
+    what = "Do not report lost messages"
     parser.add_argument("--no-lost-messages", action="store_true", help=what)
     add_qos(parser)
 
@@ -124,27 +126,27 @@ def _add_pub(commands: Commands) -> None:
     parser = _add(commands, "pub", "Publish messages on a topic", "taskrpc.cli.topic.pub", "run")
     what = "Type of the message (e.g. 'std_msgs/msg/String')"
     parser.add_argument("message_type", help=what)
-    what = "The message as YAML (\"{data: 'hello'}\") or as FIELD=VALUE; left out: the default one"
+    what = "The message as YAML (\"{data: 'hello'}\") or as FIELD=VALUE (default: no fields set)"
     parser.add_argument("values", nargs="*", metavar="values", help=what)
     parser.mixed = True
     what = "Read the message from standard input"
     parser.add_argument("--stdin", action="store_true", help=what)
-    what = "Read messages from a file, a YAML document each, and publish one after the other"
+    what = "Publish the messages of a file, one YAML document for each message"
     parser.add_argument("--yaml-file", metavar="FILE", help=what)
     positive = number("above 0", lambda n: n > 0)
-    what = "Messages a second (1)"
+    what = "Messages per second (1)"
     parser.add_argument("-r", "--rate", metavar="N", type=positive, default=1.0, help=what)
-    what = "Print every N-th message only (1), with 0 none"
+    what = "Print only every N-th message (1); 0 prints none"
     parser.add_argument("-p", "--print", metavar="N", type=whole(0), default=1, help=what)
     group = parser.add_mutually_exclusive_group()
     group.add_argument("-1", "--once", action="store_true", help="Publish one message and exit")
-    what = "Publish so many messages and exit"
+    what = "Publish this many messages and exit"
     group.add_argument("-t", "--times", metavar="N", type=whole(0), default=0, help=what)
-    what = "Wait for so many subscriptions first (1 with --once and --times, else 0)"
+    what = "Wait for this many subscriptions first (1 with --once and --times, else 0)"
     parser.add_argument(
         "-w", "--wait-matching-subscriptions", metavar="N", type=whole(0), help=what
     )
-    what = "Seconds to wait for them at most"
+    what = "The most seconds to wait for subscriptions"
     parser.add_argument("--max-wait-time-secs", metavar="S", type=positive, help=what)
     what = "Seconds to stay after the last message (0.1)"
     at_least = number("from 0 on", lambda n: n >= 0)
@@ -179,14 +181,14 @@ def _add_delay(commands: Commands) -> None:
 def _add_topics(parser: Parser) -> None:
     what = "Name of the topic (e.g. '/chatter'); several are compared in a table"
     parser.add_argument("topic_names", metavar="topic_name", nargs="*", help=what)
-    what = "Measure all topics that there are now"
+    what = "Measure all topics that exist now"
     parser.add_argument("-a", "--all", dest="all_topics", action="store_true", help=what)
 
 
 def _add_window(parser: Parser, messages: int) -> None:
     from taskrpc.cli.topic.qos_options import add_qos
 
-    what = f"Messages that count ({messages})"
+    what = f"How many recent messages to measure ({messages})"
     names: Sequence[str] = ("-w", "--window")
     parser.add_argument(*names, metavar="N", type=whole(1), default=messages, help=what)
     add_qos(parser)

@@ -34,13 +34,13 @@ def add_qos(parser: argparse.ArgumentParser) -> None:
 
     what = "A preset QoS profile"
     parser.add_argument("--qos-profile", choices=sorted(_PROFILES), help=what)
-    what = "How many messages are kept"
+    what = "How many messages to keep"
     parser.add_argument("--qos-depth", metavar="N", type=whole(1, _KEEP_ALL), help=what)
-    what = "Whether all messages are kept, or the last ones"
+    what = "Whether to keep all messages or only the last ones"
     _add_policy(parser, "history", what, "keep_last", "keep_all")
-    what = "Whether what is lost is sent again"
+    what = "Whether lost messages are sent again"
     _add_policy(parser, "reliability", what, "best_effort", "reliable", "best_available")
-    what = "Whether latecomers get the last messages"
+    what = "Whether a subscription that starts later gets the last messages"
     _add_policy(parser, "durability", what, "transient_local", "volatile", "best_available")
     # Discovery notices the end of a program without liveliness leases.
     kinds = [_DEFAULT, "automatic", "manual_by_topic"]
