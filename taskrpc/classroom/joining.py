@@ -89,7 +89,7 @@ def _unreachable(silent: list[str]) -> TaskRpcError:
     where = "; ".join(silent)
     place = silent[0].rpartition(": ")[0]
     error = ServiceUnavailable(f"the lab's server cannot be reached: {where}")
-    error.add_note(f"`taskrpc doctor {place}` tells what stands in the way")
+    error.add_note(f"`taskrpc doctor {place}` finds out why")
     return error
 
 

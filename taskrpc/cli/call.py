@@ -50,7 +50,7 @@ def run(options: argparse.Namespace) -> int:
     type_name, request = values.split_type(options.request)
     if options.stdin:
         if request:
-            raise UsageError("--stdin: expected no request on the command line, got one too")
+            raise UsageError("--stdin: expected no request on the command line, got one")
         request = [standard_input()]
     import asyncio
 
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
 def _request_id(options: argparse.Namespace) -> str:
     given: str = options.request_id
     if given and (options.rate or options.count > 1):
-        raise UsageError("--request-id: expected one call, which it names; got --rate or --count")
+        raise UsageError("--request-id: an id names one call; got --rate or --count")
     return given
 
 

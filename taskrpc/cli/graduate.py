@@ -42,7 +42,7 @@ def _graduate(options: argparse.Namespace) -> int:
         for place in found:
             print(place)
         if not found:
-            print("nothing found that a real ROS 2 would do differently")
+            print("found nothing that a real ROS 2 would do differently")
     differs = _differs(path, options) if options.both is not None else False
     return Exit.ERROR if found or differs else Exit.DONE
 
@@ -53,8 +53,8 @@ def _differs(path: Path, options: argparse.Namespace) -> bool:
 
     python = real_python()
     if not python:
-        raise UsageError("no real ROS 2 is here to run it with: source its setup.bash first")
+        raise UsageError("--run needs a real ROS 2: source its setup.bash first")
     sys.stdout.flush()
     lines = list(differences(python, path, options.both, options.timeout))
-    print("\n".join(lines) or "ROS 2 prints the same, and ends in the same way")
+    print("\n".join(lines) or "ROS 2 prints the same and ends in the same way")
     return bool(lines)

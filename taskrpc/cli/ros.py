@@ -28,7 +28,7 @@ def _enable(_: Namespace) -> int:
     print(f"programs of {sys.prefix} can import rclpy and interface packages from now on")
     for name in environment.FILES:
         print(f"  wrote {folder / name}")
-    print("run them as python FILE.py; taskrpc ros disable undoes it")
+    print("run them with python FILE.py; taskrpc ros disable undoes this")
     return Exit.DONE
 
 
@@ -52,11 +52,11 @@ def _status(_: Namespace) -> int:
     from taskrpc.ros.hook import real_rclpy
 
     if real := real_rclpy():
-        print(f"ROS 2's own rclpy is what programs of {sys.prefix} import: {real}")
+        print(f"programs of {sys.prefix} import ROS 2's own rclpy: {real}")
     elif environment.is_enabled() and not environment.is_of_this_version():
-        print("enabled by another version of taskrpc: say taskrpc ros enable once more")
+        print("enabled by another version of taskrpc: run taskrpc ros enable again")
     elif environment.is_enabled():
         print(f"enabled: programs of {sys.prefix} can import rclpy")
     else:
-        print(f"not enabled: programs of {sys.prefix} cannot import rclpy; taskrpc run can")
+        print(f"not enabled: programs of {sys.prefix} cannot import rclpy; taskrpc run starts them")
     return Exit.DONE

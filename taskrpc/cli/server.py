@@ -57,7 +57,7 @@ def _run(arguments: list[str]) -> Exit:
     options = _parser().parse_args(arguments)
     if options.standby and (options.fresh or options.db == ":memory:"):
         other = "--fresh" if options.fresh else "--db :memory:"
-        problem = f"--standby continues the tasks of another server, so it cannot have {other}"
+        problem = f"--standby continues the tasks of another server; do not use it with {other}"
         raise UsageError(f"taskrpc-server: error: {problem}")
     handler = logs.handler(options.log_format)
     logging.basicConfig(level=options.log_level.upper(), handlers=[handler])

@@ -33,7 +33,7 @@ def _run(options: argparse.Namespace) -> int:
         raise UsageError("taskrpc stop: error: expected NAME or --all, got both")
     chosen = processes() if options.all else _chosen(options.name)
     if not chosen:
-        print("no taskrpc program runs")
+        print("no taskrpc program is running")
     for process in chosen:
         # Between our look and this call it may have ended by itself.
         with contextlib.suppress(ProcessLookupError):
@@ -54,10 +54,10 @@ def _chosen(name: str | None) -> Sequence[Process]:
     if len(found) == 1 or (name is None and not found):
         return found
     if not found:
-        there = f"there are {listing(running)}" if running else "no taskrpc program runs"
+        there = f"there are {listing(running)}" if running else "no taskrpc program is running"
         hint = quoting.name_hint(name or "") or there
-        raise hinted(NotFound(f"no taskrpc program is meant by {name!r}"), hint)
-    problem = f"expected the name of one program, {len(found)} are meant: {listing(found)}"
+        raise hinted(NotFound(f"found no taskrpc program {name!r}"), hint)
+    problem = f"expected one program, found {len(found)}: {listing(found)}"
     raise hinted(NotFound(problem), "give a pid, or --all")
 
 
@@ -83,7 +83,7 @@ def _why(process: Process) -> str:
     """Why a process that was told to end still runs; it was looked up before it was told."""
     now = next((each for each in processes() if each.pid == process.pid), process)
     if now.is_ending:
-        return "answers the calls that it has begun, then it ends; --force does not wait for them"
+        return "still answers calls and then ends; --force does not wait for them"
     if process.services:
-        return "does not react: a callback may hold its event loop; --force ends it at once"
-    return "has its own way to end; --force does not let it"
+        return "does not react: a callback may block its event loop; --force ends it at once"
+    return "handles the signal itself; --force ends it at once"

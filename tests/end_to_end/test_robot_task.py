@@ -303,7 +303,7 @@ def test_ctrl_c_does_not_cancel_the_task_and_reports_it(start, task, tmp_path):
     waiting.send_signal(signal.SIGINT)
     out, err = waiting.communicate(timeout=PATIENCE)
     assert (waiting.returncode, out) == (130, "")
-    assert err == "task 1 goes on; to cancel it: taskrpc task cancel 1\n"
+    assert err == "task 1 continues; to cancel it: taskrpc task cancel 1\n"
     assert "RUNNING" in task("list")[1]
 
 
@@ -377,7 +377,7 @@ def test_watchers_do_not_delay_the_servers_exit(start, tmp_path):
     code, seconds = server.end()
     assert code == 0
     assert seconds < 2
-    assert "waiting for it to come back" in watching.stderr.readline()
+    assert "waiting for its next start" in watching.stderr.readline()
     start()
     assert watching.stderr.readline() == "the task server is back\n"
     watching.send_signal(signal.SIGINT)

@@ -58,7 +58,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     what = "a Python version of the laptops (default: 3.11, 3.12, 3.13 and 3.14)"
     bundling.add_argument("--python", action="append", metavar="VERSION", type=_python, help=what)
     bundling.set_defaults(run=_bundle)
-    what = "Remove students; a running server then refuses them"
+    what = "Revoke students; a running server then refuses them"
     revoking = add_command(commands, "revoke", what)
     revoking.add_argument("names", nargs="+", metavar="NAME", help="name of the student")
     revoking.set_defaults(run=_revoke)
@@ -101,7 +101,7 @@ def _make(options: argparse.Namespace) -> Exit:
     if options.serve is None:
         _print_strings(register, accounts)
         print("start the server: taskrpc classroom --serve", file=sys.stderr)
-        print("laptops without taskrpc: taskrpc classroom bundle DIR", file=sys.stderr)
+        print("for laptops without taskrpc: taskrpc classroom bundle DIR", file=sys.stderr)
         return Exit.DONE
     # In class this is seen by everybody, and each student's line is a secret.
     if options.students or len(accounts) == 1:
@@ -162,10 +162,10 @@ def _students(given: str) -> list[str]:
         if problem := why_no_student(name):
             raise TaskRpcError(f"{where}: {problem}")
         if name in names:
-            raise TaskRpcError(f"{where}: {name!r} is there twice; two students need two names")
+            raise TaskRpcError(f"{where}: {name!r} appears twice; give each student another name")
         names[name] = None
     if not names:
-        raise TaskRpcError(f"--students {given}: expected a name a line, the file is empty")
+        raise TaskRpcError(f"--students {given}: expected one name per line, got an empty file")
     return list(names)
 
 
@@ -224,7 +224,7 @@ def _revoke(options: argparse.Namespace) -> Exit:
     register = _register()
     for name in options.names:
         register.revoke(name)
-        print(f"{name} is let in no more")
+        print(f"{name} is revoked")
     return Exit.DONE
 
 

@@ -33,7 +33,7 @@ def show(register: Register, *, as_json: bool) -> Exit:
     for line in aligned([_HEADINGS, *lines], right=(3,)):
         print(line)
     if waiting is None:
-        print("(the task server does not run: nobody knows how many tasks wait)")
+        print("(the task server is not running, so the number of queued tasks is unknown)")
     return Exit.DONE
 
 

@@ -59,7 +59,7 @@ def software() -> Iterator[Finding]:
             yield ok(f"{package} {version(package)}")
         except PackageNotFoundError:
             if package == "taskrpc":
-                yield note("taskrpc runs from its source folder, without being installed")
+                yield note("taskrpc runs from its source folder; it is not installed")
             else:
                 yield problem(f"{package} is not installed", f"{sys.executable} -m pip install .")
 
@@ -70,8 +70,8 @@ def places() -> Iterator[Finding]:
         folder = platform.runtime_dir()
         locks = _locks_work(folder)
     except (TaskRpcError, OSError) as error:
-        advice = "set XDG_RUNTIME_DIR to a folder of yours that nobody else can enter"
-        yield problem(f"the folder where programs find each other: {error}", advice)
+        advice = "set XDG_RUNTIME_DIR to a folder of yours that no other user can enter"
+        yield problem(f"cannot use the folder in which programs find each other: {error}", advice)
         return
     if locks:
         yield ok(f"programs of this user find each other in {folder}")
@@ -86,18 +86,20 @@ def environment() -> Iterator[Finding]:
         where = "ROS_DOMAIN_ID" if os.environ.get("ROS_DOMAIN_ID") else "ROS_DOMAIN_ID is not set"
         yield ok(f"domain {domain_id()} ({where})")
     except TaskRpcError as error:
-        yield problem(str(error), "set it to such a number, or not at all")
+        yield problem(str(error), "set it to such a number, or unset it")
     if peers := environment_peers():
         listed = ", ".join(peers)
-        yield note(f"TASKRPC_PEERS is set: programs call {listed}, nobody else on this machine")
+        yield note(f"TASKRPC_PEERS is set: programs call {listed}, not those of this machine")
     if os.environ.get("TASKRPC_TOKEN"):
-        yield note("TASKRPC_TOKEN is set: servers that are started now want it from other machines")
+        yield note("TASKRPC_TOKEN is set: servers that start now require it from other machines")
     try:
         if os.environ.get("TASKRPC_KEEPALIVE"):
             seconds = keepalive_of(None).dead_after
-            yield note(f"TASKRPC_KEEPALIVE is set: dead machines are given up after {seconds:g} s")
+            yield note(
+                f"TASKRPC_KEEPALIVE is set: silent machines count as lost after {seconds:g} s"
+            )
     except TaskRpcError as error:
-        yield problem(str(error), "set it to one of these, or not at all")
+        yield problem(str(error), "set it to one of these values, or unset it")
     try:
         if (lab := remembered_lab()) and not peers:
             yield ok(f"programs call the lab at {lab.place} too (taskrpc join --status)")
@@ -120,7 +122,7 @@ async def programs() -> AsyncIterator[Finding]:
         yield note(f"no program offers a service in domain {domain_id()}", advice)
     for entry in here:
         if entry.address and not entry.services:
-            yield note(f"{_who(entry)} offers nothing any more: it answers its last calls, or ends")
+            yield note(f"{_who(entry)} offers no services any more: it is ending")
     for entry in serving:
         yield await _reach(entry)
     for finding in _disagreements(serving):
@@ -242,7 +244,7 @@ async def _health_of(node: Node, name: str) -> Finding | None:
     except ServiceUnavailable:
         return None  # its server answers nothing at all, as was told before
     except TaskRpcError as error:
-        return problem(f"{name} does not answer: {error}", "see the log of its server")
+        return problem(f"{name} does not answer: {error}", "read the log of its server")
     if answer.success:
         return ok(f"{name}: {answer.message}")
-    return problem(f"{name}: {answer.message}", "wait a moment, or see the log of its server")
+    return problem(f"{name}: {answer.message}", "wait a moment, or read the log of its server")

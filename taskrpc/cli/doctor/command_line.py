@@ -74,7 +74,7 @@ async def _findings(remote: Remote) -> AsyncIterator[Finding]:
             yield finding
     except TaskRpcError as error:
         # The folder or the domain is wrong, which an earlier line has said what to do about.
-        yield problem(f"the programs of this machine cannot be seen: {error}", "see above")
+        yield problem(f"cannot look for the programs of this machine: {error}", "see above")
 
 
 def _lab_of(remote: Remote) -> Remote:

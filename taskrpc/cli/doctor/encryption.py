@@ -31,21 +31,21 @@ async def fault(remote: Remote, patience: float) -> Finding | None:
         return _plain(place) if wants_tls else None
     if not wants_tls:
         return problem(
-            f"{place} takes encrypted connections only",
+            f"{place} accepts only encrypted connections",
             "join with the lecturer's string (taskrpc join), or give the certificate that signed"
             " that server's with --tls-ca",
         )
     if lab is not None and shown != lab.certificate:
         return problem(
-            f"{place} shows another certificate than when this laptop joined",
-            "it is another server, or has a new certificate: ask the lecturer for a new string",
+            f"{place} has another certificate than when this laptop joined",
+            "it is another server, or its certificate is new: ask the lecturer for a new string",
         )
     return await _refused(remote, lab, patience)
 
 
 def _plain(place: str) -> Finding:
     return problem(
-        f"{place} takes no encrypted connections: it is no taskrpc server, or one without"
+        f"{place} accepts no encrypted connections: it is not a taskrpc server, or a server without"
         " --tls-cert",
         "start the server with --tls-cert and --tls-key, or `taskrpc classroom --serve`",
     )
@@ -73,18 +73,18 @@ async def _refused(remote: Remote, lab: Lab | None, patience: float) -> Finding 
 def _explained(place: str, host: str, error: ssl.SSLCertVerificationError) -> Finding:
     code, what = error.verify_code, f"the certificate of {place}"
     if code == _EXPIRED:
-        text, advice = f"{what} has expired", "make a new one; or is this machine's clock wrong?"
+        text, advice = f"{what} has expired", "make a new one, or correct the clock of this machine"
     elif code == _NOT_YET_VALID:
-        text, advice = f"{what} is not valid yet", "set this machine's clock"
+        text, advice = f"{what} is not valid yet", "correct the clock of this machine"
     elif code in _OTHER_NAME:
         text = f"{what} is not for {host}"
-        advice = "call the server by a name or address that its certificate has"
+        advice = "use a name or an address that the certificate contains"
     elif code in _UNKNOWN_AUTHORITY:
-        text = f"{what} was signed by nobody who is trusted here"
-        advice = "give the certificate that signed it with --tls-ca"
+        text = f"{what} was signed by an authority that this machine does not trust"
+        advice = "use --tls-ca with the certificate of the authority that signed it"
     else:
         text = f"{what} is refused: {error.verify_message}"
-        advice = "see that the file given with --tls-ca is the one that signed it"
+        advice = "check that the authority of --tls-ca is the one that signed it"
     return problem(text, advice)
 
 

@@ -26,7 +26,7 @@ PATIENCE = 4.0
 
 _OF_THE_SILENT = (
     "the server there is stuck or was stopped (`taskrpc ps` on that machine says which), or"
-    " something else than taskrpc listens"
+    " another program than taskrpc listens"
 )
 # POSIX's numbers, then those of Windows, which asyncio gives as they are.
 _NO_SUCH_NETWORK = frozenset({errno.ENETUNREACH, errno.ENETDOWN, 1231, 10051, 10050})
@@ -46,8 +46,8 @@ async def examine(remote: Remote) -> AsyncIterator[Finding]:
         addresses = await resolve(host, port, PATIENCE)
     except OSError as error:
         yield problem(
-            f"the name {host} is not known: {_reason(error)}",
-            "check its spelling, or give the number that the other machine shows as its address",
+            f"the name {host} is unknown: {_reason(error)}",
+            "check its spelling, or use the IP address of the other machine",
         )
         return
     if addresses != [host]:
@@ -102,19 +102,19 @@ def no_connection(error: OSError, address: str, port: int) -> Finding:
     """Why a connection to an address did not come about, and what to do."""
     if isinstance(error, ConnectionRefusedError):
         return problem(
-            f"nobody listens at {address} port {port}",
+            f"no program listens at {address} port {port}",
             f"start the server there with --listen HOST:{port}, HOST being its address",
         )
     if _is_one_of(error, _NO_SUCH_NETWORK):
         return problem(
-            f"this machine has no way to the network of {address}: {_reason(error)}",
-            "join the network (Wi-Fi, cable) in which the other machine is",
+            f"this machine has no route to the network of {address}: {_reason(error)}",
+            "connect to the network (Wi-Fi, cable) of the other machine",
         )
     if _is_one_of(error, _NO_SUCH_HOST):
         return problem(
-            f"no machine at {address} shows itself: {_reason(error)}",
-            "is it on, and is that still its address? A Wi-Fi that keeps its guests apart (client"
-            " isolation) looks like this, too: use the lecturer's hotspot, or a cable",
+            f"no machine answers at {address}: {_reason(error)}",
+            "check that it is on and still has this address. A Wi-Fi with client isolation (it"
+            " separates its guests) has the same effect: use the lecturer's hotspot or a cable",
         )
     if isinstance(error, PermissionError):
         return problem(
@@ -125,8 +125,8 @@ def no_connection(error: OSError, address: str, port: int) -> Finding:
     if isinstance(error, TimeoutError):
         return problem(
             f"{address} did not answer at port {port} within {PATIENCE:g} s",
-            f"a firewall there may swallow what comes: allow Python, or TCP port {port}; if others"
-            " do not get through either, the Wi-Fi may keep its guests apart (client isolation):"
+            f"a firewall there may drop connections: allow Python or TCP port {port}; if others"
+            " cannot connect either, the Wi-Fi may separate its guests (client isolation):"
             " use the lecturer's hotspot, or a cable",
         )
     return problem(
@@ -150,12 +150,12 @@ async def _ask(remote: Remote) -> Finding:
         if STOPPED in str(error):
             return problem(*str(error).split("; ", 1))
         waits = "within" in str(error) or "did not answer" in str(error)
-        advice = _OF_THE_SILENT if waits else "something else than taskrpc listens there"
+        advice = _OF_THE_SILENT if waits else "another program than taskrpc listens there"
         return await encryption.fault(remote, PATIENCE) or problem(placed(place, error), advice)
     except TaskRpcError as error:
         return problem(
             placed(place, error),
-            "check the files given here; if they are right, see the server's log",
+            "check the files of the --tls options; if they are right, read the log of the server",
         )
     names = ", ".join(service.name for service in listing.services) or "no service"
     return ok(f"{place} offers {names}")
@@ -181,7 +181,7 @@ def _reason(error: OSError) -> str:
     return error.strerror or str(error)
 
 
-_OTHERS = "only programs of its own user can call there: log in as that user, or listen at a port"
+_OTHERS = "only programs of the same user can call it: log in as that user, or listen at a port"
 
 
 async def reach_socket(place: str, patience: float) -> Finding:
@@ -203,26 +203,28 @@ def _wrong_socket_file(path: str, place: str) -> Finding | None:
     try:
         found = os.stat(path)
     except PermissionError:
-        return problem(f"this user may not look into {os.path.dirname(path)}", _OTHERS)
+        return problem(f"you have no access to {os.path.dirname(path)}", _OTHERS)
     except OSError as error:
         advice = f"check the path, or start the server there with --listen {place}"
         return problem(f"there is no socket at {path}: {error.strerror}", advice)
     if not stat.S_ISSOCK(found.st_mode):
-        return problem(f"{path} is no socket", "give the path with which the server was started")
+        return problem(
+            f"{path} is not a socket", "use the path from the --listen option of the server"
+        )
     return None
 
 
 def _no_socket_connection(error: OSError, path: str, place: str, patience: float) -> Finding:
     if isinstance(error, ConnectionRefusedError):
         return problem(
-            f"nobody listens at {path}: the server that made it has died",
+            f"no program listens at {path}: the server that created it has ended",
             f"start it again with --listen {place}",
         )
     if isinstance(error, PermissionError):
-        return problem(f"the socket {path} is another user's", _OTHERS)
+        return problem(f"the socket {path} belongs to another user", _OTHERS)
     if isinstance(error, TimeoutError):
         return problem(
-            f"the server at {path} took no connection within {patience:g} s",
+            f"the server at {path} accepted no connection within {patience:g} s",
             "see its log; if it hangs, end it with `taskrpc stop`",
         )
     return problem(f"{path} cannot be reached: {error.strerror or error}", "check the path")

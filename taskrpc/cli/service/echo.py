@@ -100,14 +100,14 @@ def _service_type(given: str, name: str, entries: Iterable[RegistryEntry]) -> An
         raise srvgen.DefinitionError(problem, hint=str(error)) from None
     if not hasattr(found, "Event"):
         problem = f"The service type '{types[0]}' is invalid"
-        raise srvgen.DefinitionError(problem, hint="it is no service")
+        raise srvgen.DefinitionError(problem, hint="it is not a service")
     return found
 
 
 def _silent(name: str) -> str:
     return (
-        f"note: no program tells of calls of {name} yet: its server has to say"
-        ' node.configure_introspection(service, "contents"), taskrpc-server --introspection'
-        " contents, a program of rclpy"
+        f"note: no program publishes the calls of {name} yet. Its server needs"
+        ' node.configure_introspection(service, "contents"); taskrpc-server needs --introspection'
+        " contents; an rclpy program needs"
         " configure_introspection(clock, qos, ServiceIntrospectionState.CONTENTS)"
     )

@@ -128,7 +128,7 @@ def standard_input() -> str:
     Raises UsageError where it is closed, cannot be read or has no end.
     """
     if sys.stdin is None:
-        raise UsageError("expected text on standard input, which is closed")
+        raise UsageError("expected text on standard input, but it is closed")
     try:
         data = sys.stdin.buffer.read(_INPUT_LIMIT + 1)
     except OSError as error:

@@ -37,7 +37,7 @@ def name_hint(name: str) -> str:
     if found is None:
         return ""
     return (
-        "Git Bash makes a Windows path of what begins with a slash;"
+        "Git Bash turns an argument that begins with a slash into a Windows path;"
         f" write {found['rest']} without it, or set MSYS_NO_PATHCONV=1"
     )
 
@@ -53,12 +53,12 @@ def expanded(name: str, *, kind: str = "service name") -> str:
 def request_hint(values: Sequence[str]) -> str:
     """What became of a request that no shell delivers unless something went wrong, or ""."""
     if any(begins_curly(value) for value in values):
-        return "replace the curly quotation marks by straight ones (word processors bend them)"
+        return "replace the curly quotation marks (of a word processor) with straight ones"
     if found := _COLON_EQUALS.match(values[0]):
         plain = " ".join(_COLON_EQUALS.sub(r"\1=", value) for value in values)
         return f"{found[1]}:= is for parameters and remappings; write {plain}"
     if values[0].startswith("'"):
-        return f"cmd does not know single quotes: {ONE_ARGUMENT}"
+        return f"cmd does not support single quotes: {ONE_ARGUMENT}"
     if all(_NO_SPACE.fullmatch(value) for value in values):
         return missing_space_hint(values[0])
     if len(values) > 1 and "=" in values[0]:

@@ -80,7 +80,7 @@ def _read(cls: Any, values: Sequence[str]) -> dict[str, Any]:
     hint = quoting.request_hint(values)
     stray = next(each for each in values if not _ASSIGNMENT.fullmatch(each))
     if len(values) > 1 or quoting.begins_curly(stray):
-        what = f"expected one YAML text, or FIELD=VALUE throughout; got {stray!r}"
+        what = f"expected one YAML text, or only FIELD=VALUE; got {stray!r}"
         raise hinted(InvalidRequest("", what), hint)
     fields = simple_mapping(cls, stray)
     if fields is None:
@@ -160,7 +160,8 @@ class _Assignments:
         type_, nested = self._type_of(path)
         if quoting.begins_curly(text):
             hint = quoting.request_hint([text])
-            raise hinted(not_populated(f"{path}: {text} is not quoted as a shell knows it"), hint)
+            problem = f"{path}: {text} begins with a quotation mark that shells do not know"
+            raise hinted(not_populated(problem), hint)
         if type_.startswith(("string", "wstring")) and "[" not in type_:
             return text
         simple = simple_value(text, type_)

@@ -106,7 +106,7 @@ class Reader:
     def _scalar(self, node: yaml.ScalarNode, type_: str) -> Any:
         if node.style is None and quoting.begins_curly(node.value):
             hint = quoting.request_hint([node.value])
-            problem = f"{node.value} is not quoted as YAML knows it"
+            problem = f"{node.value} begins with a quotation mark that YAML does not know"
             raise hinted(not_populated(problem), hint)
         if type_.startswith(("string", "wstring")):
             return node.value

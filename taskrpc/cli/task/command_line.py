@@ -22,7 +22,7 @@ _SECONDS = number("greater than zero", lambda value: value > 0)
 _ORDERS = (
     ("cancel", "Cancel tasks; a running task is halted"),
     ("requeue", "Queue interrupted, failed or cancelled tasks again"),
-    ("drop", "Remove queued or interrupted tasks"),
+    ("drop", "Cancel queued or interrupted tasks"),
 )
 _HALTS = (
     ("pause", "Halt the robot during its task and start no other task"),
@@ -142,7 +142,7 @@ async def _wait(task_id: int, options: Namespace, services: TaskServices) -> Exi
     try:
         await _follow_to_end(task_id, services)
     except asyncio.CancelledError:
-        _note(f"task {task_id} goes on; to cancel it: taskrpc task cancel {task_id}")
+        _note(f"task {task_id} continues; to cancel it: taskrpc task cancel {task_id}")
         raise
     task = await services.show(task_id)
     _report(whole_object(task) if options.json else news(task), news(task))

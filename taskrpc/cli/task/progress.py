@@ -143,7 +143,7 @@ class ChangePrinter:
         return task.state, task.priority, progress, task.submitted.sec
 
     def _print_pause(self) -> None:
-        text = "the queue is paused" if self._paused else "the queue goes on"
+        text = "the queue is paused" if self._paused else "the queue continues"
         self._print(json.dumps({"paused": self._paused}) if self._as_json else _timed(text))
 
     @staticmethod

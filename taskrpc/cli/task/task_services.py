@@ -171,12 +171,13 @@ class TaskServices:
         return tasks
 
     async def _wait_for_return(self, persist: bool) -> None:
-        self._note("the task server is gone; waiting for it to come back...")
+        self._note("the task server has ended; waiting for its next start...")
         await asyncio.sleep(_ENDING)
         patience = None if persist else self._timeout
         if not await self._client("/watch").wait_for_service(patience):
             gone = f"{self.service} did not come back within {patience:g} s"
-            raise OutcomeUnknown(f"{gone}; what it had accepted is stored, and goes on with it")
+            stored = "it has stored the tasks that it accepted, and continues with them"
+            raise OutcomeUnknown(f"{gone}; {stored}")
         self._note("the task server is back")
 
     async def _nobody(self, lost: TaskRpcError | None) -> ServiceUnavailable:

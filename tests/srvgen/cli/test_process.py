@@ -136,7 +136,7 @@ def test_a_closed_stderr_keeps_the_status_of_a_mistake(command, status):
 
 
 def test_closed_stdin_gives_an_error_where_it_is_read():
-    message = "expected text on standard input, which is closed\n"
+    message = "expected text on standard input, but it is closed\n"
     assert in_shell("taskrpc.cli.call /x --stdin", "<&-") == (2, message)
     assert in_shell("taskrpc join -", "<&-") == (2, message)
     assert in_shell("taskrpc interface show -", "<&-") == (2, message)

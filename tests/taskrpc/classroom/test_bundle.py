@@ -158,4 +158,4 @@ def test_the_command_says_how_large_the_folder_is(tmp_path, monkeypatch, capsys)
 
 def test_a_class_says_how_laptops_get_taskrpc(capsys):
     assert main(["classroom", "--address", "192.0.2.7"]) == 0
-    assert "laptops without taskrpc: taskrpc classroom bundle DIR\n" in capsys.readouterr().err
+    assert "for laptops without taskrpc: taskrpc classroom bundle DIR\n" in capsys.readouterr().err

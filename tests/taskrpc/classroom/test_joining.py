@@ -201,7 +201,7 @@ def test_nobody_there_is_told_with_what_to_do(made):
     lost = Invitation((place,), made.fingerprint, TOKEN, "/ada", 0, 0)
     with pytest.raises(taskrpc.ServiceUnavailable, match=r"cannot be reached: .*refused") as caught:
         find_lab(lost)
-    assert caught.value.__notes__ == [f"`taskrpc doctor {place}` tells what stands in the way"]
+    assert caught.value.__notes__ == [f"`taskrpc doctor {place}` finds out why"]
 
 
 def test_something_else_at_the_address_is_told(made):

@@ -63,7 +63,7 @@ def test_stop_ends_the_only_program(own_server, run):
 
 def test_stop_all_and_then_nobody_is_left(own_server, run):
     assert run("stop", "--all")[0] == 0
-    assert run("stop", "--all") == (0, "no taskrpc program runs\n", "")
+    assert run("stop", "--all") == (0, "no taskrpc program is running\n", "")
 
 
 def test_stop_of_a_stranger_ends_nobody(server, run):
@@ -115,7 +115,7 @@ def test_a_program_that_still_answers_calls_is_told_from_one_that_is_stuck(
         time.sleep(0.2)  # for the request to arrive
         code, _, err = run("stop", "slow")
         assert code == 1
-        assert f"hint: slow.py (pid {slow.pid}) answers the calls that it has begun, then" in err
+        assert f"hint: slow.py (pid {slow.pid}) still answers calls and then" in err
         code, out, _ = run("ps")
         assert out.splitlines()[1].endswith("  - (ending)")
         (facts,) = json.loads(run("ps", "--json")[1])

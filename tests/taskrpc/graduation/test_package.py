@@ -39,7 +39,7 @@ def packages(tmp_path, monkeypatch, capsys):
     def findings():
         code = main(["graduate", "ws/src"])
         lines = capsys.readouterr().out.splitlines()
-        assert code == (lines != ["nothing found that a real ROS 2 would do differently"])
+        assert code == (lines != ["found nothing that a real ROS 2 would do differently"])
         return lines
 
     findings.folder = tmp_path / "ws" / "src"
@@ -47,7 +47,7 @@ def packages(tmp_path, monkeypatch, capsys):
 
 
 def test_created_and_exported_packages_have_no_findings(packages):
-    assert packages() == ["nothing found that a real ROS 2 would do differently"]
+    assert packages() == ["found nothing that a real ROS 2 would do differently"]
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_scripts_and_folders_that_cmake_installs_have_no_findings(packages):
         "install(DIRECTORY config DESTINATION x)",
     ):
         (things / "CMakeLists.txt").write_text(f"{text}{line}\n")
-        assert packages() == ["nothing found that a real ROS 2 would do differently"]
+        assert packages() == ["found nothing that a real ROS 2 would do differently"]
 
 
 @pytest.mark.parametrize(
@@ -110,4 +110,4 @@ def test_folder_for_executables_may_be_set_in_other_ways(packages, setup_cfg, se
     adder = packages.folder / "adder"
     (adder / "setup.cfg").write_text(setup_cfg)
     (adder / "setup.py").write_text((adder / "setup.py").read_text() + setup_py)
-    assert packages() == ["nothing found that a real ROS 2 would do differently"]
+    assert packages() == ["found nothing that a real ROS 2 would do differently"]

@@ -83,7 +83,7 @@ def test_nobody_listens(examine):
     with socket.create_server(("127.0.0.1", 0)) as unused:
         port = unused.getsockname()[1]
     text, advice = only_problem(examine(f"127.0.0.1:{port}"))
-    assert text == f"nobody listens at 127.0.0.1 port {port}"
+    assert text == f"no program listens at 127.0.0.1 port {port}"
     assert f"--listen HOST:{port}" in advice
 
 
@@ -93,7 +93,7 @@ def test_something_else_listens(examine):
         host, port = sock.getsockname()
         text, advice = only_problem(examine(f"{host}:{port}"))
     assert text.startswith(f"{host}:{port}: ")
-    assert "something else than taskrpc" in advice
+    assert "another program than taskrpc" in advice
 
 
 def _answer_as_a_web_server(sock: socket.socket) -> None:
@@ -110,7 +110,7 @@ def test_a_name_that_nobody_knows(examine, monkeypatch):
 
     monkeypatch.setattr("socket.getaddrinfo", unknown)
     text, advice = only_problem(examine("robot.invalid:7450"))
-    assert text == "the name robot.invalid is not known: Name or service not known"
+    assert text == "the name robot.invalid is unknown: Name or service not known"
     assert "spelling" in advice
 
 
@@ -145,7 +145,7 @@ def test_a_runtime_folder_that_cannot_be(examine, monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_RUNTIME_DIR", str(file))
     code, found = examine()
     assert code == 1
-    assert "the folder where programs find each other" in found[0][1]
+    assert "the folder in which programs find each other" in found[0][1]
     assert "XDG_RUNTIME_DIR" in found[0][2]
 
 
@@ -193,7 +193,7 @@ def test_a_server_that_ctrl_z_stopped_is_named_with_how_it_goes_on(
 def test_the_profile_of_keepalive_is_noted_and_a_wrong_one_is_a_problem(examine, monkeypatch):
     monkeypatch.setenv("TASKRPC_KEEPALIVE", "robot")
     code, found = examine()
-    note = "TASKRPC_KEEPALIVE is set: dead machines are given up after 2 s"
+    note = "TASKRPC_KEEPALIVE is set: silent machines count as lost after 2 s"
     assert (code, found[0]) == (0, ("note", note, ""))
     monkeypatch.setenv("TASKRPC_KEEPALIVE", "fast")
     code, ((_, text, advice), *_) = examine()

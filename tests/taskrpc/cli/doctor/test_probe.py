@@ -100,7 +100,10 @@ def authority(tmp_path):
 def test_a_certificate_of_an_unknown_authority(diagnose, encrypted, authority):
     place = encrypted(trustme.CA(), "127.0.0.1")
     text, advice = diagnose(place, "--tls-ca", authority.file)
-    assert text == f"the certificate of {place} was signed by nobody who is trusted here"
+    assert (
+        text
+        == f"the certificate of {place} was signed by an authority that this machine does not trust"
+    )
     assert "--tls-ca" in advice
 
 
@@ -116,19 +119,19 @@ def test_a_certificate_of_another_name(diagnose, encrypted, authority):
     place = encrypted(authority, "robot.example")
     text, advice = diagnose(place, "--tls-ca", authority.file)
     assert text == f"the certificate of {place} is not for 127.0.0.1"
-    assert "a name or address that its certificate has" in advice
+    assert "a name or an address that the certificate contains" in advice
 
 
 def test_an_encrypted_server_when_nothing_is_known_of_it(diagnose, encrypted, authority):
     place = encrypted(authority, "127.0.0.1")
     text, advice = diagnose(place)
-    assert text == f"{place} takes encrypted connections only"
+    assert text == f"{place} accepts only encrypted connections"
     assert "taskrpc join" in advice
 
 
 def test_a_plain_server_when_an_encrypted_one_is_expected(diagnose, session_server, authority):
     text, advice = diagnose(session_server.address, "--tls-ca", authority.file)
-    assert text.startswith(f"{session_server.address} takes no encrypted connections")
+    assert text.startswith(f"{session_server.address} accepts no encrypted connections")
     assert "taskrpc classroom --serve" in advice
 
 
@@ -139,7 +142,7 @@ def test_a_lab_that_shows_another_certificate_than_when_it_was_joined(
     before = authority.issue_cert("127.0.0.1").cert_chain_pems[0].bytes().decode()
     lab.remember_lab(lab.Lab(place=place, token="ada.secret", certificate=before))
     text, advice = diagnose(place)
-    assert text == f"{place} shows another certificate than when this laptop joined"
+    assert text == f"{place} has another certificate than when this laptop joined"
     assert "new string" in advice
 
 
@@ -215,9 +218,9 @@ def in_a_network_of_its_own(tmp_path_factory):
 @pytest.mark.parametrize(
     ("index", "what", "to_do"),
     [
-        (0, "this machine has no way to the network of 10.6.0.1: ", "join the network"),
+        (0, "this machine has no route to the network of 10.6.0.1: ", "connect to the network"),
         (1, "a firewall of this machine or a router forbids 10.7.0.1: ", "allow TCP port 1"),
-        (2, "no machine at 10.8.0.1 shows itself: ", "the lecturer's hotspot"),
+        (2, "no machine answers at 10.8.0.1: ", "the lecturer's hotspot"),
     ],
 )
 def test_how_a_network_fails_says_what_to_do(in_a_network_of_its_own, index, what, to_do):

@@ -74,14 +74,14 @@ def test_a_path_without_a_socket(path, capsys):
 def test_a_file_that_is_no_socket(path, capsys):
     path.write_text("precious")
     (((text, _),), _) = diagnose(f"unix:{path}", capsys)
-    assert text == f"{path} is no socket"
+    assert text == f"{path} is not a socket"
 
 
 def test_a_server_that_died(path, capsys):
     with socket.socket(socket.AF_UNIX) as dead:
         dead.bind(str(path))
     (((text, advice),), _) = diagnose(f"unix:{path}", capsys)
-    assert text == f"nobody listens at {path}: the server that made it has died"
+    assert text == f"no program listens at {path}: the server that created it has ended"
     assert advice == f"start it again with --listen unix:{path}"
 
 
@@ -100,7 +100,7 @@ def test_something_else_that_listens_there(path, capsys):
         (((text, advice),), _) = diagnose(f"unix:{path}", capsys)
         sock.shutdown(socket.SHUT_RDWR)
     assert text.startswith(f"unix:{path}: the connection was lost")
-    assert advice == "something else than taskrpc listens there"
+    assert advice == "another program than taskrpc listens there"
 
 
 @pytest.mark.parametrize("place", ["socket", "folder"])
@@ -124,10 +124,12 @@ async def test_what_is_another_users(path, monkeypatch, place):
         monkeypatch.undo()
     assert found.state == "problem"
     wanted = (
-        f"the socket {path} is another" if place == "socket" else f"may not look into {path.parent}"
+        f"the socket {path} belongs to another"
+        if place == "socket"
+        else f"have no access to {path.parent}"
     )
     assert wanted in found.text
-    assert "its own user" in found.advice
+    assert "the same user" in found.advice
 
 
 def test_a_server_that_takes_no_socket_connection(path, monkeypatch):
@@ -138,7 +140,7 @@ def test_a_server_that_takes_no_socket_connection(path, monkeypatch):
         sock.bind(str(path))
         monkeypatch.setattr(asyncio, "open_unix_connection", hang)
         found = asyncio.run(probe.reach_socket(f"unix:{path}", 0.01))
-    assert found.text == f"the server at {path} took no connection within 0.01 s"
+    assert found.text == f"the server at {path} accepted no connection within 0.01 s"
 
 
 def test_unix_alone_names_no_server(capsys):

@@ -101,7 +101,7 @@ def hint_for(cls, argv: list[str]) -> str:
 
 @pytest.mark.parametrize("typed", ["'{a: 2, b: 3}'", "'{a:2}'", "'{}'", "'a: 1'"])
 def test_single_quotes_in_cmd_are_named_as_the_cause(typed):
-    assert "cmd does not know single quotes" in hint_for(ADD, cmd(typed))
+    assert "cmd does not support single quotes" in hint_for(ADD, cmd(typed))
 
 
 def test_powershell_51_keeps_json_keys_usable_but_not_values_with_spaces_or_commas():

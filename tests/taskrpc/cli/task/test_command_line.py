@@ -260,7 +260,9 @@ async def test_whoever_stops_waiting_is_told_that_the_task_goes_on(lab, capsys):
     waiting.cancel()
     with pytest.raises(asyncio.CancelledError):
         await waiting
-    assert capsys.readouterr().err.endswith("task 1 goes on; to cancel it: taskrpc task cancel 1\n")
+    assert capsys.readouterr().err.endswith(
+        "task 1 continues; to cancel it: taskrpc task cancel 1\n"
+    )
     await asyncio.sleep(20)
     await task("show", 1)
     assert "  state:     SUCCEEDED" in capsys.readouterr().out.splitlines()
@@ -275,7 +277,7 @@ async def test_waiting_survives_a_server_that_restarts_and_tells_the_interruptio
     assert await waiting == Exit.ERROR
     printed = capsys.readouterr()
     assert "INTERRUPTED  the server ended while it ran" in printed.out
-    assert "the task server is gone; waiting for it to come back...\n" in printed.err
+    assert "the task server has ended; waiting for its next start...\n" in printed.err
 
 
 async def test_waiting_ends_when_the_server_does_not_come_back_in_time(lab):
@@ -308,7 +310,7 @@ async def test_a_watcher_sees_each_state_once_and_survives_a_restart(lab, capsys
     assert states[-1] == "INTERRUPTED"
     assert told[-1] == "the queue is paused"
     assert printed.err.splitlines() == [
-        "the task server is gone; waiting for it to come back...",
+        "the task server has ended; waiting for its next start...",
         "the task server is back",
     ]
 
