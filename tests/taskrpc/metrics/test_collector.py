@@ -1,4 +1,4 @@
-"""Metrics count each call once, by service and outcome, and say what a program has to do."""
+"""Metrics count each call once, by service and status code, and the current load."""
 
 import asyncio
 import time
@@ -70,7 +70,7 @@ async def test_times_are_those_of_the_server_and_of_the_client(lab):
     assert theirs["_sum//work"] >= times["_sum//work"]
 
 
-async def test_what_runs_and_what_waits_is_told(lab):
+async def test_running_and_waiting_calls_are_counted(lab):
     gate = Gate()
     client = lab.offer(gate)
     calls = [client.call_async(ask()) for _ in range(5)]
@@ -130,7 +130,7 @@ async def test_retries_are_counted_and_do_not_fall_with_their_node(lab):
         await lab.client.destroy()
 
 
-async def test_a_family_of_ones_own_is_told_too(lab):
+async def test_added_family_is_included(lab):
     lab.metrics.add(lambda: [Family("battery", Kind.GAUGE, "How full.", [Sample(0.5)])])
     assert values(lab.metrics.text(), "battery") == {"": 0.5}
 
@@ -148,7 +148,7 @@ async def test_a_loop_that_is_held_up_is_late():
     assert metrics._loop_lateness._timer is None
 
 
-async def test_an_exactly_once_service_tells_what_it_knew_of_its_requests(lab):
+async def test_exactly_once_requests_are_counted_by_what_was_known(lab):
     gate = Gate()
     client = lab.offer(gate, exactly_once=taskrpc.MemoryCompletions())
     first = client.call_async(ask(1), request_id="one")

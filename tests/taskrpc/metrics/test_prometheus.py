@@ -1,4 +1,4 @@
-"""What is rendered is Prometheus' text format, whatever stands in labels and helps."""
+"""The rendered text is valid in Prometheus' format for every label and help text."""
 
 import math
 
@@ -71,7 +71,7 @@ def test_prometheus_own_reader_agrees(label, value):
 
 @settings(max_examples=60)
 @given(st.lists(st.floats(0, 100)))
-def test_each_bucket_counts_what_is_at_most_its_bound(seconds):
+def test_each_bucket_counts_values_up_to_its_bound(seconds):
     times = Histogram([0.5, 1, 50])
     for each in seconds:
         times.observe(each)
@@ -95,7 +95,7 @@ def test_a_label_of_prometheus_own_is_refused():
         render([Family("x", Kind.GAUGE, "What.", [Sample(1, {"__name__": "a"})])])
 
 
-def test_a_family_that_comes_twice_is_refused():
+def test_duplicate_family_is_refused():
     with pytest.raises(ValueError, match="two families have the name x"):
         render([Family("x", Kind.GAUGE, "What.", [Sample(1)])] * 2)
 

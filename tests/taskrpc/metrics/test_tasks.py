@@ -26,7 +26,7 @@ def states(manager, name="taskrpc_tasks"):
     return {state: count for state, count in told.items() if count}
 
 
-async def test_the_queue_is_told_by_priority(manager):
+async def test_queued_tasks_are_counted_by_priority(manager):
     await manager.pause()
     for priority in (1, 8, 8):
         await manager.submit("move", "3", priority)

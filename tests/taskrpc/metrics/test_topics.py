@@ -1,4 +1,4 @@
-"""Metrics tell what became of messages, also of publishers and nodes that are gone."""
+"""Metrics count messages, also of publishers and nodes that have ended."""
 
 import asyncio
 

@@ -1,4 +1,4 @@
-"""The simulated robot does exactly what it planned, and halts where it is told to."""
+"""The simulated robot does exactly what it planned, and halts on command."""
 
 import asyncio
 import json
@@ -125,7 +125,7 @@ async def test_a_pause_halts_and_a_resume_accelerates_again():
     assert result["distance"] == pytest.approx(math.dist(WORLD.dock, WORLD.places["central"]))
 
 
-async def test_a_pause_during_the_work_keeps_what_is_done():
+async def test_pause_during_the_work_keeps_its_progress():
     robot = KinematicRobot(WORLD)
     running = await started(robot, "scan", "dock")
     await asyncio.sleep(1.0)
@@ -148,7 +148,7 @@ async def test_a_pause_holds_the_next_task_until_resume():
     assert asyncio.get_running_loop().time() == pytest.approx(11.0)
 
 
-async def test_pausing_twice_and_resuming_twice_is_as_good_as_once():
+async def test_second_pause_and_second_resume_change_nothing():
     robot = KinematicRobot(WORLD)
     running = await started(robot, "report", "dock")
     for change in (robot.resume, robot.pause, robot.pause, robot.resume, robot.resume):
@@ -242,7 +242,7 @@ async def test_progress_does_not_fall_when_a_pause_makes_the_task_longer():
     assert seen == sorted(seen)
 
 
-async def test_a_move_to_ones_own_place_takes_no_time():
+async def test_move_to_own_position_takes_no_time():
     robot = KinematicRobot(WORLD)
     assert robot.plan("move", "1,1", robot.pose()).seconds == 0.0
     assert (await robot.execute("move", "dock", ignore))["distance"] == 0.0
@@ -309,7 +309,7 @@ async def test_a_stop_at_the_very_instant_of_the_end_is_a_stop():
     await robot.execute("report", "dock", ignore)
 
 
-def test_a_robot_goes_on_under_another_event_loop():
+def test_robot_works_on_another_event_loop():
     robot = KinematicRobot(WORLD)
     levels = []
 
@@ -328,7 +328,7 @@ def test_a_robot_goes_on_under_another_event_loop():
 # -- results -------------------------------------------------------------------------------------
 
 
-async def test_results_are_json_and_tell_what_the_lecture_asks_for():
+async def test_results_are_json_with_the_fields_of_the_lecture():
     robot = KinematicRobot(WORLD)
     move = await robot.execute("move", "central", ignore)
     scan = await robot.execute("scan", "area_a", ignore)
@@ -397,7 +397,7 @@ async def test_a_task_type_that_it_does_not_know_is_refused():
         await KinematicRobot(WORLD).execute("fly", "dock", ignore)
 
 
-async def test_a_second_task_at_the_same_time_is_refused_and_the_first_goes_on():
+async def test_second_simultaneous_task_is_refused_and_the_first_continues():
     robot = KinematicRobot(WORLD)
     running = await started(robot)
     with pytest.raises(RuntimeError, match="one task at a time"):
@@ -437,7 +437,7 @@ def test_an_idle_robot_answers_without_an_event_loop():
 
 
 @pytest.mark.real_time
-async def test_on_the_machines_clock_a_queue_takes_what_was_planned():
+async def test_queue_takes_the_planned_time_on_the_real_clock():
     robot = KinematicRobot(WORLD, speed=100.0)
     loop = asyncio.get_running_loop()
     planned, pose, began = 0.0, robot.pose(), loop.time()

@@ -33,7 +33,7 @@ def integrated(length, speed, acceleration, steps=4000):
 
 
 @given(lengths, rates, rates)
-def test_a_trapezoid_is_what_bang_bang_control_would_drive(length, speed, acceleration):
+def test_trapezoid_agrees_with_bang_bang_control(length, speed, acceleration):
     profile, dt, track = integrated(length, speed, acceleration, steps=400)
     for step in range(0, 401, 20):
         assert profile.at(step * dt) == pytest.approx(track[step], abs=0.02 * length)
@@ -147,7 +147,7 @@ def test_a_motion_cut_anywhere_still_ends_at_the_same_point(start, waypoints, sh
 
 
 @given(poses)
-def test_a_motion_to_ones_own_place_takes_no_time_and_keeps_the_heading(pose):
+def test_motion_to_own_position_takes_no_time_and_keeps_the_heading(pose):
     motion = Motion(pose, [(pose.x, pose.y)], LIMITS)
     assert (motion.duration, motion.distance, motion.end) == (0.0, 0.0, pose)
     assert motion.pose_at(0.0) == pose

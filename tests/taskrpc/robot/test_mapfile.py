@@ -1,4 +1,4 @@
-"""A map is read as it is written, and each mistake in one is shown at its line."""
+"""A map is read as written, and each error shows its line."""
 
 import errno
 import os
@@ -325,7 +325,7 @@ def test_the_default_map_is_a_file_of_the_package():
 
 
 @pytest.mark.real_time
-def test_a_robot_of_ones_own_needs_no_yaml():
+def test_own_robot_class_needs_no_yaml():
     code = "import sys, taskrpc.robot; sys.exit('yaml' in sys.modules)"
     folder = Path(taskrpc.robot.__file__).parents[2]
     assert subprocess.run([sys.executable, "-c", code], cwd=folder, check=False).returncode == 0
@@ -344,6 +344,6 @@ def test_a_robot_of_ones_own_needs_no_yaml():
         ),
     ],
 )
-def test_wrong_indentation_is_named(text, message):
+def test_error_names_wrong_indentation(text, message):
     with pytest.raises(MapError, match=message):
         parse_map(text)

@@ -1,4 +1,4 @@
-"""Ways are legal and the shortest, a scan sees what is there, a wrong target is explained."""
+"""Paths are valid and shortest, a scan sees the obstacles, an error explains a wrong target."""
 
 import heapq
 import math
@@ -232,7 +232,7 @@ def seen_by_marching(boxes, origin, angle, max_range, step=0.005):
 
 @settings(max_examples=40)
 @given(st.lists(rectangles, max_size=4), points, st.floats(-3, 3), st.floats(1.0, 12.0))
-def test_a_scan_sees_what_walking_along_each_ray_would_meet(boxes, origin, theta, max_range):
+def test_scan_agrees_with_stepping_along_each_ray(boxes, origin, theta, max_range):
     world = world_of(boxes)
     assume(world.is_free(origin))
     angles = [k * math.tau / 12 for k in range(12)]
@@ -323,7 +323,7 @@ def test_a_target_is_a_place_or_two_numbers(target, point):
         ),
     ],
 )
-def test_a_wrong_target_is_answered_with_what_is_allowed(target, message):
+def test_error_of_a_wrong_target_names_the_allowed_targets(target, message):
     with pytest.raises(TargetError) as caught:
         WORLD.resolve(target)
     assert str(caught.value) == message
@@ -341,6 +341,6 @@ def test_any_text_is_a_target_or_a_target_error(text):
 @pytest.mark.parametrize(
     "target", ["nan,1", "inf,1", "1;2", "1,2,3", "1", "٣,1", "1_0,1", "1e999,1"]
 )
-def test_what_only_looks_like_numbers_is_refused(target):
+def test_texts_that_resemble_numbers_are_refused(target):
     with pytest.raises(TargetError):
         WORLD.resolve(target)

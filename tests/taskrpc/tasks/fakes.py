@@ -1,4 +1,4 @@
-"""A robot on a line, with knobs for what a robot may do wrong, and a store that fails."""
+"""A robot on a line with switchable faults, and a store that fails."""
 
 import asyncio
 

@@ -1,4 +1,4 @@
-"""What the task server answers, and what a new server makes of the old one's tasks."""
+"""Responses of the task manager, and how a new server resumes the tasks of an earlier one."""
 
 import asyncio
 
@@ -64,7 +64,7 @@ async def test_settling_is_counted_in_the_robots_seconds():
         ("x" * 99, "1", 5, f"Invalid task: {'x' * 59}… (expected move, scan or report)"),
     ],
 )
-async def test_a_refusal_says_what_is_allowed_and_uses_no_number_up(
+async def test_refusal_names_the_allowed_values_and_uses_no_id(
     manager, task_type, target, priority, message
 ):
     refused = await manager.submit(task_type, target, priority)
@@ -134,7 +134,7 @@ async def test_a_cancelled_task_runs_again_under_its_number_behind_its_equals(ma
     )
 
 
-async def test_only_what_waits_or_was_interrupted_is_dropped(manager):
+async def test_only_queued_or_interrupted_tasks_can_be_dropped(manager):
     await submit(manager, ("50", 5), ("1", 5))
     await asyncio.sleep(5)
     assert (await manager.drop(2)).message == "Task 2 was cancelled"
@@ -149,7 +149,7 @@ async def store(request, tmp_path):
     await store.close()
 
 
-async def test_a_new_server_goes_on_in_the_same_order_and_asks_about_what_ran(store):
+async def test_new_server_keeps_the_order_and_reports_interrupted_tasks(store):
     old = TaskManager(LineRobot(), store)
     await old.start()
     await submit(old, ("50", 5), ("1", 3), ("2", 9), ("3", 3))
@@ -173,7 +173,7 @@ async def test_a_new_server_goes_on_in_the_same_order_and_asks_about_what_ran(st
     await new.close()
 
 
-async def test_an_interrupted_task_goes_on_before_its_later_equals_or_waits_behind_them(store):
+async def test_interrupted_task_resumes_before_or_requeues_behind_its_later_equals(store):
     old = TaskManager(LineRobot(), store)
     await old.start()
     await submit(old, ("50", 5), ("1", 5), ("2", 5))
@@ -217,7 +217,7 @@ async def test_a_queue_that_was_halted_stands_still_after_a_restart(store, order
 
 
 @pytest.mark.parametrize("begun", [TaskState.RUNNING, TaskState.PAUSED, TaskState.CANCELING])
-async def test_what_had_begun_when_the_server_was_killed_is_interrupted(begun):
+async def test_task_that_ran_when_the_server_was_killed_is_interrupted(begun):
     store = MemoryStore()
     old = TaskManager(LineRobot(), store)
     await old.start()
@@ -240,7 +240,7 @@ async def test_what_had_begun_when_the_server_was_killed_is_interrupted(begun):
     await old.close()
 
 
-async def test_a_promise_survives_a_restart_and_names_it():
+async def test_accepted_estimate_survives_a_restart_that_is_named_as_cause():
     wall = 1000.0
     store = MemoryStore()
     old = TaskManager(LineRobot(), store, TaskSettings(wall_clock=lambda: wall))
@@ -261,7 +261,7 @@ async def test_a_promise_survives_a_restart_and_names_it():
 
 
 async def test_resumed_tasks_do_not_delay_one_another():
-    """Each promise is moved by the restart alone, whatever the order of the priorities."""
+    """Only the restart changes the estimates, for every order of the priorities."""
     wall = 1000.0
     store = MemoryStore()
     old = TaskManager(LineRobot(speed=4.0), store, TaskSettings(wall_clock=lambda: wall))
@@ -309,7 +309,7 @@ async def test_resumed_tasks_do_not_delay_one_another():
         ),
     ],
 )
-def test_what_was_resumed_is_one_sentence(resumed, text):
+def test_resumed_tasks_are_described_in_one_sentence(resumed, text):
     assert str(resumed) == text
 
 
@@ -361,7 +361,7 @@ class Refusing(MemoryStore):
         await super().apply(*arguments, **options)
 
 
-async def test_what_was_refused_does_not_come_to_light_when_it_is_moved_meanwhile():
+async def test_unstored_task_does_not_reappear_when_it_is_moved_meanwhile():
     store = Refusing(1)
     manager = TaskManager(LineRobot(), store)
     await manager.start()
@@ -387,7 +387,7 @@ async def in_the_end(*arguments, **options):
 
 
 @pytest.mark.parametrize(("apply", "error"), [(at_once, StoreError), (in_the_end, KeyError)])
-async def test_whatever_a_store_fails_with_the_queue_stays_as_it_is_stored(apply, error):
+async def test_queue_stays_as_stored_after_any_store_error(apply, error):
     store = MemoryStore()
     manager = TaskManager(LineRobot(), store)
     await manager.start()
@@ -410,7 +410,7 @@ async def test_whatever_a_store_fails_with_the_queue_stays_as_it_is_stored(apply
     await manager.close()
 
 
-async def test_what_was_interrupted_stays_so_when_neither_its_requeue_nor_its_drop_is_stored():
+async def test_interrupted_task_stays_interrupted_when_requeue_and_drop_are_not_stored():
     store = MemoryStore()
     first = TaskManager(LineRobot(), store, TaskSettings(settle=0))
     await first.start()
@@ -434,7 +434,7 @@ async def test_what_was_interrupted_stays_so_when_neither_its_requeue_nor_its_dr
 
 
 @pytest.mark.parametrize(("order", "state"), [("requeue", "CANCELED"), ("cancel", "QUEUED")])
-async def test_what_nobody_waits_for_any_more_is_undone_when_it_cannot_be_stored(order, state):
+async def test_change_of_a_cancelled_caller_is_undone_when_not_stored(order, state):
     robot, store = LineRobot(), Refusing(3 if order == "requeue" else 2)
     manager = TaskManager(robot, store, TaskSettings(settle=0))
     await manager.start()
@@ -495,7 +495,7 @@ async def test_task_that_was_dropped_is_dropped_already(manager):
     )
 
 
-async def test_restart_that_takes_no_time_moves_no_promise():
+async def test_instant_restart_changes_no_estimate():
     store = MemoryStore()
     old = TaskManager(LineRobot(), store, TaskSettings(wall_clock=lambda: 1000.0))
     await old.start()

@@ -1,4 +1,4 @@
-"""No account fills the queue: each has a share, and the order of run stays what it was."""
+"""No account fills the queue: each has a share, and the order of execution stays the same."""
 
 import pytest
 
@@ -48,7 +48,7 @@ async def test_a_task_that_leaves_the_queue_frees_its_place(manager):
     assert not (await submit(manager, "ada")).success
 
 
-async def test_priority_and_arrival_decide_alone_who_is_next(manager):
+async def test_only_priority_and_arrival_decide_the_next_task(manager):
     low = await submit(manager, "ada", 1)
     first = await submit(manager, "bob", 5)
     second = await submit(manager, "ada", 5)

@@ -1,4 +1,4 @@
-"""A task moves between its states only as the table says."""
+"""A task changes its state only as the table allows."""
 
 import itertools
 
@@ -46,13 +46,13 @@ def test_higher_priority_runs_first_then_earlier_arrival():
     assert [(task.priority, task.arrival) for task in in_order] == [(9, 3), (5, 1), (5, 2), (1, 0)]
 
 
-def test_a_task_that_is_queued_once_more_forgets_its_first_run():
+def test_requeued_task_forgets_its_first_execution():
     failed = make().started(11.0).ended(TaskState.FAILED, 12.0, message="wheel lost")
     assert (failed.started_at, failed.ended_at, failed.message) == (11.0, 12.0, "wheel lost")
     assert failed.requeued(20.0, arrival=9) == make(submitted_at=20.0, arrival=9)
 
 
-def test_success_is_whole_progress_and_a_cancelled_task_keeps_what_it_had():
+def test_success_sets_full_progress_and_cancel_keeps_progress():
     running = msgspec.structs.replace(make().started(11.0), progress=0.4)
     assert running.ended(TaskState.SUCCEEDED, 12.0, result="{}").progress == 1.0
     assert running.ended(TaskState.CANCELED, 12.0).progress == 0.4

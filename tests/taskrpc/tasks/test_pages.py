@@ -1,4 +1,4 @@
-"""Pages together are the list, also when the queue moves on between them."""
+"""The pages together are the whole list, also while the queue changes between them."""
 
 import asyncio
 
@@ -52,7 +52,7 @@ async def test_pages_of_any_size_join_to_the_same_list(manager, limit):
     assert pages(manager, limit, ended=True) == whole
 
 
-async def test_what_has_ended_is_listed_only_on_request_and_newest_first(manager):
+async def test_ended_tasks_are_listed_on_request_newest_first(manager):
     await manager.pause()
     await fill(manager, 6)
     for number in (4, 2, 6):
@@ -62,7 +62,7 @@ async def test_what_has_ended_is_listed_only_on_request_and_newest_first(manager
     assert [row.task.task_id for row in rows] == [5, 3, 1, 6, 2, 4]
 
 
-async def test_a_list_of_what_has_ended_alone_begins_with_it(manager):
+async def test_list_of_ended_tasks_only_begins_with_the_newest(manager):
     await manager.pause()
     await fill(manager, 2)
     for number in (1, 2):
@@ -70,7 +70,7 @@ async def test_a_list_of_what_has_ended_alone_begins_with_it(manager):
     assert [row.task.task_id for row in pages(manager, 1, ended=True)] == [2, 1]
 
 
-async def test_nothing_is_doubled_or_lost_while_tasks_come_and_go(manager):
+async def test_no_task_is_doubled_or_lost_while_the_queue_changes(manager):
     await manager.pause()
     await fill(manager, 40)
     listed = {row.task.task_id for row in page(manager, "").rows}
@@ -95,6 +95,6 @@ async def test_a_page_is_never_longer_than_the_server_likes(manager):
 
 
 @pytest.mark.parametrize("cursor", ["x", "w5", "w-5:x", "e1:", "w-5:1 ", "e1.5:2;drop", "w" * 999])
-async def test_an_invented_cursor_is_refused_in_one_sentence(manager, cursor):
+async def test_invalid_cursor_is_refused_in_one_sentence(manager, cursor):
     with pytest.raises(ValueError, match="page: expected `next_page` of an earlier response, got"):
         page(manager, cursor)

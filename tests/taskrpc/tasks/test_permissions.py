@@ -1,4 +1,4 @@
-"""Students look, submit and call off their own tasks; who operates the robot does the rest."""
+"""Students read, submit and cancel their own tasks; operators may do everything."""
 
 import asyncio
 
@@ -73,13 +73,13 @@ async def test_each_service_asks_for_its_role(people, type_name):
             assert answer.endswith(f" needs the role {needed}; the account {name} has {name}")
 
 
-async def test_who_may_only_look_submits_nothing(people):
+async def test_observers_cannot_submit(people):
     answer = await outcome(people["observe"].submit("move", "3", 5))
     assert answer == "/robot_task needs the role submit; the account observe has observe"
 
 
 @pytest.mark.parametrize("verb", ["CancelTask", "DropTask"])
-async def test_ones_own_task_is_ones_own_and_operators_touch_all(people, verb):
+async def test_submitters_change_their_own_tasks_and_operators_all(people, verb):
     for task_id, (who, allowed) in enumerate(
         [("submit", True), ("other", False), ("observe", False), ("operate", True)], 1
     ):
@@ -93,7 +93,7 @@ async def test_ones_own_task_is_ones_own_and_operators_touch_all(people, verb):
             )
 
 
-async def test_a_task_is_its_accounts_whatever_the_node_is_called(people):
+async def test_task_belongs_to_the_account_whatever_the_node_name(people):
     await people["submit"].submit("move", "3", 5)
     shown = await people["observe"]("ShowTask", task_id=1)
     assert shown.task.client == "submit"
@@ -109,7 +109,7 @@ async def test_no_service_of_the_task_server_has_its_role_by_accident():
     assert roles == {"/robot_task": Role.SUBMIT, **below}
 
 
-async def test_who_may_only_look_is_told_of_services_definitions_and_health(people):
+async def test_observers_read_services_definitions_and_health(people):
     looking = people["observe"]._node
     services = {name for entry in await looking.graph() for name in map(_name, entry.services)}
     assert {"/robot_task", "/robot_task/health", "/robot_task/stop"} <= services
@@ -119,7 +119,7 @@ async def test_who_may_only_look_is_told_of_services_definitions_and_health(peop
     assert (await client.call(trigger.Request())).success
 
 
-async def test_a_stranger_is_told_of_nothing(people):
+async def test_unknown_callers_get_no_information(people):
     place = people["observe"]._node._transport.network.peers()[0].place
     async with taskrpc.Node("stranger", peers=[place], token="eve.eves-secret-eves-sec") as eve:
         asked = [entry for entry in await eve.graph() if not entry.pid]  # others are the registry's

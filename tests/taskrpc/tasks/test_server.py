@@ -1,4 +1,4 @@
-"""The services: their names and types, what they take and what they answer."""
+"""The services: their names and types, requests and responses."""
 
 import asyncio
 
@@ -94,7 +94,7 @@ async def test_a_refused_task_is_answered_as_in_the_lecture(client):
     )
 
 
-async def test_a_request_that_is_sent_twice_under_one_id_is_one_task(client):
+async def test_repeated_request_id_makes_one_task(client):
     first = await client.submit("move", "1", 5, request_id="once")
     again = await client.submit("move", "1", 5, request_id="once")
     other = await client.submit("move", "1", 5)
@@ -114,7 +114,7 @@ async def test_a_refusal_is_not_remembered_but_decided_anew(client, server):
     assert await client.submit("move", "1", 5, request_id="once") == accepted
 
 
-async def test_a_task_is_shown_with_its_result_its_times_and_who_asked(client):
+async def test_shown_task_has_result_times_and_client(client):
     await client.submit("move", "3", 5)
     await asyncio.sleep(10)
     response = await client("ShowTask", task_id=1)
@@ -136,7 +136,7 @@ async def test_the_changes_of_an_estimate_are_shown(client):
     assert task.estimated_time == pytest.approx(task.accepted_estimate + change.seconds)
 
 
-async def test_what_is_not_there_is_said_to_be_not_there(client):
+async def test_unknown_task_id_is_reported(client):
     for type_name in (
         "ShowTask",
         "WatchTasks",
@@ -184,7 +184,7 @@ async def test_a_watcher_of_one_task_follows_it_to_its_end(client):
     assert states == ["QUEUED", "RUNNING", "SUCCEEDED"]
 
 
-async def test_a_watcher_who_knows_nothing_is_told_to_list_afresh(client):
+async def test_watcher_without_revision_gets_an_incomplete_response(client):
     heard = await client("WatchTasks", revision=0)
     assert (heard.complete, ids(heard)) == (False, [])
 
@@ -244,7 +244,7 @@ async def test_tasks_are_steered_through_the_services(client, robot):
     assert [target for _, target in robot.log] == ["50", "3", "50"]
 
 
-async def test_a_store_that_fails_is_told_to_the_caller(client, server):
+async def test_store_failure_reaches_the_caller(client, server):
     server.manager.repository._store.is_full = True
     with pytest.raises(taskrpc.HandlerFailed, match="the disk is full"):
         await client.submit("move", "1", 5)

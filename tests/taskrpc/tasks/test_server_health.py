@@ -1,4 +1,4 @@
-"""Health says yes exactly while tasks are taken, and why not otherwise."""
+"""Health reports success exactly while the server accepts tasks, and otherwise the reason."""
 
 import asyncio
 
@@ -53,7 +53,7 @@ async def asked(node):
     return answer.success, answer.message
 
 
-async def test_a_server_at_work_is_ready_and_says_what_it_has_to_do(node, server):
+async def test_working_server_is_ready_and_describes_its_queue(node, server):
     async with server:
         assert await asked(node) == (True, "ready: no tasks in the queue")
         for target in ("3", "5", "7"):

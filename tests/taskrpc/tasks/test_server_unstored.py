@@ -1,4 +1,4 @@
-"""Callers learn that a store failed and why; where its files lie stays in the server's log."""
+"""Callers learn that a store failed and why; the paths of its files stay in the server's log."""
 
 import os
 
@@ -66,7 +66,7 @@ async def test_no_answer_names_a_file_of_the_servers(path, caplog):
     assert str(path) in caplog.text
 
 
-async def test_a_store_that_cannot_be_opened_is_told_without_its_place(path, caplog):
+async def test_error_of_an_unopened_store_hides_its_path(path, caplog):
     path.write_bytes(b"no database at all, but long enough" * 100)
     async with (
         taskrpc.Node("server", token="one") as node,

@@ -1,4 +1,4 @@
-"""The task server's topics tell what changes, to those who subscribe, and cost nothing else."""
+"""The task server's topics publish changes to subscribers, and cost nothing without them."""
 
 import asyncio
 import math
@@ -69,7 +69,7 @@ async def test_a_latecomer_learns_how_the_queue_stands(server, node):
         assert (events[0].queued, events[0].running) == (1, 1)
 
 
-async def test_what_is_old_is_not_kept_for_who_comes_when_nobody_looked(server, node):
+async def test_latched_message_is_dropped_without_subscribers(server, node):
     events = []
     first = node.create_subscription(TaskEvents, "/robot_task/events", print, LATEST)
     await asyncio.sleep(0.1)
@@ -114,7 +114,7 @@ async def test_the_pose_comes_ten_times_a_second_while_the_robot_moves(server, n
     assert len(poses) == count
 
 
-async def test_nobody_who_subscribes_means_nothing_to_do(server, node):
+async def test_topics_cost_nothing_without_subscribers(server, node):
     subscription = node.create_subscription(PoseStamped, "/robot_task/pose", print, LATEST)
     await asyncio.sleep(0.5)
     subscription.destroy()

@@ -1,4 +1,4 @@
-"""The robot does one task after another, whatever robot, disk or operator do meanwhile."""
+"""The robot executes one task after another, despite faults of robot, disk and operator."""
 
 import asyncio
 
@@ -12,7 +12,7 @@ from tests.taskrpc.tasks.fakes import FullStore, LineRobot
 
 
 class Scene:
-    """A manager with its robot and store, and what a watcher saw."""
+    """A manager with its robot and store, and the changes that a watcher saw."""
 
     def __init__(self, settle):
         self.robot, self.store = LineRobot(), FullStore()
@@ -103,7 +103,7 @@ async def test_a_running_task_is_not_interrupted_by_priority(scene):
     assert scene.robot.log == [("move", "5")]
 
 
-async def test_a_paused_task_goes_on_where_it_was(scene):
+async def test_paused_task_continues_from_its_position(scene):
     await scene.submit("10")
     await asyncio.sleep(4)
     await scene.manager.pause()
@@ -119,7 +119,7 @@ async def test_a_paused_task_goes_on_where_it_was(scene):
 
 
 @pytest.mark.parametrize("order", ["pause", "stop", "cancel"])
-async def test_whoever_halts_the_robot_is_told_that_it_halts_whatever_the_disk_says(scene, order):
+async def test_halting_succeeds_although_the_disk_refuses_it(scene, order):
     await scene.submit("10", "20")
     await asyncio.sleep(4)
     scene.store.is_full = True
@@ -226,7 +226,7 @@ async def test_stop_halts_the_robot_cancels_its_task_and_pauses_the_queue(scene)
         (RobotStopped("somebody pressed the red button"), "somebody pressed the red button"),
     ],
 )
-async def test_a_robot_that_fails_fails_one_task_and_the_worker_goes_on(scene, failure, message):
+async def test_failing_robot_fails_one_task_and_the_worker_continues(scene, failure, message):
     await scene.submit("5", "6")
     scene.robot.fail_with = failure
     await scene.until(1, TaskState.FAILED)
@@ -273,7 +273,7 @@ async def test_a_result_that_is_no_json_fails_nothing(scene, result, text):
     assert text in scene.manager.repository.find(1).result
 
 
-async def test_a_robot_that_ignores_a_cancel_is_waited_for_and_then_said_to_be_busy(scene):
+async def test_cancel_reports_a_robot_that_does_not_end_its_task(scene):
     scene.robot.ignores_cancel = True
     await scene.submit("5", "6")
     await asyncio.sleep(1)
@@ -316,7 +316,7 @@ async def test_a_full_disk_pauses_the_queue_and_loses_nothing(scene, caplog):
 
 
 @pytest.mark.parametrize("verb", ["cancel", "drop", "reprioritise"])
-async def test_what_the_disk_refuses_leaves_the_task_in_the_queue(scene, verb):
+async def test_task_stays_queued_when_its_cancel_is_not_stored(scene, verb):
     await scene.manager.pause()
     await scene.submit("5", "6", "7")
     promised = [scene.manager.estimate(number) for number in (1, 2, 3)]
@@ -409,9 +409,7 @@ def _raises_at_once(task_type, target, report):
         (_raises_at_once, "RuntimeError: no motors"),
     ],
 )
-async def test_a_robot_whose_execute_is_no_coroutine_fails_its_task_and_not_the_server(
-    scene, execute, message
-):
+async def test_plain_execute_fails_the_task_and_not_the_server(scene, execute, message):
     good = scene.robot.execute
     scene.robot.execute = execute
     first, second = await scene.submit("1", "2")
@@ -433,7 +431,7 @@ def causes(manager, task_id):
     return [change.cause for change in manager.changes(manager.repository.find(task_id))]
 
 
-async def test_promises_hold_after_a_start_that_could_not_be_stored():
+async def test_estimates_hold_after_a_begin_that_could_not_be_stored():
     scene = Scene(settle=1.0)
     await scene.watch()
     loop, ended = asyncio.get_running_loop(), {}
@@ -468,7 +466,7 @@ async def test_cancelled_run_is_the_cause_of_later_changes(scene):
 
 
 @pytest.mark.parametrize(("slowness", "text"), [(2.0, "longer"), (0.5, "less time")])
-async def test_run_that_does_not_take_the_planned_time_is_named(scene, slowness, text):
+async def test_slow_execution_is_named_as_cause(scene, slowness, text):
     await scene.submit("10", "12")
     await asyncio.sleep(2)
     scene.robot.slowness = slowness

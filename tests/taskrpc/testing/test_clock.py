@@ -1,4 +1,4 @@
-"""The virtual clock is exact, never sleeps, and says when nothing can ever happen."""
+"""The virtual clock is exact, never sleeps, and reports a wait that nothing can end."""
 
 import asyncio
 import threading
@@ -46,7 +46,7 @@ def test_waiting_for_nothing_is_an_error_instead_of_a_hang():
     loop.close()
 
 
-async def test_a_timer_is_never_early_not_even_by_what_rounding_leaves_over():
+async def test_timers_are_never_early_not_even_by_rounding():
     loop = asyncio.get_running_loop()
     await asyncio.sleep(1 / 3)
     deadline = loop.time() + 1e-10

@@ -1,4 +1,4 @@
-"""A faulty network does to connections what its seed says, and nobody else notices."""
+"""A faulty network applies its settings to its own connections and to no others."""
 
 import asyncio
 
@@ -28,7 +28,7 @@ async def test_without_settings_nothing_is_different(lab):
 
 
 @pytest.mark.parametrize("lab", [{"delay": (0.1, 0.1)}], indirect=True)
-async def test_what_is_sent_takes_its_time_both_ways(lab):
+async def test_delay_applies_in_both_directions(lab):
     _, client = lab
     await client.call(ask())
     began = asyncio.get_running_loop().time()
@@ -57,7 +57,7 @@ async def test_connections_are_cut_at_any_byte_and_made_again(lab):
 
 
 @pytest.mark.parametrize("lab", [{"refuse": 1.0}], indirect=True)
-async def test_a_refused_connection_is_told_at_once(lab):
+async def test_refused_connection_is_reported_at_once(lab):
     network, client = lab
     with pytest.raises(taskrpc.ServiceUnavailable, match="refused"):
         await client.call(ask())
@@ -65,7 +65,7 @@ async def test_a_refused_connection_is_told_at_once(lab):
 
 
 @pytest.mark.parametrize("ways", [("user", "server"), ("server", "user")])
-async def test_a_silence_one_way_is_a_death_for_who_sends_into_it(lab, ways):
+async def test_connection_with_one_silent_direction_dies_for_the_sender(lab, ways):
     network, client = lab
     await client.call(ask())
     network.partition(*ways, both=False)
@@ -75,7 +75,7 @@ async def test_a_silence_one_way_is_a_death_for_who_sends_into_it(lab, ways):
     assert 8 <= asyncio.get_running_loop().time() - began < 8.1
 
 
-async def test_what_was_held_back_arrives_once_the_network_has_healed(lab):
+async def test_held_back_bytes_arrive_after_heal(lab):
     network, client = lab
     await client.call(ask())
     network.partition("user", "server")
@@ -87,7 +87,7 @@ async def test_what_was_held_back_arrives_once_the_network_has_healed(lab):
     assert not network.happened["deaths"]
 
 
-async def test_who_dials_into_a_silence_waits_for_its_end(lab):
+async def test_connecting_through_silence_waits_for_its_end(lab):
     network, client = lab
     network.partition("user", "server")
     call = client.call_async(ask(1, 1))
@@ -116,7 +116,7 @@ async def test_connections_made_before_or_elsewhere_are_left_alone():
             assert not network.happened
 
 
-async def test_who_is_cut_off_from_a_program_that_is_killed_then_learns_of_the_cut():
+async def test_peer_of_a_killed_program_learns_of_an_earlier_cut():
     server = taskrpc.Node("server", transport="memory", listen="server")
     user = taskrpc.Node("user", transport="memory", listen="user")
     with FaultyNetwork(delay=(0.1, 0.1)) as network:

@@ -1,4 +1,4 @@
-"""What a task was promised, plus the changes that were named since, is when it was done."""
+"""The accepted estimate of a task plus its changes is the time of its end."""
 
 import asyncio
 
@@ -35,7 +35,7 @@ def until(condition):
 
 
 class StubbornStore(MemoryStore):
-    """Takes its time, and then refuses what changes one waiting task."""
+    """A slow store that refuses every change of one queued task."""
 
     stubborn = 0
 
@@ -111,7 +111,7 @@ class Witness:
 
 
 async def rehearse(robot, actions):
-    """Do the actions, let the queue run empty, and compare promises with what came."""
+    """Do the actions, execute all tasks, and compare the estimates with the ends."""
     manager = TaskManager(robot, StubbornStore(), TaskSettings(settle=0.1))
     await manager.start()
     witness = Witness(manager, robot)
@@ -137,7 +137,7 @@ def virtually(coroutine):
 @example(actions=[("submit", 0, 1), ("sleep", 0.1, None)], speed=1.0)  # resumed as its run begins
 @settings(max_examples=40)
 @given(actions=st.lists(st.one_of(submits, pauses), max_size=12), speed=st.sampled_from([1.0, 8.0]))
-def test_where_nobody_interferes_equal_tasks_are_done_when_it_was_said(actions, speed):
+def test_undisturbed_tasks_of_equal_priority_end_at_their_estimates(actions, speed):
     equal = [(name, a, 5 if name == "submit" else b) for name, a, b in actions]
     manager, witness = virtually(rehearse(LineRobot(speed=speed), equal))
     assert witness.check_succeeded() == sum(name == "submit" for name, *_ in actions)
@@ -150,10 +150,10 @@ def test_where_nobody_interferes_equal_tasks_are_done_when_it_was_said(actions, 
     speed=st.sampled_from([1.0, 8.0]),
     slowness=st.sampled_from([1.0, 1.7, 0.6]),
 )
-def test_every_second_of_delay_has_a_named_cause(actions, speed, slowness):
+def test_accepted_estimate_plus_changes_is_the_end(actions, speed, slowness):
     manager, witness = virtually(rehearse(LineRobot(speed=speed, slowness=slowness), actions))
     witness.check_succeeded()
-    assert not manager._estimated_queue._accepted, "a promise outlived its task"
+    assert not manager._estimated_queue._accepted, "an estimate outlived its task"
 
 
 @settings(max_examples=10)
@@ -165,14 +165,14 @@ def test_every_second_of_delay_has_a_named_cause(actions, speed, slowness):
         max_size=12,
     )
 )
-def test_the_same_is_true_of_the_kinematic_robot(actions):
+def test_estimates_of_the_kinematic_robot_add_up(actions):
     robot = KinematicRobot(default_world(), speed=4.0)
     robot_actions = [(name, f"{a},2" if name == "submit" else a, b) for name, a, b in actions]
     _, witness = virtually(rehearse(robot, robot_actions))
     witness.check_succeeded()
 
 
-async def test_the_causes_are_named_as_a_user_would():
+async def test_causes_of_changes_are_sentences_for_users():
     robot = LineRobot()
     manager = TaskManager(robot, MemoryStore(), TaskSettings(settle=0.5))
     await manager.start()
@@ -205,7 +205,7 @@ async def test_the_causes_are_named_as_a_user_would():
     await manager.close()
 
 
-async def test_an_estimate_that_is_asked_for_again_agrees_with_the_promise():
+async def test_current_estimate_agrees_with_accepted_estimate_and_changes():
     """What is shown at any time is the promise, plus the changes so far, less the time passed."""
     robot = LineRobot()
     manager = TaskManager(robot, MemoryStore())
@@ -246,7 +246,7 @@ async def test_so_many_changes_that_some_are_forgotten_still_add_up():
     await manager.close()
 
 
-async def test_resumed_promise_adds_up_after_changes_are_forgotten():
+async def test_resumed_estimate_adds_up_after_changes_are_forgotten():
     wall, store = 1000.0, MemoryStore()
     old = TaskManager(LineRobot(), store, TaskSettings(wall_clock=lambda: wall))
     await old.start()
@@ -277,7 +277,7 @@ async def test_resumed_promise_adds_up_after_changes_are_forgotten():
 
 
 async def test_cancel_that_is_refused_late_delays_only_its_own_task():
-    """Meanwhile a task went ahead; each promise still adds up to what is shown."""
+    """Another task went ahead meanwhile; accepted estimate and changes still add up."""
     manager = TaskManager(LineRobot(), StubbornStore())
     await manager.start()
     await manager.pause()

@@ -1,4 +1,4 @@
-"""A sum tree answers as a sorted list would, through all that is put in and taken out."""
+"""A sum tree agrees with a sorted list after every insertion and removal."""
 
 import itertools
 
@@ -56,7 +56,7 @@ def test_it_agrees_with_a_sorted_list(steps):
         check(tree, {}, 100)
 
 
-def test_what_is_not_there_is_an_error():
+def test_missing_number_raises_key_error():
     tree = SumTree()
     for number in (1, 3):
         tree.insert(number, number, 1.0)
@@ -78,7 +78,7 @@ def test_a_queue_that_moves_on_for_ever_stays_low():
     assert _nodes(tree._root) < 20
 
 
-def test_sums_do_not_remember_the_errors_of_what_has_gone():
+def test_sums_keep_no_rounding_errors_of_removed_values():
     tree = SumTree()
     tree.insert(0, "small", 0.1)
     for number in itertools.chain(range(1, 1000), range(2000, 2001)):

@@ -1,4 +1,4 @@
-"""The queue agrees with a plain sorted list about order and times, whatever is done to it."""
+"""The queue agrees with a sorted list about order and times after every operation."""
 
 import asyncio
 import gc
@@ -19,7 +19,7 @@ HOME = Pose(0.0, 0.0, 0.0)
 
 
 def journey(task, start):
-    """Drive along x to the target; the way it looks afterwards depends on where it came from."""
+    """Plan a drive along x to the target; the heading at its end depends on the start."""
     x = float(task.target)
     theta = start.theta if x == start.x else (1.0 if x > start.x else -1.0)
     turn = abs(theta - start.theta)
@@ -38,7 +38,7 @@ def make(number, priority=5, target="1"):
 
 
 def first(queue):
-    """What `get` hands out, without waiting for it."""
+    """Return the task that `get` returns, without an event loop."""
     assert len(queue) > 0
     with pytest.raises(StopIteration) as returned:
         queue.get().send(None)
@@ -55,7 +55,7 @@ def drain(queue):
 
 
 def model_walk(tasks, base):
-    """The same question answered the slow way."""
+    """Compute the schedule with a sorted list."""
     rows, seconds, pose = [], 0.0, base
     for task in sorted(tasks, key=lambda task: (-task.priority, task.arrival)):
         plan = journey(task, pose)
@@ -119,7 +119,7 @@ class QueueAgainstSortedList(RuleBasedStateMachine):
         self.shifted(lambda: self.queue.set_start_pose(self.base))
 
     def shifted(self, change):
-        """What a change says about those behind is what happens to them."""
+        """Check that the shifts of a change are the new times of the tasks behind."""
         before = {task.task_id: seconds for task, seconds in self.queue.ordered()}
         shifts = change()
         for task, seconds in self.queue.ordered():
@@ -157,7 +157,7 @@ async def test_get_waits_for_the_first_task():
     assert (await getter).task_id == 1
 
 
-async def test_get_skips_what_was_cancelled_and_finds_what_was_moved_once():
+async def test_get_skips_cancelled_tasks_and_returns_moved_tasks_once():
     queue = TaskQueue(journey, HOME)
     for number in range(1, 5):
         queue.put(make(number))
@@ -167,7 +167,7 @@ async def test_get_skips_what_was_cancelled_and_finds_what_was_moved_once():
     assert drain(queue) == [2, 3, 4]
     getter = asyncio.ensure_future(queue.get())
     await asyncio.sleep(1)
-    assert not getter.done(), "a tombstone was handed out"
+    assert not getter.done(), "get returned a tombstone"
     getter.cancel()
 
 
@@ -195,7 +195,7 @@ async def test_a_page_begins_behind_any_key_also_of_a_task_that_has_gone():
     assert behind == [task.task_id for task, _ in rows[13:]]
 
 
-async def test_a_task_cannot_wait_twice():
+async def test_queued_task_cannot_be_queued_again():
     queue = TaskQueue(journey, HOME)
     queue.put(make(1))
     with pytest.raises(ValueError, match="task 1 is queued already"):

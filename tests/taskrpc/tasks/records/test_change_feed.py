@@ -1,11 +1,11 @@
-"""A watcher learns of every change, and of nothing else."""
+"""Watchers learn of every change, and of nothing else."""
 
 import asyncio
 
 from taskrpc.tasks.records.change_feed import ChangeFeed
 
 
-async def test_what_changed_since_is_told_once_and_in_order():
+async def test_changed_tasks_are_listed_once_and_in_order():
     feed = ChangeFeed()
     start = feed.revision
     for task_id in (3, 1, 3, 2):

@@ -17,7 +17,7 @@ def make(number, **changes):
     return Task(task_id=number, submitted_at=0.0, **(fields | changes))
 
 
-async def test_a_watcher_never_sees_what_is_not_stored():
+async def test_watcher_never_sees_an_unstored_change():
     store, feed = FullStore(), ChangeFeed()
     store.delay = 3.0
     repository = TaskRepository(store, feed)
@@ -61,7 +61,7 @@ async def test_a_refused_change_is_neither_known_nor_announced():
     assert not await repository.stored(1)
 
 
-async def test_a_caller_who_gives_up_leaves_no_half_saved_task():
+async def test_cancelled_save_leaves_no_half_saved_task():
     store, feed = FullStore(), ChangeFeed()
     store.delay = 3.0
     repository = TaskRepository(store, feed)
@@ -108,7 +108,7 @@ async def test_an_interrupted_task_counts_as_ended_once_it_is_dropped():
     assert [task.task_id for task in repository.ended()] == [1, 3]
 
 
-async def test_a_task_queued_once_more_is_not_forgotten():
+async def test_requeued_task_is_not_forgotten():
     store, feed = FullStore(), ChangeFeed()
     repository = TaskRepository(store, feed, keep_ended=2)
     await repository.save(*(make(number, state=TaskState.CANCELED) for number in (1, 2)))

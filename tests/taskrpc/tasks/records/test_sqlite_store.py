@@ -1,4 +1,4 @@
-"""The file: who may use it, what is refused, and what a user is told."""
+"""The SQLite file: one server at a time, refused files, and errors for users."""
 
 import asyncio
 import os
@@ -46,7 +46,7 @@ async def refused(path):
     return str(error.value)
 
 
-async def test_another_server_finds_what_was_saved_before_a_kill(path, tmp_path):
+async def test_next_server_finds_tasks_saved_before_a_kill(path, tmp_path):
     store = SqliteStore(path)
     await store.apply([make(1), make(2)])
     survivors = tmp_path / "after"  # what a killed process leaves: the files as they are now
@@ -59,7 +59,7 @@ async def test_another_server_finds_what_was_saved_before_a_kill(path, tmp_path)
     await successor.close()
 
 
-async def test_a_second_server_on_the_file_is_told_who_has_it(path):
+async def test_second_server_gets_an_error_that_names_the_first(path):
     store = SqliteStore(path)
     await store.load()
     message = await refused(path)
@@ -133,7 +133,7 @@ DAMAGES = {
 
 
 @pytest.mark.parametrize("damage", DAMAGES)
-async def test_what_is_damaged_is_told_with_its_file_table_and_number(path, damage):
+async def test_damage_error_names_file_table_and_task(path, damage):
     statement, said = DAMAGES[damage]
     store = SqliteStore(path)
     await store.apply([make(1), make(7)], completion=completion(3))
@@ -170,7 +170,7 @@ def _overwritten(data, at, new):
 
 
 @pytest.mark.parametrize("damage", DAMAGE)
-async def test_a_file_that_is_damaged_anywhere_is_told_in_a_sentence_or_is_whole(path, damage):
+async def test_file_damaged_anywhere_gives_one_sentence_or_loads_completely(path, damage):
     store = SqliteStore(path)
     calls = (store.apply([make(each)], completion=completion(each)) for each in range(1, 200))
     await asyncio.gather(*calls)
@@ -206,7 +206,7 @@ async def test_the_rest_is_there_once_a_damaged_task_was_given_up_as_the_sentenc
 
 
 @pytest.mark.skipif(os.name == "nt", reason="rights are another matter there")
-async def test_nobody_else_can_read_any_of_the_files(path, tmp_path):
+async def test_other_users_cannot_read_the_files(path, tmp_path):
     path.touch(0o644)
     store = SqliteStore(path)
     await store.apply([make(1)])
@@ -233,7 +233,7 @@ async def test_fresh_start_accepts_a_lost_database(path):
     assert "is missing, but tasks.db.lock beside it belongs to a database" in await refused(path)
 
 
-async def test_a_folder_that_is_not_there_is_named(tmp_path):
+async def test_error_names_a_missing_folder(tmp_path):
     missing = tmp_path / "no" / "tasks.db"
     assert await refused(missing) == f"{missing}: there is no folder {missing.parent}"
 
@@ -244,7 +244,7 @@ async def test_a_folder_in_place_of_the_file_is_refused(path):
 
 
 @pytest.mark.skipif(os.name == "nt" or os.geteuid() == 0, reason="root may write anywhere")
-async def test_a_folder_without_the_right_to_write_is_named(tmp_path):
+async def test_error_names_an_unwritable_folder(tmp_path):
     tmp_path.chmod(0o500)
     try:
         assert "Permission denied" in await refused(tmp_path / "tasks.db")
@@ -314,7 +314,7 @@ async def test_a_closed_store_leaves_one_database_file_and_its_lock(path, tmp_pa
     assert sorted(entry.name for entry in tmp_path.glob("tasks*")) == ["tasks.db", "tasks.db.lock"]
 
 
-async def test_a_claim_waits_for_the_other_server_and_is_told_once_of_it(tmp_path):
+async def test_claim_waits_for_the_other_server_and_reports_it_once(tmp_path):
     first, second = SqliteStore(tmp_path / "tasks.db"), SqliteStore(tmp_path / "tasks.db")
     await first.claim()
     told = []

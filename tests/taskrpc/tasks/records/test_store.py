@@ -1,4 +1,4 @@
-"""What every store must do; each test runs over each of them."""
+"""Rules for every store; each test runs over each store."""
 
 import asyncio
 
@@ -31,7 +31,7 @@ async def test_a_new_store_is_empty_and_begins_with_number_one(store):
     assert (stored.tasks, stored.next_id) == ((), 1)
 
 
-async def test_what_was_saved_is_loaded_as_it_was(store):
+async def test_saved_tasks_are_loaded_unchanged(store):
     full = make(
         2,
         state=TaskState.FAILED,
@@ -123,7 +123,7 @@ async def test_a_completion_is_loaded_as_it_was_with_the_task_that_came_with_it(
     assert (stored.tasks, stored.completions) == ((make(1),), (done,))
 
 
-async def test_a_completion_forgets_what_its_client_settled_and_nothing_else(store):
+async def test_completion_forgets_only_settled_requests_of_its_client(store):
     for client in (ANN, BOB):
         for sequence in (1, 2, 2**63, 2**63 + 1):
             await store.apply([], completion=completion(client, sequence))
