@@ -34,7 +34,7 @@ def client(world):
     return client
 
 
-def test_an_answer_comes_while_somebody_spins(world, client):
+def test_a_response_arrives_while_a_thread_spins(world, client):
     future = client.call_async(Request(a=1, b=2))
     assert not future.done()
     assert world.answer(future).sum == 3
@@ -173,7 +173,7 @@ def test_a_cancelled_request_is_not_answered(world, client):
     assert future.result() is None
 
 
-def test_the_caller_is_told_that_the_callback_raised(world):
+def test_the_caller_learns_that_the_callback_raised(world):
     def fail(request, response):
         raise ValueError("boom")
 
@@ -187,7 +187,7 @@ def test_the_caller_is_told_that_the_callback_raised(world):
         future.result()
 
 
-def test_the_caller_is_told_that_the_server_has_gone(world):
+def test_the_caller_learns_that_the_server_has_ended(world):
     server = world.node("server")
     server.create_service(AddTwoInts, "add", add)
     client = world.node("caller").create_client(AddTwoInts, "add")

@@ -79,7 +79,7 @@ def listening(clock, **threshold):
     return handle, seen
 
 
-def test_jumps_of_the_time_are_told_before_and_after_from_their_threshold_on():
+def test_jumps_above_the_threshold_are_reported_before_and_after():
     clock = ROSClock()
     clock._set_ros_time_is_active(True)
     clock.set_ros_time_override(Time(nanoseconds=100))
@@ -94,7 +94,7 @@ def test_jumps_of_the_time_are_told_before_and_after_from_their_threshold_on():
     assert (jump.clock_change, jump.delta) == (ClockChange.ROS_TIME_NO_CHANGE, span)
 
 
-def test_a_change_of_the_times_source_is_told_once_to_those_who_asked():
+def test_a_change_of_the_time_source_is_reported_once():
     clock = ROSClock()
     _, seen = listening(clock, on_clock_change=True)
     _, not_asked = listening(clock, min_forward=FORWARD, on_clock_change=False)
@@ -106,7 +106,7 @@ def test_a_change_of_the_times_source_is_told_once_to_those_who_asked():
     assert not_asked == []
 
 
-def test_who_left_is_told_nothing():
+def test_an_unregistered_handle_receives_no_jumps():
     clock = ROSClock()
     handle, seen = listening(clock, on_clock_change=True)
     with handle:
@@ -117,7 +117,7 @@ def test_who_left_is_told_nothing():
     assert len(seen) == told == 2
 
 
-def test_somebody_who_can_be_called_must_be_told():
+def test_a_jump_handle_needs_a_callable():
     threshold = JumpThreshold(min_forward=FORWARD, min_backward=None)
     for callbacks in ({}, {"pre_callback": 1}, {"post_callback": 1}):
         with pytest.raises(ValueError, match="callable"):

@@ -41,7 +41,7 @@ def test_it_begins_and_ends_once(context):
         context.init([])
 
 
-def test_what_never_began_cannot_be_shut_down_but_tried():
+def test_an_uninitialised_context_allows_only_try_shutdown():
     context = Context()
     context.try_shutdown()
     with pytest.raises(RuntimeError, match="must be initialized before it can be shutdown"):

@@ -108,7 +108,7 @@ def test_timers_come_before_guard_conditions_and_waitables_before_both(executor,
     assert seen == ["data", "timer", "guard"]
 
 
-def test_what_a_callback_raises_leaves_spin_and_what_is_left_runs_later(executor, fake):
+def test_an_exception_of_a_callback_leaves_spin_and_other_work_runs_later(executor, fake):
     seen = []
     fake.guard(lambda: 1 / 0).trigger()
     fake.guard(lambda: seen.append(1)).trigger()
@@ -183,7 +183,7 @@ def test_in_a_reentrant_group_others_run_while_a_coroutine_waits(executor, fake)
     assert seen == ["answer"]
 
 
-def test_what_a_coroutine_raises_after_it_waited_leaves_spin(executor, fake):
+def test_an_exception_of_a_coroutine_after_an_await_leaves_spin(executor, fake):
     async def callback():
         await asyncio.sleep(0)
         raise ValueError("late")
@@ -229,7 +229,7 @@ def test_a_callback_that_spins_in_a_coroutine_leaves_its_own_step_alone(executor
     assert seen == ["outer", "inner"]
 
 
-def test_a_coroutine_that_always_yields_starves_nobody(executor, fake):
+def test_a_coroutine_that_always_yields_starves_no_other_work(executor, fake):
     seen = []
 
     async def callback():
@@ -245,7 +245,7 @@ def test_a_coroutine_that_always_yields_starves_nobody(executor, fake):
 # Tasks
 
 
-def test_a_task_runs_when_somebody_spins(executor):
+def test_a_task_runs_when_a_thread_spins(executor):
     task = executor.create_task(lambda a, b: a + b, 1, b=2)
     assert not task.done()
     executor.spin_once(0)
@@ -296,7 +296,7 @@ def test_a_cancelled_task_does_not_run(executor):
     assert (task.done(), task.cancelled(), task.result()) == (False, True, None)
 
 
-def test_what_a_task_raises_leaves_spin(executor):
+def test_an_exception_of_a_task_leaves_spin(executor):
     executor.create_task(lambda: 1 / 0)
     with pytest.raises(ZeroDivisionError):
         executor.spin_once(0)
@@ -342,7 +342,7 @@ def test_the_timeout_ends_the_spinning_not_before_its_time(executor, fake):
     assert time.perf_counter() - begin >= 0.05
 
 
-def test_spinning_is_for_any_future_and_refuses_what_is_none(executor):
+def test_spinning_accepts_any_future_and_refuses_other_objects(executor):
     from concurrent.futures import Future as Other
 
     other = Other()
@@ -363,7 +363,7 @@ def test_spinning_many_times_for_one_future_leaves_one_waiter(executor):
 
 @pytest.mark.real_time
 @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
-def test_a_future_given_up_by_another_thread_ends_the_spinning(context, kind):
+def test_a_future_cancelled_by_another_thread_ends_the_spinning(context, kind):
     with kind(context=context) as executor:
         future = Future()
         threading.Timer(0.02, future.cancel).start()
@@ -449,7 +449,7 @@ def test_a_task_of_a_node_that_was_removed_waits_until_the_node_is_back(context,
     assert seen == ["other", "went on"]
 
 
-def test_what_is_created_later_is_served(executor, fake):
+def test_entities_that_are_created_later_are_served(executor, fake):
     executor.spin_once(0)
     seen = []
     fake.guard(lambda: seen.append(1)).trigger()
@@ -479,7 +479,7 @@ def test_a_sleeping_executor_is_woken_by_what_arrives_and_by_a_node(context, fak
 
 
 @pytest.mark.real_time
-def test_whether_somebody_spins_is_told_while_he_waits_and_while_he_works(executor, fake):
+def test_is_spinning_is_true_while_a_thread_waits_and_while_it_works(executor, fake):
     seen = []
     assert not executor.is_spinning
     guard = fake.guard(lambda: seen.append(executor.is_spinning))
@@ -574,7 +574,7 @@ def test_the_contexts_end_ends_spin_with_an_exception_unless_a_callback_ended_it
 
 @pytest.mark.real_time
 @pytest.mark.parametrize("kind", [SingleThreadedExecutor, MultiThreadedExecutor])
-def test_the_contexts_end_wakes_who_spins(kind):
+def test_the_shutdown_of_the_context_wakes_the_spinning_thread(kind):
     context = Context()
     context.init([])
     executor, ends, spinning = kind(context=context), [], threading.Event()
@@ -598,7 +598,7 @@ def test_the_contexts_end_wakes_who_spins(kind):
 
 
 @pytest.mark.real_time
-def test_a_shutdown_wakes_who_spins(executor, fake):
+def test_a_shutdown_wakes_the_spinning_thread(executor, fake):
     fake.timer(10, lambda: None)
     thread = threading.Thread(target=executor.spin)
     thread.start()
@@ -677,7 +677,7 @@ def test_a_pool_runs_one_callback_of_an_exclusive_group_at_a_time(pool, fake):
 
 
 @pytest.mark.real_time
-def test_what_a_callback_in_a_pool_raises_leaves_spin(pool, fake):
+def test_an_exception_of_a_callback_in_a_pool_leaves_spin(pool, fake):
     guard = fake.guard(lambda: 1 / 0)
     for _ in range(2):
         guard.trigger()

@@ -6,7 +6,7 @@ from taskrpc.rclpy.exceptions import InvalidHandle
 from taskrpc.rclpy.handle import ArrivalHandle, Handle
 
 
-def test_whoever_asks_late_is_told_of_all_that_came_before():
+def test_a_late_callback_receives_the_number_of_earlier_items():
     handle, told = ArrivalHandle(), []
     handle.item_arrived()
     handle.item_arrived()
@@ -15,7 +15,7 @@ def test_whoever_asks_late_is_told_of_all_that_came_before():
     assert told == [2, 1]
 
 
-def test_nobody_is_told_after_the_callback_is_cleared():
+def test_a_cleared_callback_is_not_called():
     handle, told = ArrivalHandle(), []
     handle.set_on_new_callback(told.append)
     handle.set_on_new_callback(None)

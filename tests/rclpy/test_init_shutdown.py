@@ -226,7 +226,7 @@ def test_modules_are_imported_where_they_are_named():
         rclpy.bag  # noqa: B018
 
 
-def test_what_carries_the_calls_has_a_name():
+def test_the_middleware_has_a_name():
     name = rclpy.get_rmw_implementation_identifier()
     assert rclpy.get_available_rmw_implementations() == {name}
 
@@ -271,7 +271,7 @@ def test_a_signal_that_comes_just_before_an_executor_waits_ends_the_spinning(up,
 
 
 @pytest.mark.real_time
-def test_ctrl_c_where_nobody_could_catch_it_comes_again_a_moment_later(up):
+def test_ctrl_c_in_a_delicate_place_is_sent_again(up):
     class Gone:
         def __del__(self):
             signal.raise_signal(signal.SIGINT)
@@ -307,7 +307,7 @@ def lock_and_wait(condition):
 
 @pytest.mark.real_time
 @not_on_windows
-def test_the_signal_is_heeded_once(up):
+def test_the_signal_is_handled_once(up):
     for _ in range(3):
         with pytest.raises(KeyboardInterrupt):
             signal.raise_signal(signal.SIGINT)

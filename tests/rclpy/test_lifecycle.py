@@ -131,7 +131,7 @@ def test_a_node_can_be_shut_down_from_every_state_where_it_rests(quiet, before):
         (ERROR, ERROR, "finalized"),
     ],
 )
-def test_what_callbacks_return_leads_on(quiet, step, on_error, ends):
+def test_the_result_of_a_callback_decides_the_next_state(quiet, step, on_error, ends):
     seen = []
 
     class Robot(LifecycleNode):
@@ -150,7 +150,7 @@ def test_what_callbacks_return_leads_on(quiet, step, on_error, ends):
     assert len(seen) == (2 if step is ERROR else 1)
 
 
-def test_a_callback_that_raises_is_an_error_and_it_is_told(quiet, capsys, monkeypatch):
+def test_a_callback_that_raises_counts_as_an_error_and_is_reported(quiet, capsys, monkeypatch):
     class Robot(LifecycleNode):
         def on_configure(self):
             return SUCCESS
@@ -193,7 +193,7 @@ def test_a_lifecycle_publisher_is_silent_until_its_node_is_active(quiet, monkeyp
         node.create_lifecycle_publisher(String, "talk", 10, publisher_class=Publisher)
 
 
-def test_what_is_managed_is_told_and_may_refuse(quiet):
+def test_managed_entities_observe_transitions_and_may_refuse(quiet):
     class Arm(SimpleManagedEntity):
         asleep = 0
 
@@ -214,7 +214,7 @@ def test_what_is_managed_is_told_and_may_refuse(quiet):
         node.add_managed_entity("arm")
 
 
-def test_what_is_managed_must_return_a_verdict(quiet, capsys):
+def test_managed_entities_must_return_a_result(quiet, capsys):
     class Arm(SimpleManagedEntity):
         def on_configure(self, state):
             return True
@@ -229,7 +229,7 @@ def test_what_is_managed_must_return_a_verdict(quiet, capsys):
 
 
 @pytest.mark.real_time
-def test_others_ask_for_steps_and_are_told_of_them():
+def test_other_programs_request_transitions_and_observe_them():
     events = []
     with living() as world:
         node = Node("robot", context=world.context)

@@ -192,7 +192,7 @@ def test_throttling_goes_by_its_clock():
     assert logged(2, throttle_duration_sec=100.0) == [True, False]
 
 
-def test_one_place_may_not_change_what_it_asks_for():
+def test_one_place_may_not_change_its_options():
     def each(match, *calls):
         logger = get_logger("n")
         results = []
@@ -258,7 +258,7 @@ def test_deprecated_rules_are_warned_of_by_the_logger_rcl(capsys):
     assert "[rcl]: Found remap rule 'a:=b'. This syntax is deprecated." in capsys.readouterr().err
 
 
-def test_what_a_node_s_loggers_log_is_handed_to_it_for_rosout():
+def test_lines_of_a_node_s_loggers_reach_its_rosout_publisher():
     records = []
 
     class Node:
@@ -277,7 +277,7 @@ def test_what_a_node_s_loggers_log_is_handed_to_it_for_rosout():
         (30, "ns.node.a.b", "child's"),
     ]
     assert records[0].file == __file__
-    assert records[0].function == "test_what_a_node_s_loggers_log_is_handed_to_it_for_rosout"
+    assert records[0].function == "test_lines_of_a_node_s_loggers_reach_its_rosout_publisher"
 
 
 def test_the_directory_of_logs_is_where_ros_has_it(monkeypatch, tmp_path):

@@ -85,7 +85,7 @@ def test_names_are_resolved_and_remapped(world):
         node.resolve_topic_name("x?")
 
 
-def test_what_a_node_has_is_listed_and_gone_once_destroyed(world):
+def test_entities_are_listed_until_they_are_destroyed(world):
     node = world.node()
     timer = node.create_timer(10, lambda: None)
     publisher = node.create_publisher(String, "chatter", 10)
@@ -228,7 +228,7 @@ def test_a_quality_of_service_is_a_profile_or_a_depth(world, qos, kind, text):
         node.create_subscription(String, "chatter", print, qos)
 
 
-def test_what_is_no_type_is_refused(world):
+def test_a_value_that_is_no_type_is_refused(world):
     node = world.node()
     with pytest.raises(AttributeError, match="_TYPE_SUPPORT"):
         node.create_publisher(int, "chatter", 10)

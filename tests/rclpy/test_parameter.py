@@ -68,7 +68,7 @@ def test_a_value_has_one_type(value, kind):
 
 
 @pytest.mark.parametrize("value", [{"no": "dict"}, [1, "a"], [1, 2.0], b"bytes", 1j, [[1]]])
-def test_what_no_parameter_can_be_is_refused(value):
+def test_a_value_that_no_parameter_can_have_is_refused(value):
     with pytest.raises(TypeError, match="allowed types"):
         Parameter("p", value=value)
 
@@ -101,7 +101,7 @@ def test_an_array_of_numbers_prints_as_in_ros():
     assert repr(Parameter.from_parameter_msg(received).value) == "array('q', [1, 2])"
 
 
-def test_a_type_that_there_is_not_is_told():
+def test_an_unknown_type_is_reported():
     with pytest.raises(RuntimeError, match="unexpected parameter type 42"):
         parameter_value_to_python(ParameterValue(type=42))
 
@@ -125,7 +125,7 @@ def test_a_type_that_there_is_not_is_told():
         ("[a, b]", "STRING_ARRAY", ["a", "b"]),
     ],
 )
-def test_what_somebody_types_has_the_type_that_it_looks_like(text, kind, value):
+def test_a_typed_value_has_the_type_that_it_looks_like(text, kind, value):
     found = get_parameter_value(text)
     assert found.type == getattr(ParameterType, f"PARAMETER_{kind}")
     assert parameter_value_to_python(found) == value
@@ -183,7 +183,7 @@ def test_names_of_nodes_in_a_file_may_have_wildcards(tmp_path, target, wildcards
     assert set(_read(str(path))) == {"a", "b"}
 
 
-def test_what_a_file_lacks_is_told(dumped, tmp_path):
+def test_a_missing_entry_of_a_file_is_reported(dumped, tmp_path):
     with pytest.raises(RuntimeError, match="any valid parameters for /other, only for"):
         _read(dumped, target_nodes=["/other"])
     for text, problem in [

@@ -113,7 +113,7 @@ def test_only_what_may_change_its_type_can_be_deleted(pair):
     assert not pair.target.has_parameter("free")
 
 
-def test_a_file_is_loaded_and_the_callback_is_told(pair, tmp_path):
+def test_a_file_is_loaded_and_the_callback_receives_the_results(pair, tmp_path):
     path = tmp_path / "p.yaml"
     path.write_text("/ns/target: {ros__parameters: {speed: 4.5, names: [c]}}", encoding="utf-8")
     told = []

@@ -227,7 +227,7 @@ def answers():
         return found | asked_of_a_server(world, client) | {"public Future": public(Future())}
 
 
-def test_what_rclpy_was_seen_to_do_is_done_here_or_it_is_told_why_not(probes, answers):
+def test_recorded_behaviour_of_rclpy_is_reproduced_or_has_a_reason(probes, answers):
     assert len(probes) > 70
     differing = {}
     for question, seen in probes:

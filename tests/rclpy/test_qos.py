@@ -145,7 +145,7 @@ def test_a_profile_prints_its_policies():
         ),
     ],
 )
-def test_what_a_publisher_offers_must_be_as_much_as_is_asked_for(offered, asked, answer):
+def test_a_publisher_must_offer_at_least_what_a_subscription_requests(offered, asked, answer):
     sure = {"depth": 1, "liveliness": LivelinessPolicy.AUTOMATIC}
     assert qos_check_compatible(QoSProfile(**sure | offered), QoSProfile(**sure | asked)) == answer
 

@@ -94,7 +94,7 @@ def test_the_program_can_refuse_a_profile(context):
     )
 
 
-def test_a_policy_that_there_is_not_is_told(context):
+def test_an_unknown_policy_is_reported(context):
     options = QoSOverridingOptions.with_default_policies()
     with pytest.raises(RuntimeError, match="policy `reliability`: `mostly`"):
         node_with(context, reliability="mostly").create_publisher(

@@ -59,7 +59,7 @@ def test_a_value_that_cannot_be_sent_is_named_there_and_here(world):
 
 
 @pytest.mark.parametrize("what", ["service", "node"])
-def test_a_callback_that_destroys_what_it_would_answer_by_is_an_error_there_and_here(world, what):
+def test_a_callback_that_destroys_its_service_is_an_error_on_both_sides(world, what):
     def leave(request, response):
         node = next(each for each in world.executor.get_nodes() if each.get_name() == "server")
         if what == "node":

@@ -34,7 +34,7 @@ def steps(state):
         return {event.info.event_type: event for event in events}
 
 
-def test_the_contents_are_told_where_they_are_known():
+def test_contents_are_published_when_they_are_known():
     told = steps(ServiceIntrospectionState.CONTENTS)
     request, response = [AddTwoInts.Request(a=1, b=2)], [AddTwoInts.Response(sum=3)]
     shown = {kind: (list(one.request), list(one.response)) for kind, one in told.items()}
@@ -48,11 +48,11 @@ def test_the_contents_are_told_where_they_are_known():
     assert all(one.info.stamp.sec > 0 for one in told.values())
 
 
-def test_without_the_contents_only_the_steps_are_told():
+def test_metadata_events_have_no_contents():
     told = steps(ServiceIntrospectionState.METADATA)
     assert len(told) == 4
     assert not [one for one in told.values() if list(one.request) or list(one.response)]
 
 
-def test_nothing_is_told_unless_it_is_wanted():
+def test_nothing_is_published_before_configure():
     assert steps(ServiceIntrospectionState.OFF) == {}

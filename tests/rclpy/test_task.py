@@ -165,7 +165,7 @@ async def _awaited(future):
     return await future
 
 
-def test_an_exception_that_nobody_asked_for_is_told_when_the_future_goes(capsys):
+def test_an_unread_exception_is_printed_when_the_future_is_deleted(capsys):
     future = Future()
     future.set_exception(ValueError("forgotten"))
     del future
@@ -229,7 +229,7 @@ def test_a_coroutine_goes_on_with_each_call():
 
 
 @pytest.mark.parametrize("kind", ["function", "coroutine"])
-def test_what_it_raises_is_its_exception(kind):
+def test_an_exception_of_the_function_completes_the_task(kind):
     def function():
         raise ValueError("boom")
 

@@ -73,7 +73,7 @@ def test_a_duration_is_multiplied():
         Duration(seconds=2) * float("nan")
 
 
-def test_what_has_no_meaning_is_refused():
+def test_invalid_arguments_are_refused():
     time, span = Time(nanoseconds=1), Duration(nanoseconds=2)
     for meaningless in (
         lambda: time + time,

@@ -50,7 +50,7 @@ def test_without_use_sim_time_a_node_shows_the_systems_time(node):
     assert abs(node.get_clock().now().nanoseconds - Clock().now().nanoseconds) < 10**9
 
 
-def test_with_use_sim_time_a_node_shows_what_arrives(node):
+def test_with_use_sim_time_a_node_shows_simulated_time(node):
     assert set_sim_time(node, True).successful
     clock = node.get_clock()
     assert clock.now() == Time(clock_type=ClockType.ROS_TIME)
@@ -66,7 +66,7 @@ def test_use_sim_time_of_the_command_line_counts_from_the_beginning():
         assert node.get_clock().now() == Time(clock_type=ClockType.ROS_TIME)
 
 
-def test_a_timer_goes_by_what_arrives(node):
+def test_a_timer_follows_simulated_time(node):
     set_sim_time(node, True)
     calls = []
     node.create_timer(10, lambda: calls.append(node.get_clock().now().seconds_nanoseconds()[0]))

@@ -104,7 +104,7 @@ def test_a_destroyed_timer_is_silent_and_cannot_be_used(executor, fake, clock):
 
 
 @pytest.mark.parametrize("wrap", [lambda call: call, functools.partial])
-def test_a_callback_that_asks_for_it_is_told_when_it_was_due(executor, fake, clock, wrap):
+def test_a_callback_with_a_timer_info_parameter_learns_when_it_was_due(executor, fake, clock, wrap):
     seen = []
 
     def callback(info: TimerInfo):
@@ -119,7 +119,7 @@ def test_a_callback_that_asks_for_it_is_told_when_it_was_due(executor, fake, clo
     assert seen[0].actual_call_time == Time(seconds=1.5, clock_type=ClockType.STEADY_TIME)
 
 
-def test_what_is_told_of_a_call_is_checked():
+def test_timer_info_checks_its_arguments():
     assert TimerInfo().expected_call_time == Time()
     with pytest.raises(TypeError, match="ClockType"):
         TimerInfo(clock_type="STEADY_TIME")
@@ -212,7 +212,7 @@ def test_a_rate_sleeps_until_the_next_period(context, executor, fake):
 
 @pytest.mark.real_time
 @pytest.mark.parametrize("end", ["destroy", "shutdown"])
-def test_a_rate_that_ends_wakes_who_sleeps(context, fake, end):
+def test_destroying_a_rate_wakes_its_sleepers(context, fake, end):
     rate = Rate(fake.timer(1000, None), context=context)
     thread, ends = sleeping(rate)
     rate.destroy() if end == "destroy" else context.shutdown()

@@ -46,7 +46,7 @@ def test_messages_come_in_order_on_the_spinning_thread(world, node):
     assert came == [(text, threading.current_thread()) for text in "abc"]
 
 
-def test_only_the_last_messages_wait_for_who_is_behind(world, node):
+def test_only_the_last_messages_wait_for_a_slow_subscription(world, node):
     came = []
     subscription = node.create_subscription(String, "talk", lambda m: came.append(m.data), 2)
     publisher = node.create_publisher(String, "talk", 10)
@@ -77,7 +77,7 @@ def test_a_callback_with_two_parameters_learns_when_a_message_came(world, node):
         (print, Subscription.CallbackType.MessageOnly),
     ],
 )
-def test_a_callback_is_called_with_what_it_takes(node, callback, kind):
+def test_a_callback_receives_as_many_arguments_as_it_takes(node, callback, kind):
     with node.create_subscription(String, "talk", callback, 10) as subscription:
         assert subscription._callback_type is kind
 
@@ -142,7 +142,7 @@ def test_one_message_can_be_waited_for_without_spinning(node):
     assert publisher.get_subscription_count() == 0
 
 
-def test_who_asks_for_events_that_are_not_reported_is_told_so(node, capfd):
+def test_callbacks_for_unsupported_events_are_logged(node, capfd):
     node.create_publisher(String, "talk", 10, event_callbacks=PublisherEventCallbacks())
     assert capfd.readouterr().err == ""
     events = SubscriptionEventCallbacks(deadline=print, message_lost=print)
@@ -189,7 +189,7 @@ def until_said(capfd, text):
     until(lambda: said.append(capfd.readouterr().err) or text in "".join(said))
 
 
-def test_a_reader_that_asks_for_more_than_is_offered_is_told_of_on_both_sides(world, node, capfd):
+def test_incompatible_qos_is_logged_on_both_sides(world, node, capfd):
     told = []
     events = SubscriptionEventCallbacks(incompatible_qos=told.append)
     node.create_publisher(String, "talk", qos_profile_sensor_data)
@@ -285,7 +285,7 @@ def test_a_handler_made_later_gets_the_events_of_its_parent(world, node):
     assert not handler.has_work()
 
 
-def test_a_handler_of_what_has_no_such_events_is_refused(node):
+def test_a_handler_of_the_wrong_kind_of_event_is_refused(node):
     publisher = node.create_publisher(String, "talk", 10)
     options = {"callback_group": node.default_callback_group, "callback": print}
     options["parent_impl"] = publisher.handle
@@ -302,7 +302,7 @@ def test_a_handler_of_what_has_no_such_events_is_refused(node):
         )
 
 
-def test_whoever_wants_no_words_gets_none(world, node, capfd):
+def test_default_event_callbacks_can_be_turned_off(world, node, capfd):
     told = []
     quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
     events = PublisherEventCallbacks(incompatible_qos=told.append)

@@ -41,7 +41,7 @@ def test_only_interfaces_are_taken_for_types():
         type_support.check_is_valid_srv_type(String)
 
 
-def test_a_program_with_actions_is_told_once_and_goes_on_until_it_uses_one(capsys, fake, context):
+def test_a_program_with_actions_is_warned_once_and_runs_until_it_uses_one(capsys, fake, context):
     for _ in range(2):
         client = ActionClient(fake, None, "turn")
         server = ActionServer(fake, None, "turn", print, goal_callback=print)

@@ -31,7 +31,7 @@ class Mailbox(Waitable):
         self.read.append(taken_data)
 
 
-def test_an_executor_asks_it_takes_and_executes(executor, fake):
+def test_an_executor_queries_takes_and_executes_a_waitable(executor, fake):
     mailbox = Mailbox(ReentrantCallbackGroup())
     fake.add_waitable(mailbox)
     executor.spin_once(0)

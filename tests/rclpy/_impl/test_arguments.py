@@ -23,7 +23,7 @@ from taskrpc.rclpy._impl.parameters.yaml_parameters import read_file, read_value
 from taskrpc.rclpy.exceptions import RCLInvalidROSArgsError, UnknownROSArgsError
 
 
-def test_what_is_not_ros_s_is_left_in_its_order():
+def test_arguments_that_are_not_of_ros_keep_their_order():
     line = ["prog", "-d", "--ros-args", "-r", "__node:=n", "--", "--foo=bar", "--", "x"]
     assert parse(line).rest == ["prog", "-d", "--foo=bar", "--", "x"]
 
@@ -96,7 +96,7 @@ def test_a_rule_names_what_it_replaces_by_what_and_for_whom(flag, text, rule):
         (["-e", "x"], "Couldn't parse enclave name: '-e x'. Error: Expected an absolute name"),
     ],
 )
-def test_what_cannot_be_read_is_said_in_ros_s_words(line, problem):
+def test_unreadable_arguments_are_reported_in_the_words_of_ros(line, problem):
     with pytest.raises(RCLInvalidROSArgsError) as caught:
         parse(["--ros-args", *line], failed="failed to initialize rcl")
     assert str(caught.value).startswith(f"failed to initialize rcl: {problem}")
@@ -267,7 +267,7 @@ def test_a_name_in_front_makes_a_parameter_one_node_s():
         ("a: b: c", "Error parsing a event near line 1: mapping values are not allowed here"),
     ],
 )
-def test_what_is_wrong_in_a_file_is_said_with_its_line(text, problem):
+def test_mistakes_in_a_file_are_reported_with_their_line(text, problem):
     with pytest.raises(ValueError, match="line") as caught:
         read_file(text)
     assert str(caught.value).startswith(problem)

@@ -18,7 +18,7 @@ AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
 
 
 @pytest.mark.real_time
-def test_a_published_message_and_what_came_are_two():
+def test_a_published_message_and_the_received_one_are_different_objects():
     came = []
     with living() as world:
         node = world.node()

@@ -295,7 +295,7 @@ def test_a_panel_of_leds_with_interfaces_of_its_own(run, tmp_path):
     ]
 
 
-def test_a_service_beside_an_action_answers_and_the_action_is_told_of(run):
+def test_a_service_beside_an_action_answers_and_the_missing_action_is_reported(run):
     source = """
 from rclpy.action import ActionServer
 from example_interfaces.action import Fibonacci

@@ -148,7 +148,7 @@ def told(err):
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_what_ros_does_in_silence_is_told_here_and_happens_like_ros(run, monkeypatch, name):
+def test_silent_mistakes_are_explained_and_happen_with_like_ros(run, monkeypatch, name):
     source, line, kind, like = CASES[name]
     _, out, err = run(HEAD + source)
     assert (out, "never retrieved" in err) == (kind, False)
@@ -204,7 +204,7 @@ def test_a_callback_that_waits_for_its_own_end_is_refused_and_the_circle_drawn(r
     assert (code, "WouldDeadlock" in err) == (1, True)
 
 
-def test_a_circle_through_two_nodes_is_drawn_and_its_caller_told_in_few_words(run):
+def test_a_deadlock_of_two_nodes_is_shown_in_full_and_its_caller_gets_a_short_error(run):
     source = """
 class Asks(Node):
     def __init__(self, name, other):
@@ -232,7 +232,7 @@ executor.shutdown()
 
 
 @pytest.mark.parametrize("wait", ["time.sleep(0.1)", "rclpy.spin_once(node, timeout_sec=0.1)"])
-def test_a_callback_that_asks_again_and_again_for_what_it_keeps_away_is_told(run, wait):
+def test_a_callback_that_polls_a_future_it_blocks_is_reported(run, wait):
     source = f"""
 node.create_service(AddTwoInts, "add", add)
 client = node.create_client(AddTwoInts, "add")
@@ -281,7 +281,7 @@ rclpy.shutdown()
     assert (said in program.err) == bool(code)
 
 
-def test_who_spins_now_and_then_and_does_much_between_is_not_told_of(run):
+def test_a_program_that_spins_rarely_is_not_reported(run):
     source = """
 node.create_service(AddTwoInts, "add", add)
 future = node.create_client(AddTwoInts, "add").call_async(REQUEST)
@@ -308,7 +308,7 @@ def test_a_call_in_a_callback_of_a_pool_with_groups_of_their_own_is_fine(run):
     assert (code, out.endswith("sum=6)\n"), told(err)) == (0, True, [])
 
 
-def test_a_call_whose_answer_nobody_takes_is_completed_and_told(run):
+def test_an_unspun_call_is_completed_and_reported(run):
     source = """
 node.create_service(AddTwoInts, "add", add)
 threading.Thread(target=rclpy.spin, args=(node,), daemon=True).start()
@@ -319,7 +319,7 @@ print(Node("m").create_client(AddTwoInts, "add").call(REQUEST).sum)
     assert ["no other thread spins /m" in line for line in told(err)] == [True]
 
 
-def test_whose_callback_took_its_node_from_a_pool_is_told_and_that_nobody_spins_it_is_not(run):
+def test_a_callback_that_removed_its_node_from_a_pool_is_reported(run):
     source = """
 other = Node("other")
 other.create_service(AddTwoInts, "add", add)
@@ -347,14 +347,14 @@ print(future.done())
     assert "/twice: twice() (service /twice) of /n spun /n by a function of rclpy" in line
 
 
-def test_a_future_of_a_node_that_nobody_spins_is_told_at_the_end(run):
+def test_a_future_of_an_unspun_node_is_reported_at_the_end(run):
     source = "print(node.create_client(AddTwoInts, 'add').call_async(REQUEST).result())"
     _, out, err = run(HEAD + source)
     assert out == "None\n"
     assert ["nobody spins /n" in line for line in told(err)] == [True]
 
 
-def test_a_callback_that_the_program_s_end_interrupts_is_not_told_of(run):
+def test_a_callback_interrupted_by_the_shutdown_is_not_reported(run):
     source = """
 from rclpy.executors import ExternalShutdownException
 def interrupted(request, response):
@@ -369,13 +369,13 @@ except ExternalShutdownException:
     assert run(HEAD + source) == (0, "over\n", "")
 
 
-def test_a_call_whose_end_the_program_does_not_ask_for_is_not_told_of(run):
+def test_an_unobserved_call_is_not_reported(run):
     offer = 'node.create_service(AddTwoInts, "add", add)\n'
     call = "node.create_client(AddTwoInts, 'add').call_async(REQUEST)\nprint('sent')"
     assert run(HEAD + offer + call) == (0, "sent\n", "")
 
 
-def test_who_waits_for_a_coroutine_that_awaits_something_else_is_not_told_of_a_circle(run):
+def test_a_wait_for_a_coroutine_that_awaits_something_else_is_no_deadlock(run):
     source = """
 def slept(seconds):
     future = rclpy.Future()
@@ -406,14 +406,14 @@ def test_a_program_that_ctrl_c_ended_before_it_could_spin_is_not_blamed(ros):
     assert (program.interrupt(), program.err) == (INTERRUPTED, "KeyboardInterrupt\n")
 
 
-def test_an_answer_that_a_waiting_coroutine_keeps_away_is_told(run):
+def test_a_response_that_a_waiting_coroutine_blocks_is_reported(run):
     source = RELAY.format(wait="answer = await inner.call_async(request)", group="")
     source = SOONER + source.replace("def twice", "async def twice")
     _, _, err = run(HEAD + source + "ask('twice', 2.5)")
     assert ["twice() holds while it awaits" in line for line in told(err)] == [True]
 
 
-def test_a_callback_that_does_not_return_is_told_with_its_line(run):
+def test_a_callback_that_does_not_return_is_reported_with_its_line(run):
     source = """
 def slow():
     time.sleep(1.5)  # here
@@ -454,7 +454,7 @@ except ExternalShutdownException:
 """
 
 
-def test_a_pool_all_of_whose_threads_wait_for_answers_is_told_and_ends(run):
+def test_a_pool_whose_threads_all_wait_for_responses_is_reported(run):
     soon = SOONER + "from rclpy import client as module\nmodule._LONG_GRACE = 0.5\n"
     status, out, err = run(HEAD + soon + ALL_WAIT.format(threads=2))
     [line] = told(err)
@@ -482,7 +482,7 @@ executor.spin()
 """
 
 
-def test_a_long_callback_that_keeps_nobody_is_left_alone(run):
+def test_a_long_callback_that_blocks_no_other_is_not_reported(run):
     assert run(HEAD + SOONER + LONG) == (0, "done\n", "")
 
 
@@ -498,12 +498,12 @@ for _ in range(2):
 """
 
 
-def test_a_node_that_is_spun_now_and_then_is_left_alone(run):
+def test_a_node_that_is_spun_rarely_is_not_reported(run):
     patient = SOONER + "dog._STUCK = 60\n"  # a busy machine may sleep much longer
     assert run(HEAD + patient + NOW_AND_THEN) == (0, "3\n3\n", "")
 
 
-def test_a_dead_server_is_told_and_like_ros_its_call_never_ends(ros, run, monkeypatch):
+def test_a_dead_server_is_reported_and_with_like_ros_its_call_never_ends(ros, run, monkeypatch):
     server = HEAD + (
         "import os\nnode.create_service(AddTwoInts, 'add', lambda *_: os._exit(3))\n"
         "print('ready', flush=True)\nrclpy.spin(node)"

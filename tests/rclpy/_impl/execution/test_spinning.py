@@ -52,7 +52,7 @@ def test_a_node_needs_init():
         rclpy.create_node("early", context=rclpy.Context())
 
 
-def test_a_timer_runs_while_somebody_spins(node):
+def test_a_timer_runs_while_a_thread_spins(node):
     calls = []
     node.create_timer(0.01, lambda: calls.append(1))
     assert calls == []
@@ -130,7 +130,7 @@ def test_a_callback_that_spins_until_a_call_is_answered_leaves_its_node_with_the
     assert answered == [True, True]
 
 
-def test_spinning_once_without_waiting_serves_what_the_program_itself_has_just_sent(node):
+def test_spinning_once_without_waiting_serves_messages_from_the_same_program(node):
     calls, answers, seen = [], [], []
     node.create_service(AddTwoInts, "add", lambda request, answer: calls.append(1) or answer)
     client = node.create_client(AddTwoInts, "add")
@@ -190,7 +190,7 @@ def test_a_shutdown_by_another_thread_ends_spin_of_the_global_executor_quietly(n
     rclpy.spin(node)
 
 
-def test_what_is_created_while_another_thread_spins_is_served(spinning):
+def test_entities_created_while_another_thread_spins_are_served(spinning):
     events = [threading.Event() for _ in range(4)]
 
     class Own(Waitable):
@@ -242,7 +242,7 @@ def test_a_rate_in_a_callback_of_a_pool_sleeps(node):
     assert slept.done()
 
 
-def test_a_rate_that_nobody_spins_goes_on_at_its_time_and_says_so_once(node, monkeypatch, capfd):
+def test_an_unspun_rate_continues_in_time_and_warns_once(node, monkeypatch, capfd):
     monkeypatch.setattr(timer_module, "_GRACE_NS", 1)
     rate, begin = node.create_rate(50), time.monotonic()
     for _ in range(3):
@@ -251,7 +251,7 @@ def test_a_rate_that_nobody_spins_goes_on_at_its_time_and_says_so_once(node, mon
     assert capfd.readouterr().err.count("hang here for ever: Rate.sleep waits for a timer") == 1
 
 
-def test_like_ros_a_rate_that_nobody_spins_sleeps_until_the_end(node, monkeypatch):
+def test_with_like_ros_an_unspun_rate_sleeps_until_the_end(node, monkeypatch):
     monkeypatch.setattr(timer_module, "_GRACE_NS", 1)
     monkeypatch.setattr(timer_module, "like_ros", lambda: True)
     rate = node.create_rate(100)

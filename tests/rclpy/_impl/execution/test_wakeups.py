@@ -11,7 +11,7 @@ from taskrpc.rclpy._impl.execution import wakeups
 from taskrpc.rclpy._impl.execution.wakeups import Sleep
 
 
-def test_what_came_before_the_sleep_is_not_slept_through():
+def test_a_wakeup_before_the_sleep_is_not_lost():
     sleep = Sleep()
     seen = sleep.state
     sleep.end()
@@ -19,7 +19,7 @@ def test_what_came_before_the_sleep_is_not_slept_through():
     assert not sleep._sleepers
 
 
-def test_a_sleep_that_nobody_ends_is_over_after_its_time():
+def test_a_sleep_without_wakeup_ends_at_its_timeout():
     sleep = Sleep()
     sleep.until_ended(sleep.state, 0.001)
     sleep.until_ended(sleep.state, 0)
@@ -29,7 +29,7 @@ def test_a_sleep_that_nobody_ends_is_over_after_its_time():
 @pytest.mark.real_time
 @pytest.mark.parametrize("slice_", [None, 0.001])
 @pytest.mark.parametrize("seconds", [None, 20])
-def test_all_who_sleep_are_woken(monkeypatch, slice_, seconds):
+def test_all_sleeping_threads_are_woken(monkeypatch, slice_, seconds):
     monkeypatch.setattr(wakeups, "_SLICE", slice_)
     sleep = Sleep()
     threads = [

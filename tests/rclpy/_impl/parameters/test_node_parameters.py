@@ -138,7 +138,7 @@ def test_a_default_may_be_a_parameter_value(node):
         (("a", {}), TypeError, "not one of the allowed types"),
     ],
 )
-def test_a_declaration_that_cannot_be_is_told(node, entry, error, problem):
+def test_an_impossible_declaration_is_reported(node, entry, error, problem):
     with pytest.raises(error, match=problem):
         node.declare_parameters("", [entry])
     assert node.list_parameters([], 0).names == []
@@ -241,7 +241,7 @@ def test_a_range_without_steps_allows_all_between(node):
         assert node.declare_parameter(f"p{type(value)}", value, limits).value == value
 
 
-def test_callbacks_change_allow_and_are_told(node):
+def test_callbacks_change_accept_and_observe_parameters(node):
     told = []
 
     def double(parameters):
@@ -279,7 +279,7 @@ def test_callbacks_are_asked_from_the_last_to_the_first_until_one_refuses(node):
         node.declare_parameter("b", 1)
 
 
-def test_a_callback_that_forgets_its_answer_is_told(node):
+def test_a_callback_without_a_result_is_reported(node):
     def forgetful(parameters):
         pass
 
@@ -292,7 +292,7 @@ def test_a_callback_that_forgets_its_answer_is_told(node):
     assert node.value("a") == 0
 
 
-def test_a_callback_that_leaves_nothing_to_set_is_told(node):
+def test_a_callback_that_empties_the_list_is_reported(node):
     node.declare_parameter("a", 0)
     node.add_pre_set_parameters_callback(lambda parameters: [])
     assert node.try_set(a=1).reason.startswith("parameter list cannot be empty, this might be")
@@ -318,7 +318,7 @@ def test_every_change_is_published(lenient):
 
 
 @given(st.lists(st.dictionaries(st.sampled_from("abc"), st.none() | st.integers(0, 9))))
-def test_who_follows_the_events_knows_every_value(settings):
+def test_parameter_events_carry_every_value(settings):
     node, followed = FakeNode(allow=True), {}
     for values in settings:
         node.try_set(**values)
