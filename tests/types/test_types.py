@@ -17,7 +17,7 @@ from pathlib import Path
 
 import pytest
 
-from srvgen.classes.stubs import stubs, whole_packages
+from srvgen.classes.stubs import packages_with_dependencies, stubs
 from srvgen.files.search import BUNDLED, Search
 from tests.docs.markdown import Page, read_page
 from tests.srvgen.sample_definitions import put_all
@@ -191,7 +191,7 @@ def pages(tmp_path_factory) -> Mapping[str, Messages]:
     for path in sorted((ROOT / "docs").rglob("*.md")):
         root = folder / path.relative_to(ROOT / "docs").with_suffix("")
         if _write_programs(read_page(path), root):
-            definitions, _ = whole_packages([], Search([root, BUNDLED]))
+            definitions, _ = packages_with_dependencies([], Search([root, BUNDLED]))
             put_all(stubs(definitions), root / "typings")
             here = root.relative_to(folder).as_posix()
             roots.append({"root": here, "extraPaths": [here, f"{here}/typings"]})
