@@ -1,1 +1,1 @@
-"""What the project measures of itself and of others; `python benchmarks/run.py` runs the calls."""
+"""The project's benchmarks of itself and others; `python benchmarks/run.py` measures calls."""

@@ -27,7 +27,7 @@ _PATIENCE = 900.0
 
 
 def main() -> int:
-    """Measure, and write what came out."""
+    """Measure, and write the results."""
     options = _parser().parse_args()
     chosen = [topic for topic in TOPICS if topic.name in (options.only or [topic.name])]
     seconds = 0.2 if options.quick else 1.0

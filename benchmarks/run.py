@@ -22,7 +22,7 @@ from benchmarks.harness.benchmark import QUICK, Settings, run, write
 
 
 def main() -> int:
-    """Measure, and write what came out."""
+    """Measure, and write the results."""
     options = _parser().parse_args()
     names = {BASELINE.name, *(options.only or [each.name for each in CONTENDERS])}
     settings = QUICK if options.quick else Settings()

@@ -1,4 +1,4 @@
-"""One run from the first process to the last file."""
+"""One benchmark, from the first process to the last file."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ QUICK = Settings(
 
 
 def say(text: str) -> None:
-    """Tell the reader how far it is."""
+    """Print the progress."""
     print(text, file=sys.stderr, flush=True)
 
 
@@ -94,7 +94,7 @@ def _measure_idle(chosen: Sequence[Contender], settings: Settings, results: Resu
 
 
 def _attempt(what: str, results: Results, measure: Callable[[], None]) -> None:
-    """Go on with what has been measured, should a later part fail."""
+    """Measure a part; if it fails, keep the other results."""
     say(what)
     try:
         measure()

@@ -1,4 +1,4 @@
-"""What taskrpc sets itself, and whether this run met it."""
+"""The performance goals of taskrpc, and whether a run met them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Servers with idle connections: their memory, and how the calls of others fare meanwhile."""
+"""Servers with idle connections: their memory, and the calls of other clients meanwhile."""
 
 from __future__ import annotations
 

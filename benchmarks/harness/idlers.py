@@ -1,4 +1,4 @@
-"""Connections that stay open and call nothing, as many as are asked for."""
+"""Connections that stay open without calls, in the requested number."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ async def hold_idle(
     command: Callable[[], Awaitable[Any]],
     answer: Callable[[Any], None],
 ) -> None:
-    """Open and close connections until there are as many as each command says."""
+    """Open and close connections until there are as many as each command requests."""
     place = (await command())["place"]
     connect = getattr(module, "connect_idle", _connect_plain)
     held: list[asyncio.BaseTransport] = []

@@ -1,4 +1,4 @@
-"""results.json: every round's figures, for whoever wants to compute with them."""
+"""results.json: the figures of every round, for further calculations."""
 
 from __future__ import annotations
 

@@ -1,15 +1,15 @@
-"""How many files and connections a process may have open."""
+"""The limit of open files and connections of a process."""
 
 from __future__ import annotations
 
 import contextlib
 
 _UNKNOWN = 8192
-"""Where the system has no such limit, or does not tell."""
+"""Used if the system has no such limit or does not report it."""
 
 
 def open_files() -> int:
-    """Raise this process's limit of open files as far as it goes; returns the limit."""
+    """Raise this process's limit of open files to the maximum; returns the limit."""
     with contextlib.suppress(ImportError, ValueError, OSError):
         import resource
 

@@ -1,4 +1,4 @@
-"""Where and when a run was made: no host's name, no user's."""
+"""The machine and the date of a benchmark, without names of hosts or users."""
 
 from __future__ import annotations
 
@@ -26,19 +26,19 @@ def about() -> dict[str, Any]:
 
 
 def _load() -> float:
-    """Processes that want to run, on average over the last minute; 0 where it is not known."""
+    """Runnable processes, on average over the last minute; 0 if unknown."""
     return round(os.getloadavg()[0], 1) if hasattr(os, "getloadavg") else 0.0
 
 
 class Others:
-    """How much of the machine other programs use, from the making of this object on."""
+    """Measures how much of the machine other programs use, from its creation on."""
 
     def __init__(self) -> None:
         self._before = _busy_beside_us()
         self._began = time.monotonic()
 
     def cores(self) -> float | None:
-        """Cores that others kept busy on average; None where the system does not tell.
+        """The cores that other programs kept busy on average; None if unknown.
 
         The processes that this one has started count as ours once they have ended.
         """

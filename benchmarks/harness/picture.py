@@ -1,4 +1,4 @@
-"""The picture for README: latency and calls per second of everybody."""
+"""The picture for README: latency and calls per second of all contenders."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How long it takes until a server answers, and a command line returns; what it imports."""
+"""Start-up times of servers and commands, and the modules that commands import."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _OURS = ("taskrpc", "srvgen", "msgspec", "asyncio")
 
 
 def measure_start_up(field: Field, *, rounds: int, results: Results) -> None:
-    """Start everybody's server anew, by turns; the client is there already and waits for it."""
+    """Restart each contender's server in turn while its client waits."""
     for number in range(rounds):
         for pair in [field.baseline, *field.others(number)]:
             if not pair.contender.one_process:

@@ -23,7 +23,7 @@ def _cpu_time_of(pid: int) -> float:
 
 
 def memory() -> int:
-    """Bytes of memory that this process has for itself; 0 where the system does not say.
+    """Bytes of private memory of this process; 0 if the system does not report them.
 
     Without pages of files: how they are shared changes with every process that comes and goes.
     """

@@ -1,4 +1,4 @@
-"""Growth is told from noise, judged by its limit, and shown; the program measures every topic."""
+"""Growth is distinguished from noise, compared with its limit, and shown for each topic."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The benchmark harness measures what it says, on real processes and in little time."""
+"""The benchmark harness measures real processes correctly and in little time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands and packages import nothing that they do not need, so that they start at once."""
+"""Commands and packages import only the modules that they need, so that they start fast."""
 
 from __future__ import annotations
 
@@ -20,17 +20,17 @@ MISTAKES = (
     "srvgen.files.not_found"
     " srvgen.cli.report srvgen.files.warnings srvgen.files.fix"
 )
-"""What only explains what is wrong."""
+"""Modules that only explain mistakes."""
 ELSEWHERE = (
     "yaml rich sqlite3 uvloop importlib.metadata taskrpc.tasks taskrpc.robot taskrpc.sync"
     " taskrpc.testing"
 )
-"""What other commands and programs need."""
+"""Modules that other commands and programs need."""
 DEFINITIONS = (
     "srvgen.errors srvgen.definitions.names srvgen._runtime srvgen.classes.loader srvgen.parser"
 )
 NETWORK = "asyncio ssl socket logging msgspec pathlib tempfile"
-"""What whoever calls nobody needs not."""
+"""Modules that only calls need."""
 
 _AT_EXIT = """
 import atexit, sys
@@ -39,7 +39,7 @@ atexit.register(lambda: print(*sys.modules, file=sys.stderr))
 
 
 def imported(program: str, *arguments: str) -> set[str]:
-    """The modules that a fresh process has at its end, which must be a happy one."""
+    """The modules that a new process has imported at its successful end."""
     root = Path(taskrpc.__file__).parents[1]
     before = f"import sys; sys.path.insert(0, {str(root)!r})"
     done = subprocess.run(

@@ -72,11 +72,11 @@ TYPES = (
 
 
 def decode_or_refuse(cls: Any, data: bytes, decode: Callable[[Any, bytes], Any] = from_cdr) -> None:
-    """Decode, and hold the decoder to its word.
+    """Decode, and check the decoder's promises.
 
     Raises:
         AssertionError: the message does not pass its own check, or is not what the data said.
-        Exception: whatever the decoder raised that it does not document.
+        Exception: the decoder raised an undocumented exception.
     """
     try:
         message = decode(cls, data)
@@ -92,18 +92,18 @@ def decode_or_refuse(cls: Any, data: bytes, decode: Callable[[Any, bytes], Any] 
 
 @cache
 def classes() -> tuple[Any, ...]:
-    """What the fuzzer decodes to."""
+    """The class that the fuzzer decodes to."""
     return (define("demo_msgs/msg/Everything", EVERYTHING), *map(load, TYPES))
 
 
 def one_input(data: bytes) -> None:
-    """What the fuzzer calls."""
+    """The function that the fuzzer calls."""
     if data:
         decode_or_refuse(classes()[data[0] % len(classes())], data[1:])
 
 
 def compiled_decoders(function: FunctionType, found: set[FunctionType]) -> set[FunctionType]:
-    """A compiled decoder, and those of sequences that it calls."""
+    """A compiled decoder, with the decoders of sequences that it calls."""
     if function.__code__.co_filename.startswith("<srvgen CDR") and function not in found:
         found.add(function)
         for one in function.__globals__.values():
@@ -113,7 +113,7 @@ def compiled_decoders(function: FunctionType, found: set[FunctionType]) -> set[F
 
 
 def main() -> None:
-    """Fuzz until the options say that it is enough."""
+    """Fuzz until the limit in the options."""
     import atheris
 
     with tempfile.TemporaryDirectory() as seeds:

@@ -1,4 +1,4 @@
-"""Live one simulated world again: `python -m tests.simulation --seed N [--verbose]`."""
+"""Repeat one simulation: `python -m tests.simulation --seed N [--verbose]`."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from tests.simulation.world import simulate
 def main():
     parser = argparse.ArgumentParser(prog="python -m tests.simulation", description=__doc__)
     parser.add_argument("--seed", type=int, default=0)
-    parser.add_argument("--count", type=int, default=1, help="how many seeds from there on (1)")
-    parser.add_argument("--verbose", action="store_true", help="tell everything that happens")
+    parser.add_argument("--count", type=int, default=1, help="number of seeds from there on (1)")
+    parser.add_argument("--verbose", action="store_true", help="print every event")
     options = parser.parse_args()
     counts, failed = Counts(), False
     for seed in range(options.seed, options.seed + options.count):

@@ -1,4 +1,4 @@
-"""Every source of chance and of the time of day from one seed; counts what shows only inside."""
+"""Takes all randomness and the time of day from one seed; counts internal events."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ LEASE = 20.0
 
 @contextlib.contextmanager
 def only_chance(seed, wall_clock, counts):
-    """Inside the block nothing of the product depends on anything but the seed."""
+    """Within the block the product depends on nothing but the seed."""
     drawn = random.Random(seed)
     before = random.getstate()
     random.seed(seed)
@@ -40,7 +40,7 @@ def only_chance(seed, wall_clock, counts):
 
 
 def _count(patch, counts):
-    """Count what shows outside only as an answer like any other."""
+    """Count events that a caller cannot distinguish from an ordinary response."""
     attach, repeat = Execution.attach, Deduplicator._answer_from_store
     wait_after = attempts.Attempts._wait_after
     replace_client = attempts.Attempts._replace_client

@@ -1,4 +1,4 @@
-"""The simulated callers: they ask for everything, die, come back, and compare what they hear."""
+"""The simulated callers: they call everything, die, restart, and check the responses."""
 
 from __future__ import annotations
 
@@ -21,17 +21,17 @@ TYPES = {
 }
 NAMES = {"submit": "robot_task"}
 AT_ONCE = ("plain", "repeatable", "steer", "nowhere")
-"""What is sent once unless its caller has a policy."""
+"""Requests that are sent once unless the caller has a retry policy."""
 DRAWN = (*TYPES, "plain", "once", "once", "submit", "submit")
 LASTING = ("repeatable", "once", "submit")
-"""What must be answered in the end whatever the network does to connections."""
+"""Requests that must be answered in the end despite all network faults."""
 AGAIN_WITHIN = 4.0
 """Seconds after which a caller that died asks no more for what it asked before: by then the
 servers may have forgotten it."""
 
 
 class Client:
-    """One life of a caller: calls everything, several at a time, and tells the ledger."""
+    """One life of a caller: calls everything, several at a time, and reports to the ledger."""
 
     def __init__(self, name, token, ledger, chance, calm, accounts):
         self.name = name
@@ -46,7 +46,7 @@ class Client:
         self._named = []
 
     def died(self):
-        """Nothing of it is left; what another life asks for again, even if it was answered."""
+        """End this life; returns the requests that another life repeats, answered or not."""
         now = self._ledger.now()
         for request in self._open:
             self._ledger.abandoned(request)

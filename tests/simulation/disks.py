@@ -1,4 +1,4 @@
-"""Disks that take their time, fill up and fail; and the truth about the tasks that are on them."""
+"""Simulated disks that are slow, fill up and fail, with the true state of their tasks."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from taskrpc.tasks.records.store import MemoryStore
 
 
 class Disk(MemoryStore):
-    """What survives: the tasks, and the completions of the exactly-once service.
+    """The data that survives: the tasks, and the completions of the exactly-once service.
 
-    It checks what is written: a task moves as tasks may, and what another life of the server has
-    begun is only ever interrupted.
+    It checks each write: a task changes its state only as allowed, and a task that another life of
+    the server has started is only ever interrupted.
     """
 
     def __init__(self, number, ledger):
@@ -30,7 +30,7 @@ class Disk(MemoryStore):
         self._ledger = ledger
 
     async def store(self, begun, saved, forgotten, completion, clients):
-        """`apply`, by a life of the server that has begun the tasks `begun`."""
+        """Apply changes for a life of the server that has started the tasks `begun`."""
         for task in saved:
             self._check(begun, self._tasks.get(task.task_id), task)
         await self.apply(saved, forgotten, completion, clients)
@@ -54,15 +54,15 @@ class Disk(MemoryStore):
             self._ledger.broke("forbidden move", f"{number} was {was}, is {task.state.value}")
 
     def task_of(self, target):
-        """The task with this target, None if there is none."""
+        """The task with this target, or None."""
         return next((task for task in self._tasks.values() if task.target == target), None)
 
 
 class File:
-    """One server's hold on a file of a disk: each write takes time, and is done at one instant.
+    """One server's open file on a disk: each write takes time, and takes effect at one instant.
 
-    A commit may fail, and have changed nothing; or fail so that nobody knows, and then the file
-    says nothing more until it is opened anew. `strike` may end the server in the midst of it.
+    A commit may fail without a change, or fail with an unknown outcome. After that the file
+    refuses every operation until it is reopened. `strike` may kill the server during a commit.
     """
 
     def __init__(self, disk, chance, strike, counts):
@@ -96,7 +96,7 @@ class File:
             raise StoreError("the file cannot be read")
 
     def open_anew(self):
-        """What is on the disk can be seen again."""
+        """Make the disk readable again."""
         self.is_broken = False
 
     async def _fail(self, write):
@@ -118,7 +118,7 @@ class File:
 
 
 class TaskDisk:
-    """The `TaskStore` of a simulated server; compares what it begins with what waits."""
+    """The `TaskStore` of a simulated server; compares each started task with the queued ones."""
 
     def __init__(self, file, ledger):
         self._file = file
@@ -185,7 +185,7 @@ class TaskDisk:
         self._since[task.task_id] = self._loop.time()
 
     def _newest(self, number):
-        """A task as it is, or is about to be."""
+        """A task as it is stored or about to be stored."""
         coming = self._on_their_way.get(number)
         return coming[-1] if coming else self._known.get(number)
 

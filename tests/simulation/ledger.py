@@ -1,4 +1,4 @@
-"""The truth: what was really done, and what everybody was told about it."""
+"""Records what really happened and what the callers were told, and compares both."""
 
 from __future__ import annotations
 
@@ -12,20 +12,20 @@ from taskrpc.tasks.model import TaskState
 from tests.simulation.orders import Orders
 
 LATE = 0.02
-"""Seconds by which a deadline may be missed: a tick, and the loop's own grain."""
+"""Seconds by which a deadline may be missed: a tick, and the resolution of the loop."""
 
 PROMPT = 0.2
-"""Seconds in which the end of a server is heard of: what was on its way comes before."""
+"""Seconds within which callers notice the end of a server, after messages in transit."""
 
 NOTICED = 1.0 + PROMPT
-"""Seconds in which a server ends the connections of who was revoked: it looks each second."""
+"""Seconds within which a server ends the connections of revoked accounts: it checks each second."""
 
 INSIDE = "the server's inside"
-"""What a callback's exception says, and no caller may read."""
+"""The message of a callback's exception, which no caller may read."""
 
 FORGOTTEN = ("the server does not remember this client", "has another store")
-"""Answers too: what was said before may have been lost, with the store that knew, or on a
-connection whose end had not been heard of; and then nobody can know."""
+"""Responses too: an earlier one may be lost with its store, or on a broken connection; then the
+outcome is unknown."""
 
 PROMISES = (
     "ran twice",
@@ -60,7 +60,7 @@ SAYS_MORE = ("", UNTOUCHED, CANCELLED, UNKNOWN, FAILED, ANSWERED)
 
 @dataclass(eq=False)
 class Request:
-    """One call of a client, and what became of it."""
+    """One call of a client and its outcome."""
 
     number: int
     kind: str
@@ -69,7 +69,7 @@ class Request:
     deadline: float
     request_id: str = ""
     is_sent_once: bool = False
-    """Whether nothing sends it again when its answer is lost."""
+    """Whether nothing repeats it when its response is lost."""
     must_be_answered: bool = False
     outcome: str = ""
     senders: int = 0
@@ -77,15 +77,15 @@ class Request:
     task_id: int = 0
     started: list[float] = field(default_factory=list)
     effects: collections.Counter[int] = field(default_factory=collections.Counter)
-    """By the disks' numbers."""
+    """Keyed by the number of the disk."""
     runs_on: str = ""
-    """The server on which it runs now."""
+    """The server that executes it now."""
     ends: float = math.inf
     hears_by: float = math.inf
     started_with: int = 0
-    """How much trouble there had been in the network when it began to run."""
+    """The number of network faults before its execution started."""
     is_drained: bool = False
-    """Whether its server ended, and had to wait for it."""
+    """Whether its server was shut down, and had to wait for it."""
 
     @property
     def fails(self) -> bool:
@@ -94,7 +94,7 @@ class Request:
 
 
 class Ledger:
-    """Writes down everything, and compares."""
+    """Records all events, and compares them."""
 
     def __init__(self, counts, tell=None):
         self.counts = counts
@@ -126,13 +126,13 @@ class Ledger:
 
     @property
     def trouble(self) -> int:
-        """Counts what may break a connection, or what goes through it."""
+        """Counts events that may break a connection or lose its messages."""
         return self._troubles + self.network_happened["cuts"] + self.network_happened["deaths"]
 
     # What servers do
 
     def started(self, number: int, server: str, until: float) -> None:
-        """A callback begins; it ends at `until` if nobody stops it."""
+        """Record that a callback starts; it ends at `until` unless it is stopped."""
         request = self.requests[number]
         request.ends = until
         request.started_with = self.trouble
@@ -147,7 +147,7 @@ class Ledger:
             self.broke("ran on after the deadline", number)
 
     def stopped(self, number: int) -> None:
-        """A callback was cancelled."""
+        """Record that a callback was cancelled."""
         self.note(f"stopped {number}")
         self.requests[number].runs_on = ""
 
@@ -156,7 +156,7 @@ class Ledger:
         self.note(f"effect {number}")
 
     def drains(self, server: str, until: float) -> None:
-        """A server is told to end, but to wait for its calls; nothing troubles the network."""
+        """Record that a server drains while the network has no faults."""
         if self.now() < self._accounts_settle:
             return
         for request in self._running_on(server):
@@ -166,20 +166,20 @@ class Ledger:
                 request.is_drained = True
 
     def crashed(self, server: str, hear_of_it: set[str]) -> None:
-        """A server is dead; of its callers these clients can hear of it."""
+        """Record that a server died; these clients can notice it."""
         for request in self._running_on(server):
             if request.client in hear_of_it and request.is_sent_once:
                 request.hears_by = self._loop.time() + PROMPT
             request.runs_on = ""
 
     def troubled(self) -> None:
-        """The network does something, so that nothing is certain of what goes through it."""
+        """Record a network fault, after which messages may be lost."""
         self._troubles += 1
         for request in self.requests.values():
             request.hears_by = math.inf
 
     def account_changed(self) -> None:
-        """Some callers may be cut off, though not at once."""
+        """Record that some callers may be disconnected, though not at once."""
         self.troubled()
         self._accounts_settle = self.now() + NOTICED
 
@@ -189,7 +189,7 @@ class Ledger:
     # What the robot does
 
     def chosen(self, disk, task, waiting) -> None:
-        """The worker begins a task; those wait that the store has or is about to have."""
+        """Record that the worker starts a task; the store holds the queued ones."""
         place = (-task.priority, task.arrival)
         better = [each.task_id for each in waiting if (-each.priority, each.arrival) < place]
         if better:
@@ -197,7 +197,7 @@ class Ledger:
         self.orders.begins(disk.number, task, self._loop.time())
 
     def moved(self, disk, target: str) -> None:
-        """The robot begins to do what a task asks for."""
+        """Record that the robot starts a task's action."""
         self.runs[disk.number, target] += 1
         self.note(f"robot {target}")
         task = disk.task_of(target)
@@ -216,7 +216,7 @@ class Ledger:
         return request
 
     def abandoned(self, request: Request) -> None:
-        """Who asked is gone: nobody was told anything."""
+        """Record that the caller died: it received no response."""
         request.outcome = max(request.outcome, UNKNOWN, key=SAYS_MORE.index)
         request.client = ""
 
@@ -289,7 +289,7 @@ class Ledger:
             self.broke("lost", request.number)
 
     def _is_too_much(self, request: Request, done) -> bool:
-        """Whether it ran more than once for one store, or in more stores than it was sent to."""
+        """Whether it executed twice for one store, or in more stores than it was sent to."""
         if request.kind == "repeatable":
             return False
         return any(count > 1 for count in done.values()) or len(done) > max(1, request.senders)

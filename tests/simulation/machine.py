@@ -1,4 +1,4 @@
-"""What stands around the simulated programs: a clock on the wall that leaps, a robot, accounts."""
+"""The environment of the simulated programs: a wall clock that leaps, a robot, accounts."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ WALL = 1_800_000_000.0
 """Seconds since 1970 when a simulation begins."""
 
 LEAPS = (-100_000.0, 20.0, 100_000.0)
-"""Seconds by which somebody sets the clock."""
+"""Seconds by which the clock is set forward or back."""
 
 GRACE = 1.7
-"""Seconds for which a server may not have noticed that an account changed: it looks once a second,
-and lets a caller read why."""
+"""Seconds until a server notices that an account changed: it looks once a second,
+and lets the caller read the reason."""
 
 
 class WallClock:
-    """Seconds since 1970, until somebody sets it."""
+    """The wall clock in seconds since 1970, which can be set."""
 
     def __init__(self, loop):
         self._loop = loop
@@ -33,7 +33,7 @@ class WallClock:
 
 
 class ChangingAccounts(Accounts):
-    """Accounts that somebody changes while servers go by them."""
+    """Accounts that change while servers use them."""
 
     def __init__(self, accounts):
         accounts = list(accounts)
@@ -46,7 +46,7 @@ class ChangingAccounts(Accounts):
         self._past[account.name].append((self._loop.time(), account))
 
     def might(self, name: str, role: Role, since: float | None = None) -> bool:
-        """Whether a server may believe, now or since then, that an account may do so much."""
+        """Whether a server may still believe that an account has this permission."""
         since = self._loop.time() if since is None else since
         for began, account in reversed(self._past[name]):
             if not account.revoked and account.role >= role:
@@ -57,7 +57,7 @@ class ChangingAccounts(Accounts):
 
 
 class CountingRobot:
-    """Does nothing but take its time, and tells the ledger."""
+    """A robot that only waits, and reports to the ledger."""
 
     speed = 1.0
     task_types = ("move",)

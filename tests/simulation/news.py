@@ -1,4 +1,4 @@
-"""What simulated servers publish, and what their listeners make of it."""
+"""The messages that simulated servers publish, and the subscribers that check them."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ PERIOD = 0.3
 """Seconds between two messages, or a few at once."""
 KEPT = QoS(4, durability="transient_local")
 HEARD_BY = 10.0
-"""Seconds after which everybody has heard of the present, once nothing breaks any more."""
+"""Seconds after the last fault within which every subscriber has a current message."""
 ROLES = {"news": Role.OBSERVE, "inner": Role.OPERATE}
 """Of the topics."""
 
 
 class Announcer:
-    """Publishes, as long as its node lives, when it said something the how-manieth time."""
+    """Publishes numbered messages as long as its node lives."""
 
     def __init__(self, node, ledger, chance):
         ledger.lives += 1
@@ -37,7 +37,7 @@ class Announcer:
 
 
 class Listener:
-    """Subscribes for an account and tells the ledger what must not be."""
+    """Subscribes for an account and reports violations to the ledger."""
 
     def __init__(self, node, name, ledger, account, accounts):
         self._name = name
@@ -70,7 +70,7 @@ class Listener:
         self._ledger.counts[f"heard of {topic}"] += 1
 
     async def hear_of_the_present(self):
-        """Nothing breaks any more: soon there is a message that was said after now."""
+        """After the last fault: a message that is published after now must arrive soon."""
         now = self._ledger.now()
         while self._latest < now:
             await asyncio.sleep(PERIOD)

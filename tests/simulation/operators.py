@@ -1,4 +1,4 @@
-"""The simulated operator: pauses, moves and calls off what others have asked for."""
+"""The simulated operator: pauses the queue, and moves and cancels the callers' tasks."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ TYPES = {verb: srvgen.load(f"taskrpc_interfaces/srv/{name}") for verb, name in V
 DRAWN = (*VERBS, "resume", "resume", "reprioritise", "reprioritise", "requeue", "requeue")
 
 UNSTORED = "this could not be stored"
-"""What an answer says of something that was done, and not stored."""
+"""The part of a response that reports a change that was made and not stored."""
 
 
 class Operator:
-    """Gives orders, some at the same time, until all is calm; then lets the queue go on."""
+    """Gives orders, some concurrently, until the faults end; then resumes the queue."""
 
     def __init__(self, name, ledger, chance, calm):
         self.name = name
@@ -47,7 +47,7 @@ class Operator:
                 await asyncio.sleep(0.1)
 
     async def _give(self, clients, verb, timeout):
-        """Whether an order was carried out."""
+        """Carry out an order; returns whether it had an effect."""
         policy = self._chance.choice((None, taskrpc.RetryPolicy()))
         request = TYPES[verb].Request()
         task_id = priority = 0

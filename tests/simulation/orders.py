@@ -1,7 +1,7 @@
-"""What operators asked of the tasks, what they were told, and what follows from it.
+"""The operators' orders, the responses to them, and their consequences.
 
-Each order took effect at one instant between its asking and its answer, or some time, or never,
-if nobody knows. A check must hold wherever in there that was.
+Each order took effect at one instant between request and response. Without a response it took
+effect later or never. A check must hold for every possible instant.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ HALTS, CALLS_OFF = ("pause", "stop"), ("cancel", "drop")
 
 @dataclass
 class Order:
-    """One order; numbers of disks say whose tasks it may have meant."""
+    """One order; the numbers of disks limit the tasks that it may concern."""
 
     verb: str
     task_id: int
@@ -24,19 +24,19 @@ class Order:
     told: float = math.inf
     last_disk: float = math.inf
     done: bool | None = None
-    """What the operator was told; None: nobody knows."""
+    """The result in the response; None if the outcome is unknown."""
 
     def may_concern(self, disk: int) -> bool:
-        """Whether it may have had an effect on what this disk has."""
+        """Whether the order may have changed the tasks of this disk."""
         return self.done is not False and self.first_disk <= disk <= self.last_disk
 
     def surely_concerns(self, disk: int) -> bool:
-        """Whether it had its effect on what this disk has, and somebody was told so."""
+        """Whether a response confirms that the order changed the tasks of this disk."""
         return self.done is True and self.first_disk == disk == self.last_disk
 
 
 class Orders:
-    """All orders of a world."""
+    """All orders of a simulation."""
 
     def __init__(self, ledger):
         self._ledger = ledger
@@ -49,7 +49,7 @@ class Orders:
         return order
 
     def told(self, order, done, now) -> None:
-        """`done` is what an answer says, None where there was none."""
+        """Record a response; `done` is its result, None without a response."""
         order.done = done
         if done is not None:
             order.told, order.last_disk = now, self._newest_disk()
@@ -58,7 +58,7 @@ class Orders:
         self._ledger.note(f"order {order.verb} {order.task_id} {done}")
 
     def begins(self, disk, task, now) -> None:
-        """The worker takes a task of a disk."""
+        """Record that the worker of a disk starts a task."""
         for order in self._given:
             if not order.surely_concerns(disk) or order.told >= now:
                 continue
@@ -69,7 +69,7 @@ class Orders:
                 self._ledger.broke("began although called off", task.task_id)
 
     def compare(self, disk, tasks) -> None:
-        """Compare with the tasks that a disk has in the end."""
+        """Compare the orders with the tasks on a disk at the end."""
         for task in tasks:
             mine = [order for order in self._given if order.task_id == task.task_id]
             requeues = sum(o.verb == "requeue" and o.may_concern(disk.number) for o in mine)
@@ -86,7 +86,7 @@ class Orders:
                 self._ledger.broke("lost", f"priority of {task.task_id}: not {task.priority}")
 
     def _undone(self, order, disk, verb, now) -> bool:
-        """Whether another order may have taken effect after this one."""
+        """Whether a later order may have undone this one."""
         return any(
             other.verb == verb
             and other.may_concern(disk)

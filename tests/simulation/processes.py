@@ -1,4 +1,4 @@
-"""Processes inside one event loop, any of which can be killed between two turns."""
+"""Processes inside one event loop; each can be killed between two iterations."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import logging
 from taskrpc.testing import VirtualTimeLoop
 
 PROCESS: contextvars.ContextVar[int] = contextvars.ContextVar("process", default=0)
-"""0 for the world around the processes."""
+"""0 for the simulation around the processes."""
 
 
 class SimulatedLoop(VirtualTimeLoop):
-    """Knows whose each callback and task is; nothing of a killed process ever runs again."""
+    """Knows the process of each callback and task; a killed process never runs again."""
 
     def __init__(self):
         self._killed: set[int] = set()
@@ -27,14 +27,14 @@ class SimulatedLoop(VirtualTimeLoop):
         self.set_task_factory(self._make_task)
 
     def start(self, coroutine) -> tuple[int, asyncio.Task]:
-        """Run a coroutine as a process of its own."""
+        """Run a coroutine as a separate process."""
         self._processes += 1
         context = contextvars.copy_context()
         context.run(PROCESS.set, self._processes)
         return self._processes, self.create_task(coroutine, context=context)
 
     def kill(self, process: int) -> None:
-        """Nothing of a process happens any more, no `finally` either."""
+        """Kill a process: none of its code runs any more, not even `finally`."""
         self._killed.add(process)
         for task, owner in self._owners.items():
             if owner == process:
@@ -45,7 +45,7 @@ class SimulatedLoop(VirtualTimeLoop):
             self._forget_if_killed(handle)
 
     def bury(self) -> None:
-        """Let go of the killed; whatever they still do now has no effect."""
+        """Release the killed processes; anything they still do has no effect."""
         self._is_over = True
         logging.disable(logging.CRITICAL)
         for task in self._buried:
@@ -56,7 +56,7 @@ class SimulatedLoop(VirtualTimeLoop):
         self._is_over = False
 
     def tasks_of_the_living(self) -> list[asyncio.Task]:
-        """What is not done yet, the world's own tasks left out."""
+        """The pending tasks, without those of the simulation."""
         return [
             task
             for task, owner in self._owners.items()
@@ -64,7 +64,7 @@ class SimulatedLoop(VirtualTimeLoop):
         ]
 
     def timers_of_the_living(self) -> list[asyncio.TimerHandle]:
-        """What is still to come, the world's own left out."""
+        """The scheduled callbacks, without those of the simulation."""
         return [
             handle
             for handle in self._scheduled
@@ -96,7 +96,7 @@ class SimulatedLoop(VirtualTimeLoop):
 
 
 def _close(coroutine) -> None:
-    """Let a coroutine end now; each `finally` that waits for something must be told once more."""
+    """End a coroutine now; each `finally` that awaits something is cancelled once more."""
     while inspect.getcoroutinestate(coroutine) != inspect.CORO_CLOSED:
         with contextlib.suppress(BaseException):
             coroutine.close()

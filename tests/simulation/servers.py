@@ -1,4 +1,4 @@
-"""The simulated servers: they can die at any instant, and compare what they are asked to do."""
+"""The simulated servers: they can die at any instant, and report their executions."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from tests.simulation.news import Announcer
 
 Add = srvgen.load("example_interfaces/srv/AddTwoInts")
 GRACE = 2.0
-"""Seconds that calls in flight get when a server ends."""
+"""Seconds that calls in flight get when a server drains."""
 START_AGAIN = 0.4
 """Seconds after which a server that could not start is started again."""
 
 
 class Server:
-    """One life of a server; with a disk it offers what needs one too.
+    """One life of a server; with a disk it also offers the services that need one.
 
-    `strike(seconds)` ends it in the midst of what it does then.
+    `strike(seconds)` kills it during its work after this time.
     """
 
     def __init__(self, name, ledger, chance, strike, around, disk=None):
@@ -36,7 +36,7 @@ class Server:
 
     @property
     def is_ill(self) -> bool:
-        """Whether only another life of it can use its disk."""
+        """Whether its disk is usable only after a restart."""
         return self._tasks_file is not None and self._tasks_file.is_broken
 
     async def run(self):

@@ -1,4 +1,4 @@
-"""One simulated world from one seed: servers, clients, a network and a fate that breaks them."""
+"""One simulation from one seed: servers, clients, a network, and faults in all of them."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ ROLES = (Role.SUBMIT, Role.SUBMIT, Role.OPERATE)
 """Of the clients."""
 CALLS = 10
 SECONDS = 6.0
-"""For how long things break."""
+"""Seconds with faults."""
 QUIET = 15.0
-"""For how long nothing does, so that what is still to happen happens."""
+"""Seconds without faults, in which all pending work ends."""
 
 
 class World:
-    """Starts everything, breaks it, heals it, and compares in the end."""
+    """Starts everything, injects faults, ends them, and compares at the end."""
 
     def __init__(self, chance, ledger, wall_clock):
         self.wall_clock = wall_clock
@@ -117,7 +117,7 @@ class World:
         await self._start_again(which)
 
     def _strike(self, name, seconds):
-        """Kill a server where it writes; from our own context, or we would die with it."""
+        """Kill a server during a write, from the simulation's context, which must survive."""
         self._loop.call_later(seconds, self._struck, name, context=self._context)
 
     def _struck(self, name):
@@ -166,7 +166,7 @@ class World:
         self._network.cut(*self._server_and_client())
 
     async def _heal(self):
-        """The network, the disk and the accounts are as they should be."""
+        """End the faults of the network, the disks and the accounts."""
         self._ledger.troubled()
         self._partitioned.clear()
         self._network.heal()
@@ -268,7 +268,7 @@ class World:
 
 
 def simulate(seed, counts, tell=None):
-    """Live one world and count what happened in it; returns the digest of all that did."""
+    """Run one simulation and count its events; returns a digest of all events."""
     with asyncio.Runner(loop_factory=SimulatedLoop) as runner:
         loop = runner.get_loop()
 
