@@ -381,7 +381,7 @@ class TaskManager:
             return refusal
         limit = self._settings.queue_limit
         if len(self.queue) >= limit:
-            return f"Queue full: {len(self.queue)} tasks are waiting, and the limit is {limit}"
+            return f"Queue full (waiting: {len(self.queue)}, limit: {limit})"
         return self._share_refusal(account, machine)
 
     def _share_refusal(self, account: str, machine: str) -> str:
@@ -393,8 +393,7 @@ class TaskManager:
             return ""
         if machine:
             account = f"{account} at {machine}"
-        limit = f"the limit for one account is {share}"
-        return f"Share full: {waiting} tasks of {account} are waiting, and {limit}"
+        return f"Share full: {account} (waiting: {waiting}, limit for one account: {share})"
 
     def _accept(
         self, on_stored: OnStored, task: Task, completing: Completing | None = None

@@ -113,7 +113,7 @@ def test_laptop_joins_calls_and_is_revoked(lecturer, strings, laptop):
     for _ in range(2):
         assert json.loads(submit(laptop))["success"]
     refused = json.loads(submit(laptop))
-    assert refused["message"] == "Share full: 2 tasks of ada wait, and no more of one account may"
+    assert refused["message"] == "Share full: ada (waiting: 2, limit for one account: 2)"
     listed = json.loads(laptop.run("taskrpc", "task", "list", "--json"))
     assert len(listed) == 2
     row = roster(lecturer)["ada"]

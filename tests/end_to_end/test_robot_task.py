@@ -246,7 +246,7 @@ def test_full_queue_refuses_tasks_until_there_is_room(start, task):
     task("pause")
     assert task("submit", "move", "dock")[0] == 0
     code, out, err = task("submit", "move", "dock")
-    assert (code, out, err) == (1, "", "Queue full: 1 tasks wait, and no more may\n")
+    assert (code, out, err) == (1, "", "Queue full (waiting: 1, limit: 1)\n")
     task("drop", 1)
     assert task("submit", "move", "dock")[1].startswith(
         "Task queued: move (the queue is paused) (task 2, "
@@ -273,7 +273,7 @@ def test_tasks_are_cancelled_moved_dropped_and_queued_again(start, task, listed)
     assert code == 0
     assert json.loads(out)["result"].keys() == {"pose", "battery", "odometer"}
     assert task("cancel", 1)[0] == 1
-    assert "only one that was interrupted, failed or cancelled" in task("requeue", 1)[2]
+    assert "only an interrupted, failed or cancelled task" in task("requeue", 1)[2]
     assert task("requeue", 99) == (1, "", "There is no task 99\n")
 
 

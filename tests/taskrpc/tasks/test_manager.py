@@ -77,7 +77,7 @@ async def test_a_full_queue_refuses_and_takes_more_when_there_is_room(manager):
     await manager.pause()
     answers = await submit(manager, *[("1", 5)] * 21)
     assert [answer.success for answer in answers] == [True] * 20 + [False]
-    assert answers[-1].message == "Queue full: 20 tasks are waiting, and the limit is 20"
+    assert answers[-1].message == "Queue full (waiting: 20, limit: 20)"
     await manager.cancel(7)
     assert [answer.task_id for answer in await submit(manager, ("1", 5))] == [21]
 

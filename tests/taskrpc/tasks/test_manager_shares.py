@@ -26,10 +26,7 @@ async def test_a_full_share_is_refused_with_how_many_wait(manager):
         assert (await submit(manager, "ada")).success
     refused = await submit(manager, "ada")
     assert not refused.success
-    assert (
-        refused.message
-        == "Share full: 3 tasks of ada are waiting, and the limit for one account is 3"
-    )
+    assert refused.message == "Share full: ada (waiting: 3, limit for one account: 3)"
     assert refused.task_id == -1
 
 
@@ -73,5 +70,5 @@ async def test_machines_of_one_account_have_a_share_each(manager):
                 "move", "3", 5, client="class", account="class", machine=machine
             )
             assert answer.success is expected
-    waiting = "3 tasks of class at 192.0.2.2 are waiting"
-    assert answer.message == f"Share full: {waiting}, and the limit for one account is 3"
+    whose = "class at 192.0.2.2"
+    assert answer.message == f"Share full: {whose} (waiting: 3, limit for one account: 3)"
