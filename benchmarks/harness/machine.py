@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import platform
 import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -50,10 +51,9 @@ class Others:
 
 def _busy_beside_us() -> float | None:
     """Seconds that cores have worked for others, the machine's host included."""
-    stat = Path("/proc/stat")
-    if not stat.exists():
+    if sys.platform != "linux":
         return None
-    return _busy(stat.read_text(), os.sysconf("SC_CLK_TCK")) - sum(os.times()[:4])
+    return _busy(Path("/proc/stat").read_text(), os.sysconf("SC_CLK_TCK")) - sum(os.times()[:4])
 
 
 def _busy(stat: str, ticks_a_second: int) -> float:

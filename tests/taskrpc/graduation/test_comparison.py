@@ -59,7 +59,7 @@ def real(tmp_path, monkeypatch):
 
 def test_same_output_is_reported_as_the_same(real, capsys):
     real()
-    assert main(["graduate", "program.py", "--run", "a", "--b"]) == 0
+    assert main(["graduate", "program.py", "--timeout", "120", "--run", "a", "--b"]) == 0
     assert capsys.readouterr().out.splitlines() == [
         "found nothing that a real ROS 2 would do differently",
         "ROS 2 prints the same and ends in the same way",
@@ -68,7 +68,7 @@ def test_same_output_is_reported_as_the_same(real, capsys):
 
 def test_different_output_and_exit_code_are_shown(real, capsys):
     real(name="m", end="raise SystemExit(3)")
-    assert main(["graduate", "program.py", "--run"]) == 1
+    assert main(["graduate", "program.py", "--timeout", "120", "--run"]) == 1
     assert capsys.readouterr().out.splitlines()[1:] == [
         "--- taskrpc stdout",
         "+++ ROS 2 stdout",

@@ -68,6 +68,7 @@ def test_a_deadline_ends_the_wait_although_the_callback_goes_on(node):
 
     node.create_service(AddTwoInts, "stuck", stuck)
     client = node.create_client(AddTwoInts, "stuck")
+    assert client.wait_for_service(timeout=60)
     with pytest.raises(taskrpc.DeadlineExceeded):
         client.call(AddTwoInts.Request(), timeout=0.05)
     release.set()
