@@ -1,20 +1,31 @@
 """One call over a channel that fails as it is told: what is sent again, and at what cost."""
 
 import asyncio
+import copy
+import random
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from taskrpc.attempts import FREE_RETRIES, Attempts
+from taskrpc.client import Client
 from taskrpc.errors import (
+    Code,
     ConnectionLost,
     DeadlineExceeded,
+    HandlerFailed,
     OutcomeUnknown,
+    ServerBusy,
     ServiceUnavailable,
     SessionExpired,
+    TaskRpcError,
 )
 from taskrpc.request_ids.ids import RequestCounter, named_request_id
 from taskrpc.retry import RetryBudget, RetryPolicy
+from taskrpc.testing import VirtualTimeLoop
 from taskrpc.transport.base import Mode
+from tests.taskrpc.transport.helpers import Add
 
 AT_ONCE = RetryPolicy(wait_initial=0.01, wait_max=0.01, wait_jitter=0)
 
@@ -69,7 +80,7 @@ class FakeChannel:
     def leave_line(self, call):
         self.line.remove(call)
 
-    def send(self, request, deadline, number):
+    def send(self, request, deadline, number=None):
         self.sent.append(number)
         outcome = self.outcomes.pop(0)
         if isinstance(outcome, tuple):
@@ -218,3 +229,79 @@ async def test_forgotten_request_id_is_not_counted_anew():
     with pytest.raises((OutcomeUnknown, SessionExpired)):
         await attempts(channel, request_id="order 1").result()
     assert len(channel.sent) == 1
+
+
+class Transport:
+    """Gives a client this channel."""
+
+    def __init__(self, channel):
+        self._channel = channel
+
+    def channel(self, name, srv_type, node, *, otherwise):
+        return self._channel
+
+
+class CountingChannel(FakeChannel):
+    """A fake channel that also takes sequence numbers itself, as `Client.call` wants it."""
+
+    def send_next(self, request, deadline):
+        counter = self.counter()
+        sequence = counter.take()
+        call = self.send(request, deadline, counter.request_id(sequence))
+        call.counter, call.sequence = counter, sequence
+        return call
+
+
+def fresh(outcome):
+    """The same outcome again: a raised error must not be shared between two runs."""
+    return copy.copy(outcome)
+
+
+def result_of(outcomes, mode, run):
+    """What a run of one call yields: its response or error, the ids sent, what is settled."""
+
+    async def main():
+        store_id = b"S" * 16 if mode is Mode.EXACTLY_ONCE else b""
+        channel = CountingChannel(*map(fresh, outcomes), mode=mode, store_id=store_id)
+        client = Client(Transport(channel), Add, "/add", "/me", timeout=60.0)
+        try:
+            result = await run(client, channel)
+        except TaskRpcError as error:
+            result = type(error), str(error), error.not_executed
+        settled = [each.request_id(9).first_incomplete for each in channel.counters.values()]
+        return result, channel.sent, settled, client.retries
+
+    random.seed(1)
+    with asyncio.Runner(loop_factory=VirtualTimeLoop) as runner:
+        return runner.run(main())
+
+
+FAILURES = (
+    ConnectionLost("lost"),
+    ConnectionLost("lost", not_executed=True),
+    ServiceUnavailable("gone"),
+    ServerBusy("busy", retry_after=0.5),
+    HandlerFailed(Code.INTERNAL, "bad"),
+    DeadlineExceeded("no answer by the deadline"),
+    OutcomeUnknown("unknown"),
+)
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    mode=st.sampled_from([Mode.AT_MOST_ONCE, Mode.IDEMPOTENT, Mode.EXACTLY_ONCE]),
+    failures=st.lists(st.sampled_from(FAILURES), max_size=4),
+)
+def test_fast_path_of_a_client_behaves_as_attempts_do(mode, failures):
+    outcomes = [*failures, "response"]
+
+    async def fast(client, channel):
+        return await client.call("request")
+
+    async def slow(client, channel):
+        loop = asyncio.get_running_loop()
+        deadline = loop.time() + 60.0
+        budget = client._budget
+        return await Attempts(channel, "request", deadline, None, budget, loop.time).result()
+
+    assert result_of(outcomes, mode, fast) == result_of(outcomes, mode, slow)
