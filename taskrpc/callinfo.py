@@ -1,4 +1,4 @@
-"""What a service callback may ask about the call that it is answering."""
+"""`current_call()`: what a service callback can read about the call that it serves."""
 
 from __future__ import annotations
 
@@ -29,16 +29,17 @@ class CallInfo(msgspec.Struct, eq=False):
     caller: str
     """The calling node's or program's name."""
     principal: str
-    """The account that the caller proved to have, "" where it has the server's own token."""
+    """The account that the caller authenticated as, "" if it has the server's own token."""
     role: Role
-    """What the caller may do; `ADMIN` where it has the server's own token."""
+    """What the caller may do; `ADMIN` if it has the server's own token."""
     number: int
     """Counts the calls of this server; it stands in the log beside a failure."""
     deadline: float | None
     """Instant on the event loop's clock, or None."""
     clock: Callable[[], float]
+    """The event loop's clock, in seconds."""
     cancelled: bool
-    """True once the caller gave up; plain and threaded callbacks may look now and then."""
+    """True once the caller has cancelled; plain and threaded callbacks may check it."""
 
     @property
     def span(self) -> bytes:
@@ -94,5 +95,5 @@ def current_call() -> CallInfo:
     """
     call = answering.get()
     if call is None:
-        raise LookupError("current_call() was asked outside a service callback")
+        raise LookupError("current_call() was called outside a service callback")
     return call

@@ -1,4 +1,4 @@
-"""What operators want to know: the seam for metrics, traces and logs, and what a node counts."""
+"""Observers: how metrics, traces and logs learn of calls; and the counts of a node."""
 
 from __future__ import annotations
 
@@ -17,71 +17,71 @@ _Answer = TypeVar("_Answer")
 
 
 class Connections(msgspec.Struct):
-    """What became of the connections that one side has made, and what went over them."""
+    """Counts of connections, and of the bytes that they carried."""
 
     opened: int = 0
     open: int = 0
     ended: dict[str, int] = {}
-    """How many ended, by the name of the error, "" where nothing was wrong."""
+    """How many ended, by the name of the error; "" for those that ended without an error."""
     received: int = 0
     """Bytes, without what TLS adds."""
     sent: int = 0
 
 
 class DeduplicationStatus(msgspec.Struct, frozen=True):
-    """What an exactly-once service was asked, and what its store remembers."""
+    """The requests of an exactly-once service, and what its ledger remembers."""
 
     requests: dict[str, int]
-    """How many there were, by what was known of them: `new`, `attach` (it runs), `done` (answered
-    from the store), `stale` (its client was forgotten), `reused` (another one had its number),
-    `full` (no room for it)."""
+    """How many there were, by verdict: `new`, `attach` (a repetition while the request ran), `done`
+    (answered from the store), `stale` (the client was forgotten), `reused` (another request had its
+    id), `full` (refused for lack of memory)."""
     clients: int
-    """How many are remembered, with those of other services of the same store."""
+    """How many clients are remembered, by all services of the same store."""
     bytes: int
-    """What that takes."""
+    """Memory that these clients take."""
 
 
 class ServiceStatus(msgspec.Struct, frozen=True):
-    """How much one service has to do."""
+    """The load of one service."""
 
     name: str
     running: int
     waiting: int
-    """Calls that wait for their turn."""
+    """Calls in the queue."""
     once: DeduplicationStatus | None = None
-    """For an exactly-once service."""
+    """Deduplication; None if the service is not exactly-once."""
 
 
 class TopicStatus(msgspec.Struct):
-    """What one node's publishers and subscriptions of a topic have done since the node started."""
+    """Counts of one node's publishers and subscriptions of a topic since the node started."""
 
     published: int = 0
     """Messages."""
     received: int = 0
     lost_sending: int = 0
-    """What our publishers could not send, since a subscription did not read; for each of them."""
+    """Messages not sent because a subscription does not read, for each subscription."""
     lost_coming: int = 0
-    """What was published for our subscriptions and did not come."""
+    """Messages that were published for our subscriptions and did not arrive."""
     lost_waiting: int = 0
-    """What came and was dropped, since a callback was behind."""
+    """Messages that arrived and were dropped because a callback was too slow."""
     subscriptions: int = 0
-    """Those that get messages of our publishers now."""
+    """Subscriptions that receive from our publishers now."""
     publishers: int = 0
-    """Those that our subscriptions get messages of now."""
+    """Publishers from which our subscriptions receive now."""
 
 
 class NodeStatus(msgspec.Struct, frozen=True):
-    """What a node has to do now, and what it has done since it started."""
+    """The present load of a node, and its counts since it started."""
 
     services: tuple[ServiceStatus, ...]
     retries: dict[str, int]
     """How often the node's clients have repeated a call, by service."""
     endpoint: str
-    """Tells sockets apart: the nodes of one program share theirs, and the two counts below."""
+    """Identifies the socket: the nodes of one program share it, and the two counts below."""
     accepted: Connections
-    """The connections on which this program is called."""
+    """The connections that other programs have made to this one."""
     dialled: Connections
-    """The connections on which it calls."""
+    """The connections that this program has made."""
     topics: dict[str, TopicStatus] = {}
     """By absolute name."""
 
@@ -93,52 +93,52 @@ class ObservedNode(Protocol):
         """`/namespace/name`."""
 
     def status(self) -> NodeStatus:
-        """What the node has to do now."""
+        """Return the present load of the node, and its counts."""
 
 
 class Outgoing(Protocol):
-    """What an observer keeps of a call that a client makes."""
+    """An observer's object for one call that a client makes."""
 
     @property
     def span(self) -> bytes:
-        """What the server shall know: 16 bytes of the trace's id, 8 of the span's, 1 of flags.
+        """The trace context for the server: 16 bytes of trace id, 8 of span id, 1 of flags.
 
-        As W3C's trace context has them; empty for nothing.
+        As in W3C's trace context; empty for none.
         """
 
     def ended(self, code: Code, seconds: float) -> None:
-        """The client has made the call, which took `seconds` with all retries."""
+        """The call has ended; it took `seconds` with all retries."""
 
 
 class Observer:
-    """Derive from it, override what you want to know, and give it to `Node(observer=...)`.
+    """The base class of observers: override the methods you need, pass it to `Node(observer=...)`.
 
-    All methods do nothing here. They are called on the event loop in the midst of the work, so they
-    must be quick; what they raise is logged and does the call no harm. Nodes without an observer
-    pay nothing for this.
+    All methods do nothing here. The event loop calls them between its other work, so they must be
+    quick. Their exceptions are logged and do not affect the call. Nodes without an observer pay
+    nothing for this.
     """
 
     def node_started(self, node: ObservedNode) -> None:
-        """A node joined the network; its `status()` may be asked until `node_ended`."""
+        """A node joined the network; its `status()` may be called until `node_ended`."""
 
     def node_ended(self, node: ObservedNode) -> None:
         """A node is about to leave the network."""
 
     def call_began(self, call: CallInfo) -> None:
-        """A call arrived at one of the node's services; it may have to wait for its turn."""
+        """A call arrived at one of the node's services; it may have to wait in the queue."""
 
     def call_answered(self, call: CallInfo, response: Any) -> None:
         """A call gets its response; `call_ended` follows."""
 
     def call_ended(self, call: CallInfo, code: Code, seconds: float) -> None:
-        """A call has its answer, `seconds` after it arrived.
+        """A call has ended, `seconds` after it arrived.
 
-        `code` is `Code.OK`, or that of the error which the caller gets, `Code.CANCELLED` where the
-        caller has gone. A request that could not be decoded ends without having begun.
+        `code` is `Code.OK`, or the code of the error for the caller; `Code.CANCELLED` if the caller
+        is gone. A request that could not be decoded ends without having begun.
         """
 
     def request_began(self, service: str) -> Outgoing | None:
-        """One of the node's clients makes a call; what is returned hears of its end."""
+        """One of the node's clients makes a call; the returned object is notified of its end."""
         return None
 
     def request_ended(self, service: str, code: Code, seconds: float) -> None:
@@ -146,7 +146,7 @@ class Observer:
 
 
 class Observers(Observer):
-    """Tells several observers, in this order: `Node(observer=Observers(metrics, tracing))`."""
+    """Notifies several observers, in this order: `Node(observer=Observers(metrics, tracing))`."""
 
     def __init__(self, *observers: Observer) -> None:
         self._observers = observers
@@ -172,7 +172,7 @@ class Observers(Observer):
             told(each.call_answered, call, response)
 
     def call_ended(self, call: CallInfo, code: Code, seconds: float) -> None:
-        """A call has its answer."""
+        """A call has ended."""
         for each in self._observers:
             told(each.call_ended, call, code, seconds)
 
@@ -188,7 +188,7 @@ class Observers(Observer):
 
 
 class _Several:
-    """One call, and what several observers keep of it."""
+    """The objects of several observers for one call."""
 
     def __init__(self, began: list[Outgoing]) -> None:
         self._began = began
@@ -200,7 +200,7 @@ class _Several:
 
 
 def told(tell: Callable[..., _Answer], *what: Any) -> _Answer | None:
-    """Tell an observer, and survive what it raises: None then."""
+    """Call an observer; log its exception, and return None then."""
     try:
         return tell(*what)
     except Exception:

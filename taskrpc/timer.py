@@ -1,4 +1,4 @@
-"""Timers: a callback at even intervals."""
+"""Timers: call a callback at regular intervals."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from taskrpc.execution.callbacks import CallbackRunner
 class Timer:
     """Calls its callback every `period` seconds; made by `Node.create_timer`.
 
-    The intervals do not drift. While a call runs, those that were due are left out.
+    The intervals do not drift. Calls that are due while a call runs are skipped.
     """
 
     def __init__(
@@ -41,26 +41,26 @@ class Timer:
 
     @property
     def is_canceled(self) -> bool:
-        """Whether it stands still; `reset` starts it again."""
+        """Whether the timer is stopped; `reset` starts it again."""
         return self._handle is None
 
     def cancel(self) -> None:
-        """Stand still; a call that runs is not stopped."""
+        """Stop the timer; a running callback is not stopped."""
         if self._handle is not None:
             self._handle.cancel()
             self._handle = None
 
     def reset(self) -> None:
-        """Start again: the next call is `period` seconds from now."""
+        """Restart the timer: the next call is `period` seconds from now."""
         if not self._destroyed:
             self.cancel()
             self._due = self._loop.time() + self.period
             self._handle = self._loop.call_at(self._due, self._tick)
 
     def destroy(self) -> None:
-        """Stop for ever.
+        """Stop the timer for good.
 
-        A call that runs in the event loop is cancelled, unless it is the one that says so.
+        A callback that runs in the event loop is cancelled, unless it calls this itself.
         """
         self.cancel()
         self._destroyed = True
@@ -68,7 +68,7 @@ class Timer:
         self._forget(self)
 
     def _count_into(self, topics: dict[str, Any]) -> None:
-        """A timer has no part in topics."""
+        """Do nothing: a timer has no topic."""
 
     def _tick(self) -> None:
         now = self._loop.time()
@@ -79,4 +79,4 @@ class Timer:
             self._runner.run()
 
     def _idle(self) -> None:
-        """A call that took a while has ended: the next one is due when it is due."""
+        """Do nothing when a callback ends: the next call is due at its own time."""

@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("taskrpc.topics")
 
-MOST_HANDED = 256
-"""Messages that other threads have published and the event loop has not sent yet; whoever
-publishes more waits for it."""
+MOST_HANDED_OFF = 256
+"""Messages that other threads have published and the event loop has not sent yet; a thread that
+publishes more waits."""
 A_TURN, A_TURN_BEHIND = 0.05, 0.005
-"""Seconds that the plain callback of a subscription gets at once, and as long as it was behind just
-before; then all else has its turn, and what waits beyond the depth is dropped. The first is long,
-so that a busy machine does not make a quick callback a slow one."""
-MOST_TOLD = 100
-"""Lines of one subscription about messages that are not valid."""
+"""Seconds for which the plain callback of a subscription may hold the event loop: normally, and
+after it has fallen behind. Then other work runs, and messages beyond the depth are dropped. The
+first is long, so that a quick callback does not count as slow on a busy machine."""
+MOST_LOGGED = 100
+"""How many invalid messages one subscription logs."""
 _SLICE = 0.1
-"""Seconds of one wait: on Windows Ctrl-C does not reach a longer one before its end."""
+"""Seconds of one wait: on Windows, Ctrl-C does not interrupt a wait on a lock."""
 
 
 class Publisher(Generic[MsgT]):
@@ -104,11 +104,11 @@ class Publisher(Generic[MsgT]):
 
     @property
     def lost(self) -> int:
-        """Messages that subscriptions did not get, since they do not read; counted for each."""
+        """Messages that were not sent because a subscription does not read, for each one."""
         return self._publication.lost
 
     def destroy(self) -> None:
-        """Publish no more."""
+        """End the publisher."""
         if not self._destroyed:
             with self._room:
                 self._destroyed = True
@@ -117,7 +117,7 @@ class Publisher(Generic[MsgT]):
             self._forget(self)
 
     def _see_whether_the_loop_runs(self) -> None:
-        """A program that sleeps between messages instead of awaiting never gets a subscription."""
+        """Warn a program that sleeps between messages: its loop never accepts a subscription."""
         now = self._loop.time()
         if self._turn_began is None:
             self._turn_began = now
@@ -147,9 +147,9 @@ class Publisher(Generic[MsgT]):
         status.subscriptions += self.get_subscription_count()
 
     def _hand_over(self, body: bytes) -> None:
-        """Let the loop send it: in order, and no faster than it can."""
+        """Hand a message to the event loop, in order; wait while it has too many."""
         with self._room:
-            while len(self._handed) >= MOST_HANDED and not self._destroyed:
+            while len(self._handed) >= MOST_HANDED_OFF and not self._destroyed:
                 self._room.wait(_SLICE)
             self._refuse_destroyed()
             self._handed.append(body)
@@ -168,7 +168,7 @@ class Subscription(Generic[MsgT]):
     """Calls its callback with each message of a topic; made by `Node.create_subscription`.
 
     One call at a time, in order. While one runs, the last `depth` messages wait. Plain callbacks
-    get a part of each turn of the event loop; what they do not manage waits, too. The topic
+    get a part of each iteration of the event loop; the remaining messages wait, too. The topic
     `otherwise` is heard as long as nobody publishes the first one.
     """
 
@@ -190,9 +190,9 @@ class Subscription(Generic[MsgT]):
         self.topic_name = name
         self.qos = qos
         self.received = 0
-        """Messages that came."""
+        """Messages that arrived."""
         self.dropped = 0
-        """Messages that came and were dropped, since the callback was behind."""
+        """Messages that arrived and were dropped because the callback was too slow."""
         self._forget = forget
         self._loop = asyncio.get_running_loop()
         self._runner = CallbackRunner(
@@ -232,13 +232,13 @@ class Subscription(Generic[MsgT]):
 
     @property
     def lost(self) -> int:
-        """Messages that were published and did not come."""
+        """Messages that were published and did not arrive."""
         return self._reception.lost + (self._elsewhere.lost if self._elsewhere is not None else 0)
 
     def destroy(self) -> None:
-        """Want no more messages.
+        """End the subscription.
 
-        A callback that runs in the event loop is cancelled, unless it is the one that says so.
+        A callback that runs in the event loop is cancelled, unless it calls this itself.
         """
         if not self._destroyed:
             self._destroyed = True
@@ -262,7 +262,7 @@ class Subscription(Generic[MsgT]):
         if read and read != self._read:
             self._read = read
             self._runner.spent = 0.0
-            if self._is_behind:  # the loop reads on before the callback has its next turn
+            if self._is_behind:  # let the loop read on before the callback runs again
                 self._is_behind = False
                 self._plan()
         if len(self._waiting) >= self.qos.depth:
@@ -290,10 +290,10 @@ class Subscription(Generic[MsgT]):
         self._run(A_TURN_BEHIND)
 
     def _run(self, patience: float = A_TURN) -> None:
-        if self._running or self._planned:  # the callback itself let a message come
+        if self._running or self._planned:  # called from within the callback
             return
         self._running = True
-        left = len(self._waiting)  # a callback may publish what it gets, for ever
+        left = len(self._waiting)  # a callback may publish on its own topic
         try:
             while left and self._can_run and self._runner.spent < patience:
                 left -= 1
@@ -313,20 +313,20 @@ class Subscription(Generic[MsgT]):
             message = self._reception.decode(body)
         except InvalidRequest as error:
             self._invalid += 1
-            if self._invalid <= MOST_TOLD:
+            if self._invalid <= MOST_LOGGED:
                 log.error("a message of %s is not valid: %s", self.topic_name, error)
         else:
             self._runner.run(message)
 
 
 def _status_of(topics: dict[str, TopicStatus], name: str) -> TopicStatus:
-    from taskrpc.observer import TopicStatus  # few programs ask
+    from taskrpc.observer import TopicStatus  # few programs need it
 
     return topics.setdefault(name, TopicStatus())
 
 
 def named(msg_type: Any, name: str, node: str, qos: QoS) -> TopicEndpoint:
-    """A publisher or subscription as others see it."""
+    """Return the description of a publisher or subscription for other processes."""
     type_name, type_hash = msg_type._TYPE, msg_type._HASH
     return TopicEndpoint(
         name, type_name, type_hash, node, qos.depth, qos.is_reliable, qos.is_latched

@@ -152,7 +152,7 @@ def test_what_is_too_large_is_refused_in_the_thread_that_publishes_it(talker, li
 def test_a_thread_that_is_faster_than_the_loop_waits_for_it(talker, monkeypatch):
     from taskrpc import topic
 
-    monkeypatch.setattr(topic, "MOST_HANDED", 4)
+    monkeypatch.setattr(topic, "MOST_HANDED_OFF", 4)
     publisher = talker.create_publisher(Int32, "counts")
     go_on = threading.Event()
     talker._loop.soon(lambda: go_on.wait(60))

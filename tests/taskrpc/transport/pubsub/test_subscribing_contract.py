@@ -225,7 +225,7 @@ async def test_messages_that_are_not_valid_do_not_fill_the_log(net, caplog):
     publisher.publish(Int32(data=1))
     await until(lambda: got)
     lines = [text for text in caplog.messages if text.startswith("a message of /counts is not")]
-    assert len(lines) == topic.MOST_TOLD
+    assert len(lines) == topic.MOST_LOGGED
     assert subscription.received == 301
 
 
@@ -334,7 +334,7 @@ async def test_thousands_of_subscriptions_that_come_and_go_leave_nothing(net):
 
 
 async def test_a_thread_that_waits_to_publish_learns_that_the_publisher_is_gone(net, monkeypatch):
-    monkeypatch.setattr(topic, "MOST_HANDED", 2)
+    monkeypatch.setattr(topic, "MOST_HANDED_OFF", 2)
     node = await net.node("node")
     publisher = node.create_publisher(Int32, "counts")
     found = []
