@@ -1,4 +1,4 @@
-"""One end of a connection beneath its calls: frames in and out, the handshake, and the end."""
+"""The part of a session below its calls: frames in and out, the handshake, and the end."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ HANDSHAKE_LIMIT = 4096
 
 
 class BaseSession:
-    """Knows how to speak; what is said besides the handshake is a `Session`'s."""
+    """Frames and the handshake; `Session` adds calls and topics."""
 
     __slots__ = (
         "_head",
@@ -61,15 +61,15 @@ class BaseSession:
         self._magic_seen = is_client
         self._head = b""
         self.out: list[Body] = []
-        """What `take` is going to give."""
+        """Output for `take`; public, because connections check it before each write."""
         self._large_out = False
         if isinstance(self.handshake, ClientHandshake):
             self.out.append(self.handshake.start())
 
     def vouch(self, voucher: Voucher | None, channel: bytes = b"") -> None:
-        """Say what the connection proves of the peer, before anything is heard of it.
+        """Set what the connection itself proves about the peer, before the first byte arrives.
 
-        `channel` is what both ends know of the connection itself; proofs hold for it only.
+        `channel` identifies the connection to both ends; proofs are valid for it only.
         """
         if self.handshake is not None:
             self.handshake.voucher = voucher
@@ -81,13 +81,13 @@ class BaseSession:
         return self.splitter.mid_frame
 
     def handled(self, frames: list[Frame]) -> list[Event]:
-        """What frames mean that came after the handshake."""
+        """The events of frames that arrived after the handshake."""
         raise NotImplementedError
 
     def take(self) -> list[Body]:
-        """What must be written to the peer now, in as few pieces as is good.
+        """The output for the peer, in few pieces.
 
-        Small frames are joined; joining would copy a large body, so that it is a piece of its own.
+        Small frames are joined. A large body stays a piece of its own: joining would copy it.
         """
         out, self.out = self.out, []
         if len(out) < 2:  # a large body comes behind its header
@@ -98,7 +98,7 @@ class BaseSession:
         return [b"".join(out)]
 
     def reject(self, error: TaskRpcError) -> None:
-        """Tell the peer why its connection ends; nothing is heard or said after it."""
+        """Tell the peer why the connection ends; nothing is read or sent afterwards."""
         if not self.is_client and self.state is not ConnectionState.CLOSED:
             self.out.append(refusal(error))
         self.advance(StateEvent.END)
@@ -112,7 +112,7 @@ class BaseSession:
         self.advance(StateEvent.END)
 
     def ping(self, nonce: int) -> None:
-        """Ask the peer for a sign of life."""
+        """Send a PING."""
         self.send(FrameType.PING, 0, 0, 0, nonce, b"")
 
     def _after_magic(self, data: bytes) -> bytes:
@@ -129,7 +129,7 @@ class BaseSession:
     def feed_handshake(
         self, handshake: ClientHandshake | ServerHandshake, data: bytes
     ) -> list[Event]:
-        """Take the next bytes while the handshake is not done; returns what happened."""
+        """Take the next bytes during the handshake; returns the events."""
         try:
             if not self._magic_seen:
                 data = self._after_magic(data)
@@ -144,7 +144,7 @@ class BaseSession:
                 self._shake_hands(handshake, frame)
             if handshake.peer is not None:
                 ready = self._open(handshake.peer)
-                # What came behind the handshake was measured by the handshake's small limit.
+                # The frames behind the handshake were checked by its smaller size limit.
                 rest = frames[index + 1 :] + self.splitter.feed(b"")
                 return [ready, *self.handled(rest)]
         if self.splitter.error is not None:
@@ -168,11 +168,11 @@ class BaseSession:
         if self._magic_seen:
             self.reject(error)
         self.advance(StateEvent.END)
-        # Its traceback has the frames through which it came, and these have what it came with.
+        # The traceback would keep stack frames alive, and with them the peer's data.
         return Closed(error.with_traceback(None))
 
     def send(self, type_: int, flags: int, method: int, call_id: int, arg: int, body: Body) -> None:
-        """Let any frame go out."""
+        """Send a frame of any type."""
         if self.state is ConnectionState.CLOSED:
             return
         size = len(body)

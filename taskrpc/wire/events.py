@@ -1,4 +1,4 @@
-"""What a session reports: past-tense facts, each with what its reader needs."""
+"""The events that a session reports to the connection that owns it."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ class RequestReceived(msgspec.Struct):
     size: int
     """Bytes of the body, which count as in flight until the answer."""
     span: bytes = b""
-    """The caller's, where it told one."""
+    """The caller's trace span, b"" without one."""
     ticket: Any = None
-    """Whatever the one who answers wants to find again, as long as the call is open."""
+    """Any object of the answering side, kept while the call is open."""
 
 
 class ResolveReceived(msgspec.Struct):
-    """The peer asks for a service, or with an empty name for a listing."""
+    """The peer asks for a service, or for a listing with an empty name."""
 
     call_id: int
     question: messages.Resolve
@@ -46,24 +46,25 @@ class ResolveReceived(msgspec.Struct):
 
 
 class LargeRequestBegan(msgspec.Struct, gc=False):
-    """The peer has begun to send a large request, and will have more in flight than it has without
-    asking: let it have more, or `skip_large`."""
+    """The peer has begun to send a large request that exceeds its quota.
+
+    Raise the quota with `set_quota`, or call `skip_large`."""
 
     method: int
     size: int
 
 
 class QuotaExceeded(msgspec.Struct, gc=False):
-    """The peer's calls in flight are more than it has without asking; this is the last of them.
+    """The peer's calls in flight exceed its quota; this is the newest of them.
 
-    Let it have more, or fail this one.
+    Raise the quota with `set_quota`, or fail this call.
     """
 
     request: RequestReceived
 
 
 class CancelReceived(msgspec.Struct, gc=False):
-    """The peer gave up a call; it still awaits its terminal frame."""
+    """The peer cancelled a call; it still expects the terminal frame."""
 
     call_id: int
     request: RequestReceived | ResolveReceived
@@ -71,20 +72,20 @@ class CancelReceived(msgspec.Struct, gc=False):
 
 
 class SubscribeReceived(msgspec.Struct, gc=False):
-    """The peer wants a topic's messages, under this id; it wants to know who publishes it."""
+    """The peer subscribes to a topic under this id, and expects a list of its publishers."""
 
     subscription_id: int
     wanted: messages.TopicEndpoint
 
 
 class UnsubscribeReceived(msgspec.Struct, gc=False):
-    """The peer wants no more messages under this id."""
+    """The peer ends the subscription with this id."""
 
     subscription_id: int
 
 
 class LimitsExceeded(msgspec.Struct, gc=False):
-    """The peer called beyond our limits: its last call was not begun, and it may call no more.
+    """The peer exceeded our limits: its last call was not begun, and it may call no more.
 
     Close the connection once the calls in flight are answered.
     """
@@ -93,35 +94,35 @@ class LimitsExceeded(msgspec.Struct, gc=False):
 
 
 class ResponseReceived(msgspec.Struct, gc=False):
-    """A call of ours got its response."""
+    """A call of this end got its response."""
 
     ticket: Any
-    """What was given to `request` or `resolve`."""
+    """The object that was given to `request` or `resolve`."""
     body: Body
     server_time: int
-    """Microseconds in the server."""
+    """Microseconds that the call spent in the server."""
 
 
 class ErrorReceived(msgspec.Struct, gc=False):
-    """A call of ours got an error."""
+    """A call of this end got an error."""
 
     ticket: Any
     error: TaskRpcError
 
 
 class ServicesChanged(msgspec.Struct, gc=False):
-    """The peer's services changed: what was not there may be there now."""
+    """The peer's services changed; a missing service may exist now."""
 
 
 class PublishersReceived(msgspec.Struct, gc=False):
-    """Who publishes, at the peer, the topic of a subscription of ours."""
+    """The peer's publishers for the topic of a subscription of this end."""
 
     subscription_id: int
     publishers: list[messages.Publishing]
 
 
 class MessageReceived(msgspec.Struct, gc=False):
-    """A message for a subscription of ours, from the publisher that was announced so."""
+    """A message for a subscription of this end; `publisher` is the number that was announced."""
 
     subscription_id: int
     publisher: int
@@ -131,7 +132,7 @@ class MessageReceived(msgspec.Struct, gc=False):
 
 
 class Draining(msgspec.Struct, gc=False):
-    """The peer takes no new calls on this connection; `refused` are ours that it never began."""
+    """The peer takes no new calls on this connection; it never began those in `refused`."""
 
     refused: list[Any]
 

@@ -41,10 +41,10 @@ from taskrpc.wire.frames import (
 from taskrpc.wire.handshake import Identity
 
 LAST_CALL_ID = 3 * 2**30
-"""A connection that has made so many calls retires."""
+"""A connection takes no new calls after so many."""
 
 LONGEST_TIME = 0xFFFFFFFF
-"""Microseconds that an answer can tell; calls that took longer say this."""
+"""Most microseconds that a response can carry; longer calls carry this value."""
 
 
 # Looking a member up in its class costs as much as packing a header.
@@ -70,7 +70,7 @@ class Session(BaseSession):
         super().__init__(me, is_client=is_client)
         self.splitter.most = frames_a_turn
         self.last_call_id = 0
-        """The newest call id: ours as a client, accepted as a server."""
+        """The newest call id: sent by a client, accepted by a server."""
         self.free_calls, self.free_bytes = self.limits.calls, self.limits.bytes
         """What may be in flight before a request is reported as `QuotaExceeded`."""
         self.open_calls: dict[int, Any] = {}
@@ -78,7 +78,7 @@ class Session(BaseSession):
         the request."""
         self.bytes_in_flight = 0
         self.answers_pings = True
-        """False while the peer does not read, where the answers would only pile up."""
+        """False while the peer does not read, because PONG frames would only pile up."""
 
     def set_quota(self, calls: int, size: int) -> None:
         """Report requests beyond so many calls in flight, or bytes of their requests."""
@@ -91,11 +91,11 @@ class Session(BaseSession):
     # Bytes in, events out
 
     def filled(self, count: int) -> list[Event]:
-        """Say that `count` bytes were written to `splitter.large`; returns what happened."""
+        """Say that `count` bytes were written to `splitter.large`; returns the events."""
         return [] if self.state is _CLOSED else self.handled(self.splitter.filled(count))
 
     def feed(self, data: bytes) -> list[Event]:
-        """Take the next bytes from the peer; returns what happened.
+        """Take the next bytes from the peer; returns the events.
 
         A peer that breaks the protocol yields `Closed` as the last event; nothing is read after it.
         """
@@ -118,7 +118,7 @@ class Session(BaseSession):
 
     @property
     def in_flight(self) -> int:
-        """Calls of ours without a terminal frame."""
+        """The number of calls without a terminal frame."""
         return len(self.open_calls)
 
     def request(self, ticket: Any, method: int, body: Body, time_left: int, flags: int = 0) -> int:
@@ -154,30 +154,30 @@ class Session(BaseSession):
         return call_id
 
     def cancel(self, call_id: int) -> None:
-        """Give up a call: its answer will be dropped, the peer is told to stop."""
+        """Cancel a call: the peer is asked to stop it, and its response is dropped."""
         self.ask_to_stop(call_id)
         self.drop(call_id)
 
     def ask_to_stop(self, call_id: int) -> None:
-        """Tell the peer to stop a call; its answer is still returned with the ticket."""
+        """Ask the peer to stop a call; its response is still returned with the ticket."""
         held = self.open_calls.get(call_id)
         if held is not None and held[0] is not None:
             self.send(FrameType.CANCEL, 0, 0, call_id, 0, b"")
 
     def drop(self, call_id: int) -> None:
-        """Ignore the answer to a call."""
+        """Ignore the response to a call."""
         held = self.open_calls.get(call_id)
         if held is not None:
             self.open_calls[call_id] = (None, held[1])
 
     def open_tickets(self) -> list[Any]:
-        """The tickets of all calls that are in flight and not given up."""
+        """The tickets of all calls that are in flight and not cancelled."""
         calls = list(self.open_calls.values())  # another thread may answer one meanwhile
         tickets = [call[0] for call in calls] if self.is_client else [call.ticket for call in calls]
         return [ticket for ticket in tickets if ticket is not None]
 
     def lost(self) -> list[Any]:
-        """The connection is gone: every ticket without an answer; see `unknown_error`."""
+        """End the session; returns every ticket without a response. See `unknown_error`."""
         tickets = self.open_tickets()
         self.advance(StateEvent.END)
         self.open_calls = {}
@@ -186,7 +186,7 @@ class Session(BaseSession):
     # The answering side
 
     def respond(self, call_id: int, body: Body, server_time: int = 0) -> bool:
-        """Answer a call, which took so many microseconds; False when it has its answer."""
+        """Answer a call, which took so many microseconds; False if it was answered before."""
         request = self.open_calls.pop(call_id, None)
         if request is None:
             return False
@@ -221,7 +221,7 @@ class Session(BaseSession):
         self.bytes_in_flight -= size
 
     def fail(self, call_id: int, error: TaskRpcError) -> bool:
-        """Answer a call with an error; False when it has its answer."""
+        """Answer a call with an error; False if it was answered before."""
         request = self.open_calls.pop(call_id, None)
         if request is None:
             return False
@@ -238,7 +238,7 @@ class Session(BaseSession):
         return self.bytes_in_flight + (0 if large is None else large.size)
 
     def skip_large(self, error: TaskRpcError) -> None:
-        """Refuse the large request that is arriving; what comes of it is thrown away."""
+        """Refuse the large request that is arriving; its bytes are discarded."""
         large = self.splitter.large
         if large is not None:
             _, _, method, call_id, _ = large.header
@@ -281,7 +281,7 @@ class Session(BaseSession):
         return events
 
     def _is_next(self, large: LargeBody) -> bool:
-        """Whether what arrives is a request that may begin."""
+        """Whether the large body that is arriving is a request that may begin."""
         type_, _, _, call_id, _ = large.header
         return (
             type_ == _REQUEST
@@ -291,7 +291,7 @@ class Session(BaseSession):
         )
 
     def _event(self, frame: Frame) -> Event | None:
-        # The two frames of a call stand here, where every function would cost a hundredth of it.
+        # The two frames of a call are handled here: a function for each would cost 1 % of a call.
         type_, flags, method, call_id, arg, body = frame
         if type_ == _RESPONSE:
             ticket = self._settled(call_id)
@@ -301,7 +301,7 @@ class Session(BaseSession):
                 return topics.received(frame, is_client=self.is_client)
             return self._on_control(type_, flags, call_id, arg, body)
         size, open_calls = len(body), self.open_calls
-        # Only requests: questions are answered at once, and clients ask without counting.
+        # Only requests: RESOLVE is answered at once, and clients do not count it.
         is_crowded = len(open_calls) >= self.free_calls
         if open_calls and (is_crowded or self.bytes_in_flight + size > self.free_bytes):
             if self._is_full(size):
@@ -370,7 +370,9 @@ class Session(BaseSession):
         return LimitsExceeded(ProtocolError(f"more than {limit} in flight on one connection"))
 
     def _refuse(self, call_id: int) -> None:
-        """Drop a call that crossed our GOAWAY, which tells that it never began; refuse others."""
+        """Ignore a call that crossed our GOAWAY, which says that it never began.
+
+        Raises ProtocolError for any other call that may not begin."""
         if self.is_client:
             raise ProtocolError("a server may not call")
         if call_id <= self.last_call_id:
@@ -399,12 +401,12 @@ class Session(BaseSession):
 
 
 def unknown_error() -> OutcomeUnknown:
-    """What the owner of a call learns that was in flight when its connection was lost."""
+    """The error for a call that was in flight when its connection was lost."""
     return OutcomeUnknown("the connection was lost before the answer came; the call may have run")
 
 
 def refused_error() -> ConnectionLost:
-    """What the owner of a call learns that a draining server never began."""
+    """The error for a call that a draining server never began."""
     return ConnectionLost(
         "the server is shutting down and did not begin this call", not_executed=True
     )

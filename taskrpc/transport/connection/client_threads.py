@@ -1,8 +1,8 @@
-"""Calls from other threads than the event loop's: sent by the caller itself, answered by the loop.
+"""Calls from threads: the calling thread sends the request, the event loop reads the response.
 
-Waking the loop to send for us, and going to sleep while it does, costs more than the call. So the
-caller's thread writes to the socket where nothing else waits to be written, under a lock that the
-loop takes too; only the answer comes by the loop, which wakes the caller directly.
+Waking the event loop to send, and sleeping meanwhile, costs more than the call. So the calling
+thread writes to the socket itself if no other output is pending, under a lock that the event loop
+takes too. The event loop reads the response and wakes the thread directly.
 """
 
 from __future__ import annotations
@@ -24,11 +24,11 @@ from taskrpc.wire.messages import Resolve
 from taskrpc.wire.session import LAST_CALL_ID, Session
 
 _SLICE = 0.1
-"""Seconds of one wait on a lock: on Windows Ctrl-C does not reach a longer one before its end."""
+"""Seconds of one wait on a lock: on Windows, Ctrl-C interrupts a wait only at its end."""
 
 
 class Waiter:
-    """What an `OpenCall` has instead of a future, where a thread waits for the answer."""
+    """The future of an `OpenCall` for which a thread waits."""
 
     __slots__ = ("_cancelled", "_done", "_error", "_result", "_sleep", "call")
 
@@ -43,20 +43,20 @@ class Waiter:
         self._error: BaseException | None = None
 
     def done(self) -> bool:
-        """Whether nobody waits any more."""
+        """Whether the call has ended for its caller."""
         return self._done
 
     def cancelled(self) -> bool:
-        """Whether the waiting thread gave up."""
+        """Whether the waiting thread was interrupted."""
         return self._cancelled
 
     def give_up(self) -> None:
-        """Drop the answer; the server is told that nobody waits."""
+        """Cancel the call; its response is dropped."""
         self._done = self._cancelled = True
         self.call.connection.owner.loop.call_soon_threadsafe(self.call.give_up)
 
     def set_result(self, result: Any) -> None:
-        """Wake the thread with an answer."""
+        """Wake the thread with a response."""
         if not self._done:
             self._result = result
             self._done = True
@@ -69,7 +69,7 @@ class Waiter:
         self._sleep.release()
 
     def wait(self) -> Any:
-        """Sleep until there is an answer; returns it, or raises the error."""
+        """Sleep until the call has ended; returns the response or raises the error."""
         try:
             if sys.platform == "win32":
                 while not self._sleep.acquire(timeout=_SLICE):
@@ -85,15 +85,15 @@ class Waiter:
 
 
 class CallbackWaiter:
-    """What an `OpenCall` has instead of a future, where a function is to be told of the answer.
+    """The future of an `OpenCall` with a function to call at its end.
 
-    `tell(answer, error)` is called once, on the event loop's thread; one of the two is None.
+    `tell(response, error)` is called once, on the event loop's thread; one of the two is None.
     """
 
     __slots__ = ("_cancelled", "_done", "_tell", "call")
 
     call: OpenCall | None
-    """Until it has ended: it knows us, and no cycle shall be left of a call."""
+    """None once the call has ended, since a reference cycle would delay freeing it."""
 
     def __init__(self, tell: Tell) -> None:
         self._tell = tell
@@ -101,29 +101,29 @@ class CallbackWaiter:
         self._cancelled = False
 
     def done(self) -> bool:
-        """Whether nobody waits any more."""
+        """Whether the call has ended for its caller."""
         return self._done
 
     def cancelled(self) -> bool:
-        """Whether the caller gave up."""
+        """Whether the caller cancelled the call."""
         return self._cancelled
 
     def give_up(self) -> None:
-        """Drop the answer; the server is told that nobody waits."""
+        """Cancel the call; its response is dropped."""
         call = self.call
         if not self._done and call is not None:
             self._done = self._cancelled = True
             call.connection.owner.loop.call_soon_threadsafe(call.give_up)
 
     def set_result(self, result: Any) -> None:
-        """Tell of an answer."""
+        """Report the response."""
         if not self._done:
             self._done = True
             self.call = None
             self._tell(result, None)
 
     def set_exception(self, error: BaseException) -> None:
-        """Tell of an error."""
+        """Report an error."""
         if not self._done:
             self._done = True
             self.call = None
@@ -131,18 +131,18 @@ class CallbackWaiter:
 
 
 class ThreadedConnection(CallingConnection):
-    """A calling connection of an event loop whose nodes are used by other threads."""
+    """A calling connection that other threads than the event loop's may use."""
 
     __slots__ = ("_here", "_mine")
 
     def __init__(self, owner: Owner, me: Identity, on_advertised: Callable[[], object]) -> None:
         self._here = ThreadSocket()
         self._mine = self._here.lock
-        """Held by whoever touches the session, or writes."""
+        """The lock for the session and for writing."""
         super().__init__(owner, me, on_advertised)
 
     def begin_in_thread(self, call: OpenCall) -> bool:
-        """Send a call from the caller's thread; False where only the loop can begin it."""
+        """Send a call from the calling thread; False if only the event loop can begin it."""
         session, deadline = self.session, call.deadline
         with self._mine:
             left = NO_DEADLINE if deadline is None else time_left(deadline, time.monotonic())
@@ -158,7 +158,7 @@ class ThreadedConnection(CallingConnection):
             self.owner.loop.call_soon_threadsafe(self.watch, deadline)
         return True
 
-    # The loop's own ways to the session and to the socket
+    # Called on the event loop
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """The transport is there."""
@@ -189,32 +189,32 @@ class ThreadedConnection(CallingConnection):
             return super().resolve(question, deadline, definition=definition)
 
     def say(self, action: Callable[[Session], object]) -> None:
-        """Let something else than a call go out."""
+        """Send something else than a call."""
         with self._mine:
             super().say(action)
 
     def forget(self, call: OpenCall, *, but_hear: bool = False) -> None:
-        """A caller gave up; with `but_hear` the server's answer still reaches the call."""
+        """Cancel a call; with `but_hear` the server's answer still reaches it."""
         with self._mine:
             super().forget(call, but_hear=but_hear)
 
     def resume_writing(self) -> None:
-        """The server has caught up."""
+        """Send the queued calls: the server has read what was written."""
         with self._mine:
             super().resume_writing()
 
     def expiring(self) -> Iterable[OpenCall]:
-        """The calls that wait for an answer, and those that wait to be sent."""
+        """The calls that wait for a response, and those that wait to be sent."""
         with self._mine:
             return super().expiring()
 
     def tick(self, now: float) -> None:
-        """Look after the connection."""
+        """Check for silent and stalled peers."""
         with self._mine:
             super().tick(now)
 
     def flush(self) -> None:
-        """Write what the session has to say, behind the rest of what a thread began to write."""
+        """Write the session's output, after the rest of a thread's write."""
         here = self._here
         with self._mine:
             writes = self.session.out or not here.is_whole or not here.is_idle
@@ -225,7 +225,7 @@ class ThreadedConnection(CallingConnection):
                 here.is_idle = not transport.get_write_buffer_size()
 
     def _is_free(self, size: int) -> bool:
-        """Whether a request may be written here and now: nothing waits to go before it."""
+        """Whether a request may be written now: no other output is pending."""
         session, here = self.session, self._here
         return (
             here.is_open

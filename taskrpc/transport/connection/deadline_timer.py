@@ -77,10 +77,10 @@ class Expiring(Protocol):
 
 
 class Holder(Protocol):
-    """Whoever has open calls."""
+    """An owner of open calls."""
 
     look_before: float
-    """Deadlines below must be told to `watch`; infinite while there is none."""
+    """An earlier deadline must be passed to `watch`; infinite while there is none."""
 
     def expiring(self) -> Iterable[Expiring]:
         """The open calls."""
@@ -99,7 +99,7 @@ class Deadlines:
 
     def watch(self, deadline: float) -> None:
         """Look at the open calls when this deadline passes."""
-        # Other threads than the loop's tell of several before the first is heard.
+        # Other threads may pass several deadlines before the event loop handles the first.
         if deadline < self._holder.look_before:
             self._lookout.expect(deadline)
             self._arm()
@@ -118,7 +118,7 @@ class Deadlines:
 
     def _look(self) -> None:
         self._timer = None
-        # A thread that calls from here on is not among those that are looked through.
+        # A call that a thread begins from here on is not among those checked below.
         self._holder.look_before = math.inf
         now = self._loop.time()
         open_calls = self._holder.expiring()

@@ -1,4 +1,4 @@
-"""The connections on which a process calls: one to each address, made at the first call."""
+"""The connections on which a process calls: one for each address, made at the first call."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class Dialler:
         task = self._dialling.get(address.place) or self._begin(address)
         loop = asyncio.get_running_loop()
         left = None if deadline is None else max(0.0, deadline - loop.time())
-        # Whoever gives up waiting must not take the connection from the others.
+        # A timeout of one waiting caller must not cancel the task for the others.
         done, _ = await asyncio.wait((task,), timeout=left)
         if not done:
             raise ConnectionLost(f"{address.place} did not answer in time", not_executed=True)
@@ -57,7 +57,7 @@ class Dialler:
         return task.result()
 
     def ended(self, connection: CallingConnection) -> None:
-        """A connection is gone."""
+        """Forget a connection that is gone."""
         self.connections.pop(connection, None)
         for place, each in list(self._newest.items()):
             if each is connection:
@@ -83,7 +83,7 @@ class Dialler:
     def _dialled(self, place: str, task: asyncio.Task[CallingConnection]) -> None:
         del self._dialling[place]
         if not task.cancelled():
-            task.exception()  # nobody may be left to ask
+            task.exception()  # otherwise asyncio reports it as never retrieved
 
     async def _dial(self, address: Address) -> CallingConnection:
         connection, is_plain = self._make(address), False
@@ -92,7 +92,7 @@ class Dialler:
                 await self._network.dial(address, lambda: connection)
                 is_plain = _is_plain(connection)
                 await connection.ready
-            if connection.why_closed is not None:  # by what followed the handshake
+            if connection.why_closed is not None:  # by the frames that followed the handshake
                 raise connection.why_closed
         except TaskRpcError as error:
             raise _explained(address, error, is_plain=is_plain) from None

@@ -112,7 +112,7 @@ class RemoteCall(IncomingCall, eq=False):
                 connection.flush_soon()
 
     def reply_in_thread(self, body: bytes) -> bool:
-        """Answer from another thread than the loop's; False where only the loop can."""
+        """Answer from another thread; False where only the event loop can."""
         return self.connection.answer_in_thread(self, body)
 
     def fail(self, error: TaskRpcError) -> None:
@@ -121,13 +121,13 @@ class RemoteCall(IncomingCall, eq=False):
             self.connection.flush_soon()
 
     def expired(self) -> None:
-        """The caller's deadline passed."""
+        """Cancel the call: the caller's deadline has passed."""
         self.cancel()
         unstarted = None if self.started else True
         self.fail(DeadlineExceeded("no answer by the deadline", not_executed=unstarted))
 
     def lost(self) -> None:
-        """The way back to the caller is gone; one that counts has until its deadline to return."""
+        """The connection is gone. A caller with a request id may come back until its deadline."""
         super().lost()
         if self.received_id is not None and self.deadline is not None:
             self.connection.owner.loop.call_at(self.deadline, self.cancel)
@@ -143,11 +143,11 @@ class RemoteCall(IncomingCall, eq=False):
         return self.connection.quota_key[1]
 
     def must_wait(self) -> bool:
-        """Whether too many answers wait for its caller to read them, or for all callers."""
+        """Whether too many responses are unread, by its caller or by all callers."""
         return self.connection.must_wait(self)
 
     def postpone(self) -> None:
-        """Begin the call once there is room for its answer."""
+        """Begin the call once there is room for its response."""
         self.on_cancel = None
         self.connection.hold(self)
 
@@ -157,7 +157,7 @@ class RemoteCall(IncomingCall, eq=False):
 
 
 class Route(msgspec.Struct, frozen=True, eq=False):
-    """What a method id of a connection stands for: a service, called for one node of the peer."""
+    """What a method id of a connection stands for: a service, called by one node of the peer."""
 
     method: int
     offer: Offer
@@ -165,7 +165,7 @@ class Route(msgspec.Struct, frozen=True, eq=False):
     decode: Callable[[Body], Any]
     encode: Callable[[Any], bytes]
     call: type[RemoteCall]
-    """What a request becomes: an `ObservedCall` where somebody wants to know of it."""
+    """The class of calls: `ObservedCall` if the service has an observer."""
     split_id: Callable[[Body], tuple[ReceivedId, Body]]
     """Splits a body into its request id and the message."""
 
@@ -173,7 +173,7 @@ class Route(msgspec.Struct, frozen=True, eq=False):
 def route_to(offer: Offer, method: int, caller: str, account: str, role: Role) -> Route:
     """The route of a peer's node to a service, by the account and role of the peer."""
     request, response = codec_of(offer.srv_type.Request), codec_of(offer.srv_type.Response)
-    # Decided here, so that a call that is allowed costs nothing more.
+    # Decided once here, so that an allowed call pays nothing for the check.
     decode = request.decode if role >= offer.role else denied(offer, account, role)
     counts = offer.mode is Mode.EXACTLY_ONCE
     split_id = id_splitter(offer.name) if counts else no_request_id(offer)
@@ -203,7 +203,7 @@ def no_request_id(offer: Offer) -> Callable[[Body], Any]:
 
 
 def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
-    """Log a callback's exception with its traceback; tell the caller only where to look."""
+    """Log a handler's exception with its traceback; the caller gets only the call number."""
     excepthook.explain(error)
     log.error(
         "call %d of %s from %s failed:",
@@ -218,7 +218,7 @@ def answer_unexpected(call: IncomingCall, error: BaseException) -> None:
 
 
 def mismatch(question: messages.Resolve, offer: Offer) -> TypeMismatch:
-    """What a caller learns whose definition is not the server's."""
+    """The error for a caller whose definition differs from the server's."""
     ours, theirs = offer.srv_type._HASH, question.type_hash
     return TypeMismatch(
         f"{offer.name} is offered as {offer.srv_type._TYPE} with the hash {ours[:15]}…, the caller"
@@ -227,7 +227,7 @@ def mismatch(question: messages.Resolve, offer: Offer) -> TypeMismatch:
 
 
 def call_class(offer: Offer) -> type[RemoteCall]:
-    """Asked when a caller first wants a service, so that a call itself need not ask."""
+    """The class for calls of a service; chosen when a caller resolves it, not for each call."""
     if offer.observer is None and not log.isEnabledFor(logging.DEBUG):
         return RemoteCall
     return ObservedCall
@@ -236,7 +236,7 @@ def call_class(offer: Offer) -> type[RemoteCall]:
 def resolved(
     handle: int, offer: Offer, store_id: asyncio.Future[bytes] | None, *, with_definition: bool
 ) -> Resolved:
-    """The answer to a caller that wants to call a service: by which number, and what it is."""
+    """The answer to a RESOLVE: the method id, and what the service is."""
     srv_type = offer.srv_type
     text = srv_type._DEFINITION if with_definition else ""
     name = b"" if store_id is None else store_id.result()
@@ -244,7 +244,7 @@ def resolved(
 
 
 class ObservedCall(RemoteCall, eq=False):
-    """A call that tells of its begin and its end."""
+    """A call that reports its begin and its end to the observer, or to the log at DEBUG."""
 
     ended: bool = False
     span: bytes = b""
@@ -263,7 +263,7 @@ class ObservedCall(RemoteCall, eq=False):
         self._end(Code.OK)
 
     def reply_in_thread(self, body: bytes) -> bool:
-        """Only the loop can: observers are told on its thread."""
+        """False: observers are called on the event loop's thread."""
         return False
 
     def fail(self, error: TaskRpcError) -> None:
@@ -273,19 +273,19 @@ class ObservedCall(RemoteCall, eq=False):
         self._end(Code.CANCELLED if code is Code.UNKNOWN and self.cancelled else code)
 
     def lost(self) -> None:
-        """The way back to the caller is gone."""
+        """The connection is gone."""
         super().lost()
         self._end(Code.CANCELLED)
 
     def _end(self, code: Code) -> None:
-        # A callback may answer although its caller has been told that the time is over.
+        # A handler may still answer after its caller got DeadlineExceeded.
         if not self.ended:
             self.ended = True
             _tell_end(self, self.route.offer.observer, code, self.clock() - self.arrived)
 
 
 def refused(connection: CallConnection, route: Route, error: TaskRpcError) -> None:
-    """Tell of a request that was refused before it became a call."""
+    """Report a request to the observer that was refused before it became a call."""
     host, offer = connection.server, route.offer
     who = route.caller, connection.principal, connection.role
     call = CallInfo(offer.name, *who, next(host.call_numbers), None, host.now, False)

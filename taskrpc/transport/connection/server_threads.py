@@ -1,8 +1,8 @@
-"""Answers from other threads than the event loop's, written by those threads themselves.
+"""Responses from handler threads, which those threads write themselves.
 
-Waking the loop to write for us costs as much as a small call. The thread takes the call out of the
-session, and writes the answer beside what the session has to say, where nothing is half written;
-all else of the session stays the loop's.
+Waking the event loop to write costs as much as a small call. The thread takes the call out of the
+session and writes the response itself, if no other output is pending. Only the event loop does
+anything else with the session.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from taskrpc.wire.handshake import Identity
 
 
 class ThreadedServing(ServingConnection):
-    """A serving connection of an event loop whose services are answered by other threads."""
+    """A serving connection whose handlers may run in other threads."""
 
     __slots__ = ("_freed", "_here", "_was_asked")
 
@@ -26,11 +26,11 @@ class ThreadedServing(ServingConnection):
         self._here = ThreadSocket()
         self._was_asked = False
         self._freed: list[int] = []
-        """Sizes of requests that threads have answered, of which the session is yet to learn."""
+        """Sizes of requests that threads have answered and the session does not know yet."""
         super().__init__(host, me)
 
     def answer_in_thread(self, call: RemoteCall, body: bytes) -> bool:
-        """Answer a call from another thread than the loop's; False where only the loop can."""
+        """Answer a call from another thread; False where only the event loop can."""
         session, now = self.session, self.server.now
         if now is not time.monotonic or len(body) >= LARGE or len(body) > session.body_limit:
             return False
@@ -41,43 +41,45 @@ class ThreadedServing(ServingConnection):
             answer = session.answer_beside(call.call_id, body, spent)
             if answer is not None:
                 frame, size = answer
-                # Before the caller can know: his next request may need the room.
+                # Before the caller gets the response: its next request may need the room.
                 self._freed.append(size)
                 self._here.write(self, frame)
-        if self._draining:  # perhaps it was the last answer
+        if self._draining:  # it may have been the last response
             self.owner.loop.call_soon_threadsafe(self.flush)
         return True
 
     def _is_free(self) -> bool:
-        """Whether an answer may be written here and now: nothing is half written."""
+        """Whether a response may be written now: no other output is pending or incomplete."""
         here, transport = self._here, self.transport
         if transport is None or self._draining or not here.is_whole:
             return False
-        if self.owner.behind or self.session.out:  # which this would overtake; asked in this order
+        if (
+            self.owner.behind or self.session.out
+        ):  # responses must not overtake this; checked in this order
             return False
-        if not self._was_asked:  # most connections never are, and need no descriptor more
+        if not self._was_asked:  # most connections never need a second descriptor
             self._was_asked = True
             here.open(transport)
         return here.is_open and here.is_idle and self.session.state is ConnectionState.OPEN
 
-    # The loop's own ways to the session and to the socket
+    # Called on the event loop
 
     def buffer_updated(self, nbytes: int) -> None:
-        """Bytes were read."""
+        """Handle bytes that asyncio has read into the buffer."""
         self._settle()
         super().buffer_updated(nbytes)
 
     def handled(self) -> None:
-        """All events of a read have been handled."""
+        """Write the output, after all events of a read."""
         self.flush()
 
     def tick(self, now: float) -> None:
-        """Look after the connection."""
+        """Check for silent and stalled peers."""
         self._settle()
         super().tick(now)
 
     def flush(self) -> None:
-        """Write what the session has to say, behind the rest of what a thread began to write."""
+        """Write the session's output, after the rest of a thread's write."""
         here = self._here
         with self._here.lock:
             writes = self.session.out or not here.is_whole or not here.is_idle

@@ -1,4 +1,4 @@
-"""The way by which other threads than the event loop's write to a connection's socket."""
+"""How threads work beside the event loop: ordered hand-off, and direct writes to a socket."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from taskrpc.transport.connection.connection import Connection
 
 
 class ThreadSocket:
-    """Shared by the loop and the threads: whoever writes holds the `lock`.
+    """A connection's socket, shared by the event loop and other threads; writers hold the `lock`.
 
-    A connection has one, opens it where threads shall write, has the loop write the rest before all
-    else, and closes it with the transport.
+    The connection opens it for threads, lets the event loop write what a thread could not, before
+    anything else, and closes it with the transport.
     """
 
     __slots__ = ("_rest", "_socket", "is_idle", "lock")
@@ -24,10 +24,10 @@ class ThreadSocket:
         self.lock = threading.RLock()
         self._rest = b""
         self.is_idle = True
-        """Whether the transport had written everything when the loop last flushed.
+        """Whether the transport had written everything when the event loop last flushed.
 
-        Threads must not ask the transport itself: it writes what is left in its buffer without the
-        lock, and calls the buffer empty while it does."""
+        Threads must not read this from the transport: it writes its buffer without the lock, and
+        reports an empty buffer meanwhile."""
         self._socket: socket.socket | None = None
 
     @property
@@ -37,55 +37,55 @@ class ThreadSocket:
 
     @property
     def is_whole(self) -> bool:
-        """Whether all that threads have begun to write is written: nothing may come between."""
+        """Whether the last write of a thread is complete: nothing may come in between."""
         return not self._rest
 
     def open(self, transport: asyncio.BaseTransport) -> None:
-        """Let threads write where this transport does, if they can."""
+        """Let threads write to the socket of this transport, if that is possible."""
         found = transport.get_extra_info("socket")
         if found is not None and transport.get_extra_info("sslcontext") is None:
-            with contextlib.suppress(OSError):  # no descriptor is left: the loop needs none
+            with contextlib.suppress(OSError):  # no descriptor is left; the event loop has its own
                 self._socket = found.dup()
 
     def close(self) -> None:
-        """The transport is gone."""
+        """Close the socket, after the transport is gone."""
         self._rest = b""
         if self._socket is not None:
             self._socket.close()
             self._socket = None
 
     def write(self, connection: Connection, data: bytes) -> None:
-        """Write from this thread, which holds the lock; the loop writes what does not fit."""
+        """Write from this thread, which holds the lock; the event loop writes the rest."""
         assert self._socket is not None
         connection.count_written(len(data))
         sent = 0
         try:
             sent = self._socket.send(data)
         except ConnectionError:
-            return  # the loop is about to learn that the connection is gone
+            return  # the event loop is about to notice that the connection is gone
         except OSError:
-            pass  # the system has no room; what else it may be, the loop finds out
+            pass  # the socket buffer is full; the event loop finds any other error
         if sent < len(data):
             self._rest = data[sent:]
             connection.owner.loop.call_soon_threadsafe(connection.flush)
 
     def write_rest(self, transport: asyncio.WriteTransport | None) -> None:
-        """Write what did not fit; by the loop, which holds the lock, too."""
+        """Write the rest of a thread's data; the event loop calls this and holds the lock."""
         rest, self._rest = self._rest, b""
         if transport is not None:
             transport.write(rest)
 
 
 class ThreadHandoff:
-    """The part of an endpoint that other threads hand their work to, in order."""
+    """Ordered hand-off of actions from other threads to the event loop."""
 
     def __init__(self) -> None:
         self.loop = asyncio.get_running_loop()
         self.behind: list[None] = []
-        """One for each thing that was handed over and is not done yet."""
+        """One item for each pending action."""
 
     def hand_over(self, action: Callable[[], object]) -> None:
-        """Have the loop do something that another thread wants, which nothing shall overtake."""
+        """Run an action on the event loop; threads send nothing directly while it is pending."""
         self.behind.append(None)
         self.loop.call_soon_threadsafe(self._take_over, action)
 

@@ -1,4 +1,4 @@
-"""Tells waiting clients that a service may be there now; one watcher for all of them."""
+"""Wakes clients that wait for a service; one watcher of the directory serves all of them."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Directory(Protocol):
 
 
 class Availability:
-    """What changed in a network since a mark."""
+    """Notifies waiting clients when services may have become available."""
 
     def __init__(self, directory: Directory) -> None:
         self._directory = directory
@@ -31,20 +31,20 @@ class Availability:
         self._hurried = 0
 
     def mark(self) -> Mark:
-        """What is known now."""
+        """The present state, to compare with in `wait`."""
         return self._pulses, self._directory.mark()
 
     def notify(self) -> None:
-        """Something changed that the directory does not show."""
+        """Wake all waiting clients: something changed that the directory does not show."""
         self._pulses += 1
         if self._next is not None:
             self._next.set_result(None)
             self._next = None
 
     async def wait(self, mark: Mark, timeout: float | None, *, hurried: bool = True) -> bool:
-        """Return True when more may be known than at the mark, False after `timeout` seconds.
+        """Return True when something changed since the mark, False after `timeout` seconds.
 
-        Who waits for ever need not be `hurried`: the directory is looked at less often then.
+        `hurried=False` is for endless waits: the directory is then polled less often.
         """
         if self.mark() != mark:
             return True

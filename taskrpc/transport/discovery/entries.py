@@ -1,4 +1,4 @@
-"""What a process says of itself: as a whole, and change by change."""
+"""Registry entries: what a process publishes about itself, as a whole and change by change."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _Item = TypeVar("_Item", str, ServiceEndpoint, TopicEndpoint)
 
 
 class RegistryEntry(msgspec.Struct, frozen=True, tag="Entry", dict=True):
-    """What one process says of itself."""
+    """What one process publishes about itself."""
 
     pid: int
     script: str
@@ -47,7 +47,7 @@ class RegistryEntry(msgspec.Struct, frozen=True, tag="Entry", dict=True):
 
 
 def entry_of(place: str, listing: Listing) -> RegistryEntry:
-    """What a process elsewhere has told of itself."""
+    """The entry of a process on another machine, from its listing."""
     return RegistryEntry(
         pid=0,
         script=place,
@@ -63,7 +63,7 @@ def entry_of(place: str, listing: Listing) -> RegistryEntry:
 
 
 class EntryChange(msgspec.Struct, frozen=True, tag="Change", omit_defaults=True):
-    """What came to a process, or went from it."""
+    """Something that a process has added or removed."""
 
     node: str = ""
     service: ServiceEndpoint | None = None
@@ -71,7 +71,7 @@ class EntryChange(msgspec.Struct, frozen=True, tag="Change", omit_defaults=True)
     publisher: TopicEndpoint | None = None
     subscription: TopicEndpoint | None = None
     gone: bool = False
-    """Whether these went."""
+    """Whether it was removed."""
     address: str = ""
     """From now on the process takes calls here, with this token and certificate."""
     token: str = ""
@@ -83,7 +83,7 @@ class EntryChange(msgspec.Struct, frozen=True, tag="Change", omit_defaults=True)
 
 
 class TrackedEntry:
-    """What one process has, kept up to date change by change, each in constant time."""
+    """A registry entry that is kept up to date; each change takes constant time."""
 
     def __init__(self, entry: RegistryEntry) -> None:
         self.about = entry
