@@ -1,4 +1,4 @@
-"""The seam between calls and what carries them: offer, call, ask who is there.
+"""The seam between nodes and any transport: offer services, call them, list processes.
 
 Nothing above this module knows whether TCP frames, memory or another middleware lies below. The
 seam passes typed messages: how they are encoded is the transport's business.
@@ -41,9 +41,9 @@ class IncomingCall(CallInfo, eq=False):
 
     request: Any
     on_cancel: Callable[[], object] | None
-    """Set by whoever runs the call and can stop it."""
+    """Set by the service when it runs the call and can stop it."""
     started: bool
-    """Set by whoever runs the call: until then it certainly did not run."""
+    """Set by the service when it runs the call; before, the call certainly did not run."""
     received_id: ReceivedId | None
     """The request id, None where the service is not exactly-once."""
     arrived: float
@@ -57,7 +57,7 @@ class IncomingCall(CallInfo, eq=False):
         raise NotImplementedError
 
     def reply_in_thread(self, body: bytes) -> bool:
-        """Answer from another thread than the loop's; False where only the loop can."""
+        """Answer from another thread; False where only the event loop can."""
         return False
 
     def fail(self, error: TaskRpcError) -> None:
@@ -70,11 +70,11 @@ class IncomingCall(CallInfo, eq=False):
         return self.principal or self.caller
 
     def must_wait(self) -> bool:
-        """Whether there is no room for the answer; then `postpone` it."""
+        """Whether there is no room for the response; then `postpone` the call."""
         return False
 
     def postpone(self) -> None:
-        """Let the call come again once there is room for its answer."""
+        """Serve the call again once there is room for its response."""
         raise NotImplementedError
 
     def lost(self) -> None:
@@ -83,7 +83,7 @@ class IncomingCall(CallInfo, eq=False):
             self.cancel()
 
     def cancel(self) -> None:
-        """The caller gave up, or its time is over."""
+        """Cancel the call: its caller cancelled it, or its deadline has passed."""
         self.cancelled = True
         if self.on_cancel is not None:
             self.on_cancel()
@@ -98,7 +98,7 @@ class Offer(msgspec.Struct, frozen=True, eq=False):
     node: str
     """The offering node's fully qualified name."""
     serve: Callable[[IncomingCall], None]
-    """Takes each call; returns at once and answers when it can."""
+    """Takes each call; returns at once, and answers later."""
     mode: Mode = Mode.AT_MOST_ONCE
     join: bool = False
     """Whether other processes may offer the same name."""
@@ -106,9 +106,9 @@ class Offer(msgspec.Struct, frozen=True, eq=False):
     """For exactly-once services: the store's name, as soon as it is known. A store that could not
     be read is read again for whoever asks."""
     observer: Observer | None = None
-    """Who wants to know of each call."""
+    """Receives the begin and the end of each call."""
     role: Role = Role.SUBMIT
-    """The least that a caller must be."""
+    """The lowest role that may call."""
 
 
 class SentCall(Protocol):
@@ -123,11 +123,11 @@ class SentCall(Protocol):
     """The sequence number, 0 without one."""
 
     def give_up(self, future: asyncio.Future[Any] | None = None) -> None:
-        """Tell the server that nobody waits, if the future was cancelled."""
+        """Cancel the call at the server, if the future was cancelled."""
 
 
 Tell: TypeAlias = Callable[[Any, BaseException | None], object]
-"""Learns of a call's end: its response and None, or None and its error."""
+"""Called at a call's end with its response and None, or with None and its error."""
 
 
 class WaitingThread(Protocol):
@@ -138,10 +138,10 @@ class WaitingThread(Protocol):
 
 
 class ToldThread(Protocol):
-    """A call that a thread has sent, and of whose end a function is told."""
+    """A call that a thread has sent; a function is called at its end."""
 
     def give_up(self) -> None:
-        """Tell nobody; the server learns that nobody waits."""
+        """Cancel the call; the function is not called."""
 
 
 class Unsent(Protocol):
@@ -155,13 +155,13 @@ class Channel(Protocol):
     """A client's way to one service, kept open over reconnects."""
 
     span_of: Callable[[], bytes] | None
-    """Asked at each sending for the span that the server shall know, where there is one."""
+    """Returns the trace span to send with a request, b"" for none."""
     on_refusal: Callable[[TaskRpcError], object]
-    """Is told, once for each, what keeps `wait` from a service that is there; it is logged."""
+    """Called once for each error that keeps `wait` from an existing service; logs by default."""
 
     @property
     def offered(self) -> bool:
-        """Whether somebody is known to offer the service."""
+        """Whether a known process offers the service."""
 
     @property
     def mode(self) -> Mode:
@@ -179,13 +179,13 @@ class Channel(Protocol):
         """
 
     def line_up(self, call: Unsent) -> None:
-        """Have a call begun, in the order of lining up, at the moment in which it is connected.
+        """Begin a call as soon as the channel is connected, in the order of these requests.
 
         So no call is sent before one that was made earlier and waits for the connection.
         """
 
     def leave_line(self, call: Unsent) -> None:
-        """Do not begin the call, if it is still in the line."""
+        """Remove a call that still waits for the connection."""
 
     async def wait(self, deadline: float | None) -> bool:
         """Wait until the service is there; False at the deadline or once closed."""
@@ -232,18 +232,18 @@ class Channel(Protocol):
         """
 
     def tell_in_thread(self, request: Any, deadline: float | None, tell: Tell) -> ToldThread | None:
-        """The same where nobody waits: `tell(response, error)` is called on the loop's thread."""
+        """Like `send_in_thread`; `tell(response, error)` is called on the event loop."""
 
     def close(self) -> None:
         """Forget the service; calls in flight still get their answers."""
 
 
 OnMismatch: TypeAlias = Callable[[str], object]
-"""Told, on the loop, what stands between: `TYPE`, `RELIABILITY` or `DURABILITY`."""
+"""Called on the event loop with what differs: `TYPE`, `RELIABILITY` or `DURABILITY`."""
 
 Deliver: TypeAlias = Callable[[Body, int], object]
-"""Gets each message, and a number that those have in common which came with one read; 0 for those
-that this very process is in the midst of publishing."""
+"""Gets each message and a number, which messages of one read share. The number is 0 for messages
+of this process."""
 
 
 class TopicPublisher(Protocol):
@@ -262,7 +262,7 @@ class TopicPublisher(Protocol):
 
     @property
     def lost(self) -> int:
-        """Messages that subscriptions did not get, since they did not read; counted for each."""
+        """Messages that were dropped for subscriptions that do not read, counted for each."""
 
     def publish(self, body: bytes) -> None:
         """Send a message to all of them."""
@@ -271,7 +271,7 @@ class TopicPublisher(Protocol):
     """Called on the loop when other subscriptions match."""
 
     def forget_latched(self) -> None:
-        """Keep nothing of what was sent so far for those who come later."""
+        """Forget the messages that are kept for later subscriptions."""
 
     def close(self) -> None:
         """Publish no more."""
@@ -290,22 +290,22 @@ class TopicSubscription(Protocol):
 
     @property
     def lost(self) -> int:
-        """Messages that they sent and that did not come."""
+        """Messages of these publishers that did not arrive."""
 
     on_matched: Callable[[], object]
     """Called on the loop when other publishers match."""
 
     def close(self) -> None:
-        """Want no more messages."""
+        """End the subscription."""
 
 
 class Transport(Protocol):
-    """What a node stands on. Nodes of one process and event loop may share one."""
+    """The transport of a node. Nodes of one process and event loop may share one."""
 
     def hand_over(self, action: Callable[[], object]) -> None:
-        """Have the loop do something that another thread wants; what that sends is sent in order.
+        """Run an action of another thread on the event loop.
 
-        A thread that could send by itself waits with it.
+        Until it has run, other threads send nothing themselves, so that the order is kept.
         """
 
     def add_node(self, name: str) -> None:
