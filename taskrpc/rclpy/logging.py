@@ -1,4 +1,4 @@
-"""Loggers by name, and from which severity on they log."""
+"""Loggers by name, and their levels."""
 
 from __future__ import annotations
 
@@ -34,12 +34,12 @@ def get_logger(name: str) -> RcutilsLogger:
 
 
 def initialize() -> None:
-    """Read how the environment wants the log; happens by itself when something is logged."""
+    """Read the log settings of the environment; the first line that is logged does so, too."""
     output.initialize()
 
 
 def shutdown() -> None:
-    """Forget all levels that were set, and what the environment said."""
+    """Forget all levels that were set, and the settings of the environment."""
     output.shut_down()
 
 
@@ -50,25 +50,25 @@ def clear_config() -> None:
 
 
 def set_logger_level(name: str, level: LoggingSeverity | int, detailed_error: bool = False) -> None:
-    """Let a logger log from this severity on, and its children; "" stands for all.
+    """Set the level of a logger and its children; "" stands for all loggers.
 
-    Raises ValueError for what is no severity.
+    Raises ValueError for an unknown severity.
     """
     output.set_level(name, LoggingSeverity(level))
 
 
 def get_logger_effective_level(name: str) -> LoggingSeverity:
-    """From which severity on a logger logs."""
+    """The level that applies to a logger."""
     return LoggingSeverity(output.effective_level_of(name))
 
 
 def get_logger_level(name: str) -> LoggingSeverity:
-    """The level that was set for just this logger; UNSET where there is none."""
+    """The level that was set for this logger itself; UNSET without one."""
     return LoggingSeverity(output.level_of(name))
 
 
 def get_logging_severity_from_string(log_severity: str) -> LoggingSeverity:
-    """The severity of a name such as `info`; raises RuntimeError where there is none."""
+    """The severity of a name such as `info`; raises RuntimeError for an unknown name."""
     try:
         return LoggingSeverity[log_severity.upper()]
     except KeyError:

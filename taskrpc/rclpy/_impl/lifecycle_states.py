@@ -1,4 +1,4 @@
-"""The states of a lifecycle node, and which step leads from one to another."""
+"""The states of a lifecycle node and the table of its transitions."""
 
 from __future__ import annotations
 
@@ -10,14 +10,14 @@ from ..exceptions import RCLError
 
 
 class TransitionCallbackReturnType(enum.Enum):
-    """What the callback of a step says of it; programs know it as `TransitionCallbackReturn`."""
+    """The result of a transition callback; programs know it as `TransitionCallbackReturn`."""
 
     SUCCESS = 97
     FAILURE = 98
     ERROR = 99
 
     def to_label(self) -> str:
-        """The name of the step that this leads to."""
+        """The label of the transition that follows."""
         return f"transition_{self.name.lower()}"
 
     def __int__(self) -> int:
@@ -25,7 +25,7 @@ class TransitionCallbackReturnType(enum.Enum):
 
 
 class State(NamedTuple):
-    """One state, as services number and name it."""
+    """A state with its number and label."""
 
     id: int
     label: str
@@ -39,7 +39,7 @@ class LifecycleState(NamedTuple):
 
 
 class Transition(NamedTuple):
-    """One step."""
+    """A transition between two states."""
 
     id: int
     label: str
@@ -77,7 +77,7 @@ STATES = (
 def _ends(
     first_id: int, at: State, success: State, failure: State, error: State
 ) -> list[Transition]:
-    """The steps by which a callback's state is left."""
+    """The transitions out of the state of a callback, one for each result."""
     goals = zip(TransitionCallbackReturnType, (success, failure, error), strict=True)
     return [
         Transition(first_id + number, what.to_label(), at, goal)
@@ -103,11 +103,11 @@ TRANSITIONS = (
 
 
 class LifecycleStateMachine:
-    """Where a node stands, and where it can go from there.
+    """The current state of a node, and the transitions that are possible.
 
     Arguments:
-        changed: is told of each step that asks for it.
-        refused: is told, in a sentence, of a step that is not possible now.
+        changed: receives each transition that must be published.
+        refused: receives a sentence about each transition that is not possible now.
     """
 
     def __init__(
@@ -129,32 +129,32 @@ class LifecycleStateMachine:
 
     @property
     def available_states(self) -> list[State]:
-        """All states that there are."""
+        """All states."""
         return list(STATES)
 
     @property
     def available_transitions(self) -> list[Transition]:
-        """The steps that are possible now."""
+        """The transitions that are possible now."""
         return [one for one in TRANSITIONS if one.start is self._state]
 
     @property
     def transition_graph(self) -> list[Transition]:
-        """All steps that there are."""
+        """All transitions."""
         return list(TRANSITIONS)
 
     def get_transition_by_label(self, label: str) -> int:
-        """The number of a step that is possible now; raises RCLError where there is none."""
+        """The number of a transition that is possible now; raises RCLError without one."""
         for transition in self.available_transitions:
             if transition.label == label:
                 return transition.id
         raise RCLError(f"Failed to get transition from label '{label}'")
 
     def trigger_transition_by_id(self, transition_id: int, publish_update: bool) -> None:
-        """Take a step. Raises RCLError where it is not possible now."""
+        """Make a transition. Raises RCLError if it is not possible now."""
         self._trigger(transition_id, lambda one: one.id == transition_id, publish_update)
 
     def trigger_transition_by_label(self, label: str, publish_update: bool) -> None:
-        """Take a step by its name. Raises RCLError where it is not possible now."""
+        """Make a transition by its label. Raises RCLError if it is not possible now."""
         self._trigger(label, lambda one: one.label == label, publish_update)
 
     def _trigger(self, what: object, fits: Callable[[Transition], bool], told: bool) -> None:

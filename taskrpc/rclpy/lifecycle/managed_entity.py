@@ -1,4 +1,4 @@
-"""What takes part in the steps of a lifecycle node."""
+"""Managed entities: objects that take part in the transitions of a lifecycle node."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ from .._impl.lifecycle_states import TransitionCallbackReturnType as TransitionC
 
 
 class ManagedEntity:
-    """Is told of every step, and may say that it failed; this one agrees to all of them."""
+    """Receives every transition and may fail it; this base class accepts all transitions."""
 
     def on_configure(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """The node is being set up; `state` is the one before."""
+        """The node is being configured; `state` is the former state."""
         return TransitionCallbackReturn.SUCCESS
 
     def on_cleanup(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """What was set up is being given back."""
+        """The node releases what it configured."""
         return TransitionCallbackReturn.SUCCESS
 
     def on_shutdown(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """The node ends, from whatever state."""
+        """The node ends, from any state."""
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -34,23 +34,23 @@ class ManagedEntity:
         return TransitionCallbackReturn.SUCCESS
 
     def on_error(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """Another callback ended with an error; SUCCESS says that it was put right."""
+        """Another callback failed with an error; SUCCESS means that the error is handled."""
         return TransitionCallbackReturn.SUCCESS
 
 
 class SimpleManagedEntity(ManagedEntity):
-    """Only remembers whether the node is active."""
+    """Remembers whether the node is active."""
 
     def __init__(self) -> None:
         self._enabled = False
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """From now on it is activated."""
+        """Become activated."""
         self._enabled = True
         return TransitionCallbackReturn.SUCCESS
 
     def on_deactivate(self, state: LifecycleState) -> TransitionCallbackReturn:
-        """From now on it is not."""
+        """Become deactivated."""
         self._enabled = False
         return TransitionCallbackReturn.SUCCESS
 

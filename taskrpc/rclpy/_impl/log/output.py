@@ -18,10 +18,10 @@ SEPARATOR = "."
 """Between the name of a logger and that of its child."""
 
 DEFAULT_LEVEL = int(LoggingSeverity.INFO)
-"""The level of all loggers, unless somebody sets another."""
+"""The default level of all loggers."""
 
 _levels: dict[str, int] = {"": DEFAULT_LEVEL}
-_effective: dict[str, int] = {}  # found once: every line that is logged asks
+_effective: dict[str, int] = {}  # a cache: every log call needs it
 
 
 def set_level(name: str, level: int) -> None:
@@ -31,12 +31,12 @@ def set_level(name: str, level: int) -> None:
 
 
 def level_of(name: str) -> int:
-    """The level that was set for just this logger; 0 where there is none."""
+    """The level that was set for this logger itself; 0 without one."""
     return _levels.get(name, 0)
 
 
 def effective_level_of(name: str) -> int:
-    """The level that holds for a logger."""
+    """The level that applies to a logger: its own or that of its nearest ancestor."""
     level = _effective.get(name)
     if level is None:
         level = _effective[name] = _find(name)
@@ -69,7 +69,7 @@ _to_rosout = True
 
 
 class _Console:
-    """The settings of the environment, read once."""
+    """The console and its settings from the environment, which are read once."""
 
     def __init__(self) -> None:
         self.stdout = bool(_from_environment("RCUTILS_LOGGING_USE_STDOUT", "stderr", "stdout"))
@@ -79,9 +79,9 @@ class _Console:
         self.format = Format(os.environ.get("RCUTILS_CONSOLE_OUTPUT_FORMAT") or DEFAULT)
 
     def write(self, record: Record) -> None:
-        # Looked up each time: notebooks and tests put others in their place.
+        # Looked up each time: notebooks and tests replace the streams.
         stream = sys.stdout if self.stdout else sys.stderr
-        if stream is None:  # a program without a console
+        if stream is None:  # the program has no console
             return
         line = self.format.line(record)
         if _is_a_terminal(stream) if self.colours is None else self.colours:
@@ -99,13 +99,13 @@ def _is_a_terminal(stream: TextIO) -> bool:
 def _write(stream: TextIO, text: str) -> None:
     try:
         stream.write(text)
-    except UnicodeEncodeError:  # a console of another code page
+    except UnicodeEncodeError:  # the console has another code page
         encoding = stream.encoding
         stream.write(text.encode(encoding, "backslashreplace").decode(encoding))
 
 
 def _from_environment(name: str, zero: str, one: str) -> bool | None:
-    """A variable that is 0 or 1; None where it is not set. Raises RuntimeError otherwise."""
+    """Read a variable that is 0 or 1; None if it is unset. Raises RuntimeError for other values."""
     value = os.environ.get(name, "")
     if value in ("", "0", "1"):
         return bool(int(value)) if value else None
@@ -116,21 +116,21 @@ def _from_environment(name: str, zero: str, one: str) -> bool | None:
 
 
 def initialize() -> None:
-    """Read the environment, unless that was done."""
+    """Read the environment, unless it has been read."""
     global _console
     if _console is None:
         _console = _Console()
 
 
 def shut_down() -> None:
-    """Forget all levels; the environment is read again when something is logged."""
+    """Forget all levels; the next line makes the environment be read again."""
     global _console
     _console = None
     clear_levels()
 
 
 def begin(context: object, arguments: Arguments) -> None:
-    """A context is initialised: the first one's ROS arguments say what is logged, and where."""
+    """Register an initialised context; the ROS arguments of the first one configure the log."""
     global _to_console, _to_rosout
     initialize()
     _owners.add(context)
@@ -147,7 +147,7 @@ def begin(context: object, arguments: Arguments) -> None:
 
 
 def end(context: object) -> None:
-    """A context that `begin` was called for has ended."""
+    """Unregister a context at its shutdown."""
     global _to_console, _to_rosout
     _owners.discard(context)
     if not _owners:
@@ -155,9 +155,9 @@ def end(context: object) -> None:
 
 
 def add_rosout(name: str, publish: Callable[[Record], None]) -> None:
-    """From now on, hand what the logger and its children log to a method that publishes it.
+    """Pass the lines of a logger and its children to a method that publishes them.
 
-    It is not kept alive. ROS warns of the second node of a name, and so do we.
+    Only a weak reference is kept. Like ROS, this warns of a second node of the same name.
     """
     if name in _rosout and _rosout[name]() is not None:
         warn(
@@ -173,18 +173,18 @@ def add_rosout(name: str, publish: Callable[[Record], None]) -> None:
 
 
 def remove_rosout(name: str) -> None:
-    """The node is gone."""
+    """Stop publishing the lines of a logger: its node is destroyed."""
     _rosout.pop(name, None)
 
 
 def warn(name: str, message: str) -> None:
-    """Log a warning that is not the program's, under the name of a part of ROS."""
+    """Log a warning of this layer under the name of the part of ROS that would log it."""
     if effective_level_of(name) <= LoggingSeverity.WARN:
         log(Record(LoggingSeverity.WARN, name, message, time.time_ns(), "", "", 0))
 
 
 def log(record: Record) -> None:
-    """Write a record to the console, and hand it to the node whose logger it came from."""
+    """Write a record to the console and publish it through the node that owns the logger."""
     initialize()
     assert _console is not None
     if record.severity is LoggingSeverity.UNSET:
