@@ -1,8 +1,7 @@
-"""The lock beside a file: one process uses the file, and who comes second is told which one.
+"""The lock beside a file: one process uses the file; a second one is refused.
 
-It also bears witness to how far the file had come. SQLite takes a log that lost its end, or is
-gone, for one in which no more was ever written; what was acknowledged would be missing without a
-word. So each commit is counted here too, once it is done.
+The lock file also counts the commits. SQLite cannot tell a log that lost its end, or is gone, from
+a shorter one: acknowledged transactions would be missing without an error.
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from taskrpc import platform
 from taskrpc.errors import StoreError
 
 _HEAD = 80
-"""Bytes of the first line, which says who has the lock."""
+"""Bytes of the first line, which names the process that has the lock."""
 _LONGEST = 200
 """Bytes to read: more than a lock file has."""
 _CONTENTS = re.compile(rb"pid [^\n]{75}\n(?:store ([0-9a-f]{32}), commit (\d{20})\n)?")
@@ -40,7 +39,7 @@ class FileInUse(StoreError):
 
 
 class Witness(NamedTuple):
-    """How far a file had come when it was last changed."""
+    """The count of commits when a file was last changed."""
 
     store_id: bytes
     commits: int
@@ -64,7 +63,7 @@ class Lock:
             contents = self._read()
             found = _CONTENTS.fullmatch(contents)
             self.witness = _witness(found) if found else None
-            """What the holder before has noted, if anything."""
+            """The count that the previous holder noted, if any."""
             self.is_damaged = bool(contents) and not found
             """Whether the file has other contents than a lock's; they stay until `note`."""
             if not self.is_damaged:
@@ -74,7 +73,7 @@ class Lock:
             raise
 
     def note(self, witness: Witness) -> None:
-        """Note how far the file has come; a machine that fails may forget it."""
+        """Note the count of commits; a crash of the machine may lose the note."""
         line = f"store {witness.store_id.hex()}, commit {witness.commits:020}\n".encode()
         # No room for these bytes is no reason to refuse what is on the disk already.
         with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""Group commit: what many ask for at one moment is one transaction, and waits once for the disk."""
+"""Group commit: changes that arrive together share one transaction, and one wait for the disk."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NOTHING_STORED = "nothing was stored; the server's log says why"
 """The text that callers get if the error's own text may contain the service's SQL or code."""
 
 _LOOK = 0.05
-"""Seconds between two looks whether the file is free; nobody is told by the system."""
+"""Seconds between two looks whether the file is free; the system does not notify."""
 
 
 _Opened: TypeAlias = Database | MemoryDatabase
@@ -32,8 +32,8 @@ class Writer(Generic[_Change]):
     """A file's one writer. Calls take effect in the order in which they are made.
 
     Everything happens in one thread of its own, so the event loop never waits for the disk. While
-    that thread is busy, new changes collect; they are the next transaction. Whoever stops waiting
-    does not stop what was asked for.
+    that thread is busy, new changes collect; they are the next transaction. A caller that stops
+    waiting does not stop its change.
 
     Args:
         open_file: opens the file, when it is first needed.
@@ -53,23 +53,23 @@ class Writer(Generic[_Change]):
         self._waiting: deque[_Asked] = deque()
         self._is_busy = False
         self.transactions: Counter[int] = Counter()
-        """How many there were, by how many changes were written together."""
+        """How many transactions there were, by the number of their changes."""
 
     def change(self, change: _Change) -> asyncio.Future[None]:
-        """Write a change; what this returns is done once it is on the disk.
+        """Write a change; the returned future is done once the change is on the disk.
 
         Raises:
             StoreError: nothing was changed.
-            OutcomeUnknown: nobody knows whether it was, and the file is broken until `close`.
+            OutcomeUnknown: it may have been changed, and the file is broken until `close`.
         """
         return self._ask(change, None)
 
     async def change_alone(self, work: Callable[[sqlite3.Connection], None]) -> None:
-        """Do something in a transaction of its own; it is on the disk when this returns."""
+        """Run a function in a transaction of its own; it is on the disk when this returns."""
         await self._ask(None, lambda: self._opened().change(work))
 
     async def read(self, work: Callable[[sqlite3.Connection], _Result]) -> _Result:
-        """Look something up. Raises StoreError."""
+        """Return the result of a function that reads the file. Raises StoreError."""
         found: _Result = await self._ask(None, lambda: self._opened().read(work))
         return found
 
@@ -78,7 +78,7 @@ class Writer(Generic[_Change]):
         await self._ask(None, self._mend)
 
     async def claim(self, waiting: Callable[[FileInUse], object]) -> None:
-        """Open the file once no other process uses it; `waiting` is told why it takes its time.
+        """Open the file once no other process uses it; `waiting` is called once with the reason.
 
         Raises StoreError.
         """
@@ -94,7 +94,7 @@ class Writer(Generic[_Change]):
             await asyncio.sleep(_LOOK)
 
     async def close(self) -> None:
-        """Do what was asked for, write everything into the one file and let others use it."""
+        """Finish all work, write everything into the one file and release it."""
         if self._thread is not None:
             await self._ask(None, self._close)
             self._thread.shutdown()
@@ -104,14 +104,16 @@ class Writer(Generic[_Change]):
 
     def _ask(self, change: _Change | None, alone: Callable[[], Any] | None) -> asyncio.Future[Any]:
         loop = asyncio.get_running_loop()
-        if self._loop is not loop:  # another run of asyncio: nobody of the one before waits
+        if (
+            self._loop is not loop
+        ):  # another run of asyncio: the callers of the previous one are gone
             self._loop, self._is_busy = loop, False
             self._waiting.clear()
         answer = loop.create_future()
         self._waiting.append(_Asked(change, alone, answer))
         if not self._is_busy:
             self._is_busy = True
-            # In a moment: what else is asked for in this turn of the loop comes with it.
+            # Not at once: other changes of this iteration of the loop join the transaction.
             loop.call_soon(self._next, loop)
         return answer
 
@@ -139,7 +141,7 @@ class Writer(Generic[_Change]):
         taken: list[_Asked],
         running: asyncio.Future[list[Any]],
     ) -> None:
-        self._next(loop)  # first: the thread need not wait for the callers that are answered now
+        self._next(loop)  # first: the thread works while the callers are answered
         for asked, outcome in zip(taken, running.result(), strict=True):
             if asked.answer.done():
                 continue
@@ -166,7 +168,7 @@ class Writer(Generic[_Change]):
             database.close()
 
     def _change_all(self, changes: list[_Change]) -> list[Exception | None]:
-        """What became of each change: None where it is stored."""
+        """Return the result of each change: None if it is stored, else the error."""
         count = len(changes)
         try:
             self._write(self._opened(), changes)
@@ -175,7 +177,7 @@ class Writer(Generic[_Change]):
         except Exception as error:
             if count == 1:
                 return [_refusal(error)]
-            # One of them cannot be written; the others must not pay for it.
+            # One of the changes cannot be written: find it, and write the others.
             first, rest = changes[: count // 2], changes[count // 2 :]
             return self._change_all(first) + self._change_all(rest)
         return [None] * count

@@ -1,4 +1,4 @@
-"""The event loop of programs that block, in a thread of its own."""
+"""The event loop of blocking programs, in a thread of its own."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SLICE = 0.1
 """Seconds of one wait on a lock: on Windows Ctrl-C does not reach a longer one before its end."""
 
 _ENDED = 0
-"""Instead of a process id, once the loop is told to stop."""
+"""Takes the place of the process id once the loop is stopping."""
 
 
 class LoopThread:
