@@ -15,7 +15,7 @@ import taskrpc
 pytestmark = pytest.mark.real_time
 
 MISTAKES = (
-    "difflib srvgen.diagnostics.line_hints srvgen.diagnostics.value_slips "
+    "difflib srvgen.diagnostics.line_hints "
     "srvgen.diagnostics.type_hints srvgen.diagnostics.line_errors "
     "srvgen.files.not_found"
     " srvgen.cli.report srvgen.files.warnings srvgen.files.fix"
