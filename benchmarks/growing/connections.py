@@ -14,7 +14,7 @@ from benchmarks.growing import server, timing
 from benchmarks.growing.memory import memory_each
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.discovery.registry import Registry
-from taskrpc.wire.events import Answered, Ready
+from taskrpc.wire.events import ResponseReceived, Ready
 from taskrpc.wire.frames import NO_DEADLINE
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Resolve, decode_resolved
@@ -102,10 +102,10 @@ class _Caller(asyncio.Protocol):
         for event in self._session.feed(data):
             if isinstance(event, Ready):
                 self._session.resolve("resolve", Resolve("/add", Add._HASH, "/caller"))
-            elif isinstance(event, Answered) and event.ticket == "resolve":
+            elif isinstance(event, ResponseReceived) and event.ticket == "resolve":
                 self._method = decode_resolved(event.body).method
                 self.ready.set_result(None)
-            elif isinstance(event, Answered):
+            elif isinstance(event, ResponseReceived):
                 self.done += 1
                 self._call()
         self._write()

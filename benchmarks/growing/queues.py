@@ -70,7 +70,7 @@ async def _queue(size: int) -> dict[str, float]:
     found = {"queue_put": timing.microseconds(queue.put, tasks)}
     some = chance.sample(tasks, min(size // 2, _USED))
     found["queue_page"] = timing.microseconds(
-        lambda task: list(islice(queue.ordered(task.key), PAGE)), some[:50]
+        lambda task: list(islice(queue.ordered(task.order_key), PAGE)), some[:50]
     )
     found["queue_rerank"] = timing.microseconds(
         lambda task: queue.reprioritise(task.task_id, chance.randint(1, 10)), some
@@ -110,7 +110,7 @@ async def _manager(size: int) -> dict[str, float]:
 
 def _cursors(manager: TaskManager, task_ids: list[int]) -> list[str]:
     """Where pages begin, all over the queue."""
-    keys = [task.key for task_id in task_ids[:50] if (task := manager.queue.find(task_id))]
+    keys = [task.order_key for task_id in task_ids[:50] if (task := manager.queue.find(task_id))]
     return [f"w{key[0]}:{key[1]}" for key in keys]
 
 
