@@ -14,7 +14,7 @@ from benchmarks.growing import server, timing
 from benchmarks.growing.memory import memory_each
 from taskrpc.transport.codec import codec_of
 from taskrpc.transport.discovery.registry import Registry
-from taskrpc.wire.events import ResponseReceived, Ready
+from taskrpc.wire.events import Ready, ResponseReceived
 from taskrpc.wire.frames import NO_DEADLINE
 from taskrpc.wire.handshake import Identity
 from taskrpc.wire.messages import Resolve, decode_resolved
