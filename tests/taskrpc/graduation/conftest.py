@@ -16,7 +16,7 @@ def graduate(tmp_path, monkeypatch, capsys):
         printed = capsys.readouterr()
         assert printed.err == ""
         lines = printed.out.splitlines()
-        assert code == (0 if lines[0].startswith("nothing found") else 1)
+        assert code == (0 if lines[0].startswith("found nothing") else 1)
         return [] if code == 0 else lines
 
     return graduate
