@@ -72,7 +72,7 @@ class Codec:
     def _encoder(self, cls: type[MessageType]) -> Callable[[Any], bytes]:
         def encode(message: Any) -> bytes:
             # A message that checks its fields is of a twin of the class.
-            if message.__class__ is not cls and getattr(message, "_CLASS", None) is not cls:
+            if message.__class__ is not cls and getattr(message, "_ORIGINAL", None) is not cls:
                 raise InvalidRequest("", f"expected a {cls._TYPE}, got {_type_of(message)}")
             try:
                 message._check()

@@ -113,5 +113,5 @@ def test_standby_reports_a_name_that_stays_in_use(start, tmp_path, monkeypatch):
 @pytest.mark.parametrize("options", [["--fresh"], ["--db", ":memory:"]])
 def test_standby_refuses_options_that_start_with_other_tasks(options, capsys):
     assert server_main(["--standby", *options]) == 2
-    refused = f"continues the tasks of another server, so it cannot have {options[0]}"
+    refused = f"--standby continues the tasks of another server; do not use it with {options[0]}"
     assert refused in capsys.readouterr().err

@@ -54,7 +54,7 @@ EARLY = {
     "srvgen": ["srvgen.cli.main", "argparse", "srvgen.cli.commands"],
     "taskrpc": ["taskrpc.cli.main", "argparse", "taskrpc.cli.ps"],
     "taskrpc-call": ["taskrpc.cli.call", "taskrpc.platform", "asyncio"],
-    "taskrpc-server": ["taskrpc.cli.server", "asyncio", "taskrpc.node", "taskrpc.robot"],
+    "taskrpc-server": ["taskrpc.cli.server", "asyncio", "taskrpc.program", "taskrpc.robot"],
 }
 
 
