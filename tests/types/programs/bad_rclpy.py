@@ -20,7 +20,7 @@ def heard(message: Greet.Request) -> None:
 
 def main(node: Node) -> None:
     node.create_service(Greet, "greet", forgets)
-    # mypy reports: Argument 3 to "create_service" of "NodeEntities" has incompatible type "Callable[[Greet_Request, Greet_Response], None]"; expected …
+    # mypy reports: Argument 3 to "create_service" of "Node" has incompatible type "Callable[[Greet_Request, Greet_Response], None]"; expected …
     # pyright reports: …Function return type "None" is incompatible…
     client = node.create_client(Greet, "greet")
     client.call_async(Add.Request())
@@ -38,10 +38,10 @@ def main(node: Node) -> None:
     # mypy reports: Argument 1 to "publish" of "Publisher" has incompatible type "Greet_Request"; expected "Spot | bytes"
     # pyright reports: …"Greet_Request" is not assignable to "Spot"
     node.create_subscription(Spot, "spots", heard, 10)
-    # mypy reports: Argument 3 to "create_subscription" of "NodeEntities" has incompatible type "Callable[[Greet_Request], None]"; expected …
+    # mypy reports: Argument 3 to "create_subscription" of "Node" has incompatible type "Callable[[Greet_Request], None]"; expected …
     # pyright reports: …"Spot" is not assignable to "Greet_Request"
     node.create_client(Spot, "greet")
-    # mypy reports: Argument 1 to "create_client" of "NodeEntities" has incompatible type "type[Spot]"; expected "type[Srv[Any, Any]]"
+    # mypy reports: Argument 1 to "create_client" of "Node" has incompatible type "type[Spot]"; expected "type[Srv[Any, Any]]"
     # pyright reports: …"Spot" is incompatible with protocol "Srv…
     rclpy.spin_onse(node)
     # mypy reports: Module has no attribute "spin_onse"; maybe "spin_once"?
