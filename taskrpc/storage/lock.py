@@ -64,7 +64,7 @@ class Lock:
             found = _CONTENTS.fullmatch(contents)
             self.witness = _witness(found) if found else None
             """The count that the previous holder noted, if any."""
-            self.is_damaged = bool(contents) and not found
+            self.is_damaged = not found and not _is_torn(contents)
             """Whether the file has other contents than a lock's; they stay until `note`."""
             if not self.is_damaged:
                 self._write_head()
@@ -113,6 +113,15 @@ class Lock:
     def _read(self) -> bytes:
         os.lseek(self._descriptor, 0, os.SEEK_SET)
         return os.read(self._descriptor, _LONGEST)
+
+
+def _is_torn(contents: bytes) -> bool:
+    """Whether a failure of the machine at the very first start can have left these contents.
+
+    The first line is not synced: a part of it may be on the disk, or zeros.
+    """
+    begin = b"pid "
+    return contents.startswith(begin) or begin.startswith(contents.rstrip(b"\0"))
 
 
 def _witness(contents: re.Match[bytes]) -> Witness | None:

@@ -357,7 +357,7 @@ def a_line_too_many(patch):
 
 def one_ends_all(patch):
     def refuse(self, error):
-        for each in list(self.host._served):
+        for each in list(self.server._served):
             each.abort(error)
 
     patch(ServingConnection, "_refuse", refuse)

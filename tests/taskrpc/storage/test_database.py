@@ -160,7 +160,7 @@ async def test_a_lost_database_is_begun_anew_once_its_lock_and_log_are_removed(p
 
 
 @pytest.mark.parametrize("what", ["missing", "empty"])
-@pytest.mark.parametrize("contents", [b"garbage", b"\0" * 149])
+@pytest.mark.parametrize("contents", [b"garbage", b"\0" * 80 + b"store 0001"])
 async def test_a_damaged_lock_without_a_database_is_refused(path, what, contents):
     lock = path.with_name("tasks.db.lock")
     lock.write_bytes(contents)

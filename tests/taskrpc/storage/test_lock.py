@@ -62,12 +62,22 @@ def test_lock_file_has_a_line_of_80_bytes_and_then_the_witness(path):
     again.close()
 
 
-@pytest.mark.parametrize("length", [1, 79, 81, 110, 147, 149])
-def test_lock_file_with_other_contents_is_damaged_until_the_next_note(path, length):
+@pytest.mark.parametrize("length", [0, 1, 79, 81, 110, 147])
+@pytest.mark.parametrize("end", [b"", b"\0" * 60])
+def test_lock_file_that_a_machine_failure_cut_off_is_an_empty_one(path, length, end):
     whole = Lock(path, "task server")
     whole.note(STORE)
     whole.close()
-    contents = whole.path.read_bytes().ljust(length, b"?")[:length]
+    whole.path.write_bytes(whole.path.read_bytes()[:length] + end)
+    lock = Lock(path, "task server")
+    assert (lock.is_damaged, lock.witness) == (False, None)
+    lock.close()
+
+
+@pytest.mark.parametrize("contents", [b"garbage", b"\0" * 80 + b"store 0001"])
+def test_lock_file_with_other_contents_is_damaged_until_the_next_note(path, contents):
+    whole = Lock(path, "task server")
+    whole.close()
     whole.path.write_bytes(contents)
     for _ in range(2):
         lock = Lock(path, "task server")
