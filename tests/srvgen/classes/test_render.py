@@ -11,14 +11,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
-import srvgen
 from srvgen.classes.loader import _Builder
 from srvgen.classes.render import render
-from srvgen.classes.render_expressions import definition_literal, docstring, text_literal
-from srvgen.definitions.lines import join_full_text
 from srvgen.definitions.model import Definition
 from srvgen.errors import DefinitionError
 from srvgen.files.reading import read_definition
@@ -34,45 +29,6 @@ bundled = Search([BUNDLED])
 
 def rendered(text: str) -> str:
     return render(parse_msg(text, "demo_msgs", "Demo"), Hasher(bundled.load), "").text
-
-
-# --- literals and docstrings ----------------------------------------------------------------------
-
-
-@given(st.text())
-def test_a_string_literal_gives_back_the_text(text):
-    assert ast.literal_eval(text_literal(text)) == text
-
-
-@given(st.text())
-def test_a_definition_literal_gives_back_the_text(text):
-    assert ast.literal_eval(definition_literal(text)) == text
-
-
-@given(st.lists(st.text(st.characters(exclude_characters="\n\r")), min_size=1, max_size=4))
-def test_comment_becomes_a_docstring_and_is_never_executed(lines):
-    source = "class C:\n" + "\n".join(docstring(lines, "    "))
-    tree = ast.parse(source)
-    (statement,) = tree.body[0].body  # type: ignore[attr-defined]
-    said = statement.value.value.split("\n")
-    assert [line.strip() for line in said if line.strip()] == [
-        line.strip() for line in lines if line.strip()
-    ]
-
-
-@given(st.lists(st.text(alphabet="\"\\#ab \u202e\u00e9'", max_size=12), max_size=4))
-def test_no_comment_can_leave_its_docstring(comments):
-    text = "".join(f"# {comment}\n" for comment in comments) + "int32 a\n"
-    text += "".join(f"# {comment}\n" for comment in comments) + "int32 b  # " + "".join(comments)
-    body = ast.parse(rendered(text)).body
-    assert [type(node).__name__ for node in body] == ["Expr", "ImportFrom", "ClassDef"]
-
-
-def test_unprintable_characters_are_escaped():
-    """A definition cannot show one thing in an editor and be another (bidirectional marks)."""
-    source = rendered("# a\u202eb\nstring s \u202e\n")
-    assert "\u202e" not in source
-    assert source.count("\\u202e") == 3
 
 
 # --- rejected -------------------------------------------------------------------------------------
@@ -105,19 +61,6 @@ def test_a_service_keeps_its_definition():
     text = 'int64 a\n---\nstring b  # say "hi"\n'
     source = render(parse_srv(text, "demo_msgs", "Ask"), Hasher(bundled.load), text).text
     assert ast.literal_eval(source.partition("_DEFINITION = ")[2].partition("\n\n\n")[0]) == text
-
-
-def test_a_type_named_like_an_exception_does_not_hide_it():
-    texts = {"demo_msgs/msg/ValueError": "int32 a\n", "demo_msgs/msg/Other": "int32 a\n"}
-    for name, text in [
-        ("demo_msgs/msg/Demo", "Other other\nValueError error\n"),
-        ("demo_msgs/msg/ValueError", "Other other\n"),
-    ]:
-        needed = {one: text for one, text in texts.items() if one != name}
-        message = srvgen.define(name, join_full_text(text, needed))()
-        message.other.a = "x"
-        with pytest.raises(srvgen.FieldError, match=r"^other\.a: expected int32, got 'x'"):
-            message._check()
 
 
 # --- rosidl's own classes -------------------------------------------------------------------------

@@ -15,7 +15,7 @@ import pytest
 
 import srvgen
 from srvgen import from_cdr, to_cdr
-from srvgen.classes import loader, rosidl_classes, slot_types
+from srvgen.classes import loader, rosidl_classes
 
 INNER = f"\n{'=' * 80}\nMSG: rosidl_msgs/msg/Inner\nfloat64 x\nfloat64 y 1.0\n"
 FIELDS = """
@@ -120,41 +120,6 @@ def test_existing_classes_do_not_change(monkeypatch):
     assert not hasattr(made, "SLOT_TYPES")
     with pytest.raises(TypeError, match="check_fields"):
         made(check_fields=True)
-
-
-# --- slot types -----------------------------------------------------------------------------------
-
-
-def test_slot_types_describe_each_field():
-    cls = define()
-    types = dict(zip(cls.get_fields_and_field_types(), cls.SLOT_TYPES, strict=True))
-    basic = slot_types.BasicType
-    assert types == {
-        "flag": basic("boolean"),
-        "raw": basic("octet"),
-        "small": basic("int8"),
-        "count": basic("uint16"),
-        "single": basic("float"),
-        "double": basic("double"),
-        "text": slot_types.UnboundedString(),
-        "short": slot_types.BoundedString(5),
-        "inner": slot_types.NamespacedType(["rosidl_msgs", "msg"], "Inner"),
-        "singles": slot_types.Array(basic("float"), 3),
-        "bytes": slot_types.Array(basic("uint8"), 2),
-        "flags": slot_types.Array(basic("boolean"), 2),
-        "longs": slot_types.BoundedSequence(basic("int64"), 3),
-        "ranges": slot_types.UnboundedSequence(basic("float")),
-        "names": slot_types.UnboundedSequence(slot_types.UnboundedString()),
-        "inners": slot_types.UnboundedSequence(
-            slot_types.NamespacedType(["rosidl_msgs", "msg"], "Inner")
-        ),
-    }
-    assert types["inner"].namespaced_name() == ("rosidl_msgs", "msg", "Inner")
-    assert types["longs"].has_maximum_size()
-    assert not types["ranges"].has_maximum_size()
-    assert types["short"].has_maximum_size()
-    assert not types["text"].has_maximum_size()
-    assert types["double"].typename in slot_types.FLOATING_POINT_TYPES
 
 
 # --- check_fields ---------------------------------------------------------------------------------

@@ -12,6 +12,7 @@ from srvgen.definitions.names import (
     is_constant_name,
     is_field_name,
     is_message_name,
+    is_one_typo,
     snake_case,
     split_type_name,
 )
@@ -68,3 +69,9 @@ def test_a_misspelt_name_is_recognised():
     assert did_you_mean("std_msg", ["std_msgs", "nav_msgs"]) == "did you mean std_msgs?"
     assert did_you_mean("addtwoints", ["AddTwoInts"]) == "did you mean AddTwoInts?"
     assert did_you_mean("quite_different", ["AddTwoInts"]) == ""
+
+
+@pytest.mark.parametrize("word", ["int", "nt32", "int322", "imt32", "itn32", "nit32", "int23"])
+def test_missing_extra_wrong_or_swapped_letter_is_one_typo(word):
+    assert is_one_typo(word, "int32") == is_one_typo("int32", word) == (word != "int")
+    assert not is_one_typo(word, word)

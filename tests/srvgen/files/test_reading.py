@@ -5,10 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from srvgen.cli.sources import definition_files, files_of, search_paths
+from srvgen.cli.sources import definition_files, search_paths
 from srvgen.errors import DefinitionError
 from srvgen.files.reading import decode, kind_of, package_of, read_definition
-from srvgen.files.search import Search
 
 
 def write(path: Path, data: bytes = b"---\n") -> Path:
@@ -75,36 +74,6 @@ def test_a_file_that_cannot_be_read_is_an_error_of_its_path(tmp_path):
         read_definition(tmp_path / "my_msgs" / "msg" / "Gone.msg")
 
 
-def test_a_source_is_a_file_a_package_a_folder_of_packages_or_a_workspace(tmp_path):
-    packages = tmp_path / "workspace" / "src"
-    a = write(packages / "a_msgs" / "srv" / "A.srv")
-    b = write(packages / "b_msgs" / "msg" / "B.msg")
-    slip = write(packages / "b_msgs" / "msg" / "C.msg.txt")
-    write(packages / "b_msgs" / "msg" / "notes.txt")
-    write(packages / "b_msgs" / "msg" / ".hidden.msg")
-    assert definition_files(a) == [a]
-    assert definition_files(a.parent) == [a]
-    assert definition_files(packages / "b_msgs") == [b, slip]
-    assert definition_files(packages) == definition_files(tmp_path / "workspace") == [a, b, slip]
-
-
-def test_a_source_without_definitions_is_refused(tmp_path):
-    with pytest.raises(DefinitionError, match="a folder without any"):
-        definition_files(tmp_path)
-    with pytest.raises(DefinitionError, match="a path that does not exist") as caught:
-        files_of(str(tmp_path / "gone"), Search())
-    assert (caught.value.line, caught.value.path) == (0, str(tmp_path / "gone"))
-
-
-def test_neighbours_of_a_source_are_found(tmp_path, monkeypatch):
-    a = write(tmp_path / "a_msgs" / "srv" / "A.srv")
-    expected = [tmp_path / "a_msgs", tmp_path]
-    for source in (a, a.parent, a.parents[1]):
-        assert search_paths([str(source), "std_srvs/srv/Trigger"]) == expected
-    monkeypatch.chdir(a.parent)
-    assert search_paths(["A.srv", "."]) == expected
-
-
 def test_a_file_in_a_subfolder_belongs_to_the_package_above_that_has_a_manifest(tmp_path):
     path = write(tmp_path / "my_msgs" / "srv" / "arm" / "left" / "Fetch.srv")
     assert read_definition(path).full_name == "left/srv/Fetch"
@@ -115,18 +84,6 @@ def test_a_file_in_a_subfolder_belongs_to_the_package_above_that_has_a_manifest(
         assert definition_files(source) == [plain, path]
     for source in (path, path.parent, plain.parent):
         assert search_paths([str(source)]) == [tmp_path / "my_msgs", tmp_path]
-
-
-def test_packages_at_any_depth_below_src_are_found(tmp_path):
-    near = write(tmp_path / "src" / "a_msgs" / "srv" / "A.srv")
-    far = write(tmp_path / "src" / "group" / "b" / "c" / "d_msgs" / "msg" / "D.msg", b"int8 d\n")
-    write(tmp_path / "src" / "group" / "build" / "x_msgs" / "msg" / "D.msg")
-    write(tmp_path / "src" / "old" / "x_msgs" / "msg" / "D.msg")
-    write(tmp_path / "src" / "old" / "COLCON_IGNORE")
-    write(tmp_path / "src" / "a_msgs" / "test" / "x_msgs" / "msg" / "D.msg")
-    for source in (tmp_path, tmp_path / "src"):
-        assert definition_files(source) == [near, far]
-        assert {tmp_path / "src", far.parents[2]} <= set(search_paths([str(source)]))
 
 
 @pytest.mark.skipif(not hasattr(os, "mkfifo"), reason="Windows has no named pipes among its files")

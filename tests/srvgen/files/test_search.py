@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from srvgen.definitions.model import MessageDef, ServiceDef
-from srvgen.errors import DefinitionError, DefinitionErrors
+from srvgen.errors import DefinitionError
 from srvgen.files.search import BUNDLED, Search
 from tests.srvgen.sample_definitions import put, put_all
 
@@ -179,90 +179,9 @@ def test_definition_beside_the_script_gives_a_hint(workspace):
     assert caught.value.hint == "move Fetch.srv to my_msgs/srv/Fetch.srv"
 
 
-def test_dependencies_come_before_their_dependents():
-    names = [one.full_name for one in Search().with_dependencies("geometry_msgs/msg/PoseStamped")]
-    for earlier, later in [("Point", "Pose"), ("Quaternion", "Pose"), ("Pose", "PoseStamped")]:
-        assert names.index(f"geometry_msgs/msg/{earlier}") < names.index(
-            f"geometry_msgs/msg/{later}"
-        )
-    assert len(names) == len(set(names))
-
-
-def test_a_service_needs_the_information_of_its_events():
-    names = [one.full_name for one in Search().with_dependencies("std_srvs/srv/Empty")]
-    assert names == [
-        "builtin_interfaces/msg/Time",
-        "service_msgs/msg/ServiceEventInfo",
-        "std_srvs/srv/Empty",
-    ]
-
-
-def test_error_lists_the_searched_folders(workspace):
-    put("my_msgs/srv/Fetch", "---", workspace)
-    with pytest.raises(DefinitionError) as caught:
-        Search().load("nowhere_msgs/msg/Thing")
-    assert caught.value.looked_in == (str(Path.cwd()), "the packages of srvgen")
-    assert str(caught.value).splitlines() == [
-        "package 'nowhere_msgs' not found",
-        f"  looked in: {Path.cwd()}, the packages of srvgen",
-    ]
-    with pytest.raises(DefinitionError) as caught:
-        Search().load("my_msgs/srv/Bring")
-    assert str(caught.value).endswith(f"\n  looked in: {Path.cwd() / 'my_msgs'}")
-
-
 def test_type_name_that_is_not_a_str_is_a_type_error():
     with pytest.raises(TypeError, match="got 3"):
         Search().load(3)
-
-
-def test_every_missing_type_is_reported_at_the_field_that_refers_to_it(workspace):
-    path = put(
-        "my_msgs/srv/Fetch", "Header header\nstd_msg/String s\n---\nString text\n", workspace
-    )
-    with pytest.raises(DefinitionErrors) as caught:
-        Search().with_dependencies("my_msgs/srv/Fetch")
-    problems = caught.value.problems
-    assert [(one.path, one.line, one.column) for one in problems] == [
-        (str(path), 1, 1),
-        (str(path), 2, 1),
-        (str(path), 4, 1),
-    ]
-    assert problems[0].hint == "ROS 2 writes std_msgs/Header"
-    assert problems[1].source_line == "std_msg/String s"
-    assert problems[2].hint == "did you mean string or std_msgs/String?"
-
-
-def test_type_that_contains_itself_is_refused_with_the_cycle(workspace):
-    put("my_msgs/msg/Egg", "Hen hen", workspace)
-    put("my_msgs/msg/Hen", "Egg[] eggs", workspace)
-    with pytest.raises(DefinitionError) as caught:
-        Search().with_dependencies("my_msgs/msg/Egg")
-    assert "my_msgs/msg/Egg → my_msgs/msg/Hen → my_msgs/msg/Egg" in caught.value.message
-    assert Path(caught.value.path).name == "Hen.msg"
-    put("my_msgs/msg/Self", "Self[] more", workspace)
-    with pytest.raises(DefinitionError, match="my_msgs/msg/Self → my_msgs/msg/Self"):
-        Search().with_dependencies("my_msgs/msg/Self")
-
-
-def test_time_types_of_ros_1_are_refused_with_those_of_ros_2(workspace):
-    put("my_msgs/msg/Old", "time stamp", workspace)
-    for find in (Search().load, Search().with_dependencies):
-        with pytest.raises(DefinitionError) as caught:
-            find("my_msgs/msg/Old")
-        assert (caught.value.line, caught.value.hint) == (
-            1,
-            "ROS 2 writes builtin_interfaces/Time",
-        )
-
-
-def test_a_broken_dependency_is_reported_once_in_its_own_file(workspace):
-    put("my_msgs/msg/Good", "Bad a\nBad b\n", workspace)
-    bad = put("my_msgs/msg/Bad", "int x", workspace)
-    with pytest.raises(DefinitionError) as caught:
-        Search().with_dependencies("my_msgs/msg/Good")
-    assert not isinstance(caught.value, DefinitionErrors)
-    assert caught.value.path == str(bad)
 
 
 def test_installation_of_ros_2_is_found(tmp_path, monkeypatch):

@@ -1,7 +1,7 @@
 """An invalid definition gives exactly the messages of the .txt file beside it.
 
-After a deliberate change of a message: `UPDATE_REJECTED=1 pytest tests/srvgen/test_rejected.py`,
-and read the difference.
+After a deliberate change of a message, run
+`UPDATE_REJECTED=1 pytest tests/srvgen/test_parser_rejected.py` and read the difference.
 """
 
 import os
