@@ -8,6 +8,7 @@ import threading
 import time
 from collections import deque
 from collections.abc import Callable
+from functools import partial
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
@@ -26,7 +27,7 @@ from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup
 from .handle import ArrivalHandle
 from .service_introspection import Introspection, ServiceIntrospectionState
-from .task import Future
+from .task import Future, set_executor
 
 if TYPE_CHECKING:
     from .clock import Clock
@@ -183,7 +184,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         except BaseException:
             self._pending.pop(number, None)
             raise
-        future.when_done(lambda: self._ended(number, future, cancel))
+        future.when_done(partial(self._ended, number, future, cancel))
         if self._introspection.is_on:
             self._introspection.publish("REQUEST_SENT", self._gid, number, request=request)
         return future
@@ -284,7 +285,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         self, number: int, future: Future[SrvResponseT], cancel: Callable[[], object]
     ) -> None:
         self._pending.pop(number, None)
-        if future._cancelled and not future._done:
+        if future.cancelled():
             cancel()
 
     def has_work(self) -> bool:
@@ -327,12 +328,12 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         self, future: Future[SrvResponseT], response: Any, error: BaseException | None
     ) -> None:
         if (executor := self.parent_node.executor) is not None:
-            future._set_executor(executor)
+            set_executor(future, executor)
         if error is None:
             future.set_result(response)
         else:
             future.set_exception(error)
-            future._exception_fetched = True  # `explain` has reported it; ROS reports nothing
+            future.exception()  # marks it as retrieved: `take_work` has reported the error
 
 
 class ClientHandle(ArrivalHandle):

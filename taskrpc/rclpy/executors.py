@@ -34,7 +34,7 @@ from ._impl.execution.scheduler import (
 from ._impl.node_interface import NodeInterface
 from .context import Context
 from .exceptions import InvalidHandle
-from .task import Future, Task
+from .task import Future, Task, raise_once
 
 
 class TimeoutException(Exception):
@@ -270,13 +270,11 @@ class Executor(Scheduler):
 
     def _begin_coroutine(self, coroutine: CoroutineType[Any, Any, Any], entity: Entity) -> bool:
         """Run the coroutine of a callback to its first `await`; returns whether it still waits."""
-        task: Task[Any] = Task(lambda: None, executor=self)
-        task._handler = coroutine
+        task: Task[Any] = Task(coroutine, executor=self)
         task.entity, task.parent_node = entity, entity.parent_node
         self._keep(task)
         task()
-        if task._done:
-            _raise_of(task)
+        if raise_once(task):
             return False
         task.when_done(lambda: self._coroutine_ended(entity))
         return True
@@ -292,14 +290,7 @@ class Executor(Scheduler):
             task()
         finally:
             ended(before)
-        if task._done:
-            _raise_of(task)
-
-
-def _raise_of(task: Task[Any]) -> None:
-    """Raise the exception of a task, but only once: several threads may see that it has ended."""
-    if (error := task.exception()) is not None and task.report():
-        raise error
+        raise_once(task)
 
 
 class SingleThreadedExecutor(Executor):

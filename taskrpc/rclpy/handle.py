@@ -13,26 +13,22 @@ class Handle:
     """Stands for the object that ROS keeps behind a Python object; `with` checks its validity."""
 
     def __init__(self, owner: Any = None) -> None:
-        self._destroyed = False
         self.owner = owner
+        self.valid = True
+        """Whether it was not destroyed. An attribute: executors read it often."""
 
     @property
     def pointer(self) -> int:
         """A number that identifies the handle while it exists."""
         return id(self)
 
-    @property
-    def valid(self) -> bool:
-        """Whether it was not destroyed."""
-        return not self._destroyed
-
     def destroy_when_not_in_use(self) -> None:
         """Make it invalid: entering it later raises InvalidHandle."""
-        self._destroyed = True
+        self.valid = False
 
     def check(self) -> None:
         """Raise InvalidHandle when it was destroyed."""
-        if self._destroyed:
+        if not self.valid:
             raise InvalidHandle("cannot use Destroyable because destruction was requested")
 
     def __enter__(self) -> Self:

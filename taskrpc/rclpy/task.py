@@ -42,7 +42,7 @@ class Future(Generic[T]):
         """The callback that last asked in vain whether it is done, and when."""
         self._executor: Callable[[], ExecutorInterface | None] = _none
         if executor is not None:
-            self._set_executor(executor)
+            set_executor(self, executor)
 
     def __del__(self) -> None:
         if not getattr(self, "_exception_fetched", True):
@@ -138,10 +138,6 @@ class Future(Generic[T]):
         """Whether it is done or cancelled."""
         return self._done or self._cancelled
 
-    def _set_executor(self, executor: ExecutorInterface | None) -> None:
-        """Let this executor run the done callbacks."""
-        self._executor = _none if executor is None else weakref.ref(executor)
-
     def when_done(self, waiter: Callable[[], object]) -> None:
         """Call the waiter before the done callbacks, on the thread that completes it."""
         with self._lock:
@@ -209,7 +205,7 @@ class Task(Future[T]):
 
     def __init__(
         self,
-        handler: Callable[..., Any],
+        handler: Callable[..., Any] | CoroutineType[Any, Any, T],
         args: Iterable[Any] | None = None,
         kwargs: Mapping[str, Any] | None = None,
         executor: ExecutorInterface | None = None,
@@ -217,7 +213,7 @@ class Task(Future[T]):
         super().__init__(executor=executor)
         args = () if args is None else tuple(args)
         kwargs = {} if kwargs is None else dict(kwargs)
-        if inspect.iscoroutinefunction(handler):
+        if type(handler) is not CoroutineType and inspect.iscoroutinefunction(handler):
             handler, args, kwargs = handler(*args, **kwargs), (), {}
         self._handler: Any = handler
         self._args = args
@@ -228,7 +224,8 @@ class Task(Future[T]):
         self.parent_node: Any = None
         self.number = 0
         """Counts the tasks of an executor in the order of their creation."""
-        self._reported = False
+        self._raised = False
+        """Whether `raise_once` has raised the exception of this task."""
 
     def __call__(self) -> None:
         """Run the function or the next step of the coroutine; an exception completes the task."""
@@ -256,13 +253,6 @@ class Task(Future[T]):
         if self._cancelled and type(self._handler) is CoroutineType:
             self._handler.close()
         return not self._done and not self._cancelled
-
-    def report(self) -> bool:
-        """Whether the end of the task has not been reported yet; True only once."""
-        with self._lock:
-            first = not self._reported
-            self._reported = True
-            return first
 
     def _step(self, coroutine: CoroutineType[Any, Any, T]) -> Any:
         """Run a step; returns the awaited future, or this task itself at the end."""
@@ -310,6 +300,26 @@ class Task(Future[T]):
     def _forget(self) -> None:
         """Release the function and its arguments, which may keep other objects alive."""
         self._handler, self._args, self._kwargs = None, (), {}
+
+
+def raise_once(task: Task[Any]) -> bool:
+    """Whether a task has ended. Raises its exception, but only once.
+
+    Several threads may see that the task has ended; only one of them must raise.
+    """
+    if not task._done:
+        return False
+    if (error := task.exception()) is not None:
+        with task._lock:
+            is_first, task._raised = not task._raised, True
+        if is_first:
+            raise error
+    return True
+
+
+def set_executor(future: Future[Any], executor: ExecutorInterface | None) -> None:
+    """Let this executor run the done callbacks of a future."""
+    future._executor = _none if executor is None else weakref.ref(executor)
 
 
 __all__ = ["Future", "Task"]

@@ -153,7 +153,7 @@ class Timer(Entity):
 
     def nanoseconds_until_due(self) -> int | None:
         """The time until it is due; None while nothing but a jump of the clock can make it due."""
-        if self._canceled or self.handle._destroyed:
+        if self._canceled or not self.handle.valid:
             return None
         wait = self._next_ns - self._clock.now_ns()
         if wait > 0 and self._clock.real_seconds(wait) is None:

@@ -38,7 +38,7 @@ def wait_for_message(
     end = time.monotonic() + time_to_wait
     try:
         while node.context.ok():
-            if (taken := subscription._next()) is not None:
+            if (taken := subscription.handle.take_message(msg_type, raw=False)) is not None:
                 return True, taken[0]
             left = _SLICE if time_to_wait < 0 else min(_SLICE, end - time.monotonic())
             if left <= 0:

@@ -11,7 +11,7 @@ from ._impl.execution.entity import Entity
 from .callback_groups import CallbackGroup
 from .guard_condition import GuardCondition
 from .handle import Handle
-from .task import Future
+from .task import Future, set_executor
 
 T = TypeVar("T")
 
@@ -119,6 +119,6 @@ class Waitable(Entity, Generic[T]):
     def take_work(self) -> Callable[[], Any] | None:
         """Take the data of the subclass and return the call of `execute`."""
         for future in self._futures:
-            future._set_executor(self.parent_node.executor)
+            set_executor(future, self.parent_node.executor)
         data = self.take_data()
         return lambda: self.execute(data)
