@@ -8,7 +8,7 @@ from typing import Any, Generic, Self, TypeVar
 from srvgen import from_cdr
 
 from ._impl.bridge import detached
-from ._impl.graph.endpoints import forget, remember
+from ._impl.graph.endpoints import forget_profile, remember_profile
 from ._impl.node_interface import NodeInterface
 from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup
@@ -46,7 +46,7 @@ class Publisher(Generic[MsgT]):
         if events is not None:
             events.watch(self._native)
         node_name = node.get_fully_qualified_name()
-        remember(self, EndpointTypeEnum.PUBLISHER, node_name, topic, qos_profile)
+        remember_profile(self, EndpointTypeEnum.PUBLISHER, node_name, topic, qos_profile)
 
     @property
     def topic_name(self) -> str:
@@ -93,7 +93,7 @@ class Publisher(Generic[MsgT]):
                 self._events.destroy()
             self.handle.destroy_when_not_in_use()
             self._native.close()
-            forget(self)
+            forget_profile(self)
 
     def __enter__(self) -> Self:
         return self

@@ -13,7 +13,7 @@ from typing import Any, Generic, Self, TypeAlias, TypedDict, TypeVar
 from srvgen import to_cdr
 
 from ._impl.execution.entity import Entity
-from ._impl.graph.endpoints import forget, remember
+from ._impl.graph.endpoints import forget_profile, remember_profile
 from ._impl.node_interface import NodeInterface
 from ._impl.reexports import names_of
 from .callback_groups import CallbackGroup
@@ -85,7 +85,7 @@ class Subscription(Entity, Generic[MsgT]):
         if events is not None:
             events.watch(self._native)
         node_name = node.get_fully_qualified_name()
-        remember(self, EndpointTypeEnum.SUBSCRIPTION, node_name, topic, qos_profile)
+        remember_profile(self, EndpointTypeEnum.SUBSCRIPTION, node_name, topic, qos_profile)
 
     @property
     def topic_name(self) -> str:
@@ -129,7 +129,7 @@ class Subscription(Entity, Generic[MsgT]):
                 self._events.destroy()
             self.handle.destroy_when_not_in_use()
             self._native.close()
-            forget(self)
+            forget_profile(self)
 
     def __enter__(self) -> Self:
         return self

@@ -21,7 +21,7 @@ from ..subscription import Subscription, SubscriptionCallback
 from ..timer import Rate, Timer
 from ..type_support import check_is_valid_msg_type, check_is_valid_srv_type
 from ..waitable import Waitable
-from .graph.endpoints import meet
+from .graph.endpoints import check_service_profiles
 from .node_interface import NodeInterface
 
 _Thing = TypeVar("_Thing")
@@ -145,7 +145,7 @@ class NodeEntities:
         client: Client[RequestT, ResponseT]
         client = Client(self._node, srv_type, name, qos_profile, group)
         client.srv_name = srv_name
-        meet(client, is_server=False)
+        check_service_profiles(client, is_server=False)
         return self._added(self._clients, client, group)
 
     def create_service(
@@ -170,7 +170,7 @@ class NodeEntities:
             # a program twice. And nothing here can join.
             raise NameInUse(str(error).partition(", or join it")[0]) from None
         service.srv_name = srv_name
-        meet(service, is_server=True)
+        check_service_profiles(service, is_server=True)
         return self._added(self._services, service, group)
 
     def create_timer(

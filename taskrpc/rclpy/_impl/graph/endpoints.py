@@ -1,10 +1,14 @@
-"""The entries of `Node.get_publishers_info_by_topic` and its like, made of what processes say."""
+"""The publishers, subscriptions, clients and servers of all visible processes.
+
+The registry has some policies of a publisher or subscription. For those of this process, this
+module remembers the whole profile.
+"""
 
 from __future__ import annotations
 
 import os
 import weakref
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeAlias
 
 from taskrpc.introspection import gid_of
@@ -16,17 +20,25 @@ from ...type_hash import type_hash_of
 from ..diagnostics.explain import profiles_differ
 from .qos_policies import incompatibilities
 
+ENDPOINTS: dict[EndpointTypeEnum, Callable[[RegistryEntry], Sequence[Any]]] = {
+    EndpointTypeEnum.PUBLISHER: lambda entry: entry.publishers,
+    EndpointTypeEnum.SUBSCRIPTION: lambda entry: entry.subscriptions,
+    EndpointTypeEnum.CLIENT: lambda entry: entry.clients,
+    EndpointTypeEnum.SERVER: lambda entry: entry.services,
+}
+"""For each kind of endpoint: its endpoints in the registry entry of a process."""
+
 _Known: TypeAlias = tuple[EndpointTypeEnum, str, str, QoSProfile]
+"""The kind, the node, the topic and the profile of a publisher or subscription."""
 
-_ours: weakref.WeakKeyDictionary[Any, _Known] = weakref.WeakKeyDictionary()
-"""This program's publishers and subscriptions, of which all policies are known."""
-
+_profiles: weakref.WeakKeyDictionary[Any, _Known] = weakref.WeakKeyDictionary()
+"""The whole profiles of the publishers and subscriptions of this process."""
 
 _service_ends: weakref.WeakValueDictionary[tuple[str, bool], Any] = weakref.WeakValueDictionary()
 """This program's newest client (False) and newest server (True) of each service."""
 
 
-def meet(end: Any, *, is_server: bool) -> None:
+def check_service_profiles(end: Any, *, is_server: bool) -> None:
     """Warn if a service's client and server in this program have profiles that do not match.
 
     Requests go one way and responses the other, so the profiles must match in both directions.
@@ -44,70 +56,48 @@ def meet(end: Any, *, is_server: bool) -> None:
         profiles_differ(name, f"for the {whose}: {problems[0]}")
 
 
-def remember(
-    thing: Any, kind: EndpointTypeEnum, node: str, topic: str, profile: QoSProfile
+def remember_profile(
+    endpoint: Any, kind: EndpointTypeEnum, node: str, topic: str, profile: QoSProfile
 ) -> None:
-    """Know the whole profile of a node's publisher or subscription, until `forget`."""
-    _ours[thing] = kind, node, topic, profile
+    """Remember the whole profile of a publisher or subscription of this process."""
+    _profiles[endpoint] = kind, node, topic, profile
 
 
-def forget(thing: Any) -> None:
-    """Know nothing more of a publisher or subscription that was destroyed."""
-    _ours.pop(thing, None)
+def forget_profile(endpoint: Any) -> None:
+    """Forget the profile of a publisher or subscription that was destroyed."""
+    _profiles.pop(endpoint, None)
 
 
-def publishers_of(entries: Iterable[RegistryEntry], topic: str) -> list[TopicEndpointInfo]:
-    """The publishers of a topic."""
-    kind = EndpointTypeEnum.PUBLISHER
-    return [
-        _topic(entry, one, kind)
-        for entry in entries
-        for one in entry.publishers
-        if one.name == topic
-    ]
+def topic_endpoints(
+    entries: Iterable[RegistryEntry], kind: EndpointTypeEnum, topic: str
+) -> list[TopicEndpointInfo]:
+    """The publishers or the subscriptions of a topic, with their policies."""
+    return [_topic_info(*found, kind) for found in _named(entries, kind, topic)]
 
 
-def subscriptions_of(entries: Iterable[RegistryEntry], topic: str) -> list[TopicEndpointInfo]:
-    """The subscriptions of a topic."""
-    kind = EndpointTypeEnum.SUBSCRIPTION
-    return [
-        _topic(entry, one, kind)
-        for entry in entries
-        for one in entry.subscriptions
-        if one.name == topic
-    ]
+def service_endpoints(
+    entries: Iterable[RegistryEntry], kind: EndpointTypeEnum, service: str
+) -> list[ServiceEndpointInfo]:
+    """The servers or the clients of a service."""
+    return [_service_info(*found, kind) for found in _named(entries, kind, service)]
 
 
-def servers_of(entries: Iterable[RegistryEntry], service: str) -> list[ServiceEndpointInfo]:
-    """The servers of a service."""
-    kind = EndpointTypeEnum.SERVER
-    return [
-        _service(entry, one, kind)
-        for entry in entries
-        for one in entry.services
-        if one.name == service
-    ]
+def _named(
+    entries: Iterable[RegistryEntry], kind: EndpointTypeEnum, name: str
+) -> list[tuple[RegistryEntry, Any]]:
+    """The endpoints of a kind and a name, each with the registry entry of its process."""
+    endpoints = ENDPOINTS[kind]
+    return [(entry, one) for entry in entries for one in endpoints(entry) if one.name == name]
 
 
-def clients_of(entries: Iterable[RegistryEntry], service: str) -> list[ServiceEndpointInfo]:
-    """The clients of a service."""
-    kind = EndpointTypeEnum.CLIENT
-    return [
-        _service(entry, one, kind)
-        for entry in entries
-        for one in entry.clients
-        if one.name == service
-    ]
-
-
-def split(node: str) -> tuple[str, str]:
-    """A fully qualified name's name and namespace."""
+def split_node_name(node: str) -> tuple[str, str]:
+    """The name and the namespace of a fully qualified name."""
     namespace, _, name = node.rpartition("/")
     return name, namespace or "/"
 
 
-def _topic(entry: RegistryEntry, one: Any, kind: EndpointTypeEnum) -> TopicEndpointInfo:
-    name, namespace = split(one.node)
+def _topic_info(entry: RegistryEntry, one: Any, kind: EndpointTypeEnum) -> TopicEndpointInfo:
+    name, namespace = split_node_name(one.node)
     return TopicEndpointInfo(
         node_name=name,
         node_namespace=namespace,
@@ -119,8 +109,8 @@ def _topic(entry: RegistryEntry, one: Any, kind: EndpointTypeEnum) -> TopicEndpo
     )
 
 
-def _service(entry: RegistryEntry, one: Any, kind: EndpointTypeEnum) -> ServiceEndpointInfo:
-    name, namespace = split(one.node)
+def _service_info(entry: RegistryEntry, one: Any, kind: EndpointTypeEnum) -> ServiceEndpointInfo:
+    name, namespace = split_node_name(one.node)
     return ServiceEndpointInfo(
         node_name=name,
         node_namespace=namespace,
@@ -134,15 +124,17 @@ def _service(entry: RegistryEntry, one: Any, kind: EndpointTypeEnum) -> ServiceE
 
 
 def _whole_profile(entry: RegistryEntry, one: Any, kind: EndpointTypeEnum) -> QoSProfile | None:
+    """The remembered profile; None for an endpoint of another process."""
     if entry.pid != os.getpid():
         return None
-    for *known, profile in list(_ours.values()):
+    for *known, profile in list(_profiles.values()):
         if known == [kind, one.node, one.name]:
             return profile
     return None
 
 
 def _profile(one: Any) -> QoSProfile:
+    """The policies that the registry has."""
     reliable, best_effort = ReliabilityPolicy.RELIABLE, ReliabilityPolicy.BEST_EFFORT
     latched, volatile = DurabilityPolicy.TRANSIENT_LOCAL, DurabilityPolicy.VOLATILE
     return QoSProfile(

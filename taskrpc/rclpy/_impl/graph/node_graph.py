@@ -10,15 +10,15 @@ from taskrpc import names
 from taskrpc.errors import InvalidName
 from taskrpc.transport.discovery.entries import RegistryEntry
 
-from ...endpoint_info import ServiceEndpointInfo, TopicEndpointInfo
+from ...endpoint_info import EndpointTypeEnum, ServiceEndpointInfo, TopicEndpointInfo
 from ...exceptions import NodeNameNonExistentError
 from ..node_interface import NodeInterface
-from .endpoints import clients_of, publishers_of, servers_of, split, subscriptions_of
+from .endpoints import ENDPOINTS, service_endpoints, split_node_name, topic_endpoints
 from .names import ros_problem
 
 NamesAndTypes = list[tuple[str, list[str]]]
 
-_LOOK_AGAIN = 0.02
+_POLL_INTERVAL = 0.02
 """Seconds between two checks while a program waits for a node."""
 
 
@@ -38,7 +38,7 @@ class NodeGraph:
 
     def get_node_names_and_namespaces(self) -> list[tuple[str, str]]:
         """As `Node.get_node_names_and_namespaces`."""
-        return [split(node) for entry in self._entries() for node in entry.nodes]
+        return [split_node_name(node) for entry in self._entries() for node in entry.nodes]
 
     def get_node_names_and_namespaces_with_enclaves(self) -> list[tuple[str, str, str]]:
         """As `Node.get_node_names_and_namespaces_with_enclaves`."""
@@ -54,69 +54,79 @@ class NodeGraph:
 
     def get_service_names_and_types(self) -> NamesAndTypes:
         """As `Node.get_service_names_and_types`."""
-        return _gathered(self._entries(), lambda entry: entry.services)
+        return _gathered(self._entries(), ENDPOINTS[EndpointTypeEnum.SERVER])
 
     def get_publisher_names_and_types_by_node(
         self, node_name: str, node_namespace: str, no_demangle: bool = False
     ) -> NamesAndTypes:
         """As `Node.get_publisher_names_and_types_by_node`."""
-        found = self._by_node(node_name, node_namespace, lambda entry: entry.publishers)
+        found = self._by_node(node_name, node_namespace, EndpointTypeEnum.PUBLISHER)
         return _mangled(found, no_demangle)
 
     def get_subscriber_names_and_types_by_node(
         self, node_name: str, node_namespace: str, no_demangle: bool = False
     ) -> NamesAndTypes:
         """As `Node.get_subscriber_names_and_types_by_node`."""
-        found = self._by_node(node_name, node_namespace, lambda entry: entry.subscriptions)
+        found = self._by_node(node_name, node_namespace, EndpointTypeEnum.SUBSCRIPTION)
         return _mangled(found, no_demangle)
 
     def get_service_names_and_types_by_node(
         self, node_name: str, node_namespace: str
     ) -> NamesAndTypes:
         """As `Node.get_service_names_and_types_by_node`."""
-        return self._by_node(node_name, node_namespace, lambda entry: entry.services)
+        return self._by_node(node_name, node_namespace, EndpointTypeEnum.SERVER)
 
     def get_client_names_and_types_by_node(
         self, node_name: str, node_namespace: str
     ) -> NamesAndTypes:
         """As `Node.get_client_names_and_types_by_node`."""
-        return self._by_node(node_name, node_namespace, lambda entry: entry.clients)
+        return self._by_node(node_name, node_namespace, EndpointTypeEnum.CLIENT)
 
     def count_publishers(self, topic_name: str) -> int:
         """As `Node.count_publishers`."""
-        return self._count(topic_name, False, lambda entry: entry.publishers)
+        return self._count(topic_name, False, EndpointTypeEnum.PUBLISHER)
 
     def count_subscribers(self, topic_name: str) -> int:
         """As `Node.count_subscribers`."""
-        return self._count(topic_name, False, lambda entry: entry.subscriptions)
+        return self._count(topic_name, False, EndpointTypeEnum.SUBSCRIPTION)
 
     def count_clients(self, service_name: str) -> int:
         """As `Node.count_clients`."""
-        return self._count(service_name, True, lambda entry: entry.clients)
+        return self._count(service_name, True, EndpointTypeEnum.CLIENT)
 
     def count_services(self, service_name: str) -> int:
         """As `Node.count_services`."""
-        return self._count(service_name, True, lambda entry: entry.services)
+        return self._count(service_name, True, EndpointTypeEnum.SERVER)
 
     def get_publishers_info_by_topic(
         self, topic_name: str, no_mangle: bool = False
     ) -> list[TopicEndpointInfo]:
         """As `Node.get_publishers_info_by_topic`."""
-        return publishers_of(self._entries(), self._topic_of_info(topic_name, no_mangle))
+        return topic_endpoints(
+            self._entries(), EndpointTypeEnum.PUBLISHER, self._topic_of_info(topic_name, no_mangle)
+        )
 
     def get_subscriptions_info_by_topic(
         self, topic_name: str, no_mangle: bool = False
     ) -> list[TopicEndpointInfo]:
         """As `Node.get_subscriptions_info_by_topic`."""
-        return subscriptions_of(self._entries(), self._topic_of_info(topic_name, no_mangle))
+        return topic_endpoints(
+            self._entries(),
+            EndpointTypeEnum.SUBSCRIPTION,
+            self._topic_of_info(topic_name, no_mangle),
+        )
 
     def get_servers_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
         """As `Node.get_servers_info_by_service`."""
-        return servers_of(self._entries(), self._absolute_name(service_name, True))
+        return service_endpoints(
+            self._entries(), EndpointTypeEnum.SERVER, self._absolute_name(service_name, True)
+        )
 
     def get_clients_info_by_service(self, service_name: str) -> list[ServiceEndpointInfo]:
         """As `Node.get_clients_info_by_service`."""
-        return clients_of(self._entries(), self._absolute_name(service_name, True))
+        return service_endpoints(
+            self._entries(), EndpointTypeEnum.CLIENT, self._absolute_name(service_name, True)
+        )
 
     def wait_for_node(self, fully_qualified_node_name: str, timeout: float) -> bool:
         """As `Node.wait_for_node`."""
@@ -125,25 +135,22 @@ class NodeGraph:
         while name not in self._node.get_fully_qualified_node_names():
             if time.monotonic() >= end:
                 return False
-            time.sleep(_LOOK_AGAIN)
+            time.sleep(_POLL_INTERVAL)
         return True
 
-    def _by_node(
-        self, name: str, namespace: str, things: Callable[[RegistryEntry], Iterable[Any]]
-    ) -> NamesAndTypes:
+    def _by_node(self, name: str, namespace: str, kind: EndpointTypeEnum) -> NamesAndTypes:
         node = names.fully_qualified(namespace, name)
         entries = [entry for entry in self._entries() if node in entry.nodes]
         if not entries:
             raise NodeNameNonExistentError(
                 f"cannot get names and types for nonexistent node: {namespace}, {name}"
             )
-        return _gathered(entries, lambda entry: [one for one in things(entry) if one.node == node])
+        endpoints = ENDPOINTS[kind]
+        return _gathered(entries, lambda entry: [e for e in endpoints(entry) if e.node == node])
 
-    def _count(
-        self, name: str, is_service: bool, things: Callable[[RegistryEntry], Iterable[Any]]
-    ) -> int:
-        full = self._absolute_name(name, is_service)
-        return sum(one.name == full for entry in self._entries() for one in things(entry))
+    def _count(self, name: str, is_service: bool, kind: EndpointTypeEnum) -> int:
+        full, endpoints = self._absolute_name(name, is_service), ENDPOINTS[kind]
+        return sum(one.name == full for entry in self._entries() for one in endpoints(entry))
 
     def _topic_of_info(self, name: str, no_mangle: bool) -> str:
         return name.removeprefix("rt") if no_mangle else self._absolute_name(name, False)
@@ -166,11 +173,12 @@ def _topics(entry: RegistryEntry) -> list[Any]:
 
 
 def _gathered(
-    entries: Iterable[RegistryEntry], things: Callable[[RegistryEntry], Iterable[Any]]
+    entries: Iterable[RegistryEntry], endpoints: Callable[[RegistryEntry], Iterable[Any]]
 ) -> NamesAndTypes:
+    """The names of the endpoints, sorted, each with its types."""
     found: dict[str, set[str]] = {}
     for entry in entries:
-        for one in things(entry):
+        for one in endpoints(entry):
             found.setdefault(one.name, set()).add(one.type_name)
     return [(name, sorted(types)) for name, types in sorted(found.items())]
 

@@ -9,7 +9,7 @@ from taskrpc.errors import TaskRpcError
 
 from ...endpoint_info import EndpointTypeEnum
 from ...qos import QoSProfile
-from ..graph.endpoints import forget, remember
+from ..graph.endpoints import forget_profile, remember_profile
 from ..node_interface import NodeHandle
 from . import output
 from .format import Record
@@ -29,7 +29,7 @@ class Rosout:
         self._name = name
         # Not one of the node's own publishers, as in ROS; nor does it keep the node alive.
         self._native = node.bridge.publisher(_Log, TOPIC, qos.to_native())
-        remember(self, EndpointTypeEnum.PUBLISHER, node.full_name, TOPIC, qos)
+        remember_profile(self, EndpointTypeEnum.PUBLISHER, node.full_name, TOPIC, qos)
         output.add_rosout(name, self.publish)
 
     def publish(self, record: Record) -> None:
@@ -51,4 +51,4 @@ class Rosout:
         """Publish no more."""
         output.remove_rosout(self._name)
         self._native.close()
-        forget(self)
+        forget_profile(self)

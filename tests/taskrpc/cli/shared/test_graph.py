@@ -91,6 +91,7 @@ def test_an_empty_secret_is_refused(tmp_path, capsys):
 
 def test_gids_are_those_that_rclpy_programs_see():
     from taskrpc.rclpy._impl.graph import endpoints as rclpy
+    from taskrpc.rclpy.endpoint_info import EndpointTypeEnum
 
     hash_ = "RIHS01_" + "0" * 64
     topic = TopicEndpoint("/t", "a/msg/A", hash_, "/n", 1, True, False)
@@ -106,10 +107,10 @@ def test_gids_are_those_that_rclpy_programs_see():
         subscriptions=(topic,),
     )
     seen = [
-        *rclpy.publishers_of([one], "/t"),
-        *rclpy.subscriptions_of([one], "/t"),
-        *rclpy.clients_of([one], "/s"),
-        *rclpy.servers_of([one], "/s"),
+        *rclpy.topic_endpoints([one], EndpointTypeEnum.PUBLISHER, "/t"),
+        *rclpy.topic_endpoints([one], EndpointTypeEnum.SUBSCRIPTION, "/t"),
+        *rclpy.service_endpoints([one], EndpointTypeEnum.CLIENT, "/s"),
+        *rclpy.service_endpoints([one], EndpointTypeEnum.SERVER, "/s"),
     ]
     shown = [graph.gid(one, topic, kind) for kind in (1, 2)]
     shown += [graph.gid(one, service, kind) for kind in (3, 4)]
