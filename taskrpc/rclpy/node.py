@@ -7,15 +7,12 @@ from collections.abc import Awaitable, Callable, Iterator, Sequence
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Self
 
-from taskrpc import names
-from taskrpc.errors import InvalidName
 from taskrpc.message_types import MsgT, RequestT, ResponseT, Srv
 
 from ._impl.arguments import Arguments, Remapping, parse
 from ._impl.bridge import Bridge
 from ._impl.diagnostics import watchdog
 from ._impl.execution.entity import callback_name, current_callback
-from ._impl.graph.names import kind_of, translated
 from ._impl.graph.node_graph import NamesAndTypes, NodeGraph
 from ._impl.log.rosout import Rosout
 from ._impl.node_entities import NodeEntities
@@ -127,7 +124,7 @@ class Node:
         if enable_rosout and self._context.arguments.rosout_logs is not False:
             self._rclpy_rosout = Rosout(handle, self._logger.name, rosout_qos_profile)
         self._context.track_node(self)
-        # The arguments of the program come first: those of the node replace them.
+        # The arguments of the program come first, so that those of the node replace them.
         parameters = NodeParameters(
             self, given[::-1], parameter_overrides, allow_undeclared_parameters
         )
@@ -156,7 +153,7 @@ class Node:
         self._parameters_callbacks = parameters.on_set_callbacks  # the name in ROS 2 Humble
 
     def _rclpy_join(self, node_name: str, namespace: str, given: list[Arguments]) -> NodeHandle:
-        """Join the network under the name and namespace that result from the arguments."""
+        """Join the network under the name and the namespace after remapping."""
         remapping = Remapping(rule for one in given for rule in one.remaps)
         validate_node_name(node_name)
         if namespace:
@@ -238,11 +235,11 @@ class Node:
 
     def resolve_topic_name(self, topic: str, *, only_expand: bool = False) -> str:
         """The absolute name of a topic, after remapping unless `only_expand`."""
-        return self._rclpy_resolve(topic, is_service=False, only_expand=only_expand)
+        return self._rclpy_handle.resolve(topic, is_service=False, only_expand=only_expand)
 
     def resolve_service_name(self, service: str, *, only_expand: bool = False) -> str:
         """The absolute name of a service, after remapping unless `only_expand`."""
-        return self._rclpy_resolve(service, is_service=True, only_expand=only_expand)
+        return self._rclpy_handle.resolve(service, is_service=True, only_expand=only_expand)
 
     def destroy_node(self) -> None:
         """Destroy its entities and leave the network; a second call does nothing."""
@@ -257,9 +254,8 @@ class Node:
         callback = current_callback()
         answering = None if callback is None else callback.entity
         if isinstance(answering, Service) and answering.parent_node is self:
-            answering.when_answered(
-                self._rclpy_handle.bridge.close
-            )  # its own answer must still go out
+            # The response of this callback must still be sent.
+            answering.when_answered(self._rclpy_handle.bridge.close)
         else:
             self._rclpy_handle.bridge.close()
         self._wake_executor()
@@ -285,37 +281,37 @@ class Node:
     @property
     def publishers(self) -> Iterator[Publisher[Any]]:
         """Its publishers."""
-        return self._rclpy_entities.publishers
+        return iter(self._rclpy_entities.publishers)
 
     @property
     def subscriptions(self) -> Iterator[Subscription[Any]]:
         """Its subscriptions."""
-        return self._rclpy_entities.subscriptions
+        return iter(self._rclpy_entities.subscriptions)
 
     @property
     def clients(self) -> Iterator[Client[Any, Any]]:
         """Its clients."""
-        return self._rclpy_entities.clients
+        return iter(self._rclpy_entities.clients)
 
     @property
     def services(self) -> Iterator[Service[Any, Any]]:
         """Its services."""
-        return self._rclpy_entities.services
+        return iter(self._rclpy_entities.services)
 
     @property
     def timers(self) -> Iterator[Timer]:
         """Its timers."""
-        return self._rclpy_entities.timers
+        return iter(self._rclpy_entities.timers)
 
     @property
     def guards(self) -> Iterator[GuardCondition]:
         """Its guard conditions."""
-        return self._rclpy_entities.guards
+        return iter(self._rclpy_entities.guards)
 
     @property
     def waitables(self) -> Iterator[Waitable[Any]]:
         """Its waitables."""
-        return self._rclpy_entities.waitables
+        return iter(self._rclpy_entities.waitables)
 
     def create_publisher(
         self,
@@ -333,10 +329,10 @@ class Node:
             msg_type,
             topic,
             qos_profile,
-            callback_group=callback_group,
-            event_callbacks=event_callbacks,
-            qos_overriding_options=qos_overriding_options,
-            publisher_class=publisher_class,
+            callback_group,
+            event_callbacks,
+            qos_overriding_options,
+            publisher_class,
         )
 
     def create_subscription(
@@ -361,11 +357,10 @@ class Node:
             topic,
             callback,
             qos_profile,
-            callback_group=callback_group,
-            event_callbacks=event_callbacks,
-            qos_overriding_options=qos_overriding_options,
-            raw=raw,
-            content_filter_options=content_filter_options,
+            callback_group,
+            event_callbacks,
+            qos_overriding_options,
+            raw,
         )
 
     def create_client(
@@ -377,9 +372,7 @@ class Node:
         callback_group: CallbackGroup | None = None,
     ) -> Client[RequestT, ResponseT]:
         """Create a client of a service."""
-        return self._rclpy_entities.create_client(
-            srv_type, srv_name, qos_profile=qos_profile, callback_group=callback_group
-        )
+        return self._rclpy_entities.create_client(srv_type, srv_name, qos_profile, callback_group)
 
     def create_service(
         self,
@@ -395,7 +388,7 @@ class Node:
         Raises NameInUse when another program offers the service.
         """
         return self._rclpy_entities.create_service(
-            srv_type, srv_name, callback, qos_profile=qos_profile, callback_group=callback_group
+            srv_type, srv_name, callback, qos_profile, callback_group
         )
 
     def create_timer(
@@ -434,27 +427,33 @@ class Node:
 
     def destroy_publisher(self, publisher: Publisher[Any]) -> bool:
         """Destroy a publisher; returns whether it belonged to this node."""
-        return self._rclpy_entities.destroy_publisher(publisher)
+        entities = self._rclpy_entities
+        return entities.destroy(publisher, entities.publishers)
 
     def destroy_subscription(self, subscription: Subscription[Any]) -> bool:
         """Destroy a subscription; returns whether it belonged to this node."""
-        return self._rclpy_entities.destroy_subscription(subscription)
+        entities = self._rclpy_entities
+        return entities.destroy(subscription, entities.subscriptions)
 
     def destroy_client(self, client: Client[Any, Any]) -> bool:
         """Destroy a client; returns whether it belonged to this node."""
-        return self._rclpy_entities.destroy_client(client)
+        entities = self._rclpy_entities
+        return entities.destroy(client, entities.clients)
 
     def destroy_service(self, service: Service[Any, Any]) -> bool:
         """Destroy a service; returns whether it belonged to this node."""
-        return self._rclpy_entities.destroy_service(service)
+        entities = self._rclpy_entities
+        return entities.destroy(service, entities.services)
 
     def destroy_timer(self, timer: Timer) -> bool:
         """Destroy a timer; returns whether it belonged to this node."""
-        return self._rclpy_entities.destroy_timer(timer)
+        entities = self._rclpy_entities
+        return entities.destroy(timer, entities.timers)
 
     def destroy_guard_condition(self, guard: GuardCondition) -> bool:
         """Destroy a guard condition; returns whether it belonged to this node."""
-        return self._rclpy_entities.destroy_guard_condition(guard)
+        entities = self._rclpy_entities
+        return entities.destroy(guard, entities.guards)
 
     def destroy_rate(self, rate: Rate) -> bool:
         """Destroy a rate and wake its sleepers; returns whether it belonged to this node."""
@@ -721,21 +720,6 @@ class Node:
 
     def _wake_executor(self) -> None:
         self._rclpy_entities.wake_executor()
-
-    def _rclpy_resolve(self, name: str, *, is_service: bool, only_expand: bool = False) -> str:
-        kind = kind_of(is_service)
-        handle = self._rclpy_handle
-        handle.check()
-        if not isinstance(name, str):
-            raise TypeError(f"expected a {kind} (str), got {name!r}")
-        try:
-            full = names.expand(name, namespace=handle.namespace, node=handle.name, kind=kind)
-        except InvalidName as error:
-            raise translated(error) from None
-        if only_expand:
-            return full
-        remap = handle.remapping.service if is_service else handle.remapping.topic
-        return remap(full, handle.namespace, handle.name)
 
 
 __getattr__ = names_of(

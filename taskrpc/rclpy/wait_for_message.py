@@ -6,7 +6,7 @@ import threading
 import time
 from typing import TYPE_CHECKING, Any
 
-from ._impl.node_entities import profile_of
+from ._impl.node_entities import topic_profile
 from .callback_groups import MutuallyExclusiveCallbackGroup
 from .qos import QoSProfile
 from .subscription import Subscription
@@ -30,7 +30,7 @@ def wait_for_message(
 
     A negative number waits until the context is shut down.
     """
-    name, qos = node.resolve_topic_name(topic), profile_of(qos_profile)
+    name, qos = node.resolve_topic_name(topic), topic_profile(qos_profile)
     group = MutuallyExclusiveCallbackGroup()
     subscription: Subscription[Any] = Subscription(node, msg_type, name, _unused, group, qos)
     came = threading.Event()

@@ -10,11 +10,13 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import TYPE_CHECKING, Any, Protocol
 
 from taskrpc import names
+from taskrpc.errors import InvalidName
 
 from ..context import Context
 from ..handle import Handle
 from ..parameter import Parameter
 from .arguments import Remapping
+from .graph.names import kind_of, refuse_other_than_text, translated
 
 if TYPE_CHECKING:
     from .bridge import Bridge
@@ -37,7 +39,24 @@ class NodeHandle(Handle):
         self.was_spun = False
         """Whether the node was ever added to an executor."""
         self.taken_by = ""
-        """The callback, if there was one, that removed the node from the executor it ran in."""
+        """The callback that removed the node from the executor that ran it; empty without one."""
+
+    def resolve(self, name: str, *, is_service: bool, only_expand: bool) -> str:
+        """The absolute name of a topic or service, after remapping unless `only_expand`.
+
+        Raises InvalidHandle, TypeError, InvalidTopicNameException, InvalidServiceNameException.
+        """
+        self.check()
+        kind = kind_of(is_service)
+        refuse_other_than_text(name, kind)
+        try:
+            full = names.expand(name, namespace=self.namespace, node=self.name, kind=kind)
+        except InvalidName as error:
+            raise translated(error) from None
+        if only_expand:
+            return full
+        remap = self.remapping.service if is_service else self.remapping.topic
+        return remap(full, self.namespace, self.name)
 
 
 class NodeInterface(Protocol):
