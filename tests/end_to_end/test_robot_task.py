@@ -413,36 +413,12 @@ def test_used_port_is_named_in_the_error(tmp_path):
     assert f"127.0.0.1:{port}" in err
 
 
-def test_invalid_map_is_reported_with_its_line(tmp_path):
-    code, err = failing_server(tmp_path, "--db", ":memory:", "--map", "nowhere.yaml")
-    assert code == 1
-    assert err.startswith("nowhere.yaml: error: cannot read the map: ")
-    (tmp_path / "small.yaml").write_text("size: [4, 4]\ndock: [9, 1]\n", encoding="utf-8")
-    code, err = failing_server(tmp_path, "--db", ":memory:", "--map", "small.yaml")
-    assert code == 1
-    assert err.startswith("small.yaml:2:7: error: dock reaches to 9, 1, outside the map")
-    assert "    dock: [9, 1]\n" in err
-
-
 def test_users_robot_replaces_the_simulated_robot(start, task, tmp_path):
     (tmp_path / "my_robot.py").write_text(HOOVER, encoding="utf-8")
     start("--robot", "my_robot:Hoover")
     code, out, _ = task("submit", "clean", "kitchen", 5, "--wait", "--json")
     assert (code, json.loads(out)["result"]) == (0, {"dust": 7})
     assert task("submit", "move", "dock")[2].startswith("Invalid task: move (expected clean)")
-
-
-def test_missing_robot_class_is_named(tmp_path):
-    (tmp_path / "my_robot.py").write_text(HOOVER, encoding="utf-8")
-    for spec, problem in (
-        ("my_robot", "expected MODULE:CLASS"),
-        ("nowhere:Robot", "No module named 'nowhere'"),
-        ("my_robot:Robot", "my_robot has no Robot"),
-        ("my_robot:asyncio", "--robot my_robot:asyncio: "),
-    ):
-        code, err = failing_server(tmp_path, "--db", ":memory:", "--robot", spec)
-        assert code == 1
-        assert problem in err
 
 
 # The demo

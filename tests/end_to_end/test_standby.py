@@ -108,10 +108,3 @@ def test_standby_reports_a_name_that_stays_in_use(start, tmp_path, monkeypatch):
     monkeypatch.setattr("taskrpc.cli.server._STANDBY_TIMEOUT", 0.2)
     assert server_main(["--db", str(tmp_path / "other.db"), "--standby"]) == 1
     assert first.process.poll() is None
-
-
-@pytest.mark.parametrize("options", [["--fresh"], ["--db", ":memory:"]])
-def test_standby_refuses_options_that_start_with_other_tasks(options, capsys):
-    assert server_main(["--standby", *options]) == 2
-    refused = f"--standby continues the tasks of another server; do not use it with {options[0]}"
-    assert refused in capsys.readouterr().err

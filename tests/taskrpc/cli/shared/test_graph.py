@@ -4,15 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-import srvgen
-from taskrpc import sync
-from taskrpc.cli.call import main as call_main
-from taskrpc.cli.main import main
 from taskrpc.cli.shared import graph
 from taskrpc.transport.discovery.entries import RegistryEntry
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
-
-ADD = srvgen.load("example_interfaces/srv/AddTwoInts")
 
 
 def entry(*names: str, type_name: str = "a/srv/A", pid: int = 1) -> RegistryEntry:
@@ -48,45 +42,6 @@ def test_services_are_sorted_and_their_types_gathered():
     entries = [entry("/b", "/_h"), entry("/a"), entry("/b", type_name="z/srv/Z")]
     assert graph.services(entries) == {"/a": ["a/srv/A"], "/b": ["a/srv/A", "z/srv/Z"]}
     assert "/_h" in graph.services(entries, hidden=True)
-
-
-def add(request, response):
-    response.sum = request.a + request.b
-    return response
-
-
-@pytest.mark.real_time
-def test_a_program_elsewhere_is_called_with_its_secret(tmp_path, monkeypatch, capsys):
-    """Another runtime folder stands for another machine: no token is found there."""
-    secret = tmp_path / "secret.txt"
-    secret.write_text("open sesame\n")
-    secret.chmod(0o600)
-    with sync.Node("server", token="open sesame") as node:
-        node.create_service(ADD, "add", add)
-        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path / "elsewhere"))
-        there = ["--connect", node.address]
-        assert call_main(["/add", "a=2", "b=3", "--json", *there, "--token-file", str(secret)]) == 0
-        assert capsys.readouterr() == ('{"sum": 5}\n', "")
-        assert main(["service", "list", *there, "--token-file", str(secret)]) == 0
-        assert capsys.readouterr() == ("/add\n", "")
-        assert call_main(["/add", *there]) == 1
-        assert "--token-file" in capsys.readouterr().err
-        monkeypatch.setenv("TASKRPC_TOKEN", "open sesame")
-        assert main(["doctor", node.address]) == 0
-
-
-@pytest.mark.real_time
-def test_a_program_elsewhere_that_is_not_there_is_pointed_to_the_doctor(capsys):
-    code = call_main(["/add", "--timeout", "0.1", "--connect", "127.0.0.1:9"])
-    assert code == 4
-    assert "hint: find out why: taskrpc doctor 127.0.0.1:9\n" in capsys.readouterr().err
-
-
-def test_an_empty_secret_is_refused(tmp_path, capsys):
-    empty = tmp_path / "secret.txt"
-    empty.touch(0o600)
-    assert main(["service", "list", "--connect", "a:1", "--token-file", str(empty)]) == 1
-    assert capsys.readouterr().err == f"--token-file {empty}: the file is empty\n"
 
 
 def test_gids_are_those_that_rclpy_programs_see():

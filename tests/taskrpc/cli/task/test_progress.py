@@ -8,6 +8,8 @@ from types import SimpleNamespace
 import pytest
 from rich.console import Console
 
+import srvgen
+from taskrpc.cli.task import progress
 from taskrpc.cli.task.progress import ProgressBar
 
 TASK = SimpleNamespace(
@@ -30,3 +32,26 @@ def test_every_width_shows_the_state_and_no_negative_time(width):
     assert "CANCELING" in text
     assert " 0.0 s" in text
     assert ("move warehouse" in text) is (width >= 80)
+
+
+TASK_INFO = srvgen.load("taskrpc_interfaces/msg/TaskInfo")
+
+
+def info(**fields):
+    return TASK_INFO(**{"task_id": 3, "task_type": "move", "target": "dock", **fields})
+
+
+def test_the_bar_shows_what_is_left_and_that_the_queue_is_paused():
+    console = Console(file=io.StringIO(), force_terminal=True, width=100, color_system=None)
+    with ProgressBar(console) as bar:
+        bar.show(info(state="RUNNING", progress=0.5, estimated_time=12.34), paused=False)
+        bar._bars.refresh()
+        bar.show(info(state="PAUSED", progress=0.5), paused=True)
+    drawn = console.file.getvalue()
+    assert "task 3  move dock  RUNNING" in drawn
+    assert "50 %  done in 12.3 s" in drawn
+    assert "the queue is paused" in drawn
+
+
+def test_where_stderr_is_no_terminal_there_is_no_bar():
+    assert isinstance(progress.progress(), progress.ProgressLines)

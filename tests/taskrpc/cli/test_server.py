@@ -1,0 +1,80 @@
+"""`taskrpc-server` refuses what it cannot start with: one clear line, before it serves."""
+
+import sys
+
+import pytest
+
+from taskrpc.cli.server import main
+
+ROBOT = """
+import asyncio
+
+class Lamp:
+    def __init__(self, world):
+        self.task_types = ("blink",)
+
+class Broken:
+    def __init__(self):
+        raise OSError("no lamp is connected")
+"""
+
+
+@pytest.fixture
+def server(run, tmp_path, monkeypatch):
+    """Runs `taskrpc-server` in this process, in an empty folder: exit code and stderr."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(sys, "path", [*sys.path])
+    monkeypatch.delitem(sys.modules, "my_lamp", raising=False)
+
+    def _server(*argv):
+        code, out, err = run("--db", ":memory:", *argv, command=main)
+        assert out == ""
+        return code, err
+
+    return _server
+
+
+def test_invalid_map_is_reported_with_its_line(server, tmp_path):
+    code, err = server("--map", "nowhere.yaml")
+    assert code == 1
+    assert err.startswith("nowhere.yaml: error: cannot read the map: ")
+    (tmp_path / "small.yaml").write_text("size: [4, 4]\ndock: [9, 1]\n", encoding="utf-8")
+    code, err = server("--map", "small.yaml")
+    assert code == 1
+    assert err.startswith("small.yaml:2:7: error: dock reaches to 9, 1, outside the map")
+    assert "    dock: [9, 1]\n" in err
+
+
+@pytest.mark.parametrize(
+    ("spec", "problem"),
+    [
+        ("my_lamp", "expected MODULE:CLASS"),
+        ("nowhere:Robot", "No module named 'nowhere'"),
+        ("my_lamp:Robot", "my_lamp has no Robot"),
+        ("my_lamp:asyncio", "--robot my_lamp:asyncio: "),
+        ("my_lamp:Broken", "--robot my_lamp:Broken: OSError: no lamp is connected"),
+        ("my_lamp:Lamp", "the class lacks speed, plan, pose, execute"),
+    ],
+)
+def test_unusable_robot_class_is_named(server, tmp_path, spec, problem):
+    (tmp_path / "my_lamp.py").write_text(ROBOT, encoding="utf-8")
+    code, err = server("--robot", spec)
+    assert code == 1
+    assert problem in err
+
+
+@pytest.mark.parametrize(
+    "options", [["--settle", "-1"], ["--speed", "0"], ["--queue-limit", "0"], ["--share", "some"]]
+)
+def test_option_out_of_range_is_named(server, options):
+    code, err = server(*options)
+    assert code == 2
+    assert f"argument {options[0]}: expected a " in err
+
+
+@pytest.mark.parametrize("options", [["--fresh"], ["--db", ":memory:"]])
+def test_standby_refuses_options_that_start_with_other_tasks(run, options):
+    code, _, err = run("--standby", *options, command=main)
+    assert code == 2
+    refused = f"--standby continues the tasks of another server; do not use it with {options[0]}"
+    assert refused in err
