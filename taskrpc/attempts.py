@@ -120,14 +120,14 @@ class Attempts(msgspec.Struct, eq=False):
         call.give_up()
 
     async def _wait_for_connection(self) -> None:
-        self.channel.line_up(self)
+        self.channel.begin_when_connected(self)
         try:
             await self._connect()
         except TaskRpcError:
             if self._sent is None:  # otherwise the connection was lost after the request was sent
                 raise
         finally:
-            self.channel.leave_line(self)
+            self.channel.forget_waiting(self)
 
     async def _connect(self) -> None:
         deadline = self.deadline

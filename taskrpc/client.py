@@ -15,7 +15,7 @@ from taskrpc.attempts import Attempts
 from taskrpc.errors import Code, InvalidRequest, TaskRpcError
 from taskrpc.message_types import RequestT, ResponseT
 from taskrpc.retry import RetryBudget, RetryPolicy
-from taskrpc.transport.base import Channel, Tell, ToldThread, Transport, WaitingThread
+from taskrpc.transport.base import CallbackCall, Channel, OnDone, Transport, WaitingThread
 from taskrpc.transport.codec import ServiceType
 from taskrpc.transport.connection.deadline_timer import clock_of
 from taskrpc.wire.status import code_of
@@ -177,15 +177,15 @@ class Client(Generic[RequestT, ResponseT]):
         deadline = None if span is None else self._now() + span
         return self._channel.send_in_thread(request, deadline)
 
-    def _tell_in_thread(
-        self, request: Any, timeout: float | Unset | None, tell: Tell
-    ) -> ToldThread | None:
+    def _send_in_thread_then(
+        self, request: Any, timeout: float | Unset | None, tell: OnDone
+    ) -> CallbackCall | None:
         """The same without waiting: `tell(response, error)` is called at the end."""
         span = self._timeout if timeout is UNSET else _checked(timeout)
         if self._retry is not None or self._now is not time.monotonic:
             return None
         deadline = None if span is None else self._now() + span
-        return self._channel.tell_in_thread(request, deadline, tell)
+        return self._channel.send_in_thread_then(request, deadline, tell)
 
     @property
     def retries(self) -> int:
@@ -226,11 +226,11 @@ def send_in_thread(
     return client._send_in_thread(request, timeout, retry)
 
 
-def tell_in_thread(
-    client: Client[Any, Any], request: Any, timeout: float | Unset | None, tell: Tell
-) -> ToldThread | None:
+def send_in_thread_then(
+    client: Client[Any, Any], request: Any, timeout: float | Unset | None, tell: OnDone
+) -> CallbackCall | None:
     """Do as `send_in_thread`, but call `tell(response, error)` at the end instead of waiting."""
-    return client._tell_in_thread(request, timeout, tell)
+    return client._send_in_thread_then(request, timeout, tell)
 
 
 def _checked(timeout: float | None) -> float | None:
@@ -304,7 +304,9 @@ class ObservedClient(Client[RequestT, ResponseT]):
         """Return None: only the event loop can make the call."""
         return None  # the event loop must make the call: observers are called there
 
-    def _tell_in_thread(self, request: Any, timeout: float | Unset | None, tell: Tell) -> None:
+    def _send_in_thread_then(
+        self, request: Any, timeout: float | Unset | None, tell: OnDone
+    ) -> None:
         """Return None: only the event loop can make the call."""
 
     def _begin(self) -> _Begun:
@@ -318,17 +320,17 @@ class _Begun:
         self._observer, self._service = observer, service
         self._now = now
         self._began = now()
-        from taskrpc.observer import told  # only nodes with an observer need it
+        from taskrpc.observer import call_observer  # only nodes with an observer need it
 
-        self._told = told
-        self._outgoing = told(observer.request_began, service)
+        self._call_observer = call_observer
+        self._outgoing = call_observer(observer.request_began, service)
         self.span = b"" if self._outgoing is None else self._outgoing.span
 
     def end(self, code: Code) -> None:
         seconds = self._now() - self._began
         if self._outgoing is not None:
-            self._told(self._outgoing.ended, code, seconds)
-        self._told(self._observer.request_ended, self._service, code, seconds)
+            self._call_observer(self._outgoing.ended, code, seconds)
+        self._call_observer(self._observer.request_ended, self._service, code, seconds)
 
     def done(self, future: asyncio.Future[Any]) -> None:
         error = asyncio.CancelledError() if future.cancelled() else future.exception()

@@ -256,7 +256,7 @@ _PATH = re.compile(
 )
 
 
-def told(error: TaskRpcError) -> str:
+def text_for_callers(error: TaskRpcError) -> str:
     """What callers elsewhere hear of an error of this machine's: its text without its files."""
     text = error.for_callers or str(error)
     for file in sorted(error.files, key=len, reverse=True):

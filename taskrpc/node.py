@@ -474,9 +474,9 @@ class Node:
 
     def _tell(self, tell: Callable[[Observer], None]) -> None:
         if self._observer is not None:
-            from taskrpc.observer import told
+            from taskrpc.observer import call_observer
 
-            told(tell, self._observer)
+            call_observer(tell, self._observer)
 
     def _client_maker(self) -> Callable[..., Client[Any, Any]]:
         if self._observer is None:

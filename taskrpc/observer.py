@@ -154,37 +154,37 @@ class Observers(Observer):
     def node_started(self, node: ObservedNode) -> None:
         """A node joined the network."""
         for each in self._observers:
-            told(each.node_started, node)
+            call_observer(each.node_started, node)
 
     def node_ended(self, node: ObservedNode) -> None:
         """A node is about to leave the network."""
         for each in self._observers:
-            told(each.node_ended, node)
+            call_observer(each.node_ended, node)
 
     def call_began(self, call: CallInfo) -> None:
         """A call arrived."""
         for each in self._observers:
-            told(each.call_began, call)
+            call_observer(each.call_began, call)
 
     def call_answered(self, call: CallInfo, response: Any) -> None:
         """A call gets its response."""
         for each in self._observers:
-            told(each.call_answered, call, response)
+            call_observer(each.call_answered, call, response)
 
     def call_ended(self, call: CallInfo, code: Code, seconds: float) -> None:
         """A call has ended."""
         for each in self._observers:
-            told(each.call_ended, call, code, seconds)
+            call_observer(each.call_ended, call, code, seconds)
 
     def request_began(self, service: str) -> Outgoing | None:
         """A client makes a call; the server knows the span of the first observer that has one."""
-        began = [told(each.request_began, service) for each in self._observers]
+        began = [call_observer(each.request_began, service) for each in self._observers]
         return _Several([each for each in began if each is not None])
 
     def request_ended(self, service: str, code: Code, seconds: float) -> None:
         """A client has made a call."""
         for each in self._observers:
-            told(each.request_ended, service, code, seconds)
+            call_observer(each.request_ended, service, code, seconds)
 
 
 class _Several:
@@ -196,10 +196,10 @@ class _Several:
 
     def ended(self, code: Code, seconds: float) -> None:
         for each in self._began:
-            told(each.ended, code, seconds)
+            call_observer(each.ended, code, seconds)
 
 
-def told(tell: Callable[..., _Answer], *what: Any) -> _Answer | None:
+def call_observer(tell: Callable[..., _Answer], *what: Any) -> _Answer | None:
     """Call an observer; log its exception, and return None then."""
     try:
         return tell(*what)

@@ -55,7 +55,7 @@ class Publisher(Generic[MsgT]):
         self.qos = qos
         own = named(msg_type, name, node, qos)
         self._hand = transport.hand_over
-        self._publication = transport.publication(own, msg_type, role, on_mismatch)
+        self._sender = transport.create_publisher(own, msg_type, role, on_mismatch)
         self._forget = forget
         self._loop = asyncio.get_running_loop()
         self._thread = threading.get_ident()
@@ -72,40 +72,40 @@ class Publisher(Generic[MsgT]):
         more than 16 MiB; TaskRpcError once the publisher is destroyed.
         """
         self._refuse_destroyed()
-        body = self._publication.encode(message)
+        body = self._sender.encode(message)
         if threading.get_ident() == self._thread:
-            if not self._publication.matched:
+            if not self._sender.matched:
                 self._see_whether_the_loop_runs()
-            self._publication.publish(body)
+            self._sender.publish(body)
         else:
             self._hand_over(body)
 
     def get_subscription_count(self) -> int:
         """How many subscriptions get the messages."""
-        return self._publication.matched
+        return self._sender.matched
 
     @property
     def on_matched(self) -> Callable[[], object]:
         """Set it to be called, on the event loop, when other subscriptions match."""
-        return self._publication.on_matched
+        return self._sender.on_matched
 
     @on_matched.setter
     def on_matched(self, action: Callable[[], object]) -> None:
-        self._publication.on_matched = action
+        self._sender.on_matched = action
 
     def forget_latched(self) -> None:
         """Keep nothing of what was published so far for subscriptions that come later."""
-        self._publication.forget_latched()
+        self._sender.forget_latched()
 
     @property
     def sent(self) -> int:
         """Messages published so far."""
-        return self._publication.sent
+        return self._sender.sent
 
     @property
     def lost(self) -> int:
         """Messages that were not sent because a subscription does not read, for each one."""
-        return self._publication.lost
+        return self._sender.lost
 
     def destroy(self) -> None:
         """End the publisher."""
@@ -113,7 +113,7 @@ class Publisher(Generic[MsgT]):
             with self._room:
                 self._destroyed = True
             self._send_handed()
-            self._publication.close()
+            self._sender.close()
             self._forget(self)
 
     def _see_whether_the_loop_runs(self) -> None:
@@ -161,7 +161,7 @@ class Publisher(Generic[MsgT]):
             handed, self._handed = self._handed, []
             self._room.notify_all()
         for body in handed:
-            self._publication.publish(body)
+            self._sender.publish(body)
 
 
 class Subscription(Generic[MsgT]):
@@ -205,35 +205,35 @@ class Subscription(Generic[MsgT]):
         self._read = 0
         self._is_behind = False
         self._invalid = 0
-        self._reception = transport.reception(
+        self._receiver = transport.create_subscription(
             named(msg_type, name, node, qos), msg_type, self._arrived, on_mismatch
         )
         self._elsewhere: TopicSubscription | None = None
         if otherwise:
             there = named(msg_type, otherwise, node, qos)
             heard = self._arrived_elsewhere
-            self._elsewhere = transport.reception(there, msg_type, heard, on_mismatch)
+            self._elsewhere = transport.create_subscription(there, msg_type, heard, on_mismatch)
 
     def get_publisher_count(self) -> int:
         """How many publishers send messages to it."""
         elsewhere = self._elsewhere
-        return self._reception.matched or (elsewhere.matched if elsewhere is not None else 0)
+        return self._receiver.matched or (elsewhere.matched if elsewhere is not None else 0)
 
     @property
     def on_matched(self) -> Callable[[], object]:
         """Set it to be called, on the event loop, when other publishers match."""
-        return self._reception.on_matched
+        return self._receiver.on_matched
 
     @on_matched.setter
     def on_matched(self, action: Callable[[], object]) -> None:
-        self._reception.on_matched = action
+        self._receiver.on_matched = action
         if self._elsewhere is not None:
             self._elsewhere.on_matched = action
 
     @property
     def lost(self) -> int:
         """Messages that were published and did not arrive."""
-        return self._reception.lost + (self._elsewhere.lost if self._elsewhere is not None else 0)
+        return self._receiver.lost + (self._elsewhere.lost if self._elsewhere is not None else 0)
 
     def destroy(self) -> None:
         """End the subscription.
@@ -243,7 +243,7 @@ class Subscription(Generic[MsgT]):
         if not self._destroyed:
             self._destroyed = True
             self._waiting.clear()
-            self._reception.close()
+            self._receiver.close()
             if self._elsewhere is not None:
                 self._elsewhere.close()
             self._runner.close()
@@ -276,7 +276,7 @@ class Subscription(Generic[MsgT]):
             self._plan()
 
     def _arrived_elsewhere(self, body: Body, read: int) -> None:
-        if not self._reception.matched:
+        if not self._receiver.matched:
             self._arrived(body, read)
 
     def _plan(self) -> None:
@@ -310,7 +310,7 @@ class Subscription(Generic[MsgT]):
 
     def _take(self, body: Body) -> None:
         try:
-            message = self._reception.decode(body)
+            message = self._receiver.decode(body)
         except InvalidRequest as error:
             self._invalid += 1
             if self._invalid <= MOST_LOGGED:

@@ -10,7 +10,7 @@ from taskrpc.cli.shared.remote import Remote
 from taskrpc.errors import TaskRpcError
 from taskrpc.metrics import Metrics
 from taskrpc.metrics.tasks import MeasuredStore, task_families
-from taskrpc.security.accounts import AccountBook
+from taskrpc.security.accounts import AccountSource
 from taskrpc.security.listen_policy import refuse_exposure
 from taskrpc.security.roles import account_of
 from taskrpc.tasks import TaskServer
@@ -33,7 +33,7 @@ class Monitoring:
         self._place = place
         self._tls = access.tls
         self._token = access.token or os.environ.get("TASKRPC_TOKEN") or ""
-        self._book = AccountBook(accounts) if accounts else None
+        self._accounts = AccountSource(accounts) if accounts else None
 
     def measured(self, store: TaskStore) -> TaskStore:
         """Return the store with metrics of its commits."""
@@ -45,12 +45,12 @@ class Monitoring:
         """Return the web server with the pages of a task server. Raises CannotListen."""
         self.metrics.add(lambda: task_families(server.manager))
         pages = task_pages(server, self.metrics)
-        some = self._token or self._book is not None
+        some = self._token or self._accounts is not None
         may_look = self._may_look if some else None
         shown = WebServer(pages, listen=self._place, tls=self._tls, may_look=may_look)
         host, _ = split_place(self._place)
         if not is_loopback(host):
-            known = self._book.now if self._book is not None else None
+            known = self._accounts.current if self._accounts is not None else None
             refuse_exposure(host, certificate=True, token=self._token, accounts=known, ca=False)
         return shown
 
@@ -59,10 +59,10 @@ class Monitoring:
         said = given.encode(errors="replace")
         if self._token and hmac.compare_digest(said, self._token.encode()):
             return True
-        if self._book is None:
+        if self._accounts is None:
             return False
-        self._book.look()
-        account = self._book.now.find(account_of(said), time.time())
+        self._accounts.refresh()
+        account = self._accounts.current.find(account_of(said), time.time())
         # Compare in every case: the time of the response must not reveal which accounts exist.
         expected = said[::-1] + b"-" if account is None else account.token.encode()
         return hmac.compare_digest(said, expected)

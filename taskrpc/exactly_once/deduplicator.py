@@ -18,7 +18,7 @@ from taskrpc.errors import (
     ServiceUnavailable,
     SessionExpired,
     TaskRpcError,
-    told,
+    text_for_callers,
 )
 from taskrpc.exactly_once.executions import Execution
 from taskrpc.exactly_once.store_state import release, state_of
@@ -193,7 +193,7 @@ class Deduplicator:
         log.error("%s: %s", execution.service, error, extra=log_fields(execution))
         self._state.end(execution)
         self._state.open(self._store, anew=True)
-        execution.answer(OutcomeUnknown(told(error)))
+        execution.answer(OutcomeUnknown(text_for_callers(error)))
 
     async def _await_store(
         self,
@@ -217,7 +217,7 @@ class Deduplicator:
         fields = log_fields(execution)
         if isinstance(error, TaskRpcError) and not isinstance(error, OutcomeUnknown):
             log.error("%s cannot store what it did: %s", execution.service, error, extra=fields)
-            self.undone(execution, HandlerFailed(Code.UNAVAILABLE, told(error)))
+            self.undone(execution, HandlerFailed(Code.UNAVAILABLE, text_for_callers(error)))
             return
         if not isinstance(error, OutcomeUnknown):  # an unexpected error may mean anything
             log.error("the store of %s failed:", execution.service, exc_info=error, extra=fields)

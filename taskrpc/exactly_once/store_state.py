@@ -8,7 +8,7 @@ import time
 import weakref
 from collections.abc import Callable, Iterable
 
-from taskrpc.errors import Code, HandlerFailed, StoreError, TaskRpcError, told
+from taskrpc.errors import Code, HandlerFailed, StoreError, TaskRpcError, text_for_callers
 from taskrpc.request_ids.ids import Completion, CompletionStore
 from taskrpc.request_ids.ledger import Ledger
 from taskrpc.transport.base import IncomingCall
@@ -128,7 +128,9 @@ class StoreState:
             if not self.deduplicators or self._opening is not asyncio.current_task():
                 return  # no service uses the result
             log.error("the store of exactly-once services cannot be used: %s", error)
-            problem = told(error) if isinstance(error, TaskRpcError) else "the store failed"
+            problem = (
+                text_for_callers(error) if isinstance(error, TaskRpcError) else "the store failed"
+            )
             self.stop_reading(problem)
             return
         if self._opening is not asyncio.current_task():

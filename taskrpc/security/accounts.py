@@ -43,7 +43,7 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
     accounts: dict[str, _Row] = {}
 
 
-class AccountBook:
+class AccountSource:
     """The current accounts: given once, or read from a file again whenever it changes.
 
     Raises TaskRpcError for a file that is invalid, or that other users can read.
@@ -56,18 +56,18 @@ class AccountBook:
         """Why the current file is not in force, and what is instead; "" if it is in force."""
         self._told = 0.0
         if isinstance(given, Accounts):
-            self.now = given
+            self.current = given
         else:
             self._path = Path(given)
             self._seen = _signature(self._path)
-            self.now = read_accounts(self._path)
+            self.current = read_accounts(self._path)
 
     @property
     def may_change(self) -> bool:
         """Whether they come from a file, which must be checked for changes."""
         return self._path is not None
 
-    def look(self) -> bool:
+    def refresh(self) -> bool:
         """Check whether the file has changed; return whether the accounts have.
 
         While the file is invalid, the accounts of the last valid file stay in force, and the log
@@ -79,17 +79,17 @@ class AccountBook:
         if (seen := _signature(self._path)) == self._seen:
             self._tell_problem(every=TELL_EVERY)
             return False
-        self._seen, before = seen, self.now
+        self._seen, before = seen, self.current
         try:
             found, self._problem = _read(self._path)
         except TaskRpcError as error:
             self._problem = f"the accounts stay as they were: {error}"
         else:
-            self.now = _narrowed(before, found) if self._problem else found
+            self.current = _narrowed(before, found) if self._problem else found
         self._tell_problem(every=0.0)
         if not self._problem:
-            log.info("%s: %d accounts", self._path, len(self.now))
-        return self.now is not before
+            log.info("%s: %d accounts", self._path, len(self.current))
+        return self.current is not before
 
     def _tell_problem(self, *, every: float) -> None:
         now = time.monotonic()

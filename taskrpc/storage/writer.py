@@ -50,7 +50,7 @@ class Writer(Generic[_Change]):
         self._database: _Opened | None = None
         self._thread: ThreadPoolExecutor | None = None
         self._loop: asyncio.AbstractEventLoop | None = None
-        self._waiting: deque[_Asked] = deque()
+        self._waiting: deque[_PendingWork] = deque()
         self._is_busy = False
         self.transactions: Counter[int] = Counter()
         """How many transactions there were, by the number of their changes."""
@@ -62,47 +62,49 @@ class Writer(Generic[_Change]):
             StoreError: nothing was changed.
             OutcomeUnknown: it may have been changed, and the file is broken until `close`.
         """
-        return self._ask(change, None)
+        return self._submit(change, None)
 
     async def change_alone(self, work: Callable[[sqlite3.Connection], None]) -> None:
         """Run a function in a transaction of its own; it is on the disk when this returns."""
-        await self._ask(None, lambda: self._opened().change(work))
+        await self._submit(None, lambda: self._opened().change(work))
 
     async def read(self, work: Callable[[sqlite3.Connection], _Result]) -> _Result:
         """Return the result of a function that reads the file. Raises StoreError."""
-        found: _Result = await self._ask(None, lambda: self._opened().read(work))
+        found: _Result = await self._submit(None, lambda: self._opened().read(work))
         return found
 
     async def mend(self) -> None:
         """Open a broken file again, so that its content can be read. Raises StoreError."""
-        await self._ask(None, self._mend)
+        await self._submit(None, self._mend)
 
     async def claim(self, waiting: Callable[[FileInUse], object]) -> None:
         """Open the file once no other process uses it; `waiting` is called once with the reason.
 
         Raises StoreError.
         """
-        told = False
+        is_reported = False
         while True:
             try:
                 await self.mend()
                 return
             except FileInUse as error:
-                if not told:
-                    told = True
+                if not is_reported:
+                    is_reported = True
                     waiting(error)
             await asyncio.sleep(_LOOK)
 
     async def close(self) -> None:
         """Finish all work, write everything into the one file and release it."""
         if self._thread is not None:
-            await self._ask(None, self._close)
+            await self._submit(None, self._close)
             self._thread.shutdown()
             self._thread = None
 
     # On the loop
 
-    def _ask(self, change: _Change | None, alone: Callable[[], Any] | None) -> asyncio.Future[Any]:
+    def _submit(
+        self, change: _Change | None, alone: Callable[[], Any] | None
+    ) -> asyncio.Future[Any]:
         loop = asyncio.get_running_loop()
         if (
             self._loop is not loop
@@ -110,7 +112,7 @@ class Writer(Generic[_Change]):
             self._loop, self._is_busy = loop, False
             self._waiting.clear()
         answer = loop.create_future()
-        self._waiting.append(_Asked(change, alone, answer))
+        self._waiting.append(_PendingWork(change, alone, answer))
         if not self._is_busy:
             self._is_busy = True
             # Not at once: other changes of this iteration of the loop join the transaction.
@@ -138,17 +140,17 @@ class Writer(Generic[_Change]):
     def _done(
         self,
         loop: asyncio.AbstractEventLoop,
-        taken: list[_Asked],
+        taken: list[_PendingWork],
         running: asyncio.Future[list[Any]],
     ) -> None:
         self._next(loop)  # first: the thread works while the callers are answered
-        for asked, outcome in zip(taken, running.result(), strict=True):
-            if asked.answer.done():
+        for work, outcome in zip(taken, running.result(), strict=True):
+            if work.answer.done():
                 continue
             if isinstance(outcome, Exception):
-                asked.answer.set_exception(outcome)
+                work.answer.set_exception(outcome)
             else:
-                asked.answer.set_result(outcome)
+                work.answer.set_result(outcome)
 
     # In the thread
 
@@ -183,7 +185,7 @@ class Writer(Generic[_Change]):
         return [None] * count
 
 
-class _Asked:
+class _PendingWork:
     """Work with a waiting caller: a change, or work that is done alone."""
 
     __slots__ = ("alone", "answer", "change")

@@ -32,7 +32,7 @@ from taskrpc.security.tls import Tls
 from taskrpc.service import Callback, Service
 from taskrpc.sync.loop_thread import SLICE, LoopThread, wait
 from taskrpc.sync.topics import Publisher, Subscription, Timer
-from taskrpc.transport.base import OnMismatch, Tell
+from taskrpc.transport.base import OnDone, OnMismatch
 from taskrpc.transport.discovery.entries import RegistryEntry
 
 if TYPE_CHECKING:
@@ -343,7 +343,7 @@ class Client(Generic[RequestT, ResponseT]):
         return outer
 
     def call_then(
-        self, request: RequestT, tell: Tell, timeout: float | Unset | None = UNSET
+        self, request: RequestT, tell: OnDone, timeout: float | Unset | None = UNSET
     ) -> Callable[[], object]:
         """Send the request now, and call `tell(response, error)` at the end of the call.
 
@@ -354,7 +354,7 @@ class Client(Generic[RequestT, ResponseT]):
         """
         self._loop.refuse_without_loop("call_then()")
         if not self._handed_off:
-            sent = _client.tell_in_thread(self._inner, request, timeout, tell)
+            sent = _client.send_in_thread_then(self._inner, request, timeout, tell)
             if sent is not None:
                 return sent.give_up
         # Keep the order: earlier calls that the event loop sends go first, and end first.
@@ -365,7 +365,7 @@ class Client(Generic[RequestT, ResponseT]):
         self._loop.soon(lambda: self._begin(future, call))
         return future.cancel
 
-    def _ended(self, done: Future[ResponseT], tell: Tell) -> None:
+    def _ended(self, done: Future[ResponseT], tell: OnDone) -> None:
         self._handed_off.discard(done)  # when none is left, the caller's thread may send again
         if not done.cancelled():
             error = done.exception()

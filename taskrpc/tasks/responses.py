@@ -8,7 +8,7 @@ from typing import Any
 import msgspec
 
 import srvgen
-from taskrpc.errors import TaskRpcError, told
+from taskrpc.errors import TaskRpcError, text_for_callers
 from taskrpc.tasks.model import PRIORITY_MAX, PRIORITY_MIN, EstimateChange, Task
 
 _EARLIEST, _LATEST = -(2.0**31), 2.0**31 - 1  # the range of builtin_interfaces/msg/Time
@@ -70,7 +70,7 @@ def requeue_hint(task_id: int) -> str:
 
 def unstored_note(error: TaskRpcError) -> str:
     """Return what to add about a change that was made although the store refused it."""
-    return f", but this could not be stored: {told(error)}"
+    return f", but this could not be stored: {text_for_callers(error)}"
 
 
 def by_client(action: str, client: str) -> str:

@@ -13,7 +13,14 @@ from typing import Any, Self, TypeAlias
 
 import srvgen
 from taskrpc.callinfo import current_call
-from taskrpc.errors import Code, HandlerError, OutcomeUnknown, StoreError, TaskRpcError, told
+from taskrpc.errors import (
+    Code,
+    HandlerError,
+    OutcomeUnknown,
+    StoreError,
+    TaskRpcError,
+    text_for_callers,
+)
 from taskrpc.introspection import IntrospectionState
 from taskrpc.node import Node
 from taskrpc.request_ids.ids import Completion
@@ -378,7 +385,7 @@ def _failed(unstored: Code, error: TaskRpcError) -> HandlerError:
     """Return the error for the caller when the store failed; the log gets the full text."""
     _log.error("%s", error)
     code = Code.OUTCOME_UNKNOWN if isinstance(error, OutcomeUnknown) else unstored
-    return HandlerError(code, told(error))
+    return HandlerError(code, text_for_callers(error))
 
 
 def _resolve_response(

@@ -112,8 +112,8 @@ class FaultyNetwork:
         gone = [place for place, each in self._hub.listeners.items() if each.program == program]
         for place in gone:
             del self._hub.listeners[place]
-        for network in [each for each in self._hub.rosters if each.program == program]:
-            del self._hub.rosters[network]
+        for network in [each for each in self._hub.entries if each.program == program]:
+            del self._hub.entries[network]
         for connection in list(self._faults.connections):
             connection.crash(program)
         self._hub.changed()

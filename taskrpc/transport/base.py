@@ -126,7 +126,7 @@ class SentCall(Protocol):
         """Cancel the call at the server, if the future was cancelled."""
 
 
-Tell: TypeAlias = Callable[[Any, BaseException | None], object]
+OnDone: TypeAlias = Callable[[Any, BaseException | None], object]
 """Called at a call's end with its response and None, or with None and its error."""
 
 
@@ -137,7 +137,7 @@ class WaitingThread(Protocol):
         """Sleep until there is a response, and return it; raises the call's error."""
 
 
-class ToldThread(Protocol):
+class CallbackCall(Protocol):
     """A call that a thread has sent; a function is called at its end."""
 
     def give_up(self) -> None:
@@ -178,13 +178,13 @@ class Channel(Protocol):
         the way.
         """
 
-    def line_up(self, call: Unsent) -> None:
+    def begin_when_connected(self, call: Unsent) -> None:
         """Begin a call as soon as the channel is connected, in the order of these requests.
 
         So no call is sent before one that was made earlier and waits for the connection.
         """
 
-    def leave_line(self, call: Unsent) -> None:
+    def forget_waiting(self, call: Unsent) -> None:
         """Remove a call that still waits for the connection."""
 
     async def wait(self, deadline: float | None) -> bool:
@@ -231,7 +231,9 @@ class Channel(Protocol):
         Raises InvalidRequest for a request that cannot be sent.
         """
 
-    def tell_in_thread(self, request: Any, deadline: float | None, tell: Tell) -> ToldThread | None:
+    def send_in_thread_then(
+        self, request: Any, deadline: float | None, tell: OnDone
+    ) -> CallbackCall | None:
         """Like `send_in_thread`; `tell(response, error)` is called on the event loop."""
 
     def close(self) -> None:
@@ -334,7 +336,7 @@ class Transport(Protocol):
     ) -> Channel:
         """A way to call a service for a node; the service `otherwise` where nobody offers it."""
 
-    def publication(
+    def create_publisher(
         self,
         named: TopicEndpoint,
         msg_type: Any,
@@ -346,7 +348,7 @@ class Transport(Protocol):
         Subscriptions that do not match are logged, unless `on_mismatch` is to be told.
         """
 
-    def reception(
+    def create_subscription(
         self,
         named: TopicEndpoint,
         msg_type: Any,

@@ -18,7 +18,7 @@ from taskrpc.errors import (
 )
 from taskrpc.request_ids.ids import RequestCounter, RequestCounters, RequestId, with_request_id
 from taskrpc.retry import reconnect_delay
-from taskrpc.transport.base import Mode, Tell, Unsent
+from taskrpc.transport.base import Mode, OnDone, Unsent
 from taskrpc.transport.codec import ServiceType, codec_of
 from taskrpc.transport.connection.client_side import CallingConnection, OpenCall
 from taskrpc.transport.connection.client_threads import CallbackWaiter, ThreadedConnection, Waiter
@@ -168,12 +168,12 @@ class RemoteChannel:
         waiter = Waiter()
         return waiter if self._begin_in_thread(waiter, request, deadline) else None
 
-    def tell_in_thread(
-        self, request: Any, deadline: float | None, tell: Tell
+    def send_in_thread_then(
+        self, request: Any, deadline: float | None, tell: OnDone
     ) -> CallbackWaiter | None:
         """Send a request from another thread; `tell` is called with its outcome."""
-        told = CallbackWaiter(tell)
-        return told if self._begin_in_thread(told, request, deadline) else None
+        waiter = CallbackWaiter(tell)
+        return waiter if self._begin_in_thread(waiter, request, deadline) else None
 
     def _begin_in_thread(
         self, waiter: Waiter | CallbackWaiter, request: Any, deadline: float | None
@@ -208,11 +208,11 @@ class RemoteChannel:
             if not connecting.cancelled():
                 connecting.result()
 
-    def line_up(self, call: Unsent) -> None:
+    def begin_when_connected(self, call: Unsent) -> None:
         """Have a call begun, in the order of lining up, at the moment in which it is connected."""
         self._line[call] = None
 
-    def leave_line(self, call: Unsent) -> None:
+    def forget_waiting(self, call: Unsent) -> None:
         """Do not begin the call, if it is still in the line."""
         self._line.pop(call, None)
 

@@ -94,7 +94,7 @@ class Endpoint(ThreadHandoff):
         self.refusals = LimitedLog(log)
         self._offers = OfferTable()
         self.offers = self._offers.by_method
-        self._roster = TrackedEntry(this_process())
+        self._own_entry = TrackedEntry(this_process())
         self._served: dict[ServingConnection, None] = {}  # in order of arrival
         self._admission: Admission | None = None
         self._ticker: asyncio.TimerHandle | None = None
@@ -156,18 +156,18 @@ class Endpoint(ThreadHandoff):
         """A client is gone."""
         self.publish(EntryChange(client=named, gone=True))
 
-    def publication(
+    def create_publisher(
         self, named: TopicEndpoint, msg_type: Any, role: Role, on_mismatch: Any = None
     ) -> LocalPublisher:
         """A publisher's way to its subscriptions."""
         self._take_connections()
-        return self.topics.publication(named, msg_type, role, on_mismatch)
+        return self.topics.create_publisher(named, msg_type, role, on_mismatch)
 
-    def reception(
+    def create_subscription(
         self, named: TopicEndpoint, msg_type: Any, deliver: Any, on_mismatch: Any = None
     ) -> LocalSubscription:
         """A subscription's way to the publishers of its topic."""
-        return self.topics.reception(named, msg_type, deliver, on_mismatch)
+        return self.topics.create_subscription(named, msg_type, deliver, on_mismatch)
 
     @property
     def topics(self) -> Topics:
@@ -243,7 +243,7 @@ class Endpoint(ThreadHandoff):
 
     def listing(self) -> Listing:
         """Everything that this process offers."""
-        entry = self._roster.entry()
+        entry = self._own_entry.entry()
         return Listing(
             list(entry.nodes),
             list(entry.services),
@@ -267,7 +267,7 @@ class Endpoint(ThreadHandoff):
                 self._admission.came(served, connection.transport.get_extra_info("peername"))
         elif isinstance(connection, CallingConnection):
             self.dialler.connections[connection] = None
-        self._vouch(connection)
+        self._identify(connection)
         self._look_again()
 
     def connection_ended(self, connection: Connection) -> None:
@@ -301,47 +301,49 @@ class Endpoint(ThreadHandoff):
 
     @property
     def _watches_files(self) -> bool:
-        book = self.network.accounts
-        return bool(self.network.certificate) or (book is not None and book.may_change)
+        accounts = self.network.accounts
+        return bool(self.network.certificate) or (accounts is not None and accounts.may_change)
 
     def _traffic_of(self, connection: Connection) -> Traffic:
         return self._called if connection.serves else self._calls
 
     def _caller(self, address: Address) -> CallingConnection:
-        name = self._roster.first_node or self._roster.about.script
+        name = self._own_entry.first_node or self._own_entry.about.script
         me = self._identity(address.token, name)
         if address.domain is not None:
             me = msgspec.structs.replace(me, domain=address.domain)
         return self._calling(self, me, self.availability.notify)
 
     def _accepted(self) -> ServingConnection:
-        me, book = self._identity(self.network.token, ""), self.network.accounts
-        if book is not None:
+        me, accounts = self._identity(self.network.token, ""), self.network.accounts
+        if accounts is not None:
             if self._ticker is None:  # nobody was here to look after
-                book.look()
-            me = msgspec.structs.replace(me, accounts=book.now, today=time.time())
+                accounts.refresh()
+            me = msgspec.structs.replace(me, accounts=accounts.current, today=time.time())
         return _serving_class(threads=self._has_threads)(self, me)
 
     def _identity(self, token: bytes, name: str) -> Identity:
         return Identity(self.id, os.urandom(16), token, self.network.domain, name)
 
-    def _vouch(self, connection: Connection) -> None:
+    def _identify(self, connection: Connection) -> None:
         if connection.transport is None:
             return
         try:
-            voucher = self.network.voucher(connection.transport, serving=connection.serves)
+            credentials = self.network.peer_credentials(
+                connection.transport, serving=connection.serves
+            )
         except PermissionDenied as error:
             connection.abort(error)
             log.warning("closed the connection of another user: %s", error)
         else:
-            channel = self.network.channel(connection.transport, serving=connection.serves)
-            connection.session.vouch(voucher, channel)
+            binding = self.network.channel_binding(connection.transport, serving=connection.serves)
+            connection.session.set_peer_credentials(credentials, binding)
 
     def publish(self, change: EntryChange, *, claim: str = "") -> None:
         """Tell everybody of a change to what this process has."""
         if self._closed:
             return
-        about = self._roster.about
+        about = self._own_entry.about
         if (self.address, self.network.certificate) != (about.address, about.certificate):
             change = msgspec.structs.replace(
                 change,
@@ -349,7 +351,7 @@ class Endpoint(ThreadHandoff):
                 token=self.network.token.hex(),
                 certificate=self.network.certificate,
             )
-        self.network.publish(self._roster, change, claim=claim)
+        self.network.publish(self._own_entry, change, claim=claim)
 
     def _advertise(self) -> None:
         """Tell callers of changed services: once, however many change in one turn of the loop."""
@@ -397,11 +399,11 @@ class Endpoint(ThreadHandoff):
             part = connections[number::slices]
             self.loop.call_later(TICK * number / slices, self._look_after, part)
         self._look_after(connections[::slices])
-        if (book := self.network.accounts) is not None:
-            book.look()
+        if (accounts := self.network.accounts) is not None:
+            accounts.refresh()
             for served in list(self._served):
-                served.check_account(book.now, time.time())
-        if self.address and self.network.certificate != self._roster.about.certificate:
+                served.check_account(accounts.current, time.time())
+        if self.address and self.network.certificate != self._own_entry.about.certificate:
             self.publish(EntryChange())
 
     def _look_again(self) -> None:

@@ -22,7 +22,7 @@ from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, Trac
 from taskrpc.transport.network import Address, Factory
 
 if TYPE_CHECKING:
-    from taskrpc.security.accounts import AccountBook
+    from taskrpc.security.accounts import AccountSource
 
 HIGH_WATER, LOW_WATER = 65_536, 16_384
 
@@ -53,7 +53,7 @@ class Hub:
 
     def __init__(self) -> None:
         self.token = os.urandom(32)
-        self.rosters: dict[MemoryNetwork, TrackedEntry] = {}
+        self.entries: dict[MemoryNetwork, TrackedEntry] = {}
         self.listeners: dict[str, Listener] = {}
         self.conditions: Conditions | None = None
         self.revision = 0
@@ -99,7 +99,7 @@ class MemoryNetwork:
         domain: int,
         program: str = "",
         token: bytes | None = None,
-        accounts: AccountBook | None = None,
+        accounts: AccountSource | None = None,
     ) -> None:
         self.domain = domain
         self.program = program
@@ -131,10 +131,10 @@ class MemoryNetwork:
             conditions.join(client, self.program, self._listener(address), address.place)
         return client
 
-    def voucher(self, transport: asyncio.BaseTransport, *, serving: bool) -> None:
+    def peer_credentials(self, transport: asyncio.BaseTransport, *, serving: bool) -> None:
         """Nothing: the token is proof enough."""
 
-    def channel(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
+    def channel_binding(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
         """Nothing: there is nobody between."""
         return b""
 
@@ -144,35 +144,35 @@ class MemoryNetwork:
             raise ConnectionRefusedError(f"nobody listens at {address.place}")
         return listener
 
-    def publish(self, roster: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
+    def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
         """Tell everybody in this loop of a change to what this endpoint has."""
-        for network, other in self._hub.rosters.items():
+        for network, other in self._hub.entries.items():
             if claim and network is not self and other.offers(claim):
                 raise NameInUse(f"{claim} is already offered by another node of this program")
-        roster.apply(change)
-        self._hub.rosters[self] = roster
+        tracked.apply(change)
+        self._hub.entries[self] = tracked
         self._hub.changed()
 
     def locate(self, service: str) -> list[Address]:
         """Whom to ask for a service."""
         return [
             Address(
-                roster.about.address,
+                tracked.about.address,
                 self._token_for(network),
                 surely_offers=True,
-                type_hash=roster.services[service].type_hash,
+                type_hash=tracked.services[service].type_hash,
             )
-            for network, roster in self._hub.rosters.items()
-            if roster.about.address and roster.offers(service)
+            for network, tracked in self._hub.entries.items()
+            if tracked.about.address and tracked.offers(service)
         ]
 
     def publishing(self, topics: Collection[str]) -> list[tuple[Address, Collection[str]]]:
         """Which other endpoints of this loop publish any of these topics."""
         found: list[tuple[Address, Collection[str]]] = []
-        for network, roster in self._hub.rosters.items():
-            there = [topic for topic in topics if roster.publishes(topic)]
-            if there and network is not self and roster.about.address:
-                found.append((Address(roster.about.address, self._token_for(network)), there))
+        for network, tracked in self._hub.entries.items():
+            there = [topic for topic in topics if tracked.publishes(topic)]
+            if there and network is not self and tracked.about.address:
+                found.append((Address(tracked.about.address, self._token_for(network)), there))
         return found
 
     def _token_for(self, network: MemoryNetwork) -> bytes:
@@ -181,7 +181,7 @@ class MemoryNetwork:
 
     def entries(self) -> list[RegistryEntry]:
         """What every endpoint of this loop has."""
-        return [roster.entry() for roster in self._hub.rosters.values()]
+        return [tracked.entry() for tracked in self._hub.entries.values()]
 
     def peers(self) -> list[Address]:
         """Nobody: everybody is in the hub."""
@@ -191,7 +191,7 @@ class MemoryNetwork:
         """What the hub looks like now."""
         return self._hub.revision
 
-    async def changed(self, mark: object, is_hurried: Callable[[], bool]) -> None:
+    async def changed(self, mark: object, polls_fast: Callable[[], bool]) -> None:
         """Return when the hub looks different from the mark."""
         while self._hub.revision == mark:
             await self._hub.next_change()
@@ -202,7 +202,7 @@ class MemoryNetwork:
 
     def close(self) -> None:
         """Leave the hub."""
-        self._hub.rosters.pop(self, None)
+        self._hub.entries.pop(self, None)
         self._hub.changed()
 
 

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, Protocol
 import msgspec
 
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
-from taskrpc.wire.handshake import Voucher
+from taskrpc.wire.handshake import PeerCredentials
 
 if TYPE_CHECKING:
-    from taskrpc.security.accounts import AccountBook
+    from taskrpc.security.accounts import AccountSource
 
 
 class Address(msgspec.Struct, frozen=True):
@@ -47,7 +47,7 @@ class Network(Protocol):
     token: bytes
     """What callers of this process must prove to know."""
     domain: int
-    accounts: AccountBook | None
+    accounts: AccountSource | None
     """Who may call beside those who know the token; None where there are no accounts."""
 
     @property
@@ -60,17 +60,19 @@ class Network(Protocol):
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect. Raises OSError."""
 
-    def voucher(self, transport: asyncio.BaseTransport, *, serving: bool) -> Voucher | None:
+    def peer_credentials(
+        self, transport: asyncio.BaseTransport, *, serving: bool
+    ) -> PeerCredentials | None:
         """What a connection proves of the other side by itself.
 
         `serving` says that we are called on it. Raises PermissionDenied for one that may not stay.
         """
 
-    def channel(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
+    def channel_binding(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
         """What both ends know of a connection, and nobody between them can have the same of two."""
 
-    def publish(self, roster: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
-        """Tell everybody of a change to what this process has; the roster takes note of it.
+    def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
+        """Tell everybody of a change to what this process has; the tracked takes note of it.
 
         Raises NameInUse, and nothing has changed, if another process offers the service `claim`.
         """
@@ -90,7 +92,7 @@ class Network(Protocol):
     def mark(self) -> object:
         """What the directory looks like now."""
 
-    async def changed(self, mark: object, is_hurried: Callable[[], bool]) -> None:
+    async def changed(self, mark: object, polls_fast: Callable[[], bool]) -> None:
         """Return when the directory looks different from the mark."""
 
     async def stop_listening(self) -> None:

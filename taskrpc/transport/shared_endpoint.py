@@ -19,7 +19,7 @@ from taskrpc.transport.network import Network
 from taskrpc.transport.tcp.tcp_network import TcpNetwork, domain_id, environment_peers
 
 if TYPE_CHECKING:
-    from taskrpc.security.accounts import AccountBook
+    from taskrpc.security.accounts import AccountSource
 
 _endpoints: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[Hashable, Endpoint]] = (
     weakref.WeakKeyDictionary()
@@ -53,8 +53,8 @@ def shared_transport(
     endpoint = endpoints.get(key)
     if endpoint is None:
         secret = token.encode() if token else None
-        book = None if accounts is None else _account_book(accounts)
-        network = _network(name, domain, listen, where, secret, tls, lab, book)
+        source = None if accounts is None else _account_source(accounts)
+        network = _network(name, domain, listen, where, secret, tls, lab, source)
         # An endpoint holds its loop: one that stayed here would keep the loop alive for ever.
         forget = lambda: endpoints.pop(key)  # noqa: E731
         endpoints[key] = endpoint = Endpoint(network, forget, keepalive=profile, threads=threads)
@@ -82,7 +82,7 @@ def _network(
     token: bytes | None,
     tls: Tls | None,
     lab: Lab | None,
-    accounts: AccountBook | None,
+    accounts: AccountSource | None,
 ) -> Network:
     if name == "tcp":
         return TcpNetwork(
@@ -101,10 +101,10 @@ def _network(
     raise TaskRpcError(f"transport: expected 'tcp' or 'memory', got {name!r}")
 
 
-def _account_book(accounts: Accounts | str | Path) -> AccountBook:
-    from taskrpc.security.accounts import AccountBook  # few programs have accounts
+def _account_source(accounts: Accounts | str | Path) -> AccountSource:
+    from taskrpc.security.accounts import AccountSource  # few programs have accounts
 
-    return AccountBook(accounts)
+    return AccountSource(accounts)
 
 
 def _listed(peers: Sequence[str]) -> Sequence[str]:

@@ -20,8 +20,8 @@ from taskrpc.wire.handshake import (
     ClientHandshake,
     Identity,
     Peer,
+    PeerCredentials,
     ServerHandshake,
-    Voucher,
     refusal,
 )
 from taskrpc.wire.messages import DEFAULT_LIMITS
@@ -66,14 +66,16 @@ class BaseSession:
         if isinstance(self.handshake, ClientHandshake):
             self.out.append(self.handshake.start())
 
-    def vouch(self, voucher: Voucher | None, channel: bytes = b"") -> None:
+    def set_peer_credentials(
+        self, credentials: PeerCredentials | None, channel_binding: bytes = b""
+    ) -> None:
         """Set what the connection itself proves about the peer, before the first byte arrives.
 
-        `channel` identifies the connection to both ends; proofs are valid for it only.
+        `channel_binding` identifies the connection to both ends; proofs are valid for it only.
         """
         if self.handshake is not None:
-            self.handshake.voucher = voucher
-            self.handshake.channel = channel
+            self.handshake.peer_credentials = credentials
+            self.handshake.channel_binding = channel_binding
 
     @property
     def mid_frame(self) -> bool:

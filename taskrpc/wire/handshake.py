@@ -35,7 +35,7 @@ _REFUSED = "the token is not this server's"
 """All that a refused caller learns: not whether there is such an account, nor what became of it."""
 
 
-class Voucher(msgspec.Struct, frozen=True):
+class PeerCredentials(msgspec.Struct, frozen=True):
     """What the connection proves of the other side before anything is said on it."""
 
     name: str
@@ -86,9 +86,9 @@ class ClientHandshake:
     def __init__(self, me: Identity) -> None:
         self._me = me
         self._ack: HelloAck | None = None
-        self.channel = b""
+        self.channel_binding = b""
         """What both ends know of the connection itself."""
-        self.voucher: Voucher | None = None
+        self.peer_credentials: PeerCredentials | None = None
         self.peer: Peer | None = None
 
     def start(self) -> bytes:
@@ -113,7 +113,7 @@ class ClientHandshake:
         raise ProtocolError(f"frame type {type_} came where the server's handshake was expected")
 
     def _prove(self, ack: HelloAck) -> bytes:
-        if not self._me.token and self.voucher is None:
+        if not self._me.token and self.peer_credentials is None:
             # Whoever listens there knows the empty token too, and would be given our requests.
             raise AuthenticationFailed("its secret is needed (token, TASKRPC_TOKEN)")
         if ack.version != VERSION:
@@ -130,7 +130,7 @@ class ClientHandshake:
         return b""
 
     def _proof(self, role: bytes, ack: HelloAck) -> bytes:
-        return _proof(self._me.token, role, self._me.nonce, ack.nonce, self.channel)
+        return _proof(self._me.token, role, self._me.nonce, ack.nonce, self.channel_binding)
 
 
 class _Key(NamedTuple):
@@ -151,9 +151,9 @@ class ServerHandshake:
         self._me = me
         self._own = _Key(me.token)
         self._hello: Hello | None = None
-        self.channel = b""
+        self.channel_binding = b""
         """What both ends know of the connection itself."""
-        self.voucher: Voucher | None = None
+        self.peer_credentials: PeerCredentials | None = None
         self.peer: Peer | None = None
 
     def receive(self, frame: Frame) -> bytes:
@@ -188,9 +188,9 @@ class ServerHandshake:
         me = self._me
         key, why = self._key_of(hello.account)
         if not self._proves(auth, hello, key.token):
-            key = self._vouched(auth, hello, why)
+            key = self._key_by_credentials(auth, hello, why)
         self.peer = Peer(hello.client_id, hello.name, DEFAULT_LIMITS, key.account)
-        proof = _proof(key.token, b"server", hello.nonce, me.nonce, self.channel)
+        proof = _proof(key.token, b"server", hello.nonce, me.nonce, self.channel_binding)
         return pack_frame(FrameType.AUTH_OK, 0, 0, 0, 0, messages.encode(messages.Auth(proof)))
 
     def _key_of(self, name: str) -> tuple[_Key, str]:
@@ -206,20 +206,22 @@ class ServerHandshake:
         why = f"it does not know the secret of the account {name}"
         return _Key(account.token.encode(), account), why
 
-    def _vouched(self, auth: messages.Auth, hello: Hello, why: str) -> _Key:
+    def _key_by_credentials(self, auth: messages.Auth, hello: Hello, why: str) -> _Key:
         """What a caller may do who proved no token. Raises AuthenticationFailed."""
-        accounts, voucher = self._me.accounts, self.voucher
-        if voucher is None or not self._proves(auth, hello, b""):
+        accounts, credentials = self._me.accounts, self.peer_credentials
+        if credentials is None or not self._proves(auth, hello, b""):
             raise _refused(why)
-        if voucher.is_owner or accounts is None:
+        if credentials.is_owner or accounts is None:
             return _Key(b"")
-        account = accounts.find(voucher.name, self._me.today)
+        account = accounts.find(credentials.name, self._me.today)
         if account is None:
-            raise _refused(f"by its certificate {accounts.refusal(voucher.name, self._me.today)}")
+            raise _refused(
+                f"by its certificate {accounts.refusal(credentials.name, self._me.today)}"
+            )
         return _Key(b"", account)
 
     def _proves(self, auth: messages.Auth, hello: Hello, token: bytes) -> bool:
-        expected = _proof(token, b"client", hello.nonce, self._me.nonce, self.channel)
+        expected = _proof(token, b"client", hello.nonce, self._me.nonce, self.channel_binding)
         return hmac.compare_digest(auth.proof, expected)
 
 
@@ -238,7 +240,7 @@ def _refused(why: str) -> AuthenticationFailed:
 
 
 def _proof(
-    token: bytes, role: bytes, client_nonce: bytes, server_nonce: bytes, channel: bytes
+    token: bytes, role: bytes, client_nonce: bytes, server_nonce: bytes, channel_binding: bytes
 ) -> bytes:
-    said = b"taskrpc " + role + client_nonce + server_nonce + channel
+    said = b"taskrpc " + role + client_nonce + server_nonce + channel_binding
     return hmac.digest(token, said, hashlib.sha256)

@@ -164,7 +164,9 @@ def nonce_not_bound(patch):
 
 def half_of_a_proof_is_enough(patch):
     def proves(self, auth, hello, token):
-        expected = handshake._proof(token, b"client", hello.nonce, self._me.nonce, self.channel)
+        expected = handshake._proof(
+            token, b"client", hello.nonce, self._me.nonce, self.channel_binding
+        )
         return hmac.compare_digest(auth.proof[1:], expected[1:])
 
     patch(handshake.ServerHandshake, "_proves", proves)
@@ -175,24 +177,26 @@ def revocation_forgotten(patch):
 
 
 def empty_token_believed(patch):
-    vouched = handshake.ServerHandshake._vouched
+    known = handshake.ServerHandshake._key_by_credentials
 
     def trusting(self, auth, hello, why):
-        self.voucher = self.voucher or handshake.Voucher("", is_owner=True)
-        return vouched(self, auth, hello, why)
+        self.peer_credentials = self.peer_credentials or handshake.PeerCredentials(
+            "", is_owner=True
+        )
+        return known(self, auth, hello, why)
 
-    patch(handshake.ServerHandshake, "_vouched", trusting)
+    patch(handshake.ServerHandshake, "_key_by_credentials", trusting)
 
 
 def any_certificate_stands_for_an_account(patch):
-    vouched = handshake.ServerHandshake._vouched
+    known = handshake.ServerHandshake._key_by_credentials
 
     def trusting(self, auth, hello, why):
-        if self.voucher is not None:
+        if self.peer_credentials is not None:
             return handshake._Key(b"", None)
-        return vouched(self, auth, hello, why)
+        return known(self, auth, hello, why)
 
-    patch(handshake.ServerHandshake, "_vouched", trusting)
+    patch(handshake.ServerHandshake, "_key_by_credentials", trusting)
 
 
 def frames_heard_before_the_proof(patch):

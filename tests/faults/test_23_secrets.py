@@ -39,20 +39,20 @@ def shows_addresses(patch):
 
 
 def logs_accounts(patch):
-    known = accounts_module.AccountBook.look
+    known = accounts_module.AccountSource.refresh
 
-    def look(book):
-        for account in book.now:
+    def refresh(source):
+        for account in source.current:
             logging.getLogger("taskrpc").debug("known: %s", account.token)
-        return known(book)
+        return known(source)
 
-    patch(accounts_module.AccountBook, "look", look)
+    patch(accounts_module.AccountSource, "refresh", refresh)
 
 
 def server_compares_by_hand(patch):
     def proves(self, auth, hello, token):
         nonces = hello.nonce, self._me.nonce
-        return handshake._proof(token, b"client", *nonces, self.channel) == auth.proof
+        return handshake._proof(token, b"client", *nonces, self.channel_binding) == auth.proof
 
     patch(handshake.ServerHandshake, "_proves", proves)
 
@@ -71,7 +71,7 @@ def client_compares_by_hand(patch):
 def compares_byte_by_byte(patch):
     def proves(self, auth, hello, token):
         nonces = hello.nonce, self._me.nonce
-        expected = handshake._proof(token, b"client", *nonces, self.channel)
+        expected = handshake._proof(token, b"client", *nonces, self.channel_binding)
         return all(one == other for one, other in zip(auth.proof, expected, strict=True))
 
     patch(handshake.ServerHandshake, "_proves", proves)
@@ -108,7 +108,7 @@ async def test_secrets_are_in_no_output(counts, monkeypatch, caplog, tmp_path):
     said, seen, answers = [], [server], set()
     async with server:
         server.create_service(Add, "add", add)
-        seen += [server._transport.network, *server._transport.network.accounts.now]
+        seen += [server._transport.network, *server._transport.network.accounts.current]
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
         tokens = {
             "own": CANARY,

@@ -121,7 +121,9 @@ def opens_the_socket(patch):
     opens_the_registry(patch)
     patch(Path, "chmod", lambda self, mode: os.chmod(self, mode | 0o666))
     patch(
-        tcp_network, "unix_voucher", lambda sock, **options: unix_sockets.Voucher("", is_owner=True)
+        tcp_network,
+        "unix_peer_credentials",
+        lambda sock, **options: unix_sockets.PeerCredentials("", is_owner=True),
     )
 
 

@@ -110,7 +110,7 @@ class Talker:
 
     def look(self):
         """No subscriber costs more than the queue depth and the bytes in transit."""
-        for feed in self.publisher._publication.feeds.values():
+        for feed in self.publisher._sender.feeds.values():
             transport = feed._subscriber.connection.transport
             buffered = 0 if transport is None else transport.get_write_buffer_size()
             size = feed._subscriber.owed + buffered

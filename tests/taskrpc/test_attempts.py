@@ -74,10 +74,10 @@ class FakeChannel:
         self.deadlines.append(deadline)
         self.ready = True
 
-    def line_up(self, call):
+    def begin_when_connected(self, call):
         self.line.append(call)
 
-    def leave_line(self, call):
+    def forget_waiting(self, call):
         self.line.remove(call)
 
     def send(self, request, deadline, number=None):

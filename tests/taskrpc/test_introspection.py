@@ -222,9 +222,9 @@ async def test_a_switch_takes_the_service_from_nobodys_sight(server, monkeypatch
     network = server._transport.network
     publish = network.publish
 
-    def noted(roster, change, *, claim=""):
+    def noted(tracked, change, *, claim=""):
         changes.append(change.service)
-        publish(roster, change, claim=claim)
+        publish(tracked, change, claim=claim)
 
     monkeypatch.setattr(network, "publish", noted)
     for state in ("contents", "metadata", "off"):

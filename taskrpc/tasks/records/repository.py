@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 import msgspec
 
-from taskrpc.errors import TaskRpcError, told
+from taskrpc.errors import TaskRpcError, text_for_callers
 from taskrpc.request_ids.ids import ClientKey, Completion, StoredCompletions
 from taskrpc.tasks.model import Task, TaskState
 from taskrpc.tasks.records.change_feed import ChangeFeed
@@ -149,7 +149,7 @@ class TaskRepository:
         except BaseException as error:
             self._is_paused = before
             if isinstance(error, TaskRpcError):
-                self._problem = told(error)
+                self._problem = text_for_callers(error)
             raise
 
     async def problem(self) -> str:
@@ -208,7 +208,7 @@ class TaskRepository:
 
     def _undo(self, undo: Callable[[], object], error: BaseException) -> None:
         if isinstance(error, TaskRpcError):
-            self._problem = told(error)
+            self._problem = text_for_callers(error)
         undo()
 
     def _announce(self, tasks: tuple[Task, ...], forgotten: list[int]) -> None:

@@ -14,7 +14,7 @@ import time
 from collections.abc import Callable, Iterable
 from typing import Any
 
-from taskrpc.transport.base import Tell
+from taskrpc.transport.base import OnDone
 from taskrpc.transport.connection.client_side import CallingConnection, OpenCall, time_left
 from taskrpc.transport.connection.connection import Owner
 from taskrpc.transport.connection.threads import ThreadSocket
@@ -95,7 +95,7 @@ class CallbackWaiter:
     call: OpenCall | None
     """None once the call has ended, since a reference cycle would delay freeing it."""
 
-    def __init__(self, tell: Tell) -> None:
+    def __init__(self, tell: OnDone) -> None:
         self._tell = tell
         self._done = False
         self._cancelled = False

@@ -299,9 +299,9 @@ def _tell_end(call: CallInfo, observer: Observer | None, code: Code, seconds: fl
 
 
 def _tell(notify: Callable[..., object], *args: Any) -> None:
-    from taskrpc.observer import told  # few services have an observer
+    from taskrpc.observer import call_observer  # few services have an observer
 
-    told(notify, *args)
+    call_observer(notify, *args)
 
 
 def _debug(call: CallInfo, text: str, *more: object) -> None:

@@ -15,7 +15,7 @@ class Directory(Protocol):
     def mark(self) -> object:
         """The state of the directory now, to compare with later."""
 
-    async def changed(self, mark: object, is_hurried: Callable[[], bool]) -> None:
+    async def changed(self, mark: object, polls_fast: Callable[[], bool]) -> None:
         """Return when the directory differs from the mark."""
 
 
@@ -28,7 +28,7 @@ class Availability:
         self._next: asyncio.Future[None] | None = None
         self._watcher: asyncio.Task[None] | None = None
         self._waiting = 0
-        self._hurried = 0
+        self._fast_polls = 0
 
     def mark(self) -> Mark:
         """The present state, to compare with in `wait`."""
@@ -41,10 +41,10 @@ class Availability:
             self._next.set_result(None)
             self._next = None
 
-    async def wait(self, mark: Mark, timeout: float | None, *, hurried: bool = True) -> bool:
+    async def wait(self, mark: Mark, timeout: float | None, *, poll_fast: bool = True) -> bool:
         """Return True when something changed since the mark, False after `timeout` seconds.
 
-        `hurried=False` is for endless waits: the directory is then polled less often.
+        `poll_fast=False` is for endless waits: the directory is then polled less often.
         """
         if self.mark() != mark:
             return True
@@ -54,12 +54,12 @@ class Availability:
         if self._next is None:
             self._next = loop.create_future()
         self._waiting += 1
-        self._hurried += hurried
+        self._fast_polls += poll_fast
         try:
             done, _ = await asyncio.wait((self._next,), timeout=timeout)
         finally:
             self._waiting -= 1
-            self._hurried -= hurried
+            self._fast_polls -= poll_fast
             if not self._waiting:
                 self._watcher.cancel()
                 self._watcher = None
@@ -67,6 +67,6 @@ class Availability:
 
     async def _watch(self, mark: object) -> None:
         while True:
-            await self._directory.changed(mark, lambda: self._hurried > 0)
+            await self._directory.changed(mark, lambda: self._fast_polls > 0)
             mark = self._directory.mark()
             self.notify()

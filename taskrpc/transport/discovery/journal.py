@@ -46,12 +46,12 @@ class Journal:
         self._room = 0
         self._written = 0
 
-    def write(self, roster: TrackedEntry, change: EntryChange) -> None:
-        """Write down a change of what is in a roster, which takes note of it then."""
+    def write(self, tracked: TrackedEntry, change: EntryChange) -> None:
+        """Write down a change of what is in a tracked, which takes note of it then."""
         if self._size >= self._room:
-            self._roll_up(roster)
+            self._roll_up(tracked)
         self._append(line_of(self._number + 1, change))
-        roster.apply(change)
+        tracked.apply(change)
         # Two writes within one tick of the system's clock must still look different.
         self._written = max(time.time_ns(), self._written + TIME_STEP)
         os.utime(self._path, ns=(self._written, self._written))
@@ -60,8 +60,8 @@ class Journal:
         """Close the file, and so give up its lock."""
         os.close(self._descriptor)
 
-    def _roll_up(self, roster: TrackedEntry) -> None:
-        whole = line_of(self._number + 1, roster.entry())
+    def _roll_up(self, tracked: TrackedEntry) -> None:
+        whole = line_of(self._number + 1, tracked.entry())
         old = self._size
         # Behind all that it replaces at first, so that wherever this ends, one of them is whole.
         self._append(b"\n" * (len(whole) - old if old else 0) + whole)
@@ -91,19 +91,19 @@ class JournalReader:
     """What the journal of another process says; reads on from where it stopped."""
 
     def __init__(self) -> None:
-        self.roster: TrackedEntry | None = None
+        self.tracked: TrackedEntry | None = None
         """None as long as nothing could be believed."""
         self._number = 0
         self._head = b""
         self._place = 0
 
     def read(self, descriptor: int) -> None:
-        """Bring the roster up to date."""
+        """Bring the tracked up to date."""
         if self._head:
             self._take(_contents(descriptor, self._place))
             if _contents(descriptor, 0, _HEAD) == self._head:
                 return
-        self.roster, self._number, self._head, self._place = None, 0, b"", 0
+        self.tracked, self._number, self._head, self._place = None, 0, b"", 0
         data = _contents(descriptor, 0)
         if self._take(data) == 0:
             self._head = data[:_HEAD]
@@ -114,9 +114,9 @@ class JournalReader:
         for line in data.split(b"\n")[:-1]:
             number, record = _parsed(line)
             if isinstance(record, RegistryEntry) and number > self._number:
-                began, self.roster = place, TrackedEntry(record)
-            elif isinstance(record, EntryChange) and self.roster and number == self._number + 1:
-                self.roster.apply(record)
+                began, self.tracked = place, TrackedEntry(record)
+            elif isinstance(record, EntryChange) and self.tracked and number == self._number + 1:
+                self.tracked.apply(record)
             else:
                 number = 0
             place += len(line) + 1

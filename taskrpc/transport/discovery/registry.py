@@ -33,8 +33,8 @@ class Registry:
         self._readers: dict[Path, tuple[tuple[int, int], JournalReader]] = {}
         _open_registries.add(self)
 
-    def publish(self, roster: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
-        """Tell everybody of a change to what this process has; the roster takes note of it.
+    def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
+        """Tell everybody of a change to what this process has; the tracked takes note of it.
 
         `claim` names a service that nobody else may offer; raises NameInUse when somebody does.
         """
@@ -43,14 +43,14 @@ class Registry:
                 self._refuse_second(claim)
             if self._journal is None:
                 self._journal = Journal(self._path)
-            self._journal.write(roster, change)
-            self._mine = roster
+            self._journal.write(tracked, change)
+            self._mine = tracked
             self._ring()
 
-    def rosters(self) -> list[TrackedEntry]:
+    def tracked_entries(self) -> list[TrackedEntry]:
         """What all living processes have, this one included, oldest first."""
         mine = [] if self._mine is None else [self._mine]
-        return sorted(mine + self.others(), key=lambda roster: roster.about.since)
+        return sorted(mine + self.others(), key=lambda tracked: tracked.about.since)
 
     def others(self) -> list[TrackedEntry]:
         """What all other living processes have."""
@@ -58,18 +58,18 @@ class Registry:
         unclear = []
         for path in self._others():
             with contextlib.suppress(OSError), self._opened(path) as descriptor:
-                roster = self._read(path, descriptor) if platform.is_locked(descriptor) else None
-                if roster is None:
+                tracked = self._read(path, descriptor) if platform.is_locked(descriptor) else None
+                if tracked is None:
                     unclear.append(path)
                 else:
-                    found.append(roster)
+                    found.append(tracked)
         if unclear:
             found += self._second_look(unclear)
         return found
 
     def entries(self) -> list[RegistryEntry]:
         """The entries of all living processes, this one included, oldest first."""
-        return [roster.entry() for roster in self.rosters()]
+        return [tracked.entry() for tracked in self.tracked_entries()]
 
     def signature(self) -> int:
         """A value that changes when any entry has changed; cheap enough to poll."""
@@ -107,9 +107,9 @@ class Registry:
             with contextlib.suppress(OSError), self._opened(path) as descriptor:
                 if not platform.is_locked(descriptor):
                     continue
-                roster = self._read(path, descriptor)
-                if roster is not None and roster.offers(claim):
-                    raise NameInUse(_second_server(claim, roster.about))
+                tracked = self._read(path, descriptor)
+                if tracked is not None and tracked.offers(claim):
+                    raise NameInUse(_second_server(claim, tracked.about))
 
     def _others(self) -> list[Path]:
         mine = self._path if self._journal is not None else None
@@ -137,10 +137,10 @@ class Registry:
         status = os.fstat(descriptor)
         sign = (status.st_mtime_ns, status.st_size)
         known, reader = self._readers.get(path) or (None, JournalReader())
-        if known != sign or reader.roster is None:
+        if known != sign or reader.tracked is None:
             reader.read(descriptor)
             self._readers[path] = sign, reader
-        return reader.roster
+        return reader.tracked
 
     def _second_look(self, paths: list[Path]) -> list[TrackedEntry]:
         """Those that were only just being made or written; the dead ones' files are removed."""
@@ -150,12 +150,12 @@ class Registry:
                 with contextlib.suppress(OSError):
                     with self._opened(path) as descriptor:
                         alive = platform.is_locked(descriptor)
-                        roster = self._read(path, descriptor)
+                        tracked = self._read(path, descriptor)
                     if not alive:
                         path.unlink()
                         self._ring()
-                    elif roster is not None:
-                        found.append(roster)
+                    elif tracked is not None:
+                        found.append(tracked)
         return found
 
 

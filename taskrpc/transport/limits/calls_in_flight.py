@@ -100,9 +100,9 @@ class CallsInFlight:
         session.set_quota(calls, size)
 
 
-def _raised(shares: FairQuota, caller: QuotaKey, lent: int, needed: int, most: int) -> int:
+def _raised(quota: FairQuota, caller: QuotaKey, lent: int, needed: int, most: int) -> int:
     """The quota after borrowing: twice the need, else the need, else the old quota."""
     for wanted in (min(2 * needed, most), needed):
-        if lent < wanted and needed <= wanted and shares.take(caller, wanted - lent):
+        if lent < wanted and needed <= wanted and quota.take(caller, wanted - lent):
             return wanted
     return lent

@@ -23,25 +23,25 @@ _Item = TypeVar("_Item")
 class Topics:
     """Matches publishers and subscriptions, those of this process and those of others."""
 
-    def __init__(self, home: TopicsContext) -> None:
-        self._home = home
-        self._publications: dict[str, dict[LocalPublisher, None]] = {}
-        self._wanted: dict[str, dict[RemoteSubscription, None]] = {}
-        self._receptions: dict[str, dict[LocalSubscription, None]] = {}
+    def __init__(self, context: TopicsContext) -> None:
+        self._context = context
+        self._local_publishers: dict[str, dict[LocalPublisher, None]] = {}
+        self._remote_subscriptions: dict[str, dict[RemoteSubscription, None]] = {}
+        self._local_subscriptions: dict[str, dict[LocalSubscription, None]] = {}
         self._links: dict[str, SubscriptionLink] = {}
         self._numbers = 0
-        self._publishers = 0
+        self._last_number = 0
         self._changed: dict[str, None] = {}
         self._search: asyncio.Task[None] | None = None
         self._will_look = False
 
     def soon(self, action: Callable[[], object]) -> None:
         """Do something in a later turn of the loop."""
-        self._home.loop.call_soon(action)
+        self._context.loop.call_soon(action)
 
     # Publishers
 
-    def publication(
+    def create_publisher(
         self,
         named: TopicEndpoint,
         msg_type: Any,
@@ -49,37 +49,37 @@ class Topics:
         on_mismatch: OnMismatch | None = None,
     ) -> LocalPublisher:
         """A new publisher's way to its subscriptions."""
-        self._home.publish(EntryChange(publisher=named))
+        self._context.publish(EntryChange(publisher=named))
         number = self._number_for(named.name)
         each = LocalPublisher(self, named, msg_type, number, role, on_mismatch)
-        _put(self._publications, named.name, each)
-        for reception in self._receptions.get(named.name, ()):
-            self._match_here(each, reception)
-        for subscription in self._wanted.get(named.name, ()):
-            subscription.match(each)
+        _put(self._local_publishers, named.name, each)
+        for local in self._local_subscriptions.get(named.name, ()):
+            self._match_here(each, local)
+        for remote in self._remote_subscriptions.get(named.name, ()):
+            remote.match(each)
         self._announce_soon(named.name)
         return each
 
     def _number_for(self, topic: str) -> int:
         """One that no other publisher of the topic has, and none had lately."""
-        self._publishers += 1
-        if self._publishers > wire.PUBLISHER_MASK:
-            taken = {each.number for each in self._publications.get(topic, ())}
-            while self._publishers & wire.PUBLISHER_MASK in taken:
-                self._publishers += 1
-        return self._publishers & wire.PUBLISHER_MASK
+        self._last_number += 1
+        if self._last_number > wire.PUBLISHER_MASK:
+            taken = {each.number for each in self._local_publishers.get(topic, ())}
+            while self._last_number & wire.PUBLISHER_MASK in taken:
+                self._last_number += 1
+        return self._last_number & wire.PUBLISHER_MASK
 
-    def publication_closed(self, publication: LocalPublisher) -> None:
+    def publisher_closed(self, publisher: LocalPublisher) -> None:
         """A publisher is gone."""
-        named = publication.named
-        if _drop(self._publications, named.name, publication):
-            for reception in publication.local:
-                del reception.publishers[publication, 0]
-                reception.matches_changed()
-            for feed in publication.feeds.values():
-                publication.lost += len(feed.waiting)
+        named = publisher.named
+        if _drop(self._local_publishers, named.name, publisher):
+            for subscription in publisher.local:
+                del subscription.publishers[publisher, 0]
+                subscription.matches_changed()
+            for feed in publisher.feeds.values():
+                publisher.lost += len(feed.waiting)
                 feed.drop_waiting()
-            self._home.publish(EntryChange(publisher=named, gone=True))
+            self._context.publish(EntryChange(publisher=named, gone=True))
             self._announce_soon(named.name)
 
     def subscriber_of(self, connection: ServingConnection) -> SubscriberEvents:
@@ -91,24 +91,24 @@ class Topics:
     def subscribed(self, subscription: RemoteSubscription) -> None:
         """Another process wants a topic."""
         topic = subscription.wanted.name
-        _put(self._wanted, topic, subscription)
-        publications = list(self._publications.get(topic, ()))
-        subscription.announce(publications)
-        for each in publications:
+        _put(self._remote_subscriptions, topic, subscription)
+        publishers = list(self._local_publishers.get(topic, ()))
+        subscription.announce(publishers)
+        for each in publishers:
             subscription.match(each)
 
     def unsubscribed(self, subscription: RemoteSubscription) -> None:
         """Another process wants a topic no more."""
         topic = subscription.wanted.name
-        _drop(self._wanted, topic, subscription)
-        for publication in self._publications.get(topic, ()):
-            publication.unfeed(subscription)
+        _drop(self._remote_subscriptions, topic, subscription)
+        for publisher in self._local_publishers.get(topic, ()):
+            publisher.unfeed(subscription)
 
     def role_changed(self, subscription: RemoteSubscription) -> None:
         """The caller may see less than before."""
-        for publication in self._publications.get(subscription.wanted.name, ()):
-            if subscription.refusal(publication):
-                publication.unfeed(subscription)
+        for publisher in self._local_publishers.get(subscription.wanted.name, ()):
+            if subscription.refusal(publisher):
+                publisher.unfeed(subscription)
 
     def _announce_soon(self, topic: str) -> None:
         """Once, however many publishers come and go in one turn."""
@@ -120,15 +120,15 @@ class Topics:
         """Tell subscriptions of other processes who publishes their topics now."""
         changed, self._changed = self._changed, {}
         for topic in changed:
-            publications = list(self._publications.get(topic, ()))
-            for each in publications:
+            publishers = list(self._local_publishers.get(topic, ()))
+            for each in publishers:
                 each.is_announced = True
-            for subscription in self._wanted.get(topic, ()):
-                subscription.announce(publications)
+            for subscription in self._remote_subscriptions.get(topic, ()):
+                subscription.announce(publishers)
 
     # Subscriptions
 
-    def reception(
+    def create_subscription(
         self,
         named: TopicEndpoint,
         msg_type: Any,
@@ -136,38 +136,38 @@ class Topics:
         on_mismatch: OnMismatch | None = None,
     ) -> LocalSubscription:
         """A new subscription's way to the publishers of its topic."""
-        self._home.publish(EntryChange(subscription=named))
+        self._context.publish(EntryChange(subscription=named))
         self._numbers += 1
         each = LocalSubscription(self, named, msg_type, self._numbers, deliver, on_mismatch)
-        _put(self._receptions, named.name, each)
-        for publication in self._publications.get(named.name, ()):
-            self._match_here(publication, each)
+        _put(self._local_subscriptions, named.name, each)
+        for publisher in self._local_publishers.get(named.name, ()):
+            self._match_here(publisher, each)
         if self._search is None:
-            self._search = self._home.loop.create_task(self._searched())
+            self._search = self._context.loop.create_task(self._searched())
         elif not self._will_look:  # once, however many subscriptions are made in one turn
             self._will_look = True
             self.soon(self._look)
         return each
 
-    def reception_closed(self, reception: LocalSubscription) -> None:
+    def subscription_closed(self, subscription: LocalSubscription) -> None:
         """A subscription is gone."""
-        named = reception.named
-        if _drop(self._receptions, named.name, reception):
-            for publication in self._publications.get(named.name, ()):
-                if reception in publication.local:
-                    del publication.local[reception]
-                    publication.matches_changed()
+        named = subscription.named
+        if _drop(self._local_subscriptions, named.name, subscription):
+            for publisher in self._local_publishers.get(named.name, ()):
+                if subscription in publisher.local:
+                    del publisher.local[subscription]
+                    publisher.matches_changed()
             for link in self._links.values():
-                link.forget(reception)
-            self._home.publish(EntryChange(subscription=named, gone=True))
-            if not self._receptions and self._search is not None:
+                link.forget(subscription)
+            self._context.publish(EntryChange(subscription=named, gone=True))
+            if not self._local_subscriptions and self._search is not None:
                 self._search.cancel()
                 self._search = None
                 self._drop_links(set())
 
     async def close(self) -> None:
         """End the search and all links."""
-        self._receptions.clear()
+        self._local_subscriptions.clear()
         tasks = [link.close() for link in self._links.values()]
         self._links.clear()
         if self._search is not None:
@@ -176,47 +176,47 @@ class Topics:
         if tasks:
             await asyncio.wait(tasks)
 
-    def _match_here(self, publication: LocalPublisher, reception: LocalSubscription) -> None:
-        if reception.refuses(publication.named):
-            publication.refuses(reception.named, "of this process")
+    def _match_here(self, publisher: LocalPublisher, subscription: LocalSubscription) -> None:
+        if subscription.refuses(publisher.named):
+            publisher.refuses(subscription.named, "of this process")
             return
-        publication.local[reception] = None
-        publication.matches_changed()
-        reception.publishers[publication, 0] = publication.named
-        reception.matches_changed()
-        if reception.named.latched and publication.latched is not None:
-            for _, body in list(publication.latched)[-reception.named.depth :]:
-                reception.arrived_here(body)
+        publisher.local[subscription] = None
+        publisher.matches_changed()
+        subscription.publishers[publisher, 0] = publisher.named
+        subscription.matches_changed()
+        if subscription.named.latched and publisher.latched is not None:
+            for _, body in list(publisher.latched)[-subscription.named.depth :]:
+                subscription.arrived_here(body)
 
     async def _searched(self) -> None:
         """Look who publishes, whenever that may have changed."""
         while True:
-            mark = self._home.availability.mark()
+            mark = self._context.availability.mark()
             self._look()
-            await self._home.availability.wait(mark, None, hurried=False)
+            await self._context.availability.wait(mark, None, poll_fast=False)
 
     def _look(self) -> None:
         self._will_look = False
-        if not self._receptions:
+        if not self._local_subscriptions:
             return
-        home = self._home
+        context = self._context
         there = set()
-        for address, topics in home.network.publishing(self._receptions):
-            if address.place == home.address:
+        for address, topics in context.network.publishing(self._local_subscriptions):
+            if address.place == context.address:
                 continue
             there.add(address.place)
             link = self._links.get(address.place)
             if link is None:
-                link = self._links[address.place] = SubscriptionLink(home, address)
+                link = self._links[address.place] = SubscriptionLink(context, address)
             link.address = address
             for topic in topics:
-                link.want(self._receptions[topic])
+                link.want(self._local_subscriptions[topic])
         self._drop_links(there)
 
     def _drop_links(self, there: set[str]) -> None:
         """A process that is known no more may still be connected, and have something to say."""
         for place, link in list(self._links.items()):
-            if place not in there and not (link.receptions and link.is_connected):
+            if place not in there and not (link.subscriptions and link.is_connected):
                 del self._links[place]
                 link.close()
 

@@ -42,7 +42,7 @@ class PublisherTopics(Protocol):
     def announce_changed(self) -> None:
         """Announce new publishers to the subscriptions of other processes."""
 
-    def publication_closed(self, publication: LocalPublisher) -> None:
+    def publisher_closed(self, publisher: LocalPublisher) -> None:
         """Remove a publisher."""
 
     def subscribed(self, subscription: RemoteSubscription) -> None:
@@ -116,8 +116,8 @@ class LocalPublisher:
             self.latched.append((sequence, body))
         for feed in self.feeds.values():
             feed.send(sequence, body)
-        for reception in self.local:
-            reception.arrived_here(body)
+        for subscription in self.local:
+            subscription.arrived_here(body)
 
     def unfeed(self, subscription: RemoteSubscription) -> None:
         """Send nothing more to a subscription, if it was sent anything."""
@@ -151,18 +151,18 @@ class LocalPublisher:
 
     def close(self) -> None:
         """Publish no more."""
-        self._topics.publication_closed(self)
+        self._topics.publisher_closed(self)
 
 
 class Feed:
     """One publisher's messages on their way to one subscription of another process."""
 
-    __slots__ = ("_publication", "_subscriber", "_subscription_id", "waiting")
+    __slots__ = ("_publisher", "_subscriber", "_subscription_id", "waiting")
 
     def __init__(
-        self, publication: LocalPublisher, subscriber: RemoteSubscriber, subscription_id: int
+        self, publisher: LocalPublisher, subscriber: RemoteSubscriber, subscription_id: int
     ) -> None:
-        self._publication = publication
+        self._publisher = publisher
         self._subscriber = subscriber
         self._subscription_id = subscription_id
         self.waiting: deque[tuple[int, bytes]] = deque()
@@ -172,7 +172,7 @@ class Feed:
         """Send a message, or keep it until the other process reads."""
         subscriber = self._subscriber
         if len(body) > subscriber.connection.session.body_limit:
-            self._publication.lost += 1
+            self._publisher.lost += 1
         elif subscriber.is_behind:
             self._keep(sequence, body)
         else:
@@ -192,17 +192,17 @@ class Feed:
         self.waiting.clear()
 
     def _write(self, sequence: int, body: bytes) -> None:
-        self._subscriber.write(self._subscription_id, self._publication.number, sequence, body)
+        self._subscriber.write(self._subscription_id, self._publisher.number, sequence, body)
 
     def _keep(self, sequence: int, body: bytes) -> None:
         subscriber, waiting = self._subscriber, self.waiting
         if not waiting:
             subscriber.feeds_behind[self] = None
-        depth = self._publication.named.depth
+        depth = self._publisher.named.depth
         room = MAX_OWED - len(body)
         while waiting and (len(waiting) >= depth or subscriber.owed > room):
             subscriber.owed -= len(waiting.popleft()[1])
-            self._publication.lost += 1
+            self._publisher.lost += 1
         waiting.append((sequence, body))
         subscriber.owed += len(body)
 
@@ -215,31 +215,33 @@ class RemoteSubscription:
         self.number = number
         self.wanted = wanted
 
-    def announce(self, publications: list[LocalPublisher]) -> None:
+    def announce(self, publishers: list[LocalPublisher]) -> None:
         """Tell it who publishes its topic here, and match it with those that it can have."""
         connection = self.subscriber.connection
-        told = [Publishing(each.number, each.named, self.refusal(each)) for each in publications]
-        wire.announce(connection.session, self.number, told)
+        publishing = [
+            Publishing(each.number, each.named, self.refusal(each)) for each in publishers
+        ]
+        wire.announce(connection.session, self.number, publishing)
         connection.flush_soon()
 
-    def match(self, publication: LocalPublisher) -> None:
+    def match(self, publisher: LocalPublisher) -> None:
         """Feed it from a publisher, if it can have that one."""
         where = self.subscriber.connection.peer_name
-        if self.refusal(publication) or publication.refuses(self.wanted, where):
+        if self.refusal(publisher) or publisher.refuses(self.wanted, where):
             return
-        feed = publication.feeds[self] = Feed(publication, self.subscriber, self.number)
-        publication.matches_changed()
-        if self.wanted.latched and publication.latched is not None:
-            for sequence, body in list(publication.latched)[-self.wanted.depth :]:
+        feed = publisher.feeds[self] = Feed(publisher, self.subscriber, self.number)
+        publisher.matches_changed()
+        if self.wanted.latched and publisher.latched is not None:
+            for sequence, body in list(publisher.latched)[-self.wanted.depth :]:
                 feed.send(sequence, body)
 
-    def refusal(self, publication: LocalPublisher) -> str:
+    def refusal(self, publisher: LocalPublisher) -> str:
         """Why its caller's role is too small for a publisher, "" where it is not."""
         connection = self.subscriber.connection
-        if connection.role >= publication.role:
+        if connection.role >= publisher.role:
             return ""
         return (
-            f"{publication.named.name} needs the role {publication.role.name.lower()}; the account"
+            f"{publisher.named.name} needs the role {publisher.role.name.lower()}; the account"
             f" {connection.principal} has {connection.role.name.lower()}"
         )
 

@@ -60,7 +60,7 @@ class SubscriptionTopics(Protocol):
     def soon(self, action: Callable[[], object]) -> None:
         """Do something in a later turn of the event loop."""
 
-    def reception_closed(self, reception: LocalSubscription) -> None:
+    def subscription_closed(self, subscription: LocalSubscription) -> None:
         """Remove a subscription."""
 
 
@@ -152,7 +152,7 @@ class LocalSubscription:
 
     def close(self) -> None:
         """Want no more messages."""
-        self._topics.reception_closed(self)
+        self._topics.subscription_closed(self)
 
     def _matches(self, each: Publishing) -> bool:
         if each.refusal:
@@ -175,47 +175,47 @@ class LocalSubscription:
 class SubscriptionLink:
     """This process's subscriptions at one other process."""
 
-    def __init__(self, home: TopicsContext, address: Address) -> None:
+    def __init__(self, context: TopicsContext, address: Address) -> None:
         self.address = address
         self.peer_id = b""
         """The program at the other end, once connected."""
-        self.receptions: dict[int, LocalSubscription] = {}
+        self.subscriptions: dict[int, LocalSubscription] = {}
         """Those that want something of that process."""
-        self._home = home
+        self._context = context
         self._connection: CallingConnection | None = None
         self._is_answered = self._has_too_many = False
-        self._mute = home.id
+        self._mute = context.id
         """A program that is not asked: ourselves, by another address, or one without topics."""
-        self._task = home.loop.create_task(self._keep())
+        self._task = context.loop.create_task(self._keep())
 
-    def want(self, receptions: Iterable[LocalSubscription]) -> None:
+    def want(self, subscriptions: Iterable[LocalSubscription]) -> None:
         """Subscribe, now or as soon as there is a connection."""
-        for each in receptions:
-            if each.number in self.receptions:
+        for each in subscriptions:
+            if each.number in self.subscriptions:
                 continue
-            if len(self.receptions) >= wire.MAX_SUBSCRIPTIONS:
+            if len(self.subscriptions) >= wire.MAX_SUBSCRIPTIONS:
                 self._tell_of_too_many(each)
                 return
-            self.receptions[each.number] = each
+            self.subscriptions[each.number] = each
             self._subscribe(each)
 
-    def forget(self, reception: LocalSubscription) -> None:
+    def forget(self, subscription: LocalSubscription) -> None:
         """Unsubscribe."""
-        if self.receptions.pop(reception.number, None) is not None and self._connection:
-            self._connection.say(lambda session: wire.unsubscribe(session, reception.number))
+        if self.subscriptions.pop(subscription.number, None) is not None and self._connection:
+            self._connection.say(lambda session: wire.unsubscribe(session, subscription.number))
 
     def publishers_received(self, event: PublishersReceived) -> None:
         """The process has said who publishes a topic there."""
         self._is_answered = True
-        reception = self.receptions.get(event.subscription_id)
-        if reception is not None:
-            reception.announced(self, event.publishers)
+        subscription = self.subscriptions.get(event.subscription_id)
+        if subscription is not None:
+            subscription.announced(self, event.publishers)
 
     def published(self, event: MessageReceived, read: int) -> None:
         """A message came, with others of the same read."""
-        reception = self.receptions.get(event.subscription_id)
-        if reception is not None:
-            reception.arrived(self, event, read)
+        subscription = self.subscriptions.get(event.subscription_id)
+        if subscription is not None:
+            subscription.arrived(self, event, read)
 
     @property
     def is_connected(self) -> bool:
@@ -225,18 +225,18 @@ class SubscriptionLink:
     def close(self) -> asyncio.Task[None]:
         """Look for the process no more."""
         self._forget_counts()
-        for reception in list(self.receptions.values()):
-            self.forget(reception)
+        for subscription in list(self.subscriptions.values()):
+            self.forget(subscription)
         if self._connection is not None:
             self._connection.link = None
         self._task.cancel()
         return self._task
 
     async def _keep(self) -> None:
-        loop, failures, said = self._home.loop, 0, ""
+        loop, failures, said = self._context.loop, 0, ""
         while True:
             try:
-                connection = await self._home.dialler.connection(self.address, None)
+                connection = await self._context.dialler.connection(self.address, None)
             except TaskRpcError as error:
                 if said != str(error):
                     said = str(error)
@@ -245,7 +245,7 @@ class SubscriptionLink:
             else:
                 said, began = "", loop.time()
                 await self._use(connection)
-                self._home.availability.notify()  # perhaps it is dialled in vain from now on
+                self._context.availability.notify()  # perhaps it is dialled in vain from now on
                 if loop.time() - began >= STEADY:
                     failures = 0
                     continue
@@ -261,13 +261,13 @@ class SubscriptionLink:
         self._is_answered = False
         received = connection.received
         try:
-            for reception in self.receptions.values():
-                self._subscribe(reception)
+            for subscription in self.subscriptions.values():
+                self._subscribe(subscription)
             await asyncio.shield(connection.gone)
         finally:
             self._connection = None
-            for reception in self.receptions.values():
-                reception.forget(self)
+            for subscription in self.subscriptions.values():
+                subscription.forget(self)
         # One of whom nothing comes any more may only have lost its network.
         has_spoken = connection.received > received and not self._is_answered
         if has_spoken and isinstance(connection.why_closed, ProtocolError):
@@ -279,8 +279,8 @@ class SubscriptionLink:
             )
 
     def _forget_counts(self) -> None:
-        for reception in self.receptions.values():
-            reception.forget_counts(lambda peer_id, _: peer_id == self.peer_id)
+        for subscription in self.subscriptions.values():
+            subscription.forget_counts(lambda peer_id, _: peer_id == self.peer_id)
 
     def _tell_of_too_many(self, first: LocalSubscription) -> None:
         if not self._has_too_many:
@@ -288,13 +288,13 @@ class SubscriptionLink:
             log.warning(
                 "%s has %d subscriptions of this program, the most it takes; %s is one more",
                 self.address.place,
-                len(self.receptions),
+                len(self.subscriptions),
                 first.named.name,
             )
 
-    def _subscribe(self, reception: LocalSubscription) -> None:
+    def _subscribe(self, subscription: LocalSubscription) -> None:
         if self._connection is not None and self.peer_id != self._mute:
-            number, wanted = reception.number, reception.named
+            number, wanted = subscription.number, subscription.named
             self._connection.say(lambda session: wire.subscribe(session, number, wanted))
 
 

@@ -29,12 +29,12 @@ from taskrpc.transport.tcp.unix_sockets import (
     is_unix,
     path_of,
     remove_unix,
-    unix_voucher,
+    unix_peer_credentials,
 )
-from taskrpc.wire.handshake import Voucher
+from taskrpc.wire.handshake import PeerCredentials
 
 if TYPE_CHECKING:
-    from taskrpc.security.accounts import AccountBook
+    from taskrpc.security.accounts import AccountSource
     from taskrpc.transport.tcp.listening import Listener
 
 log = logging.getLogger("taskrpc.transport")
@@ -42,7 +42,7 @@ log = logging.getLogger("taskrpc.transport")
 POLL = 0.04
 """Seconds between two looks at the registry, while somebody waits for a change."""
 
-PATIENT_POLL = 0.1
+SLOW_POLL = 0.1
 """The same while only subscriptions wait, which always do."""
 
 _MAX_DOMAIN = 232
@@ -65,7 +65,7 @@ class TcpNetwork:
         token: bytes | None = None,
         tls: Tls | None = None,
         lab: Lab | None = None,
-        accounts: AccountBook | None = None,
+        accounts: AccountSource | None = None,
     ) -> None:
         self._tls = tls
         self._lab = None if lab is None else _address_of_lab(lab)
@@ -102,7 +102,7 @@ class TcpNetwork:
                 host,
                 certificate=self.certificate != "",
                 token=(self._peer_token or b"").decode(),
-                accounts=None if self.accounts is None else self.accounts.now,
+                accounts=None if self.accounts is None else self.accounts.current,
                 ca=self._tls is not None and self._tls.ca is not None,
             )
         tls = self._server_tls
@@ -133,21 +133,25 @@ class TcpNetwork:
         self._server_tls.context()  # its files may have changed
         return self._server_tls.certificate
 
-    def voucher(self, transport: asyncio.BaseTransport, *, serving: bool) -> Voucher | None:
+    def peer_credentials(
+        self, transport: asyncio.BaseTransport, *, serving: bool
+    ) -> PeerCredentials | None:
         """What a connection proves of the other side by itself."""
         sock = transport.get_extra_info("socket")
         if sock is not None and sock.family == getattr(socket, "AF_UNIX", None):
-            return unix_voucher(sock, serving=serving, has_accounts=self.accounts is not None)
+            return unix_peer_credentials(
+                sock, serving=serving, has_accounts=self.accounts is not None
+            )
         if not serving:
             # All our contexts check the server; it can check us where we show a certificate.
             encrypted = transport.get_extra_info("ssl_object") is not None
-            return Voucher("") if encrypted and self._tls and self._tls.key else None
+            return PeerCredentials("") if encrypted and self._tls and self._tls.key else None
         certificate = transport.get_extra_info("peercert")
         if not certificate or (self._peer_token and self.accounts is None):
             return None  # a token that was given must be proved beside the certificate
-        return Voucher(common_name(certificate))
+        return PeerCredentials(common_name(certificate))
 
-    def channel(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
+    def channel_binding(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
         """The digest of the certificate that the server showed, empty for a plain connection."""
         encrypted = transport.get_extra_info("ssl_object")
         if encrypted is None:
@@ -157,9 +161,9 @@ class TcpNetwork:
         assert self._server_tls is not None, "only then connections that come are encrypted"
         return self._server_tls.shown_with(encrypted.context)
 
-    def publish(self, roster: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
+    def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
         """Tell everybody on this machine of a change to what this process has."""
-        self._registry.publish(roster, change, claim=claim)
+        self._registry.publish(tracked, change, claim=claim)
 
     def locate(self, service: str) -> list[Address]:
         """Whom to ask for a service."""
@@ -167,12 +171,12 @@ class TcpNetwork:
             return self.peers()
         here = [
             replace(
-                _address(roster.about),
+                _address(tracked.about),
                 surely_offers=True,
-                type_hash=roster.services[service].type_hash,
+                type_hash=tracked.services[service].type_hash,
             )
-            for roster in self._registry.rosters()
-            if roster.about.address and roster.offers(service)
+            for tracked in self._registry.tracked_entries()
+            if tracked.about.address and tracked.offers(service)
         ]
         return here + self.peers()
 
@@ -180,10 +184,10 @@ class TcpNetwork:
         """Which other processes publish any of these topics, or must be asked."""
         found: list[tuple[Address, Collection[str]]] = [(peer, topics) for peer in self.peers()]
         if not self._peers:
-            for roster in self._registry.others():
-                if roster.about.address:
-                    there = [topic for topic in topics if roster.publishes(topic)]
-                    found += [(_address(roster.about), there)] if there else []
+            for tracked in self._registry.others():
+                if tracked.about.address:
+                    there = [topic for topic in topics if tracked.publishes(topic)]
+                    found += [(_address(tracked.about), there)] if there else []
         return found
 
     def entries(self) -> list[RegistryEntry]:
@@ -197,7 +201,7 @@ class TcpNetwork:
         if not self._peers:
             return lab
         # A peer on this machine, of this user, is in the registry with all that it wants.
-        here = [_address(roster.about) for roster in self._registry.rosters()]
+        here = [_address(tracked.about) for tracked in self._registry.tracked_entries()]
         known = {each.place: each for each in [*lab, *here] if each.place}
         given = self._peer_token or b""
         if account_of(given):  # who gives an account's token wants to be that account
@@ -212,11 +216,11 @@ class TcpNetwork:
             self._seen, self._looked = self._registry.signature(), now
         return self._seen
 
-    async def changed(self, mark: object, is_hurried: Callable[[], bool]) -> None:
+    async def changed(self, mark: object, polls_fast: Callable[[], bool]) -> None:
         """Return when the registry looks different from the mark."""
         # A watcher per platform would be quicker, but this runs only while somebody waits.
         while self.mark() == mark:  # noqa: ASYNC110 - other processes set no Event
-            await asyncio.sleep(POLL if is_hurried() else PATIENT_POLL)
+            await asyncio.sleep(POLL if polls_fast() else SLOW_POLL)
 
     async def stop_listening(self) -> None:
         """Take no more connections."""

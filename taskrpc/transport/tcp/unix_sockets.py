@@ -11,7 +11,7 @@ from pathlib import Path
 
 from taskrpc import platform
 from taskrpc.errors import CannotListen, PermissionDenied, TaskRpcError
-from taskrpc.wire.handshake import Voucher
+from taskrpc.wire.handshake import PeerCredentials
 
 PREFIX = "unix:"
 
@@ -71,14 +71,16 @@ def remove_unix(path: str, made: os.stat_result) -> None:
             file.unlink()
 
 
-def unix_voucher(sock: socket.socket, *, serving: bool, has_accounts: bool) -> Voucher | None:
+def unix_peer_credentials(
+    sock: socket.socket, *, serving: bool, has_accounts: bool
+) -> PeerCredentials | None:
     """What the system says of the other end.
 
     Raises PermissionDenied for a program of another user that calls a server without accounts.
     """
     uid = platform.peer_user(sock)
     if uid is not None and (uid == 0 or platform.is_this_user(uid)):
-        return Voucher("", is_owner=True)
+        return PeerCredentials("", is_owner=True)
     if serving and not has_accounts:
         raise PermissionDenied("this socket is for programs of its own user only")
     return None

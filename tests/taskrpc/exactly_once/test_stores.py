@@ -9,7 +9,7 @@ from functools import partial
 import pytest
 
 from taskrpc import MemoryCompletions, SqliteCompletions
-from taskrpc.errors import StoreError, told
+from taskrpc.errors import StoreError, text_for_callers
 from taskrpc.request_ids.ids import Completion, CompletionStore
 
 TABLE = "CREATE TABLE IF NOT EXISTS stock (part TEXT PRIMARY KEY, count INTEGER CHECK (count >= 0))"
@@ -144,7 +144,7 @@ async def test_schema_with_a_mistake_is_refused_in_memory_too():
 async def test_sql_text_is_not_for_callers(tables, effect):
     with pytest.raises(StoreError, match="secrets") as caught:
         await complete(tables.store, completion(1), effect)
-    assert told(caught.value) == "nothing was stored; the server's log says why"
+    assert text_for_callers(caught.value) == "nothing was stored; the server's log says why"
 
 
 @pytest.mark.parametrize("kind", ["MemoryCompletions", "memory", "file"])
@@ -157,7 +157,7 @@ async def test_sql_text_of_a_schema_is_not_for_callers(tmp_path, kind):
         asked = SqliteCompletions(path, schema).recall()
     with pytest.raises(StoreError, match="tables cannot be made: no such table: secrets") as caught:
         await asked
-    assert told(caught.value) == "nothing was stored; the server's log says why"
+    assert text_for_callers(caught.value) == "nothing was stored; the server's log says why"
 
 
 async def test_wrong_query_is_blamed_on_the_query(tables):

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 import taskrpc
 from taskrpc import Account, Accounts, Role
 from taskrpc.security import accounts as accounts_module
-from taskrpc.security.accounts import AccountBook, read_accounts
+from taskrpc.security.accounts import AccountSource, read_accounts
 from taskrpc.security.tls import Tls
 from taskrpc.transport import endpoint
 from tests.taskrpc.transport.helpers import Add, Gate, add, ask, outcome, until
@@ -197,21 +197,21 @@ async def test_a_new_account_may_call_without_a_restart(file):
 
 
 async def test_a_broken_file_changes_nothing_but_the_log(file, caplog):
-    book = AccountBook(file)
-    before = book.now
+    source = AccountSource(file)
+    before = source.current
     file.write_text("{")
     with caplog.at_level(logging.INFO, "taskrpc"):
-        assert book.look() is False
-        assert book.look() is False
-    assert book.now is before
+        assert source.refresh() is False
+        assert source.refresh() is False
+    assert source.current is before
     (line,) = caplog.messages
     assert line.startswith("the accounts stay as they were: ")
     write(file, ANA)
-    assert book.look() is True
-    assert [each.name for each in book.now] == ["ana"]
+    assert source.refresh() is True
+    assert [each.name for each in source.current] == ["ana"]
     file.unlink()
-    assert book.look() is False
-    assert len(book.now) == 1
+    assert source.refresh() is False
+    assert len(source.current) == 1
 
 
 @posix
@@ -230,46 +230,46 @@ async def test_a_broken_file_changes_nothing_but_the_log(file, caplog):
 def test_a_file_that_others_can_read_takes_away_and_gives_nothing(tmp_path, change, role, caplog):
     """A revocation must hold although an editor has saved the file with another mode."""
     file = write(tmp_path / "accounts.json", ANA, OTTO)
-    book = AccountBook(file)
+    source = AccountSource(file)
     write(file, *change, mode=0o644)
-    assert book.look() is True
-    found = book.now.find("ana", 2.0)
+    assert source.refresh() is True
+    found = source.current.find("ana", 2.0)
     assert (None if found is None else (found.role, found.secret)) == (
         None if role is None else (role, ANA.secret)
     )
-    assert book.now.find("otto", 2.0) == OTTO
-    assert book.now.find("eye", 2.0) is None
+    assert source.current.find("otto", 2.0) == OTTO
+    assert source.current.find("eye", 2.0) is None
     (line,) = caplog.messages
     assert line.startswith("only the restrictions in this file of accounts take effect: ")
     assert line.endswith(f"do `chmod 600 {file}`")
     file.chmod(0o600)
-    assert book.look() is True
-    assert {each.name for each in book.now} == {each.name for each in change}
+    assert source.refresh() is True
+    assert {each.name for each in source.current} == {each.name for each in change}
 
 
 @posix
 def test_a_file_that_others_can_write_changes_nothing(file, caplog):
-    book = AccountBook(file)
-    before = book.now
+    source = AccountSource(file)
+    before = source.current
     write(file, OTTO, mode=0o666)
-    assert book.look() is False
-    assert book.now is before
+    assert source.refresh() is False
+    assert source.current is before
     (line,) = caplog.messages
     assert line.startswith("the accounts stay as they were: ")
     assert "mode is 0666" in line
 
 
 def test_invalid_file_of_accounts_is_logged_again(file, caplog, monkeypatch):
-    book = AccountBook(file)
+    source = AccountSource(file)
     file.write_text("{")
-    book.look()
+    source.refresh()
     monkeypatch.setattr(accounts_module, "TELL_EVERY", 0.0)
-    book.look()
+    source.refresh()
     first, second = caplog.messages
     assert first == second
     write(file, ANA)
-    book.look()
-    book.look()
+    source.refresh()
+    source.refresh()
     assert len([record for record in caplog.records if record.levelname == "ERROR"]) == 2
 
 
@@ -353,7 +353,7 @@ def test_a_mark_that_an_editor_leaves_does_no_harm(tmp_path):
 
 def test_a_missing_file_is_named(tmp_path):
     with pytest.raises(taskrpc.TaskRpcError, match=r"none\.json: No such file"):
-        AccountBook(tmp_path / "none.json")
+        AccountSource(tmp_path / "none.json")
 
 
 @pytest.fixture(scope="module")

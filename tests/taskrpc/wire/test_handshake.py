@@ -13,7 +13,7 @@ from taskrpc.wire.base_session import HANDSHAKE_LIMIT
 from taskrpc.wire.connection_state import ConnectionState
 from taskrpc.wire.events import Closed, LargeRequestBegan, Ready, RequestReceived, ServicesChanged
 from taskrpc.wire.frames import LARGE, MAGIC, FrameType, pack_frame
-from taskrpc.wire.handshake import Voucher
+from taskrpc.wire.handshake import PeerCredentials
 from taskrpc.wire.messages import DEFAULT_LIMITS, Auth, Hello, HelloAck, Limits, Resolve
 from taskrpc.wire.session import Session
 from tests.taskrpc.wire.helpers import (
@@ -58,7 +58,9 @@ def why_closed(events):
 def test_proofs_are_compared_by_compare_digest_and_in_no_other_way(token, monkeypatch):
     comparisons = Comparisons().watch(monkeypatch)
     pair = ConnectionPair(replace(CLIENT, token=token))
-    pair.server.vouch(Voucher("", is_owner=True))  # so that the empty token is compared as well
+    pair.server.set_peer_credentials(
+        PeerCredentials("", is_owner=True)
+    )  # so that the empty token is compared as well
     pair.run()
     assert comparisons.received == 1 + (token == CLIENT.token)
     assert comparisons.in_constant_time == 2
@@ -125,8 +127,8 @@ def test_a_recorded_handshake_does_not_open_another_connection():
 @pytest.mark.parametrize(("mine", "theirs"), [(b"", b"k"), (b"k", b""), (b"k", b"l")])
 def test_a_proof_holds_for_its_own_connection_only(mine, theirs):
     pair = ConnectionPair()
-    pair.client.vouch(None, mine)
-    pair.server.vouch(None, theirs)
+    pair.client.set_peer_credentials(None, mine)
+    pair.server.set_peer_credentials(None, theirs)
     at_client, at_server = pair.run()
     assert isinstance(why_closed(at_server), AuthenticationFailed)
     assert isinstance(why_closed(at_client), AuthenticationFailed)
@@ -135,7 +137,7 @@ def test_a_proof_holds_for_its_own_connection_only(mine, theirs):
 def test_both_sides_know_the_same_of_an_encrypted_connection():
     pair = ConnectionPair()
     for end in (pair.client, pair.server):
-        end.vouch(None, b"k" * 32)
+        end.set_peer_credentials(None, b"k" * 32)
     pair.run()
     assert pair.client.state is pair.server.state is ConnectionState.OPEN
 
@@ -143,7 +145,7 @@ def test_both_sides_know_the_same_of_an_encrypted_connection():
 def test_a_server_that_believes_to_speak_on_another_connection_is_left():
     """It proves the token, but not to us: somebody stands between."""
     client, server = Session(CLIENT, is_client=True), Session(SERVER, is_client=False)
-    server.vouch(None, b"k")
+    server.set_peer_credentials(None, b"k")
     receive(server, b"".join(client.take()))
     receive(client, b"".join(server.take()))
     nonces = CLIENT.nonce + SERVER.nonce

@@ -13,7 +13,7 @@ from taskrpc.wire import messages
 from taskrpc.wire.connection_state import ConnectionState
 from taskrpc.wire.events import Closed, Ready
 from taskrpc.wire.frames import MAGIC, FrameType, pack_frame
-from taskrpc.wire.handshake import Voucher
+from taskrpc.wire.handshake import PeerCredentials
 from taskrpc.wire.messages import Auth, Hello
 from taskrpc.wire.session import Session
 from tests.taskrpc.wire.helpers import CLIENT, SERVER, TOKEN, ConnectionPair, receive
@@ -27,17 +27,17 @@ ACCOUNTS = Accounts(
     ]
 )
 KNOWING = replace(SERVER, accounts=ACCOUNTS, today=100.0)
-CERTIFICATE = Voucher("ana")
-OWNER = Voucher("", is_owner=True)
+CERTIFICATE = PeerCredentials("ana")
+OWNER = PeerCredentials("", is_owner=True)
 
 
-def shaken(token=b"", server=KNOWING, voucher=None, trusted=None):
+def shaken(token=b"", server=KNOWING, credentials=None, trusted=None):
     """What both sides learn of a handshake."""
     pair = ConnectionPair(replace(CLIENT, token=token), server)
-    if voucher is not None:
-        pair.server.vouch(voucher)
+    if credentials is not None:
+        pair.server.set_peer_credentials(credentials)
     if trusted is not None:
-        pair.client.vouch(trusted)
+        pair.client.set_peer_credentials(trusted)
     at_client, at_server = pair.run()
     return at_client, at_server[-1] if at_server else None
 
@@ -106,7 +106,7 @@ def test_a_server_without_accounts_knows_only_its_own_token():
 
 
 @pytest.mark.parametrize(
-    ("voucher", "accounts", "expected"),
+    ("credentials", "accounts", "expected"),
     [
         (CERTIFICATE, ACCOUNTS, ("ana", Role.OPERATE)),
         (CERTIFICATE, None, ("", Role.ADMIN)),
@@ -114,9 +114,9 @@ def test_a_server_without_accounts_knows_only_its_own_token():
         (OWNER, None, ("", Role.ADMIN)),
     ],
 )
-def test_what_the_connection_has_proved_stands_for_a_token(voucher, accounts, expected):
+def test_what_the_connection_has_proved_stands_for_a_token(credentials, accounts, expected):
     server = replace(KNOWING, accounts=accounts)
-    assert right(shaken(b"", server, voucher, trusted=OWNER)[1]) == expected
+    assert right(shaken(b"", server, credentials, trusted=OWNER)[1]) == expected
 
 
 @pytest.mark.parametrize(
@@ -128,14 +128,16 @@ def test_what_the_connection_has_proved_stands_for_a_token(voucher, accounts, ex
     ],
 )
 def test_a_certificate_of_no_account_is_refused_where_there_are_accounts(name, why):
-    assert why_not(shaken(b"", KNOWING, Voucher(name), trusted=OWNER)[1])[1] == why
+    assert why_not(shaken(b"", KNOWING, PeerCredentials(name), trusted=OWNER)[1])[1] == why
     nobody = replace(KNOWING, accounts=Accounts())
-    assert why_not(shaken(b"", nobody, Voucher(name), trusted=OWNER)[1])[1].startswith("by its")
+    assert why_not(shaken(b"", nobody, PeerCredentials(name), trusted=OWNER)[1])[1].startswith(
+        "by its"
+    )
 
 
 def test_an_account_is_believed_before_the_certificate_beside_it():
     assert right(shaken(TOKEN, KNOWING, CERTIFICATE)[1]) == ("", Role.ADMIN)
-    assert right(shaken(ANA.token.encode(), KNOWING, Voucher("eve"))[1])[0] == "ana"
+    assert right(shaken(ANA.token.encode(), KNOWING, PeerCredentials("eve"))[1])[0] == "ana"
 
 
 def test_the_empty_token_opens_nothing_that_nobody_vouches_for():
@@ -166,7 +168,9 @@ KEYS = {
 NAMES = st.sampled_from(["", "ana", "late", "gone", "eve", "Ana", "ana."]) | st.text(
     "an.@ é", max_size=5
 )
-VOUCHERS = st.none() | st.sampled_from([OWNER, *map(Voucher, ["ana", "late", "eve", ""])])
+CREDENTIALS = st.none() | st.sampled_from(
+    [OWNER, *map(PeerCredentials, ["ana", "late", "eve", ""])]
+)
 
 
 def control(type_, body):
@@ -177,48 +181,48 @@ def proof(key, role, mine, theirs):
     return Auth(hmac.digest(key, b"taskrpc " + role + mine + theirs, hashlib.sha256))
 
 
-def deserved(name, key, voucher, accounts):
+def deserved(name, key, credentials, accounts):
     """By the documentation: whom the server must see, None for nobody."""
     if key == ("ana" if name == "ana" and accounts else "own"):
         return ("ana", Role.OPERATE) if key == "ana" else ("", Role.ADMIN)
-    if key != "empty" or voucher is None:
+    if key != "empty" or credentials is None:
         return None
-    if voucher.is_owner or not accounts:
+    if credentials.is_owner or not accounts:
         return "", Role.ADMIN
-    return ("ana", Role.OPERATE) if voucher.name == "ana" else None
+    return ("ana", Role.OPERATE) if credentials.name == "ana" else None
 
 
 @given(
     NAMES,
     st.sampled_from(list(KEYS)),
-    VOUCHERS,
+    CREDENTIALS,
     st.sampled_from([b"client", b"client", b"client", b"server", b""]),
     st.sampled_from([SERVER.nonce, SERVER.nonce, SERVER.nonce, bytes(16), CLIENT.nonce]),
     st.booleans(),
 )
 @settings(max_examples=200)
-def test_nobody_is_more_than_what_he_proves(name, key, voucher, role, theirs, with_accounts):
+def test_nobody_is_more_than_what_he_proves(name, key, credentials, role, theirs, with_accounts):
     server = replace(KNOWING, accounts=ACCOUNTS if with_accounts else None)
     session = Session(server, is_client=False)
-    if voucher is not None:
-        session.vouch(voucher)
+    if credentials is not None:
+        session.set_peer_credentials(credentials)
     hello = Hello(1, 1, CLIENT.id, CLIENT.nonce, 0, "/stranger", name)
     auth = proof(KEYS[key], role, CLIENT.nonce, theirs)
     stream = MAGIC + control(FrameType.HELLO, hello) + control(FrameType.AUTH, auth)
     *_, event = receive(session, stream)
-    expected = deserved(name, key, voucher, with_accounts)
+    expected = deserved(name, key, credentials, with_accounts)
     if role != b"client" or theirs != SERVER.nonce:
         expected = None
     assert (right(event) if isinstance(event, Ready) else None) == expected
 
 
-def conversation(token, number, voucher=None):
+def conversation(token, number, credentials=None):
     """What both sides of one connection say, frame by frame; its nonces are its own."""
     mine, theirs = (bytes([number, side]) * 8 for side in (1, 2))
     pair = ConnectionPair(replace(CLIENT, token=token, nonce=mine), replace(KNOWING, nonce=theirs))
-    if voucher is not None:
-        pair.server.vouch(voucher)
-        pair.client.vouch(voucher)
+    if credentials is not None:
+        pair.server.set_peer_credentials(credentials)
+        pair.client.set_peer_credentials(credentials)
     said = []
     for end in (pair.server, pair.client) * 2:
         pair.collect()
@@ -230,10 +234,10 @@ def conversation(token, number, voucher=None):
 
 OVERHEARD = [
     frame
-    for number, (token, voucher) in enumerate(
+    for number, (token, credentials) in enumerate(
         [(TOKEN, None), (ANA.token.encode(), None), (b"", CERTIFICATE), (b"", OWNER)]
     )
-    for frame in conversation(token, number, voucher)
+    for frame in conversation(token, number, credentials)
 ]
 
 

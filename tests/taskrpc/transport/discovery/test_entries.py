@@ -1,4 +1,4 @@
-"""A roster kept up to date says what an entry made anew would say."""
+"""A tracked kept up to date says what an entry made anew would say."""
 
 from collections import Counter
 
@@ -23,7 +23,7 @@ def endpoint(name):
 
 @given(st.lists(st.tuples(st.sampled_from(["node", "client", "service"]), NAMES, st.booleans())))
 def test_what_came_and_has_not_gone_is_there_as_often_as_it_came(steps):
-    roster = TrackedEntry(ABOUT)
+    tracked = TrackedEntry(ABOUT)
     expected = {"node": Counter(), "client": Counter(), "service": Counter()}
     for kind, name, gone in steps:
         counts = expected[kind]
@@ -31,40 +31,40 @@ def test_what_came_and_has_not_gone_is_there_as_often_as_it_came(steps):
             continue
         counts[name] += -1 if gone else 1
         item = name if kind == "node" else endpoint(name)
-        roster.apply(EntryChange(**{kind: item}, gone=gone))
-    entry = roster.entry()
+        tracked.apply(EntryChange(**{kind: item}, gone=gone))
+    entry = tracked.entry()
     assert Counter(entry.nodes) == +expected["node"]
     assert Counter(entry.clients) == Counter(map(endpoint, expected["client"].elements()))
     assert Counter(entry.services) == Counter(map(endpoint, expected["service"].elements()))
     assert TrackedEntry(entry).entry() == entry
     for name in "abc":
         offered = any(name in one for one in (+expected["service"]))
-        assert roster.offers(f"/{name}") == entry.offers(f"/{name}") == offered
+        assert tracked.offers(f"/{name}") == entry.offers(f"/{name}") == offered
 
 
 def test_an_entry_is_not_made_anew_while_nothing_changes():
-    roster = TrackedEntry(ABOUT)
-    roster.apply(EntryChange(node="/a"))
-    assert roster.entry() is roster.entry()
+    tracked = TrackedEntry(ABOUT)
+    tracked.apply(EntryChange(node="/a"))
+    assert tracked.entry() is tracked.entry()
 
 
 def test_a_roster_learns_where_its_process_takes_calls():
-    roster = TrackedEntry(ABOUT)
-    roster.apply(EntryChange(address="127.0.0.1:7", token="ab", certificate="PEM"))
-    roster.apply(EntryChange(node="/a"))
-    entry = roster.entry()
+    tracked = TrackedEntry(ABOUT)
+    tracked.apply(EntryChange(address="127.0.0.1:7", token="ab", certificate="PEM"))
+    tracked.apply(EntryChange(node="/a"))
+    entry = tracked.entry()
     assert (entry.address, entry.token, entry.certificate) == ("127.0.0.1:7", "ab", "PEM")
     assert "ab" not in repr(entry)
 
 
 def test_the_oldest_node_is_the_first_that_is_still_there():
-    roster = TrackedEntry(ABOUT)
-    assert roster.first_node == ""
+    tracked = TrackedEntry(ABOUT)
+    assert tracked.first_node == ""
     for node in ("/a", "/b"):
-        roster.apply(EntryChange(node=node))
-    assert roster.first_node == "/a"
-    roster.apply(EntryChange(node="/a", gone=True))
-    assert roster.first_node == "/b"
+        tracked.apply(EntryChange(node=node))
+    assert tracked.first_node == "/a"
+    tracked.apply(EntryChange(node="/a", gone=True))
+    assert tracked.first_node == "/b"
 
 
 def test_no_repr_has_a_secret():

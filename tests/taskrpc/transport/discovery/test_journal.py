@@ -79,7 +79,7 @@ def said(data, file):
 
 def read_on(file, reader):
     reader.read(file.fileno())
-    return reader.roster and reader.roster.entry()
+    return reader.tracked and reader.tracked.entry()
 
 
 @settings(max_examples=20)
@@ -89,14 +89,14 @@ def test_wherever_a_write_ends_readers_find_the_old_state_or_the_new(changes, tm
     with pytest.MonkeyPatch.context() as monkeypatch, scratch(folder) as cut:
         monkeypatch.setattr(module, "_SLACK", 0)  # so that new entries are often written
         disk = Disk(monkeypatch)
-        journal, roster = Journal(folder / "journal"), TrackedEntry(ABOUT)
+        journal, tracked = Journal(folder / "journal"), TrackedEntry(ABOUT)
         # They look at each, and at every fiftieth, of the states.
         readers = {1: JournalReader(), 50: JournalReader()}
         old, looks = None, 0
         for change in changes:
-            journal.write(roster, change)
+            journal.write(tracked, change)
             states, disk.states = disk.states, []
-            allowed = (old, ABOUT, roster.entry()) if old is None else (old, roster.entry())
+            allowed = (old, ABOUT, tracked.entry()) if old is None else (old, tracked.entry())
             for data in states:
                 looks += 1
                 found = said(data, cut)
@@ -104,7 +104,7 @@ def test_wherever_a_write_ends_readers_find_the_old_state_or_the_new(changes, tm
                 for step, reader in readers.items():
                     if looks % step == 0:
                         assert read_on(cut, reader) == found
-            old = roster.entry()
+            old = tracked.entry()
             assert said(states[-1], cut) == old
         journal.close()
 
@@ -122,20 +122,20 @@ def test_a_full_disk_leaves_the_old_state_and_the_next_write_succeeds(
     with pytest.MonkeyPatch.context() as monkeypatch:
         monkeypatch.setattr(module, "_SLACK", 0)
         disk = Disk(monkeypatch)
-        journal, roster = Journal(path), TrackedEntry(ABOUT)
+        journal, tracked = Journal(path), TrackedEntry(ABOUT)
         for number, change in enumerate(changes):
             if number == at:
                 disk.fails_after = full
-                before = roster.entry()
+                before = tracked.entry()
                 try:
-                    journal.write(roster, change)
+                    journal.write(tracked, change)
                 except OSError:
-                    assert roster.entry() == before
+                    assert tracked.entry() == before
                 disk.fails_after = None
-            journal.write(roster, change)
+            journal.write(tracked, change)
             with path.open("rb") as file:
                 reader.read(file.fileno())
-            assert reader.roster.entry() == roster.entry()
+            assert reader.tracked.entry() == tracked.entry()
         journal.close()
 
 
@@ -151,22 +151,22 @@ def test_a_reader_takes_no_line_twice_and_none_out_of_turn(tmp_path):
 
 def test_a_journal_stays_small_however_much_comes_and_goes(tmp_path):
     path = tmp_path / "journal"
-    journal, roster = Journal(path), TrackedEntry(ABOUT)
+    journal, tracked = Journal(path), TrackedEntry(ABOUT)
     for n in range(2000):
-        journal.write(roster, EntryChange(node="/n", gone=bool(n % 2)))
+        journal.write(tracked, EntryChange(node="/n", gone=bool(n % 2)))
         assert path.stat().st_size < 8192
     journal.close()
 
 
 def test_a_reader_reads_on_instead_of_beginning_anew(tmp_path, monkeypatch):
     path = tmp_path / "journal"
-    journal, roster, reader = Journal(path), TrackedEntry(ABOUT), JournalReader()
+    journal, tracked, reader = Journal(path), TrackedEntry(ABOUT), JournalReader()
     read, total = os.read, []
     monkeypatch.setattr(os, "read", lambda *args: total.append(read(*args)) or total[-1])
     for n in range(1000):
-        journal.write(roster, EntryChange(node=f"/n{n}"))
+        journal.write(tracked, EntryChange(node=f"/n{n}"))
         with path.open("rb") as file:
             reader.read(file.fileno())
-    assert reader.roster.entry() == roster.entry()
+    assert reader.tracked.entry() == tracked.entry()
     assert sum(map(len, total)) < 12 * path.stat().st_size
     journal.close()

@@ -52,11 +52,11 @@ def files(registry):
 
 def test_what_one_process_publishes_the_others_see(registry, other):
     mine = entry(services=(ADD,), address="127.0.0.1:7", token="ab")
-    roster = TrackedEntry(mine)
-    registry.publish(roster, EntryChange())
+    tracked = TrackedEntry(mine)
+    registry.publish(tracked, EntryChange())
     assert other.entries() == [mine]
-    registry.publish(roster, EntryChange(node="/a"))
-    registry.publish(roster, EntryChange(service=ADD, gone=True))
+    registry.publish(tracked, EntryChange(node="/a"))
+    registry.publish(tracked, EntryChange(service=ADD, gone=True))
     changed = entry(nodes=("/a",), address="127.0.0.1:7", token="ab")
     assert other.entries() == registry.entries() == [changed]
 
@@ -150,14 +150,14 @@ def test_a_reader_never_sees_half_an_entry(registry):
     """Neither torn contents nor a living process missing, while its entry grows and shrinks."""
     stop = threading.Event()
     names = [f"/node{n}_{'x' * 50}" for n in range(300)]
-    roster = TrackedEntry(entry())
-    registry.publish(roster, EntryChange())
+    tracked = TrackedEntry(entry())
+    registry.publish(tracked, EntryChange())
 
     def write():
         while not stop.is_set():
             for gone in (False, True):
                 for name in names:
-                    registry.publish(roster, EntryChange(node=name, gone=gone))
+                    registry.publish(tracked, EntryChange(node=name, gone=gone))
 
     writer = threading.Thread(target=write)
     writer.start()
@@ -213,10 +213,10 @@ def test_every_change_changes_the_signature(registry, other, monkeypatch):
     """Also where the system's clock stands still, and over many new entries of one length."""
     monkeypatch.setattr(time, "time_ns", lambda: 10**18)
     seen = {other.signature()}
-    roster = TrackedEntry(entry())
+    tracked = TrackedEntry(entry())
     for _ in range(250):
         for gone in (False, True):
-            registry.publish(roster, EntryChange(node="/n", gone=gone))
+            registry.publish(tracked, EntryChange(node="/n", gone=gone))
             seen.add(other.signature())
     registry.close()
     seen.add(other.signature())
@@ -224,10 +224,10 @@ def test_every_change_changes_the_signature(registry, other, monkeypatch):
 
 
 def test_readers_see_each_of_many_changes_at_once(registry, other):
-    roster = TrackedEntry(entry())
+    tracked = TrackedEntry(entry())
     for n in range(300):
-        registry.publish(roster, EntryChange(node="/n", client=ADD, gone=bool(n % 2)))
-        assert other.entries() == [roster.entry()]
+        registry.publish(tracked, EntryChange(node="/n", client=ADD, gone=bool(n % 2)))
+        assert other.entries() == [tracked.entry()]
 
 
 def test_of_two_who_claim_a_name_at_once_one_gets_it(registry):
@@ -235,11 +235,11 @@ def test_of_two_who_claim_a_name_at_once_one_gets_it(registry):
     wins = []
 
     def claim(own):
-        roster = TrackedEntry(entry())
+        tracked = TrackedEntry(entry())
         for n in range(60):
             service = ServiceEndpoint(f"/s{n}", "a/srv/B", "RIHS01_1", "/a")
             try:
-                own.publish(roster, EntryChange(service=service), claim=service.name)
+                own.publish(tracked, EntryChange(service=service), claim=service.name)
             except taskrpc.NameInUse:
                 continue
             wins.append(n)
@@ -271,14 +271,14 @@ def test_what_is_written_for_a_service_does_not_grow_with_their_number(registry,
     written = []
     write = os.write
     monkeypatch.setattr(os, "write", lambda fd, data: written.append(len(data)) or write(fd, data))
-    roster = TrackedEntry(entry())
+    tracked = TrackedEntry(entry())
 
     def spent(count):
         written.clear()
         for _ in range(count):
-            name = f"/s{len(roster.services)}"
+            name = f"/s{len(tracked.services)}"
             registry.publish(
-                roster, EntryChange(service=ServiceEndpoint(name, "a/srv/B", "R", "/a"))
+                tracked, EntryChange(service=ServiceEndpoint(name, "a/srv/B", "R", "/a"))
             )
         return sum(written) / count
 
@@ -289,17 +289,17 @@ def test_what_is_written_for_a_service_does_not_grow_with_their_number(registry,
 def test_each_server_of_one_name_is_kept_until_it_goes(registry, other):
     """Nodes of one program may offer the same name."""
     first, second = (ServiceEndpoint("/s", "a/srv/B", "R", node) for node in ("/a", "/b"))
-    roster = TrackedEntry(entry())
+    tracked = TrackedEntry(entry())
     for server in (first, second, second):
-        registry.publish(roster, EntryChange(service=server))
+        registry.publish(tracked, EntryChange(service=server))
     (seen,) = other.entries()
     assert sorted(each.node for each in seen.services) == ["/a", "/b", "/b"]
     assert sorted(each.node for each in TrackedEntry(seen).entry().services) == ["/a", "/b", "/b"]
     for server in (second, first):
-        registry.publish(roster, EntryChange(service=server, gone=True))
-        assert roster.offers("/s")
-    registry.publish(roster, EntryChange(service=second, gone=True))
-    assert not roster.offers("/s")
+        registry.publish(tracked, EntryChange(service=server, gone=True))
+        assert tracked.offers("/s")
+    registry.publish(tracked, EntryChange(service=second, gone=True))
+    assert not tracked.offers("/s")
     assert other.entries()[0].services == ()
 
 
@@ -367,9 +367,9 @@ def test_every_change_changes_the_signature_also_where_the_clock_stands_ahead(
     registry, other, monkeypatch
 ):
     monkeypatch.setattr(time, "time_ns", lambda: 3 * 10**18)
-    roster, seen = TrackedEntry(entry()), []
+    tracked, seen = TrackedEntry(entry()), []
     for gone in (False, True, False):
-        registry.publish(roster, EntryChange(node="/n", gone=gone))
+        registry.publish(tracked, EntryChange(node="/n", gone=gone))
         seen.append(other.signature())
     assert len(set(seen)) == 3
 

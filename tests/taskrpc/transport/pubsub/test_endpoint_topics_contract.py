@@ -365,7 +365,7 @@ async def test_in_a_lab_a_relative_name_means_the_labs_topic_while_one_has_none_
     pose.publish(Int32(data=3))
     await until(lambda: absolute and got[-1].data == 2)
     own.destroy()
-    await until(lambda: subscription._elsewhere.matched and not subscription._reception.matched)
+    await until(lambda: subscription._elsewhere.matched and not subscription._receiver.matched)
     pose.publish(Int32(data=4))
     await until(lambda: got[-1].data == 4)
     assert numbers(got) == [1, 2, 4]

@@ -32,7 +32,7 @@ async def joined(net, qos=10, topic="text"):
 
 def reading_end(subscription):
     """The transport on which a subscription's messages come."""
-    (link,) = subscription._reception._topics._links.values()
+    (link,) = subscription._receiver._topics._links.values()
     return link._connection.transport
 
 
@@ -49,7 +49,7 @@ async def fill(publisher, first=0):
 
 
 def owed(publisher):
-    (feed,) = publisher._publication.feeds.values()
+    (feed,) = publisher._sender.feeds.values()
     return feed._subscriber.owed
 
 
@@ -107,9 +107,9 @@ async def test_a_subscriber_that_goes_while_it_is_owed_something_leaves_nothing(
     publisher, subscription, _ = await joined(net, 5)
     reading_end(subscription).pause_reading()
     await fill(publisher)
-    subscriber = next(iter(publisher._publication.feeds))
+    subscriber = next(iter(publisher._sender.feeds))
     reading_end(subscription).abort()
-    await until(lambda: subscriber not in publisher._publication.feeds)
+    await until(lambda: subscriber not in publisher._sender.feeds)
     assert subscriber.subscriber.owed == 0
     await until(publisher.get_subscription_count)  # it comes again by itself
 

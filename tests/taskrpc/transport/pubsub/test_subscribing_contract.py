@@ -61,7 +61,7 @@ async def test_a_call_is_heard_beside_a_flood_that_is_never_read_up(net):
     calling = client.create_client(Add, "add")
     await until(publisher.get_subscription_count)
     assert await calling.wait_for_service(60)
-    (feed,) = publisher._publication.feeds.values()
+    (feed,) = publisher._sender.feeds.values()
     over = asyncio.Event()
 
     async def flood():
@@ -165,7 +165,7 @@ async def test_a_program_that_names_itself_among_its_peers_gets_its_messages_onc
 async def test_publishers_of_one_topic_never_share_a_number(net):
     talker, listener = await net.node("talker"), await net.node("listener")
     first = talker.create_publisher(Int32, "counts")
-    talker._transport.topics._publishers = first._publication.number - 3 & 0xFFFF
+    talker._transport.topics._last_number = first._sender.number - 3 & 0xFFFF
     others = [talker.create_publisher(Int32, "counts") for _ in range(5)]
     got = []
     subscription = listener.create_subscription(Int32, "counts", got.append)
@@ -186,7 +186,7 @@ async def test_publishers_that_come_and_go_while_nobody_reads_leave_nothing(net)
     while not steady.lost:
         steady.publish(String(data="x" * 60_000))
         await asyncio.sleep(0)
-    (feed,) = steady._publication.feeds.values()
+    (feed,) = steady._sender.feeds.values()
     for _ in range(100):
         passing = talker.create_publisher(String, "text", 5)
         passing.publish(String(data="x"))
@@ -221,7 +221,7 @@ async def test_messages_that_are_not_valid_do_not_fill_the_log(net, caplog):
     got = []
     publisher, subscription = await joined(net, got.append)
     for _ in range(300):
-        publisher._publication.publish(b"\xc1")
+        publisher._sender.publish(b"\xc1")
     publisher.publish(Int32(data=1))
     await until(lambda: got)
     lines = [text for text in caplog.messages if text.startswith("a message of /counts is not")]
@@ -289,7 +289,7 @@ async def test_who_subscribes_without_end_is_cut_off_and_the_others_notice_nothi
     subscription = client.create_subscription(Int32, "counts", print)
     await until(subscription.get_publisher_count)
     (link,) = client._transport.topics._links.values()
-    wanted = subscription._reception.named
+    wanted = subscription._receiver.named
 
     def subscribe_without_end(session):
         for number in range(10, wire.MAX_SUBSCRIPTIONS + 20):
@@ -323,11 +323,11 @@ async def test_thousands_of_subscriptions_that_come_and_go_leave_nothing(net):
         some.clear()
         del subscription
     (link,) = listener._transport.topics._links.values()
-    assert list(link.receptions.values()) == [keeper._reception]
+    assert list(link.subscriptions.values()) == [keeper._receiver]
     ours = listener._transport.topics
-    assert [list(these) for these in ours._receptions.values()] == [[keeper._reception]]
+    assert [list(these) for these in ours._local_subscriptions.values()] == [[keeper._receiver]]
     theirs = talker._transport.topics
-    assert [len(these) for these in theirs._wanted.values()] == [1]
+    assert [len(these) for these in theirs._remote_subscriptions.values()] == [1]
     gc.collect()
     alive = [each for each in gc.get_objects() if isinstance(each, topic.Subscription)]
     assert [each for each in alive if each.topic_name == "/counts"] == [keeper]
@@ -368,7 +368,7 @@ async def test_many_publishers_of_one_turn_are_told_together_and_before_their_me
     subscription = listener.create_subscription(Int32, "counts", hear)
     await until(subscription.get_publisher_count)
     told = []
-    reception = subscription._reception
+    reception = subscription._receiver
     announced = reception.announced
     reception.announced = lambda link, publishers: [
         told.append(len(publishers)),
@@ -394,7 +394,7 @@ async def test_whatever_a_caller_makes_of_topic_frames_the_others_notice_nothing
     other.create_subscription(Int32, "counts", got.append, 100)
     await until(lambda: publisher.get_subscription_count() == 2)
     chance = random.Random(7)
-    wanted = [mine._reception.named, *_wishes(mine._reception.named)]
+    wanted = [mine._receiver.named, *_wishes(mine._receiver.named)]
 
     def misuse(session):
         kind, number = chance.choice((14, 14, 14, 15, 16)), chance.choice((0, 1, 2, 3, 2**32 - 1))
