@@ -1,7 +1,7 @@
-"""The seam between nodes and any transport: offer services, call them, list processes.
+"""The interface between nodes and any transport: offer services, call them, list processes.
 
-Nothing above this module knows whether TCP frames, memory or another middleware lies below. The
-seam passes typed messages: how they are encoded is the transport's business.
+The layers above know only this interface, not TCP, memory or another middleware. It passes typed
+messages; the transport encodes them.
 """
 
 from __future__ import annotations
@@ -37,48 +37,48 @@ class Mode(IntEnum):
 
 
 class IncomingCall(CallInfo, eq=False):
-    """A call that arrived: `request`, and exactly one of `reply` and `fail` to end it."""
+    """A call that arrived. End it with exactly one of `reply` and `fail`."""
 
     request: Any
     on_cancel: Callable[[], object] | None
-    """Set by the service when it runs the call and can stop it."""
+    """Called by `cancel`; the service sets it when it runs the call and can stop it."""
     started: bool
-    """Set by the service when it runs the call; before, the call certainly did not run."""
+    """Whether the service has begun to run the call; the service sets it."""
     received_id: ReceivedId | None
-    """The request id, None where the service is not exactly-once."""
+    """The request id; None if the service is not exactly-once."""
     arrived: float
-    """The instant when it was read, on the loop's clock."""
+    """When the request was read, on the loop's clock."""
 
     def reply(self, response: Any, body: bytes | None = None) -> None:
-        """Answer with a response message; `body` is the same, encoded by its `Codec`, if known.
+        """Send a response message; `body` is the message encoded by its `Codec`, if known.
 
-        Raises InvalidRequest for a response that cannot be sent; the call is still open then.
+        Raises InvalidRequest for a response that cannot be sent; the call stays open then.
         """
         raise NotImplementedError
 
     def reply_in_thread(self, body: bytes) -> bool:
-        """Answer from another thread; False where only the event loop can."""
+        """Send a response from another thread; False if only the event loop can send it."""
         return False
 
     def fail(self, error: TaskRpcError) -> None:
-        """Answer with an error."""
+        """Send an error."""
         raise NotImplementedError
 
     @property
     def flow(self) -> Hashable:
-        """The key in the fair queue: calls with the same key wait behind each other."""
+        """The key in the fair queue; calls with the same key run in order of arrival."""
         return self.principal or self.caller
 
     def must_wait(self) -> bool:
-        """Whether there is no room for the response; then `postpone` the call."""
+        """Whether unread responses leave no room for this one; then `postpone` the call."""
         return False
 
     def postpone(self) -> None:
-        """Serve the call again once there is room for its response."""
+        """Pass the call to the service again once there is room for its response."""
         raise NotImplementedError
 
     def lost(self) -> None:
-        """The way back to the caller is gone; one that counts its requests will come again."""
+        """Handle a lost connection: cancel the call, unless its caller can repeat it by id."""
         if self.received_id is None:
             self.cancel()
 
@@ -96,17 +96,17 @@ class Offer(msgspec.Struct, frozen=True, eq=False):
     """Absolute."""
     srv_type: ServiceType
     node: str
-    """The offering node's fully qualified name."""
+    """The fully qualified name of the node."""
     serve: Callable[[IncomingCall], None]
-    """Takes each call; returns at once, and answers later."""
+    """Takes each call; returns at once, and responds later."""
     mode: Mode = Mode.AT_MOST_ONCE
     join: bool = False
     """Whether other processes may offer the same name."""
     store_id: Callable[[], asyncio.Future[bytes]] | None = None
-    """For exactly-once services: the store's name, as soon as it is known. A store that could not
-    be read is read again for whoever asks."""
+    """For exactly-once services: returns a future of the store's id. If reading the store failed,
+    each further call reads it again."""
     observer: Observer | None = None
-    """Receives the begin and the end of each call."""
+    """Gets a report of the start and the end of each call."""
     role: Role = Role.SUBMIT
     """The lowest role that may call."""
 
@@ -115,30 +115,30 @@ class SentCall(Protocol):
     """A call that was sent over a channel."""
 
     future: asyncio.Future[Any]
-    """Yields the response, or an error. Its class is asyncio's own, which awaits fastest; whoever
-    cancels it must say so to `give_up`."""
+    """Yields the response, or an error. Code that cancels it must call `give_up` afterwards.
+    asyncio's own class is used because awaiting it is fastest."""
     counter: RequestCounter | None
-    """The counter that gave the call its sequence number, None without one."""
+    """The counter that gave the call its sequence number; None without one."""
     sequence: int
-    """The sequence number, 0 without one."""
+    """The sequence number; 0 without one."""
 
     def give_up(self, future: asyncio.Future[Any] | None = None) -> None:
         """Cancel the call at the server, if the future was cancelled."""
 
 
 OnDone: TypeAlias = Callable[[Any, BaseException | None], object]
-"""Called at a call's end with its response and None, or with None and its error."""
+"""Called when a call ends: with the response and None, or with None and the error."""
 
 
 class WaitingThread(Protocol):
     """A call that a thread has sent and waits for."""
 
     def wait(self) -> Any:
-        """Sleep until there is a response, and return it; raises the call's error."""
+        """Block until the call ends; return the response, or raise the error."""
 
 
 class CallbackCall(Protocol):
-    """A call that a thread has sent; a function is called at its end."""
+    """A call that a thread has sent without waiting; it calls a function when it ends."""
 
     def give_up(self) -> None:
         """Cancel the call; the function is not called."""
@@ -152,12 +152,12 @@ class Unsent(Protocol):
 
 
 class Channel(Protocol):
-    """A client's way to one service, kept open over reconnects."""
+    """A client's connection to one service; it survives reconnects. Deadlines: the loop's clock."""
 
     span_of: Callable[[], bytes] | None
     """Returns the trace span to send with a request, b"" for none."""
     on_refusal: Callable[[TaskRpcError], object]
-    """Called once for each error that keeps `wait` from an existing service; logs by default."""
+    """Called once for each error with which an existing service refuses; logs it by default."""
 
     @property
     def offered(self) -> bool:
@@ -169,26 +169,23 @@ class Channel(Protocol):
 
     @property
     def store_id(self) -> bytes:
-        """The store of an exactly-once service; known once connected."""
+        """The store of an exactly-once service, else b""; known once connected."""
 
     async def connect(self, deadline: float | None) -> None:
-        """Find the service and reach it.
+        """Find a server of the service and connect to it.
 
-        Raises ServiceUnavailable at once when nobody offers it, TypeMismatch, or whatever stood in
-        the way.
+        Raises ServiceUnavailable at once if no process offers the service or none can be reached,
+        and TypeMismatch, AuthenticationFailed or PermissionDenied if every server refuses.
         """
 
     def begin_when_connected(self, call: Unsent) -> None:
-        """Begin a call as soon as the channel is connected, in the order of these requests.
-
-        So no call is sent before one that was made earlier and waits for the connection.
-        """
+        """Begin a call once the channel is connected; waiting calls begin in order."""
 
     def forget_waiting(self, call: Unsent) -> None:
         """Remove a call that still waits for the connection."""
 
     async def wait(self, deadline: float | None) -> bool:
-        """Wait until the service is there; False at the deadline or once closed."""
+        """Wait until the service is available; False at the deadline or once closed."""
 
     @property
     def ready(self) -> bool:
@@ -196,7 +193,7 @@ class Channel(Protocol):
 
     @property
     def service_name(self) -> str:
-        """Absolute; of what is called, once that is known."""
+        """The absolute name of the service; once connected, of the one that was reached."""
 
     def counter(self) -> RequestCounter:
         """Return the counter for the next request to the store of this exactly-once service."""
@@ -204,19 +201,19 @@ class Channel(Protocol):
     def send(
         self, request: Any, deadline: float | None, request_id: RequestId | None = None
     ) -> SentCall | None:
-        """Send a request; None where `connect` must come before, or a request id is needed.
+        """Send a request; None if `connect` must come before, or if a request id is needed.
 
-        A call that the server certainly did not begin, since it ends or withdrew the service, moves
-        to another server unseen.
+        If the server shuts down or withdraws the service before it begins the call, the channel
+        sends the call to another server.
 
         Raises InvalidRequest for a request that cannot be sent.
         """
 
     def send_to_others(self, request: Any, answered: Callable[[Any], object]) -> Future[None]:
-        """Have all other servers of the name run the request, too: in ROS 2 each of them does.
+        """Send the request to all other servers of the name too, as ROS 2 does.
 
-        `answered(response)` is called, on the loop's thread, with each of their responses. What is
-        returned is done once the request was sent to all of them.
+        `answered(response)` is called with each of their responses, on the loop's thread. The
+        returned future is done once the request was sent to all of them.
         """
 
     def send_next(self, request: Any, deadline: float | None) -> SentCall | None:
@@ -226,7 +223,7 @@ class Channel(Protocol):
         """
 
     def send_in_thread(self, request: Any, deadline: float | None) -> WaitingThread | None:
-        """Send a request from another thread than the loop's; None where only the loop can.
+        """Send a request from another thread than the loop's; None if only the loop can send it.
 
         Raises InvalidRequest for a request that cannot be sent.
         """
@@ -237,22 +234,22 @@ class Channel(Protocol):
         """Like `send_in_thread`; `tell(response, error)` is called on the event loop."""
 
     def close(self) -> None:
-        """Forget the service; calls in flight still get their answers."""
+        """Close the channel; calls in flight still get their responses."""
 
 
 OnMismatch: TypeAlias = Callable[[str], object]
-"""Called on the event loop with what differs: `TYPE`, `RELIABILITY` or `DURABILITY`."""
+"""Called on the event loop with the difference: `TYPE`, `RELIABILITY` or `DURABILITY`."""
 
 Deliver: TypeAlias = Callable[[Body, int], object]
-"""Gets each message and a number, which messages of one read share. The number is 0 for messages
-of this process."""
+"""Called with each message and the number of the read that received it. Messages of one read have
+the same number; for messages of this process it is 0."""
 
 
 class TopicPublisher(Protocol):
-    """A publisher's way to the subscriptions of its topic."""
+    """The transport's part of a publisher: sends to the subscriptions of its topic."""
 
     def encode(self, message: Any) -> bytes:
-        """What `publish` takes. Raises InvalidRequest."""
+        """Return the message as bytes for `publish`. Raises InvalidRequest."""
 
     @property
     def matched(self) -> int:
@@ -260,31 +257,31 @@ class TopicPublisher(Protocol):
 
     @property
     def sent(self) -> int:
-        """Messages so far."""
+        """The number of messages so far."""
 
     @property
     def lost(self) -> int:
-        """Messages that were dropped for subscriptions that do not read, counted for each."""
+        """Messages that were dropped because a subscription does not read, one for each."""
 
     def publish(self, body: bytes) -> None:
-        """Send a message to all of them."""
+        """Send a message to all matched subscriptions."""
 
     on_matched: Callable[[], object]
-    """Called on the loop when other subscriptions match."""
+    """Called on the loop when the matched subscriptions have changed."""
 
     def forget_latched(self) -> None:
         """Forget the messages that are kept for later subscriptions."""
 
     def close(self) -> None:
-        """Publish no more."""
+        """End the publisher."""
 
 
 class TopicSubscription(Protocol):
-    """A subscription's way to the publishers of its topic."""
+    """The transport's part of a subscription: receives from the publishers of its topic."""
 
     @property
     def decode(self) -> Callable[[Body], Any]:
-        """Makes what was delivered a message. Raises InvalidRequest."""
+        """Turns a delivered body into a message. Raises InvalidRequest."""
 
     @property
     def matched(self) -> int:
@@ -295,7 +292,7 @@ class TopicSubscription(Protocol):
         """Messages of these publishers that did not arrive."""
 
     on_matched: Callable[[], object]
-    """Called on the loop when other publishers match."""
+    """Called on the loop when the matched publishers have changed."""
 
     def close(self) -> None:
         """End the subscription."""
@@ -307,7 +304,7 @@ class Transport(Protocol):
     def hand_over(self, action: Callable[[], object]) -> None:
         """Run an action of another thread on the event loop.
 
-        Until it has run, other threads send nothing themselves, so that the order is kept.
+        Until it has run, threads send nothing directly, because that would change the order.
         """
 
     def add_node(self, name: str) -> None:
@@ -317,24 +314,24 @@ class Transport(Protocol):
         """Withdraw a node's announcement."""
 
     def offer(self, offer: Offer) -> None:
-        """Take calls for a service. Raises NameInUse when another process has the name."""
+        """Accept calls for a service. Raises NameInUse if another process has the name."""
 
     def withdraw(self, offer: Offer) -> None:
-        """Stop taking calls for a service; those that came before may still be answered."""
+        """Accept no more calls for a service; earlier calls may still get responses."""
 
     def add_server(self, server: ServiceEndpoint) -> None:
-        """Announce another server of a service of this process; it takes no calls itself."""
+        """Announce another server of a service of this process; it gets no calls itself."""
 
     def remove_server(self, server: ServiceEndpoint) -> None:
-        """Withdraw such an announcement."""
+        """Withdraw the announcement of `add_server`."""
 
     def replace(self, offer: Offer, by: Offer) -> None:
-        """Take the calls that come from now on for another offer of the same service."""
+        """Pass new calls of a service to the offer `by`."""
 
     def channel(
         self, name: str, srv_type: ServiceType, node: str, *, otherwise: str = ""
     ) -> Channel:
-        """A way to call a service for a node; the service `otherwise` where nobody offers it."""
+        """Return a node's channel to a service; to `otherwise` if no process offers the first."""
 
     def create_publisher(
         self,
@@ -343,9 +340,9 @@ class Transport(Protocol):
         role: Role,
         on_mismatch: OnMismatch | None = None,
     ) -> TopicPublisher:
-        """A way to publish for a node; `role` is the least that a subscriber must be.
+        """Create a publisher; `role` is the lowest role of a subscriber.
 
-        Subscriptions that do not match are logged, unless `on_mismatch` is to be told.
+        A subscription that does not match is logged, or reported to `on_mismatch`.
         """
 
     def create_subscription(
@@ -355,20 +352,20 @@ class Transport(Protocol):
         deliver: Deliver,
         on_mismatch: OnMismatch | None = None,
     ) -> TopicSubscription:
-        """A way to subscribe for a node."""
+        """Create a subscription; a publisher that does not match is logged or reported."""
 
     async def graph(self) -> list[RegistryEntry]:
-        """Every process that can be seen: its nodes, and what they have."""
+        """Return the entries of all processes that this one can see."""
 
     async def definition(self, name: str) -> tuple[str, str]:
-        """A service's type and the full text of its definition, from the server that has it."""
+        """Return a service's type and the full text of its definition, from its server."""
 
     def traffic(self) -> tuple[str, Connections, Connections]:
-        """A name for this transport's sockets, and what they have accepted and dialled."""
+        """Return this transport's id, and the counts of accepted and of dialled connections."""
 
     @property
     def address(self) -> str:
-        """Where this process takes calls, "" while it does not."""
+        """The address at which this process accepts calls; "" if it accepts none."""
 
     async def release(self) -> None:
-        """Give up this holder's share; the last one closes everything."""
+        """Release the transport for one node; the last node's release closes it."""

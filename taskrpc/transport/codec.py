@@ -1,4 +1,4 @@
-"""Message to msgpack and back: checked before sending, checked after receiving, never untyped."""
+"""Encodes messages as msgpack and decodes them; checks them before sending and after receiving."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from taskrpc.wire.frames import Body
 
 
 class MessageType(Protocol):
-    """What srvgen's message classes (loaded or generated) have, as far as a transport needs it."""
+    """The attributes of srvgen's message classes that a transport needs; see `srvgen._runtime`."""
 
     _TYPE: str
     _FIELDS: tuple[tuple[str, str], ...]
@@ -26,7 +26,7 @@ class MessageType(Protocol):
 
 
 class ServiceType(Protocol):
-    """What srvgen's service classes have, as far as a transport needs it."""
+    """The attributes of srvgen's service classes that a transport needs."""
 
     Request: Any
     Response: Any
@@ -36,7 +36,7 @@ class ServiceType(Protocol):
 
 
 def _encode_array(value: Any) -> Any:
-    """Numeric arrays know how they travel; nothing else that msgspec does not know may."""
+    """Encode a numeric array, the only value in messages that msgspec does not know."""
     try:
         return value.little_endian()
     except AttributeError:
@@ -47,17 +47,18 @@ _encode = msgspec.msgpack.Encoder(enc_hook=_encode_array).encode
 _PROBLEM = re.compile(r"^(.*?)(?: - at `\$(.*)`)?$", re.DOTALL)
 
 KEPT_CLASSES = 1024
-"""Message classes whose codecs are kept; a program may make any number of classes as it runs."""
+"""Message classes whose codecs are cached; a program can create any number of classes."""
 
 _HARMLESS = 2**24
-"""Bytes of memory that a body may make msgspec fill with defaults."""
+"""Bytes of memory that msgspec may fill with default values for one body."""
 
 
 class Codec:
-    """Encodes and decodes one message class; make one for each class and keep it.
+    """Encodes and decodes one message class; `codec_of` caches them.
 
-    `encode(message)` gives the body; it raises InvalidRequest for another type or a value out of
-    place. `decode(body)` gives the message; it raises InvalidRequest for a body of another class.
+    `encode(message)` returns the body. It raises InvalidRequest for another type, or if a value
+    does not fit its field. `decode(body)` returns the message. It raises InvalidRequest for a body
+    of another class.
     """
 
     __slots__ = ("_cls", "_shape", "decode", "encode")
@@ -65,13 +66,14 @@ class Codec:
     def __init__(self, cls: type[MessageType]) -> None:
         self._cls = cls
         self._shape: Callable[[Body], Any] | None = None
-        # Functions that find what they need in their own cells: every call goes through them.
+        """Checks that a body has every field; created for the first long body."""
+        # Closures instead of methods: every call uses them, and closure variables are fastest.
         self.encode: Callable[[Any], bytes] = self._encoder(cls)
         self.decode: Callable[[Body], Any] = self._decoder(cls)
 
     def _encoder(self, cls: type[MessageType]) -> Callable[[Any], bytes]:
         def encode(message: Any) -> bytes:
-            # A message that checks its fields is of a twin of the class.
+            # A message with checked fields has a class of its own, made from the original.
             if message.__class__ is not cls and getattr(message, "_ORIGINAL", None) is not cls:
                 raise InvalidRequest("", f"expected a {cls._TYPE}, got {_type_of(message)}")
             try:
@@ -84,10 +86,10 @@ class Codec:
 
     def _decoder(self, cls: type[MessageType]) -> Callable[[Body], Any]:
         decode_any = msgspec.msgpack.Decoder(cls).decode
-        # msgspec fills in what a short array leaves out; a body of the same definition has all.
+        # msgspec would fill in missing fields, but a body of the same definition has all fields.
         header = _array_header(cls._WIDTH)
-        # Every empty array in a sequence of messages makes msgspec fill in a whole message, so a
-        # few bytes could take any amount of memory; in a short body they are too few for that.
+        # For each empty array in a sequence of messages, msgspec creates a whole message. So a long
+        # body of empty arrays could take far more memory than its size: its shape is checked.
         largest = _largest_element(cls)
         harmless = _HARMLESS // largest if largest else None
         start = len(header)
@@ -126,7 +128,7 @@ def _array_header(width: int) -> bytes:
 
 
 def _field_path(cls: type[MessageType] | None, places: list[str]) -> str:
-    """`poses[3].header.frame_id` from the places that msgspec counts: 1, 3, 0, 1."""
+    """Return the path of a field: `poses[3].header.frame_id` for msgspec's indexes 1, 3, 0, 1."""
     path = ""
     rest = iter(places)
     for place in rest:
@@ -142,7 +144,7 @@ def _field_path(cls: type[MessageType] | None, places: list[str]) -> str:
 
 @lru_cache(KEPT_CLASSES)
 def _largest_element(cls: type[MessageType]) -> int:
-    """The memory of the largest message by default of which a sequence in this class has many."""
+    """Return the bytes of the largest default message that can be an element in this class."""
     sizes = [0]
     for name, type_ in cls._FIELDS:
         nested: Any = cls._NESTED.get(name)
@@ -152,7 +154,7 @@ def _largest_element(cls: type[MessageType]) -> int:
 
 
 def _memory(value: Any) -> int:
-    """The bytes, roughly, of a message by default, or of one of its values."""
+    """Estimate the bytes of a default message, or of one of its values."""
     size = sys.getsizeof(value)
     if hasattr(value, "_FIELDS"):
         return size + sum(_memory(getattr(value, name)) for name in value.__struct_fields__)
@@ -162,10 +164,10 @@ def _memory(value: Any) -> int:
 
 @lru_cache(KEPT_CLASSES)
 def _shape_of(cls: type[MessageType]) -> type[msgspec.Struct]:
-    """A class of the same fields, all required: it takes no more memory than what is sent."""
+    """Create a class with the same fields, all required, so that msgspec adds no defaults."""
     fields: list[tuple[str, Any]] = []
     hints = get_type_hints(cls)
-    attributes = cast("Any", cls).__struct_fields__  # a keyword's has an underscore more
+    attributes = cast("Any", cls).__struct_fields__  # a keyword has an underscore at its end
     for place, ((name, type_), attribute) in enumerate(zip(cls._FIELDS, attributes, strict=True)):
         nested: Any = cls._NESTED.get(name)
         inner: Any = hints[attribute] if nested is None else _shape_of(nested)
@@ -178,7 +180,7 @@ def _shape_of(cls: type[MessageType]) -> type[msgspec.Struct]:
 
 @lru_cache(KEPT_CLASSES)
 def codec_of(cls: type[Any]) -> Codec:
-    """The codec of a message class, made once."""
+    """Return the codec of a message class from the cache."""
     return Codec(cls)
 
 

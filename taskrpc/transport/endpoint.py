@@ -1,4 +1,4 @@
-"""What one event loop has in a network: its services, clients and connections."""
+"""One event loop's part of a network: its services, clients, topics and connections."""
 
 from __future__ import annotations
 
@@ -52,17 +52,19 @@ if TYPE_CHECKING:
 log = logging.getLogger("taskrpc.transport")
 
 TICK = 1.0
+"""Seconds between two checks of each connection."""
 SLICE, SLICES = 64, 20
-"""Connections that are looked after at once, where there are no more than both multiplied."""
+"""Connections that are checked at once, and the most groups into which a check is divided."""
 LISTING_TIMEOUT = 2.0
+"""Seconds for a peer to list its services."""
 CLOSE_TIMEOUT = 1.0
+"""Seconds for the connections to close."""
 
 
 class Endpoint(ThreadHandoff):
-    """The `Transport` that frames travel on; shared by the nodes of one loop and network.
+    """The `Transport` over connections; shared by the nodes of one loop and network.
 
-    `forget` is called when the last holder has gone and nobody may join any more. `threads` says
-    that other threads call too.
+    `forget` is called when the last node releases it. `threads`: other threads make calls too.
     """
 
     def __init__(
@@ -78,29 +80,38 @@ class Endpoint(ThreadHandoff):
         self._has_threads = threads
         self._calling = _calling_class(threads=threads)
         self.now = clock_of(self.loop)
+        """The event loop's clock."""
         self.network = network
         self.availability = Availability(network)
         self.dialler = Dialler(network, self._caller)
         self.read_buffer = memoryview(bytearray(READ_BUFFER))
         platform.keep_freed_memory(DEFAULT_LIMITS.body)
         self.address = ""
+        """The address at which it listens, "" before."""
         self.holders = 1
+        """The number of nodes that use this endpoint."""
         self.id = os.urandom(16)
+        """Identifies this endpoint in handshakes: as client id, and as the server's boot id."""
         self.call_numbers = itertools.count(1)
+        """The numbers of incoming calls, for log lines."""
         self.counters = RequestCounters(lambda: os.urandom(16))
         self.backpressure: Backpressure
-        """Made by `_take_connections`, as `calls_in_flight` is: many programs only call."""
+        """Set when the endpoint begins to listen, as `calls_in_flight` is: many only call."""
         self.calls_in_flight: CallsInFlight
         self.refusals = LimitedLog(log)
         self._offers = OfferTable()
         self.offers = self._offers.by_method
+        """The offers by method id."""
         self._own_entry = TrackedEntry(this_process())
-        self._served: dict[ServingConnection, None] = {}  # in order of arrival
+        """The registry entry of this process."""
+        self._served: dict[ServingConnection, None] = {}
+        """Connections on which this process is the server, in order of arrival."""
         self._admission: Admission | None = None
         self._ticker: asyncio.TimerHandle | None = None
+        """The timer of the next check; None while there is nothing to check."""
         self._forget = forget
         self._advertising = self._closed = False
-        self._called, self._calls = Traffic(), Traffic()
+        self._accepted_traffic, self._dialled_traffic = Traffic(), Traffic()
         self._topics: Topics | None = None
 
     # Transport: nodes, services, clients, topics
@@ -114,8 +125,8 @@ class Endpoint(ThreadHandoff):
         self.publish(EntryChange(node=name, gone=True))
 
     def offer(self, offer: Offer) -> None:
-        """Take calls for a service."""
-        self._take_connections()
+        """Accept calls for a service. Raises NameInUse if another process has the name."""
+        self._listen()
         self._offers.add(offer)
         try:
             self.publish(EntryChange(service=_named(offer)), claim="" if offer.join else offer.name)
@@ -125,21 +136,21 @@ class Endpoint(ThreadHandoff):
         self._advertise()
 
     def withdraw(self, offer: Offer) -> None:
-        """Stop taking calls for a service."""
+        """Accept no more calls for a service."""
         if self._offers.remove(offer):
             self.publish(EntryChange(service=_named(offer), gone=True))
             self._advertise()
 
     def add_server(self, server: ServiceEndpoint) -> None:
-        """Announce another server of a service of this process; it takes no calls itself."""
+        """Announce another server of a service of this process; it gets no calls itself."""
         self.publish(EntryChange(service=server))
 
     def remove_server(self, server: ServiceEndpoint) -> None:
-        """Withdraw such an announcement."""
+        """Withdraw the announcement of `add_server`."""
         self.publish(EntryChange(service=server, gone=True))
 
     def replace(self, offer: Offer, by: Offer) -> None:
-        """Take the calls that come from now on for another offer of the same service."""
+        """Pass new calls of a service to the offer `by`."""
         if self._offers.remove(offer):
             self._offers.add(by)
             self._advertise()
@@ -147,31 +158,31 @@ class Endpoint(ThreadHandoff):
     def channel(
         self, name: str, srv_type: ServiceType, node: str, *, otherwise: str = ""
     ) -> RemoteChannel:
-        """A way to call a service for a node; the service `otherwise` where nobody offers it."""
+        """Return a node's channel to a service; to `otherwise` if no process offers the first."""
         named = ServiceEndpoint(name, srv_type._TYPE, srv_type._HASH, node)
         self.publish(EntryChange(client=named))
         return RemoteChannel(self, named, srv_type, otherwise=otherwise)
 
     def channel_closed(self, named: ServiceEndpoint) -> None:
-        """A client is gone."""
+        """Withdraw the announcement of a client."""
         self.publish(EntryChange(client=named, gone=True))
 
     def create_publisher(
         self, named: TopicEndpoint, msg_type: Any, role: Role, on_mismatch: Any = None
     ) -> LocalPublisher:
-        """A publisher's way to its subscriptions."""
-        self._take_connections()
+        """Create a publisher, and begin to listen if necessary."""
+        self._listen()
         return self.topics.create_publisher(named, msg_type, role, on_mismatch)
 
     def create_subscription(
         self, named: TopicEndpoint, msg_type: Any, deliver: Any, on_mismatch: Any = None
     ) -> LocalSubscription:
-        """A subscription's way to the publishers of its topic."""
+        """Create a subscription."""
         return self.topics.create_subscription(named, msg_type, deliver, on_mismatch)
 
     @property
     def topics(self) -> Topics:
-        """What is published and subscribed here."""
+        """The publishers and subscriptions; created at the first use."""
         if self._topics is None:
             from taskrpc.transport.pubsub.endpoint_topics import Topics  # most programs have none
 
@@ -181,15 +192,15 @@ class Endpoint(ThreadHandoff):
     # Transport: the graph
 
     async def graph(self) -> list[RegistryEntry]:
-        """Every process that can be seen, unreachable peers left out."""
+        """Return the entries of all processes that this one can see and reach."""
         asked = [self._list_peer(address) for address in self.network.peers()]
         remote = await asyncio.gather(*asked)
         return self.network.entries() + [entry for entry in remote if entry is not None]
 
     async def definition(self, name: str) -> tuple[str, str]:
-        """A service's type and the full text of its definition.
+        """Return a service's type and the full text of its definition.
 
-        Raises ServiceUnavailable when nobody offers it, or what stood in the way of asking.
+        Raises ServiceUnavailable if no process offers it, or the error with which asking failed.
         """
         deadline = self.loop.time() + READY_TIMEOUT
         problem: TaskRpcError = ServiceUnavailable(f"nobody offers {name}")
@@ -206,14 +217,14 @@ class Endpoint(ThreadHandoff):
         raise problem
 
     def traffic(self) -> tuple[str, Connections, Connections]:
-        """Which endpoint this is, and what it has accepted and dialled."""
-        dialled = self._calls.counts(self.dialler.connections)
-        return self.id.hex(), self._called.counts(self._served), dialled
+        """Return this endpoint's id, and the counts of accepted and of dialled connections."""
+        dialled = self._dialled_traffic.counts(self.dialler.connections)
+        return self.id.hex(), self._accepted_traffic.counts(self._served), dialled
 
-    # Transport: ends
+    # Transport: shutdown
 
     async def release(self) -> None:
-        """Give up one holder's share; the last one closes everything."""
+        """Release the endpoint for one node; the last node's release closes it."""
         self.holders -= 1
         if self.holders:
             return
@@ -232,17 +243,17 @@ class Endpoint(ThreadHandoff):
             await self._ends(CLOSE_TIMEOUT)
             if self._ticker is not None:
                 self._ticker.cancel()
-        finally:  # whoever waits may be cancelled, as a callback is that destroys its own node
+        finally:  # a callback that destroys its own node is cancelled while it waits here
             self.network.close()
 
-    # Host: what connections ask
+    # For the connections
 
     def method_of(self, name: str) -> int:
         """The method id of a service, 0 if there is none."""
         return self._offers.method_of(name)
 
     def listing(self) -> Listing:
-        """Everything that this process offers."""
+        """The names in this process: nodes, services, clients and topics."""
         entry = self._own_entry.entry()
         return Listing(
             list(entry.nodes),
@@ -253,12 +264,12 @@ class Endpoint(ThreadHandoff):
         )
 
     def caller_proved(self, connection: ServingConnection) -> None:
-        """A caller has proved that he may be here."""
+        """Count a connection as authenticated: its handshake is done."""
         if self._admission is not None:
             self._admission.proved(connection)
 
     def connection_began(self, connection: Connection) -> None:
-        """A connection has its transport."""
+        """Count a new connection, and set what it proves about the peer."""
         self._traffic_of(connection).began()
         if connection.serves:
             served = cast("ServingConnection", connection)
@@ -268,10 +279,10 @@ class Endpoint(ThreadHandoff):
         elif isinstance(connection, CallingConnection):
             self.dialler.connections[connection] = None
         self._identify(connection)
-        self._look_again()
+        self._schedule_tick()
 
     def connection_ended(self, connection: Connection) -> None:
-        """A connection is gone."""
+        """Forget a connection that is gone."""
         self._traffic_of(connection).left(connection)
         if connection.serves:
             served = cast("ServingConnection", connection)
@@ -281,10 +292,10 @@ class Endpoint(ThreadHandoff):
         elif isinstance(connection, CallingConnection):
             self.dialler.ended(connection)
 
-    # Inside
+    # Listening and handshakes
 
-    def _take_connections(self) -> None:
-        """Listen, from the first service or publisher on."""
+    def _listen(self) -> None:
+        """Listen, if this is the first service or publisher."""
         if not self.address:
             from taskrpc.transport.limits.admission import Admission
             from taskrpc.transport.limits.backpressure import Backpressure
@@ -297,7 +308,7 @@ class Endpoint(ThreadHandoff):
             )
             self.address = self.network.listen(self._accepted)
             if self._watches_files:  # they may change before the first connection
-                self._look_again()
+                self._schedule_tick()
 
     @property
     def _watches_files(self) -> bool:
@@ -305,7 +316,7 @@ class Endpoint(ThreadHandoff):
         return bool(self.network.certificate) or (accounts is not None and accounts.may_change)
 
     def _traffic_of(self, connection: Connection) -> Traffic:
-        return self._called if connection.serves else self._calls
+        return self._accepted_traffic if connection.serves else self._dialled_traffic
 
     def _caller(self, address: Address) -> CallingConnection:
         name = self._own_entry.first_node or self._own_entry.about.script
@@ -317,7 +328,7 @@ class Endpoint(ThreadHandoff):
     def _accepted(self) -> ServingConnection:
         me, accounts = self._identity(self.network.token, ""), self.network.accounts
         if accounts is not None:
-            if self._ticker is None:  # nobody was here to look after
+            if self._ticker is None:  # without connections, no tick has read the file
                 accounts.refresh()
             me = msgspec.structs.replace(me, accounts=accounts.current, today=time.time())
         return _serving_class(threads=self._has_threads)(self, me)
@@ -340,7 +351,7 @@ class Endpoint(ThreadHandoff):
             connection.session.set_peer_credentials(credentials, binding)
 
     def publish(self, change: EntryChange, *, claim: str = "") -> None:
-        """Tell everybody of a change to what this process has."""
+        """Publish a change of this process's registry entry."""
         if self._closed:
             return
         about = self._own_entry.about
@@ -354,7 +365,7 @@ class Endpoint(ThreadHandoff):
         self.network.publish(self._own_entry, change, claim=claim)
 
     def _advertise(self) -> None:
-        """Tell callers of changed services: once, however many change in one turn of the loop."""
+        """Notify callers of changed services, once in a turn of the event loop."""
         if self._served and not self._advertising:
             self._advertising = True
             self.loop.call_soon(self._advertise_now)
@@ -379,7 +390,7 @@ class Endpoint(ThreadHandoff):
         return [*self._served, *self.dialler.connections]
 
     async def _ends(self, timeout: float) -> None:
-        """Wait for connections to close: transports must learn it while the loop still runs."""
+        """Wait until the connections are closed: their transports need the running loop."""
         ends = [connection.gone for connection in self._connections()]
         if ends:
             await asyncio.wait(ends, timeout=timeout)
@@ -387,18 +398,18 @@ class Endpoint(ThreadHandoff):
     def _tick(self) -> None:
         self._ticker = None
         connections = self._connections()
-        # First: whatever fails below, revoked accounts must be found a second later.
+        # First: even if something below fails, the next tick must find revoked accounts.
         if connections or (self.address and self._watches_files):
-            self._look_again()
+            self._schedule_tick()
         if self._admission is not None:
             self.backpressure.measure_all()
             self.calls_in_flight.settle()
-        # Thousands have their pings, and the time that this takes, spread over the second.
+        # With thousands of connections, their checks and pings are spread over the second.
         slices = min(SLICES, 1 + len(connections) // SLICE)
         for number in range(1, slices):
             part = connections[number::slices]
-            self.loop.call_later(TICK * number / slices, self._look_after, part)
-        self._look_after(connections[::slices])
+            self.loop.call_later(TICK * number / slices, self._check, part)
+        self._check(connections[::slices])
         if (accounts := self.network.accounts) is not None:
             accounts.refresh()
             for served in list(self._served):
@@ -406,11 +417,11 @@ class Endpoint(ThreadHandoff):
         if self.address and self.network.certificate != self._own_entry.about.certificate:
             self.publish(EntryChange())
 
-    def _look_again(self) -> None:
+    def _schedule_tick(self) -> None:
         if self._ticker is None and not self._closed:
             self._ticker = self.loop.call_later(TICK, self._tick)
 
-    def _look_after(self, connections: list[Connection]) -> None:
+    def _check(self, connections: list[Connection]) -> None:
         now = self.loop.time()
         for connection in connections:
             connection.tick(now)
@@ -439,19 +450,20 @@ def _named(offer: Offer) -> ServiceEndpoint:
 
 
 class OfferTable:
-    """At most one offer of a name; a number is never given twice."""
+    """The offers of an endpoint, at most one for each name; a method id is never used twice."""
 
     def __init__(self) -> None:
         self.by_method: dict[int, Offer] = {}
         self._methods: dict[str, int] = {}
+        """The method id of each service."""
         self._last = 0
 
     def method_of(self, name: str) -> int:
-        """The number of a service, 0 if there is none."""
+        """The method id of a service, 0 if there is none."""
         return self._methods.get(name, 0)
 
     def add(self, offer: Offer) -> None:
-        """One more; raises NameInUse where its name is taken."""
+        """Add an offer. Raises NameInUse if this process already offers its name."""
         if (method := self.method_of(offer.name)) != 0:
             node = self.by_method[method].node
             raise NameInUse(f"{offer.name} is already offered by the node {node} of this process")
@@ -460,7 +472,7 @@ class OfferTable:
         self.by_method[self._last] = offer
 
     def remove(self, offer: Offer) -> bool:
-        """One less; returns whether it was there."""
+        """Remove an offer; return whether it was there."""
         method = self.method_of(offer.name)
         if self.by_method.get(method) is not offer:
             return False

@@ -1,6 +1,6 @@
 """The network inside one event loop: the same frames and rules as TCP, without sockets.
 
-For users' tests, and for programs such as the demo that want to be seen by nobody. All endpoints
+For users' tests, and for programs that no other process shall see, such as the demo. All endpoints
 of one loop and domain see each other.
 """
 
@@ -25,43 +25,48 @@ if TYPE_CHECKING:
     from taskrpc.security.accounts import AccountSource
 
 HIGH_WATER, LOW_WATER = 65_536, 16_384
+"""Unread bytes at which an end must pause writing, and at which it may resume."""
 
 
 class Listener(msgspec.Struct, frozen=True, eq=False):
-    """Whoever takes connections at a place."""
+    """An endpoint that accepts connections."""
 
     program: str
     factory: Factory
     context: contextvars.Context
-    """That of whoever listens, not of whoever connects."""
+    """The context of the listening program; its side of a connection runs in it."""
 
 
 class Conditions(Protocol):
-    """What may happen to connections between the programs of a hub; see `taskrpc.testing`."""
+    """Faults of the connections between the programs of a hub; see `taskrpc.testing`."""
 
     async def connect(self, caller: str, listener: Listener) -> None:
-        """Return once the listener has heard of the caller. Raises OSError."""
+        """Return once the caller's connection reaches the listener. Raises OSError."""
 
     def join(
         self, client: asyncio.BufferedProtocol, caller: str, listener: Listener, name: str
     ) -> None:
-        """Connect the client with a new connection of the listener."""
+        """Connect the client to a new protocol object of the listener."""
 
 
 class Hub:
-    """What the endpoints of one loop share: the directory, and how to reach each other."""
+    """The registry that the endpoints of one loop and domain share."""
 
     def __init__(self) -> None:
         self.token = os.urandom(32)
         self.entries: dict[MemoryNetwork, TrackedEntry] = {}
         self.listeners: dict[str, Listener] = {}
+        """The listeners by address."""
         self.conditions: Conditions | None = None
+        """The faults to inject; None for a perfect network."""
         self.revision = 0
+        """Counts the changes of the entries."""
         self.names = 0
+        """Counts the addresses that were given."""
         self._next: asyncio.Future[None] | None = None
 
     def changed(self) -> None:
-        """Wake everybody who waits for a change."""
+        """Wake all tasks that wait for a change."""
         self.revision += 1
         if self._next is not None and not self._next.done():
             self._next.set_result(None)
@@ -80,7 +85,7 @@ _hubs: weakref.WeakKeyDictionary[asyncio.AbstractEventLoop, dict[int, Hub]] = (
 
 
 def hub_of(domain: int) -> Hub:
-    """What the endpoints of the running loop and a domain share."""
+    """Return the hub of the running loop and a domain."""
     hubs = _hubs.setdefault(asyncio.get_running_loop(), {})
     hub = hubs.get(domain)
     if hub is None:
@@ -89,7 +94,7 @@ def hub_of(domain: int) -> Hub:
 
 
 class MemoryNetwork:
-    """One endpoint's share in its loop's hub; `program` tells endpoints apart in tests."""
+    """The `Network` of one endpoint in a hub; `program` names the endpoint in tests."""
 
     certificate = ""
 
@@ -106,12 +111,12 @@ class MemoryNetwork:
         self.accounts = accounts
         self._hub = hub_of(domain)
         self.token = token or self._hub.token
-        # Who gives an account's token wants to be that account; others are known to the hub.
+        # With the token of an account, calls are made as this account; else with the hub's tokens.
         self._account_token = token if account_of(token or b"") else None
         self._place = ""
 
     def listen(self, factory: Factory) -> str:
-        """Take connections from now on."""
+        """Accept connections from now on; return the address."""
         self._hub.names += 1
         self._place = f"memory:{self._hub.names}"
         listener = Listener(self.program, factory, contextvars.copy_context())
@@ -119,7 +124,7 @@ class MemoryNetwork:
         return self._place
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
-        """Connect."""
+        """Connect. Raises OSError."""
         await asyncio.sleep(0)
         listener, conditions = self._listener(address), self._hub.conditions
         if conditions is None:
@@ -132,10 +137,10 @@ class MemoryNetwork:
         return client
 
     def peer_credentials(self, transport: asyncio.BaseTransport, *, serving: bool) -> None:
-        """Nothing: the token is proof enough."""
+        """Return None: only the token proves who the peer is."""
 
     def channel_binding(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
-        """Nothing: there is nobody between."""
+        """Return b"": nothing can relay a connection in memory."""
         return b""
 
     def _listener(self, address: Address) -> Listener:
@@ -145,7 +150,7 @@ class MemoryNetwork:
         return listener
 
     def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
-        """Tell everybody in this loop of a change to what this endpoint has."""
+        """Publish a change of this endpoint's entry. Raises NameInUse for a `claim` of another."""
         for network, other in self._hub.entries.items():
             if claim and network is not self and other.offers(claim):
                 raise NameInUse(f"{claim} is already offered by another node of this program")
@@ -154,7 +159,7 @@ class MemoryNetwork:
         self._hub.changed()
 
     def locate(self, service: str) -> list[Address]:
-        """Whom to ask for a service."""
+        """The endpoints that offer a service."""
         return [
             Address(
                 tracked.about.address,
@@ -167,7 +172,7 @@ class MemoryNetwork:
         ]
 
     def publishing(self, topics: Collection[str]) -> list[tuple[Address, Collection[str]]]:
-        """Which other endpoints of this loop publish any of these topics."""
+        """The other endpoints that publish some of these topics, with the topics."""
         found: list[tuple[Address, Collection[str]]] = []
         for network, tracked in self._hub.entries.items():
             there = [topic for topic in topics if tracked.publishes(topic)]
@@ -176,28 +181,28 @@ class MemoryNetwork:
         return found
 
     def _token_for(self, network: MemoryNetwork) -> bytes:
-        given = self._account_token
-        return network.token if given is None or network.accounts is None else given
+        own = self._account_token
+        return network.token if own is None or network.accounts is None else own
 
     def entries(self) -> list[RegistryEntry]:
-        """What every endpoint of this loop has."""
+        """The entries of all endpoints of this loop."""
         return [tracked.entry() for tracked in self._hub.entries.values()]
 
     def peers(self) -> list[Address]:
-        """Nobody: everybody is in the hub."""
+        """Return an empty list: all endpoints are in the hub."""
         return []
 
     def mark(self) -> object:
-        """What the hub looks like now."""
+        """The present state of the hub, for `changed`."""
         return self._hub.revision
 
     async def changed(self, mark: object, polls_fast: Callable[[], bool]) -> None:
-        """Return when the hub looks different from the mark."""
+        """Return once the hub differs from the mark."""
         while self._hub.revision == mark:
             await self._hub.next_change()
 
     async def stop_listening(self) -> None:
-        """Take no more connections."""
+        """Accept no more connections."""
         self._hub.listeners.pop(self._place, None)
 
     def close(self) -> None:
@@ -207,24 +212,28 @@ class MemoryNetwork:
 
 
 class Pipe(asyncio.Transport):
-    """One end of a connection in memory; what is written here is read at the other end."""
+    """One end of a connection in memory; the other end reads the bytes written here."""
 
     def __init__(self, protocol: asyncio.BufferedProtocol, name: str) -> None:
         super().__init__({"peername": name})
         self._loop = asyncio.get_running_loop()
         self._protocol = protocol
         self._inbox: deque[memoryview] = deque()
+        """Bytes from the other end that the protocol has not read."""
         self._inbox_size = 0
         self._reading = True
         self._delivery_planned = False
         self._writing_paused = False
         self._closing = False
+        """Whether this end was closed, by itself or after the other one."""
         self._lost = False
+        """Whether the protocol knows that the connection is gone."""
         self._ended = False
+        """Whether the other end was closed."""
         self.peer: Pipe
 
     def get_protocol(self) -> asyncio.BaseProtocol:
-        """Who reads here."""
+        """Return the protocol of this end."""
         return self._protocol
 
     def is_closing(self) -> bool:
@@ -232,7 +241,7 @@ class Pipe(asyncio.Transport):
         return self._closing
 
     def write(self, data: Any) -> None:
-        """Send bytes to the other end, which reads them in the loop's next turn."""
+        """Send bytes to the other end, which reads them in the next turn of the loop."""
         if not self._closing and data:
             self.peer._receive(bytes(data))
             if self.peer._inbox_size > HIGH_WATER and not self._writing_paused:
@@ -240,24 +249,24 @@ class Pipe(asyncio.Transport):
                 self._protocol.pause_writing()
 
     def get_write_buffer_size(self) -> int:
-        """Bytes that the other end has not read."""
+        """Return the number of bytes that the other end has not read."""
         return self.peer._inbox_size
 
     def pause_reading(self) -> None:
-        """Read nothing for now."""
+        """Stop passing bytes to the protocol."""
         self._reading = False
 
     def resume_reading(self) -> None:
-        """Read on."""
+        """Continue to pass bytes to the protocol."""
         self._reading = True
         self._plan_delivery()
 
     def is_reading(self) -> bool:
-        """Whether this end reads."""
+        """Whether bytes are passed to the protocol."""
         return self._reading
 
     def close(self) -> None:
-        """Close both ends, after what was written has been read."""
+        """Close both ends once the other end has read all bytes."""
         if not self._closing:
             self._closing = True
             self.peer._end()
@@ -276,12 +285,12 @@ class Pipe(asyncio.Transport):
             self._plan_delivery()
 
     def _end(self) -> None:
-        """The other end was closed: so is this one, once it has read everything."""
+        """Close this end once it has read all bytes: the other end was closed."""
         self._ended = True
         self._plan_delivery()
 
     def _reset(self) -> None:
-        """The other end was closed at once: nothing more is read."""
+        """Close this end without reading more: the other end was aborted."""
         self._inbox.clear()
         self._inbox_size = 0
         self._end()
@@ -302,7 +311,7 @@ class Pipe(asyncio.Transport):
             self._lose()
 
     def _caught_up(self) -> None:
-        """The other end has read most of what was written."""
+        """Resume writing: the other end has read most of the bytes."""
         self._writing_paused = False
         self._protocol.resume_writing()
 
@@ -327,7 +336,7 @@ class Pipe(asyncio.Transport):
 def join(
     client: asyncio.BufferedProtocol, server: asyncio.BufferedProtocol, name: str
 ) -> tuple[Pipe, Pipe]:
-    """Connect two protocols with each other."""
+    """Connect two protocols with each other; return both ends."""
     one, other = Pipe(client, name), Pipe(server, f"a client of {name}")
     one.peer, other.peer = other, one
     server.connection_made(other)

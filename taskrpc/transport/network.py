@@ -1,4 +1,4 @@
-"""What differs between TCP and memory: who is where, how to reach them, how to be reached."""
+"""The part of a transport that differs between TCP and memory: find, connect, and listen."""
 
 from __future__ import annotations
 
@@ -16,46 +16,47 @@ if TYPE_CHECKING:
 
 
 class Address(msgspec.Struct, frozen=True):
-    """Where a process takes calls, and the token that it wants to see."""
+    """Where a process accepts calls, and how to prove identity there."""
 
     place: str
     """`host:port`, or the name of an endpoint in memory."""
     token: bytes
+    """The secret that the caller must prove to know."""
     surely_offers: bool = False
-    """Whether a directory says that the wanted service is there (a bare peer must be asked)."""
+    """Whether the registry says that the process offers the service; peers must be asked."""
     type_hash: str = ""
-    """Of the definition that a directory says the service has there, "" where nobody says."""
+    """The type hash of the service, if the registry knows it, else ""."""
     certificate: str | None = None
-    """The one that a directory says is shown there (PEM), "" for none; None where nobody says."""
+    """The server's certificate (PEM), "" for a plain connection; None if it is unknown."""
     domain: int | None = None
-    """The one that it is in where that is another than ours."""
+    """The domain of the process, if it differs from this one's."""
     pid: int = 0
     """The process id, if the registry of this machine knows it, else 0."""
     script: str = ""
     """The script of that process."""
 
     def __repr__(self) -> str:
-        return f"Address({self.place!r})"  # without the token: what is printed ends in logs
+        return f"Address({self.place!r})"  # without the token: it must not appear in logs
 
 
 Factory = Callable[[], asyncio.BufferedProtocol]
 
 
 class Network(Protocol):
-    """The part of an endpoint that knows sockets, or does without."""
+    """The part of an endpoint that finds processes and connects to them."""
 
     token: bytes
-    """What callers of this process must prove to know."""
+    """The secret that callers of this process must prove to know."""
     domain: int
     accounts: AccountSource | None
-    """Who may call beside those who know the token; None where there are no accounts."""
+    """The accounts that may call, besides callers with the token; None without accounts."""
 
     @property
     def certificate(self) -> str:
-        """What callers of this process are shown now (PEM), "" for plain connections."""
+        """The current certificate of this process (PEM), "" for plain connections."""
 
     def listen(self, factory: Factory) -> str:
-        """Take connections from now on; returns the place. Raises CannotListen."""
+        """Accept connections from now on; return the address. Raises CannotListen."""
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
         """Connect. Raises OSError."""
@@ -63,40 +64,40 @@ class Network(Protocol):
     def peer_credentials(
         self, transport: asyncio.BaseTransport, *, serving: bool
     ) -> PeerCredentials | None:
-        """What a connection proves of the other side by itself.
+        """What a connection itself proves about the peer, before the handshake.
 
-        `serving` says that we are called on it. Raises PermissionDenied for one that may not stay.
+        `serving`: the peer is the caller. Raises PermissionDenied if the peer may not connect.
         """
 
     def channel_binding(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
-        """What both ends know of a connection, and nobody between them can have the same of two."""
+        """A value that both ends of a connection know; with a relay between them it differs."""
 
     def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
-        """Tell everybody of a change to what this process has; the tracked takes note of it.
+        """Publish a change of this process's entry, and apply it to `tracked`.
 
-        Raises NameInUse, and nothing has changed, if another process offers the service `claim`.
+        Raises NameInUse, and changes nothing, if another process offers the service `claim`.
         """
 
     def locate(self, service: str) -> list[Address]:
-        """Whom to ask for a service, the surest first."""
+        """The processes to ask for a service, the most certain first."""
 
     def publishing(self, topics: Collection[str]) -> list[tuple[Address, Collection[str]]]:
-        """Which other processes publish any of these topics, or must be asked, and which."""
+        """Other processes that publish some of these topics, or must be asked; with the topics."""
 
     def entries(self) -> list[RegistryEntry]:
-        """What the directory knows of every process, this one included."""
+        """The known entries of all processes, this one included."""
 
     def peers(self) -> list[Address]:
-        """Processes that are in no directory and must be asked themselves."""
+        """Processes that are not in the registry and must be asked directly."""
 
     def mark(self) -> object:
-        """What the directory looks like now."""
+        """The present state of the registry, for `changed`."""
 
     async def changed(self, mark: object, polls_fast: Callable[[], bool]) -> None:
-        """Return when the directory looks different from the mark."""
+        """Return once the registry differs from the mark; look more often if `polls_fast()`."""
 
     async def stop_listening(self) -> None:
-        """Take no more connections."""
+        """Accept no more connections."""
 
     def close(self) -> None:
-        """Leave no trace."""
+        """Remove the entry of this process."""

@@ -1,4 +1,4 @@
-"""One endpoint for all nodes of an event loop that want the same network."""
+"""Shares one endpoint between the nodes of an event loop that have the same settings."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from taskrpc.errors import TaskRpcError
-from taskrpc.security.lab import Lab, remembered_lab
+from taskrpc.security.lab import remembered_lab
 from taskrpc.security.roles import Accounts
 from taskrpc.security.tls import Tls
 from taskrpc.transport.base import Transport
@@ -38,35 +38,54 @@ def shared_transport(
     threads: bool = False,
     domain: int | None = None,
 ) -> Transport:
-    """The running loop's endpoint for these settings, made for the first who asks.
+    """Return the running loop's endpoint for these settings; the first call creates it.
 
-    `release()` it when done. `threads` says that other threads than the loop's call.
-
-    Raises TaskRpcError for an unknown name or wrong setting.
+    Each caller calls `release()` in the end. `threads`: other threads than the loop's make calls.
+    Raises TaskRpcError for an unknown name or an invalid setting.
     """
     domain = domain_id() if domain is None else domain
-    where = tuple(environment_peers() if peers is None else _listed(peers))
+    addresses = tuple(environment_peers() if peers is None else _listed(peers))
     lab = remembered_lab() if name == "tcp" else None
     endpoints = _endpoints.setdefault(asyncio.get_running_loop(), {})
     profile = keepalive_of(keepalive)
-    key = (name, domain, listen, where, token, tls, lab, accounts, profile)
-    endpoint = endpoints.get(key)
-    if endpoint is None:
-        secret = token.encode() if token else None
-        source = None if accounts is None else _account_source(accounts)
-        network = _network(name, domain, listen, where, secret, tls, lab, source)
-        # An endpoint holds its loop: one that stayed here would keep the loop alive for ever.
-        forget = lambda: endpoints.pop(key)  # noqa: E731
-        endpoints[key] = endpoint = Endpoint(network, forget, keepalive=profile, threads=threads)
+    key = (name, domain, listen, addresses, token, tls, lab, accounts, profile)
+    if (known := endpoints.get(key)) is not None:
+        known.holders += 1
+        return known
+    secret = token.encode() if token else None
+    source: AccountSource | None = None
+    if accounts is not None:
+        from taskrpc.security.accounts import AccountSource  # few programs have accounts
+
+        source = AccountSource(accounts)
+    network: Network
+    if name == "tcp":
+        network = TcpNetwork(
+            domain=domain,
+            listen=listen,
+            peers=addresses,
+            token=secret,
+            tls=tls,
+            lab=lab,
+            accounts=source,
+        )
+    elif name == "memory":
+        from taskrpc.transport.memory import MemoryNetwork
+
+        program = listen or ""
+        network = MemoryNetwork(domain=domain, program=program, token=secret, accounts=source)
     else:
-        endpoint.holders += 1
+        raise TaskRpcError(f"transport: expected 'tcp' or 'memory', got {name!r}")
+    # An endpoint refers to its event loop: if it stayed here, the loop would never be freed.
+    forget = lambda: endpoints.pop(key)  # noqa: E731
+    endpoints[key] = endpoint = Endpoint(network, forget, keepalive=profile, threads=threads)
     return endpoint
 
 
 def lab_namespace(name: str, peers: Sequence[str] | None) -> str:
-    """The namespace of a node that says none: the joined lab's where it calls the lab, else "".
+    """Return the default namespace of a node: that of the joined lab if it calls the lab, else "".
 
-    Raises TaskRpcError for a lab's file that says something else.
+    Raises TaskRpcError if the lab's file is invalid.
     """
     if name != "tcp" or peers is not None or environment_peers():
         return ""
@@ -74,39 +93,6 @@ def lab_namespace(name: str, peers: Sequence[str] | None) -> str:
     return "" if lab is None else lab.namespace
 
 
-def _network(
-    name: str,
-    domain: int,
-    listen: str | None,
-    peers: Sequence[str],
-    token: bytes | None,
-    tls: Tls | None,
-    lab: Lab | None,
-    accounts: AccountSource | None,
-) -> Network:
-    if name == "tcp":
-        return TcpNetwork(
-            domain=domain,
-            listen=listen,
-            peers=peers,
-            token=token,
-            tls=tls,
-            lab=lab,
-            accounts=accounts,
-        )
-    if name == "memory":
-        from taskrpc.transport.memory import MemoryNetwork
-
-        return MemoryNetwork(domain=domain, program=listen or "", token=token, accounts=accounts)
-    raise TaskRpcError(f"transport: expected 'tcp' or 'memory', got {name!r}")
-
-
-def _account_source(accounts: Accounts | str | Path) -> AccountSource:
-    from taskrpc.security.accounts import AccountSource  # few programs have accounts
-
-    return AccountSource(accounts)
-
-
 def _listed(peers: Sequence[str]) -> Sequence[str]:
-    """A single peer is easily written without its list, and is a sequence of letters then."""
+    """The peers as a list; users may pass a single peer as a string, which is a sequence too."""
     return [peers] if isinstance(peers, str) else peers
