@@ -2,10 +2,17 @@
 
 from __future__ import annotations
 
+import weakref
+
 import pytest
 
+from taskrpc.rclpy import logging
+from taskrpc.rclpy._impl.log import output
 from taskrpc.rclpy.context import Context
 from taskrpc.rclpy.executors import SingleThreadedExecutor
+from taskrpc.rclpy.node import Node
+from taskrpc.rclpy.parameter import Parameter
+from taskrpc.rclpy.parameter_client import AsyncParameterClient
 from tests.rclpy.fakes import FakeNode
 from tests.rclpy.living import living
 
@@ -36,3 +43,51 @@ def world():
     """Nodes that live on the network."""
     with living() as world:
         yield world
+
+
+class Pair:
+    """A node with parameters, another that asks, and who spins both."""
+
+    def __init__(self, context):
+        self.target = Node("target", namespace="/ns", context=context)
+        self.target.declare_parameters("", [("speed", 1.5), ("names", ["a", "b"]), ("g.x", [1, 2])])
+        self.asking = Node("asking", namespace="/ns", context=context)
+        self.client = AsyncParameterClient(self.asking, "target")
+        self.executor = SingleThreadedExecutor(context=context)
+        self.executor.add_node(self.target)
+        self.executor.add_node(self.asking)
+
+    def answer(self, future):
+        self.executor.spin_until_future_complete(future, timeout_sec=10)
+        return future.result()
+
+    def set(self, **values):
+        parameters = [Parameter(name, value=value) for name, value in values.items()]
+        results = self.answer(self.client.set_parameters(parameters)).results
+        return [(one.successful, one.reason) for one in results]
+
+    def spin_until(self, done):
+        for _ in range(200):
+            if done():
+                return
+            self.executor.spin_once(timeout_sec=0.05)
+        raise AssertionError("nothing came")
+
+
+@pytest.fixture
+def pair(context):
+    pair = Pair(context)
+    assert pair.client.wait_for_services(10)
+    yield pair
+    pair.executor.shutdown()
+
+
+@pytest.fixture
+def fresh_log(monkeypatch):
+    """The log as at the start of a program: no levels, no outputs, no format."""
+    for name in ("OUTPUT_FORMAT", "STDOUT_LINE_BUFFERED"):
+        monkeypatch.delenv(f"RCUTILS_CONSOLE_{name}", raising=False)
+    monkeypatch.setattr(output, "_owners", weakref.WeakSet())
+    logging.shutdown()
+    yield
+    logging.shutdown()

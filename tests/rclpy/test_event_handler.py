@@ -6,19 +6,33 @@ import pytest
 
 import srvgen
 from taskrpc import rclpy
-from taskrpc.rclpy._impl.diagnostics import explain
-from taskrpc.rclpy.qos import (
-    DurabilityPolicy,
-    QoSProfile,
-    qos_profile_sensor_data,
-    qos_profile_services_default,
+from taskrpc.rclpy.event_handler import (
+    EventHandler,
+    IncompatibleTypeInfo,
+    QoSEventHandler,
+    QoSPublisherEventType,
+    QoSPublisherMatchedInfo,
+    QoSRequestedIncompatibleQoSInfo,
+    QoSSubscriptionEventType,
+    QoSSubscriptionMatchedInfo,
 )
+from taskrpc.rclpy.exceptions import InvalidHandle
+from taskrpc.rclpy.qos import (
+    QoSPolicyKind,
+    qos_profile_sensor_data,
+)
+from taskrpc.rclpy.qos_event import PublisherEventCallbacks, SubscriptionEventCallbacks
+from tests.rclpy.living import until
 
 pytestmark = pytest.mark.real_time
 
 String = srvgen.load("std_msgs/msg/String")
 Int32 = srvgen.load("std_msgs/msg/Int32")
-AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
+
+
+@pytest.fixture
+def node(world):
+    return world.node()
 
 
 def told(capfd, *expected):
@@ -52,57 +66,174 @@ def test_incompatible_qos_and_types_are_warned_of_by_both_nodes(capfd):
         listener.destroy_node()
 
 
-LATCHED = QoSProfile(depth=10, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-BEST_EFFORT = qos_profile_sensor_data
+Bool = srvgen.load("std_msgs/msg/Bool")
 
 
-@pytest.mark.parametrize(
-    ("server", "client", "problem"),
-    [
-        (None, BEST_EFFORT, "for the requests: Best effort publisher and reliable subscription"),
-        (BEST_EFFORT, None, "for the responses: Best effort publisher and reliable subscription"),
-        (LATCHED, None, "for the requests: Volatile publisher and transient local subscription"),
-        (None, LATCHED, "for the responses: Volatile publisher and transient local subscription"),
-    ],
-)
-@pytest.mark.parametrize("server_first", [True, False])
-def test_service_and_client_with_different_qos_are_reported(
-    capfd, monkeypatch, server, client, problem, server_first
-):
-    monkeypatch.setattr(explain, "_reported", set())
-    monkeypatch.setattr(explain, "like_ros", lambda: False)
-    with rclpy.init():
-        node = rclpy.create_node("both")
-        ends = [
-            lambda: node.create_service(
-                AddTwoInts, "add", add, qos_profile=server or qos_profile_services_default
-            ),
-            lambda: node.create_client(
-                AddTwoInts, "add", qos_profile=client or qos_profile_services_default
-            ),
-        ]
-        made = [end() for end in (ends if server_first else reversed(ends))]
-        future = made[server_first].call_async(AddTwoInts.Request(a=2, b=3))
-        rclpy.spin_until_future_complete(node, future, timeout_sec=5)
-        assert future.result().sum == 5
-    said = capfd.readouterr().err
-    assert said.count("[taskrpc] ROS 2 would never connect the client and the server of /add") == 1
-    assert problem in said
-    assert "give both the same qos_profile" in said
+def test_callbacks_for_unsupported_events_are_logged(node, capfd):
+    node.create_publisher(String, "talk", 10, event_callbacks=PublisherEventCallbacks())
+    assert capfd.readouterr().err == ""
+    events = SubscriptionEventCallbacks(deadline=print, message_lost=print)
+    node.create_subscription(String, "talk", print, 10, event_callbacks=events)
+    told = "taskrpc does not report these events of talk: deadline, message_lost"
+    assert told in capfd.readouterr().err
 
 
-@pytest.mark.parametrize("profile", [BEST_EFFORT, LATCHED, qos_profile_services_default])
-def test_service_and_client_with_equal_qos_are_not_reported(capfd, monkeypatch, profile):
-    monkeypatch.setattr(explain, "_reported", set())
-    with rclpy.init():
-        node = rclpy.create_node("both")
-        server = node.create_service(AddTwoInts, "add", add, qos_profile=profile)
-        node.create_client(AddTwoInts, "add", qos_profile=profile)
-        node.destroy_service(server)
-        node.create_client(AddTwoInts, "add", qos_profile=BEST_EFFORT)  # its server is gone
-    assert "would never connect" not in capfd.readouterr().err
+def test_matches_are_events_of_both_sides(world, node):
+    told = []
+    events = PublisherEventCallbacks(matched=told.append)
+    publisher = node.create_publisher(String, "talk", 10, event_callbacks=events)
+    one = node.create_subscription(String, "talk", print, 10)
+    world.spin_until(lambda: told)
+    events = SubscriptionEventCallbacks(matched=lambda info: told.append(("subscription", info)))
+    with node.create_subscription(String, "talk", print, 10, event_callbacks=events):
+        world.spin_until(lambda: len(told) == 3)
+    node.destroy_subscription(one)
+    world.spin_until(lambda: len(told) == 5)
+    told.remove(("subscription", QoSSubscriptionMatchedInfo(**counts(1, 1, 1, 1))))
+    assert told == [
+        QoSPublisherMatchedInfo(**counts(*each))
+        for each in ((1, 1, 1, 1), (2, 1, 2, 1), (2, 0, 1, -1), (2, 0, 0, -1))
+    ]
+    kinds = QoSPublisherEventType
+    assert [each.event_type for each in publisher.event_handlers] == [
+        kinds.RCL_PUBLISHER_OFFERED_INCOMPATIBLE_QOS,
+        kinds.RCL_PUBLISHER_INCOMPATIBLE_TYPE,
+        kinds.RCL_PUBLISHER_MATCHED,
+    ]
 
 
-def add(request, response):
-    response.sum = request.a + request.b
-    return response
+def counts(total, more, current, change):
+    return {
+        "total_count": total,
+        "total_count_change": more,
+        "current_count": current,
+        "current_count_change": change,
+    }
+
+
+def until_said(capfd, text):
+    said = []
+    until(lambda: said.append(capfd.readouterr().err) or text in "".join(said))
+
+
+def test_incompatible_qos_is_logged_on_both_sides(world, node, capfd):
+    told = []
+    events = SubscriptionEventCallbacks(incompatible_qos=told.append)
+    node.create_publisher(String, "talk", qos_profile_sensor_data)
+    node.create_subscription(String, "talk", print, 10, event_callbacks=events)
+    world.spin_until(lambda: told)
+    assert told == [
+        QoSRequestedIncompatibleQoSInfo(
+            total_count=1, total_count_change=1, last_policy_kind=QoSPolicyKind.RELIABILITY
+        )
+    ]
+    until_said(
+        capfd,
+        "New subscription discovered on topic 'talk', requesting incompatible QoS. No messages"
+        " will be sent to it. Last incompatible policy: RELIABILITY",
+    )
+
+
+def test_another_type_is_an_event_too(world, node, capfd):
+    told = []
+    events = PublisherEventCallbacks(incompatible_type=told.append)
+    node.create_publisher(Bool, "talk", 10, event_callbacks=events)
+    with node.create_subscription(String, "talk", print, 10):
+        world.spin_until(lambda: told)
+        until_said(capfd, "topic 'talk', offering incompatible type.")
+    assert told == [IncompatibleTypeInfo(total_count=1, total_count_change=1)]
+
+
+def test_handlers_that_log_are_there_by_default_and_only_then(node):
+    publisher = node.create_publisher(String, "talk", 10)
+    subscription = node.create_subscription(String, "talk", print, 10)
+    kinds = [
+        [each.event_type.name for each in one.event_handlers] for one in (publisher, subscription)
+    ]
+    assert kinds == [
+        ["RCL_PUBLISHER_OFFERED_INCOMPATIBLE_QOS", "RCL_PUBLISHER_INCOMPATIBLE_TYPE"],
+        ["RCL_SUBSCRIPTION_REQUESTED_INCOMPATIBLE_QOS", "RCL_SUBSCRIPTION_INCOMPATIBLE_TYPE"],
+    ]
+    quiet = PublisherEventCallbacks(use_default_callbacks=False)
+    assert node.create_publisher(String, "talk", 10, event_callbacks=quiet).event_handlers == []
+
+
+def test_the_old_name_of_event_handlers_is_deprecated(node):
+    kind = QoSPublisherEventType.RCL_PUBLISHER_MATCHED
+    options = {"callback_group": node.default_callback_group, "callback": print}
+    parent = node.create_publisher(String, "talk", 10).handle
+    with pytest.warns(DeprecationWarning, match="use EventHandler instead"):
+        handler = QoSEventHandler(**options, event_type=kind, parent_impl=parent)
+    assert isinstance(handler, EventHandler)
+
+
+def test_create_event_handlers_gives_the_handlers_of_ros_in_its_order(node):
+    group = node.default_callback_group
+    publisher = node.create_publisher(String, "talk", 10)
+    subscription = node.create_subscription(String, "talk", print, 10)
+    every = {"deadline": print, "liveliness": print, "matched": print}
+    handlers = PublisherEventCallbacks(**every).create_event_handlers(
+        group, publisher.handle, "talk"
+    )
+    assert [each.event_type for each in handlers] == [
+        QoSPublisherEventType.RCL_PUBLISHER_OFFERED_DEADLINE_MISSED,
+        QoSPublisherEventType.RCL_PUBLISHER_LIVELINESS_LOST,
+        QoSPublisherEventType.RCL_PUBLISHER_OFFERED_INCOMPATIBLE_QOS,
+        QoSPublisherEventType.RCL_PUBLISHER_INCOMPATIBLE_TYPE,
+        QoSPublisherEventType.RCL_PUBLISHER_MATCHED,
+    ]
+    callbacks = SubscriptionEventCallbacks(**every, message_lost=print, use_default_callbacks=False)
+    handlers = callbacks.create_event_handlers(group, subscription.handle, "talk")
+    assert [each.event_type for each in handlers] == [
+        QoSSubscriptionEventType.RCL_SUBSCRIPTION_REQUESTED_DEADLINE_MISSED,
+        QoSSubscriptionEventType.RCL_SUBSCRIPTION_LIVELINESS_CHANGED,
+        QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST,
+        QoSSubscriptionEventType.RCL_SUBSCRIPTION_MATCHED,
+    ]
+    assert all(group.has_entity(each) for each in handlers)
+
+
+def test_a_handler_made_later_gets_the_events_of_its_parent(world, node):
+    told = []
+    publisher = node.create_publisher(String, "talk", 10)
+    handler = EventHandler(
+        callback_group=node.default_callback_group,
+        callback=told.append,
+        event_type=QoSPublisherEventType.RCL_PUBLISHER_MATCHED,
+        parent_impl=publisher.handle,
+    )
+    node.add_waitable(handler)
+    node.create_subscription(String, "talk", print, 10)
+    world.spin_until(lambda: told)
+    assert told == [QoSPublisherMatchedInfo(**counts(1, 1, 1, 1))]
+    handler.destroy()
+    with node.create_subscription(String, "talk", print, 10):
+        until(lambda: publisher.get_subscription_count() == 2)
+    assert not handler.has_work()
+
+
+def test_a_handler_of_the_wrong_kind_of_event_is_refused(node):
+    publisher = node.create_publisher(String, "talk", 10)
+    options = {"callback_group": node.default_callback_group, "callback": print}
+    options["parent_impl"] = publisher.handle
+    with pytest.raises(
+        TypeError, match="expected event_type to be a QoSPublisherEventType, got <Q"
+    ):
+        EventHandler(**options, event_type=QoSSubscriptionEventType.RCL_SUBSCRIPTION_MESSAGE_LOST)
+    node.destroy_publisher(publisher)
+    with pytest.raises(InvalidHandle):
+        EventHandler(**options, event_type=QoSPublisherEventType.RCL_PUBLISHER_MATCHED)
+    with pytest.raises(InvalidHandle):
+        PublisherEventCallbacks().create_event_handlers(
+            node.default_callback_group, publisher.handle, "talk"
+        )
+
+
+def test_default_event_callbacks_can_be_turned_off(world, node, capfd):
+    told = []
+    quiet = SubscriptionEventCallbacks(use_default_callbacks=False)
+    events = PublisherEventCallbacks(incompatible_qos=told.append)
+    node.create_subscription(String, "talk", print, 10, event_callbacks=quiet)
+    node.create_publisher(String, "talk", qos_profile_sensor_data, event_callbacks=events)
+    world.spin_until(lambda: told)
+    assert capfd.readouterr().err == ""

@@ -25,7 +25,6 @@ from taskrpc.rclpy.executors import (
     TimeoutException,
     TimeoutObject,
     await_or_execute,
-    current_callback,
 )
 from taskrpc.rclpy.experimental import EventsExecutor
 from taskrpc.rclpy.task import Future
@@ -775,47 +774,6 @@ def test_two_threads_may_spin_one_executor(executor, fake):
 
 
 # What explains deadlocks
-
-
-def test_the_callback_that_runs_on_a_thread_is_known(executor, fake):
-    seen = []
-    guard = fake.guard(lambda: seen.append(current_callback()))
-    assert current_callback() is None
-    guard.trigger()
-    executor.spin_once(0)
-    executor.create_task(lambda: seen.append(current_callback()))
-    executor.spin_once(0)
-    assert [(each.entity, each.executor) for each in seen] == [(guard, executor), (None, executor)]
-    assert current_callback() is None
-
-
-def test_a_callback_that_spins_is_the_outer_one_again_afterwards(executor, fake):
-    seen = []
-    inner = fake.guard(lambda: seen.append(current_callback().entity), ReentrantCallbackGroup())
-
-    def nested():
-        inner.trigger()
-        executor.spin_once(0)
-        seen.append(current_callback().entity)
-
-    outer = fake.guard(nested)
-    outer.trigger()
-    executor.spin_once(0)
-    assert seen == [inner, outer]
-
-
-def test_a_task_that_spins_is_the_outer_callback_again_afterwards(executor, fake):
-    seen = []
-
-    def nested():
-        executor.create_task(lambda: seen.append(current_callback().entity))
-        executor.spin_once(0)
-        seen.append(current_callback().entity)
-
-    outer = fake.guard(nested)
-    outer.trigger()
-    executor.spin_once(0)
-    assert seen == [None, outer]
 
 
 def test_ready_callbacks_can_be_iterated_over_for_some_nodes_only(context, executor, fake):

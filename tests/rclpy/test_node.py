@@ -12,14 +12,12 @@ from taskrpc.rclpy.exceptions import (
     InvalidHandle,
     InvalidNamespaceException,
     InvalidNodeNameException,
-    InvalidTopicNameException,
     NotInitializedException,
     RCLInvalidROSArgsError,
     UnknownROSArgsError,
 )
 from taskrpc.rclpy.node import Node
-from taskrpc.rclpy.waitable import Waitable
-from tests.rclpy.living import context_of, living
+from tests.rclpy.living import context_of
 
 pytestmark = pytest.mark.real_time
 
@@ -60,54 +58,11 @@ def test_a_node_needs_a_context_that_is_up():
             Node("robot", context=context)
 
 
-def test_the_command_line_names_nodes():
-    with living("--ros-args", "-r", "__node:=other", "-r", "__ns:=/foo") as world:
-        assert world.node("robot").get_fully_qualified_name() == "/foo/other"
-        plain = world.node("robot", use_global_arguments=False)
-        assert plain.get_fully_qualified_name() == "/robot"
-        own = world.node("robot", cli_args=["--ros-args", "-r", "__node:=mine"])
-        assert own.get_fully_qualified_name() == "/foo/mine"
-
-
 def test_arguments_of_a_node_that_cannot_be_read_are_refused(world):
     with pytest.raises(RCLInvalidROSArgsError, match="not-a-remap"):
         world.node(cli_args=["--ros-args", "-r", "not-a-remap"])
     with pytest.raises(UnknownROSArgsError, match=r"\['--my-flag'\]"):
         world.node(cli_args=["--ros-args", "--my-flag"])
-
-
-def test_names_are_resolved_and_remapped(world):
-    node = world.node(namespace="ns", cli_args=["--ros-args", "-r", "x:=y"])
-    assert node.resolve_topic_name("x") == node.resolve_service_name("x") == "/ns/y"
-    assert node.resolve_topic_name("x", only_expand=True) == "/ns/x"
-    assert node.resolve_service_name("~/x") == "/ns/robot/x"
-    with pytest.raises(InvalidTopicNameException):
-        node.resolve_topic_name("x?")
-
-
-def test_entities_are_listed_until_they_are_destroyed(world):
-    node = world.node()
-    timer = node.create_timer(10, lambda: None)
-    publisher = node.create_publisher(String, "chatter", 10)
-    subscription = node.create_subscription(String, "chatter", print, 10)
-    guard = node.create_guard_condition(lambda: None)
-    client = node.create_client(Trigger, "go")
-    service = node.create_service(Trigger, "go", lambda request, response: response)
-    for thing, things, destroy in [
-        (timer, lambda: node.timers, node.destroy_timer),
-        (publisher, lambda: node.publishers, node.destroy_publisher),
-        (subscription, lambda: node.subscriptions, node.destroy_subscription),
-        (guard, lambda: node.guards, node.destroy_guard_condition),
-        (client, lambda: node.clients, node.destroy_client),
-        (service, lambda: node.services, node.destroy_service),
-    ]:
-        assert thing in things()
-        with thing.handle:
-            assert destroy(thing)
-        assert thing not in things()
-        assert not destroy(thing)
-        with pytest.raises(InvalidHandle), thing.handle:
-            pass
 
 
 def test_a_destroyed_node_has_nothing_and_may_be_destroyed_again(world):
@@ -186,67 +141,6 @@ def test_a_node_moves_from_one_executor_to_another():
         assert node.executor is None
 
 
-def test_a_rate_needs_a_frequency_above_zero(world):
-    with pytest.raises(ValueError, match="frequency must be > 0"):
-        world.node().create_rate(0)
-
-
-def test_a_waitable_is_asked_until_it_is_removed(world):
-    node = world.node()
-    before = list(node.waitables)
-    done = []
-
-    class Once(Waitable):
-        def is_ready(self, wait_set):
-            return not done
-
-        def take_data(self):
-            return 7
-
-        async def execute(self, taken_data):
-            done.append(taken_data)
-
-    waitable = Once(node.default_callback_group)
-    node.add_waitable(waitable)
-    world.spin_until(lambda: done)
-    node.remove_waitable(waitable)
-    assert (done, list(node.waitables)) == ([7], before)
-
-
-@pytest.mark.parametrize(
-    ("qos", "kind", "text"),
-    [
-        (-1, ValueError, "must be greater than or equal to zero"),
-        ("foo", TypeError, "Expected QoSProfile or int"),
-    ],
-)
-def test_a_quality_of_service_is_a_profile_or_a_depth(world, qos, kind, text):
-    node = world.node()
-    with pytest.raises(kind, match=text):
-        node.create_publisher(String, "chatter", qos)
-    with pytest.raises(kind, match=text):
-        node.create_subscription(String, "chatter", print, qos)
-
-
-def test_a_value_that_is_no_type_is_refused(world):
-    node = world.node()
-    with pytest.raises(AttributeError, match="_TYPE_SUPPORT"):
-        node.create_publisher(int, "chatter", 10)
-    with pytest.raises(RuntimeError, match="expected a message type, got the service Trigger"):
-        node.create_subscription(Trigger, "chatter", print, 10)
-    with pytest.raises(RuntimeError, match="expected a service type, got the message String"):
-        node.create_client(String, "go")
-    with pytest.raises(AttributeError, match=r"'String' object .* Expected the class String"):
-        node.create_publisher(String(), "chatter", 10)
-
-
-@pytest.mark.parametrize("make", ["create_client", "create_service"])
-def test_services_have_profiles_and_no_depths(world, make):
-    settings = {"callback": print} if make == "create_service" else {}
-    with pytest.raises(AttributeError, match="'int' object has no attribute 'get_c_qos_profile'"):
-        getattr(world.node(), make)(Trigger, "go", qos_profile=10, **settings)
-
-
 def test_two_contexts_of_other_domains_do_not_see_each_other():
     with context_of() as here, context_of() as there:
         here._domain_id, there._domain_id = 41, 42
@@ -291,16 +185,6 @@ def test_a_program_may_use_names_for_its_own_that_rclpy_leaves_free(world):
 def test_an_error_about_arguments_names_the_method_as_ros_does():
     with pytest.raises(TypeError, match=r"^Node\.create_publisher\(\) missing 1 required"):
         Node.create_publisher(None, None, "topic")
-
-
-def test_a_node_whose_init_comes_too_late_says_so():
-    class Robot(Node):
-        def __init__(self):
-            self.create_service(Trigger, "go", print)
-            super().__init__("robot")
-
-    with pytest.raises(AttributeError, match=r"'Robot' object has .*; call super\(\).__init__"):
-        Robot()
 
 
 def test_a_misspelt_method_is_missing_as_everywhere(world):

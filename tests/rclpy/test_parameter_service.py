@@ -3,77 +3,13 @@
 import pytest
 
 import srvgen
-from taskrpc.rclpy.executors import SingleThreadedExecutor
-from taskrpc.rclpy.node import Node
-from taskrpc.rclpy.parameter import Parameter, parameter_value_to_python
-from taskrpc.rclpy.parameter_client import AsyncParameterClient
+from taskrpc.rclpy.parameter import Parameter
 from taskrpc.rclpy.parameter_event_handler import ParameterEventHandler
 
 pytestmark = pytest.mark.real_time
 
 Descriptor = srvgen.load("rcl_interfaces/msg/ParameterDescriptor")
 Event = srvgen.load("rcl_interfaces/msg/ParameterEvent")
-
-
-class Pair:
-    """A node with parameters, another that asks, and who spins both."""
-
-    def __init__(self, context):
-        self.target = Node("target", namespace="/ns", context=context)
-        self.target.declare_parameters("", [("speed", 1.5), ("names", ["a", "b"]), ("g.x", [1, 2])])
-        self.asking = Node("asking", namespace="/ns", context=context)
-        self.client = AsyncParameterClient(self.asking, "target")
-        self.executor = SingleThreadedExecutor(context=context)
-        self.executor.add_node(self.target)
-        self.executor.add_node(self.asking)
-
-    def answer(self, future):
-        self.executor.spin_until_future_complete(future, timeout_sec=10)
-        return future.result()
-
-    def set(self, **values):
-        parameters = [Parameter(name, value=value) for name, value in values.items()]
-        results = self.answer(self.client.set_parameters(parameters)).results
-        return [(one.successful, one.reason) for one in results]
-
-    def spin_until(self, done):
-        for _ in range(200):
-            if done():
-                return
-            self.executor.spin_once(timeout_sec=0.05)
-        raise AssertionError("nothing came")
-
-
-@pytest.fixture
-def pair(context):
-    pair = Pair(context)
-    assert pair.client.wait_for_services(10)
-    yield pair
-    pair.executor.shutdown()
-
-
-def test_values_are_had_by_their_names(pair):
-    found = pair.answer(pair.client.get_parameters(["speed", "names", "g.x"])).values
-    assert [parameter_value_to_python(one) for one in found] == [1.5, ["a", "b"], [1, 2]]
-    assert list(pair.answer(pair.client.get_parameter_types(["speed", "g.x"])).types) == [3, 7]
-    assert pair.answer(pair.client.describe_parameters(["speed"])).descriptors == [
-        Descriptor(name="speed", type=3)
-    ]
-
-
-def test_a_question_about_an_undeclared_parameter_is_answered_with_nothing(pair):
-    pair.target.declare_parameter("later", Parameter.Type.STRING)
-    assert pair.answer(pair.client.get_parameters(["speed", "none"])).values == []
-    assert pair.answer(pair.client.get_parameters(["later"])).values == []
-    assert list(pair.answer(pair.client.get_parameter_types(["none"])).types) == []
-    assert pair.answer(pair.client.describe_parameters(["none"])).descriptors == []
-
-
-def test_names_are_listed_with_their_groups(pair):
-    found = pair.answer(pair.client.list_parameters()).result
-    assert set(found.names) > {"use_sim_time", "speed", "names", "g.x"}
-    assert found.prefixes == ["g"]
-    assert pair.answer(pair.client.list_parameters(["g"], 1)).result.names == ["g.x"]
 
 
 def test_settings_are_answered_one_by_one(pair):
@@ -111,22 +47,6 @@ def test_only_what_may_change_its_type_can_be_deleted(pair):
         "Static parameter cannot be undeclared",
     ]
     assert not pair.target.has_parameter("free")
-
-
-def test_a_file_is_loaded_and_the_callback_receives_the_results(pair, tmp_path):
-    path = tmp_path / "p.yaml"
-    path.write_text("/ns/target: {ros__parameters: {speed: 4.5, names: [c]}}", encoding="utf-8")
-    told = []
-    pair.answer(pair.client.load_parameter_file(str(path), callback=told.append))
-    assert pair.target.get_parameter("names").value == ["c"]
-    answer = pair.answer(pair.client.load_parameter_file_atomically(str(path)))
-    assert answer.result.successful
-    assert len(told) == 1
-
-
-def test_services_that_are_not_there_are_not_waited_for_longer_than_asked(pair):
-    nobody = AsyncParameterClient(pair.asking, "nobody")
-    assert not nobody.wait_for_services(timeout_sec=0.01)
 
 
 def test_every_change_is_heard(pair):

@@ -1,9 +1,5 @@
 """Services answer on the spinning thread; what they do wrong is said there and to the caller."""
 
-import subprocess
-import sys
-import textwrap
-
 import pytest
 
 import srvgen
@@ -12,7 +8,7 @@ from taskrpc.rclpy.callback_groups import ReentrantCallbackGroup
 from taskrpc.rclpy.exceptions import InvalidHandle
 from taskrpc.rclpy.executors import SingleThreadedExecutor
 from taskrpc.rclpy.node import Node
-from tests.rclpy.living import PATIENCE, context_of, living, service_of
+from tests.rclpy.living import PATIENCE, context_of, service_of
 
 pytestmark = pytest.mark.real_time
 
@@ -164,32 +160,6 @@ def test_with_destroys_a_service_at_its_end(world):
         assert node.count_services("add") == 1
     assert service not in node.services
     assert node.count_services("add") == 0
-
-
-def test_a_program_that_ends_right_after_its_call_has_called():
-    program = textwrap.dedent(
-        """
-        import sys
-        import srvgen
-        from taskrpc import rclpy
-
-        rclpy.init(args=[])
-        node = rclpy.create_node("short")
-        srv_type = srvgen.load("example_interfaces/srv/AddTwoInts")
-        node.create_client(srv_type, "add").call_async(srv_type.Request(a=7))
-        """
-    )
-    seen = []
-
-    def note(request, response):
-        seen.append(request.a)
-        return response
-
-    with living() as world:
-        world.node("server").create_service(AddTwoInts, "add", note)
-        subprocess.run([sys.executable, "-c", program], check=True, timeout=120)
-        world.spin_until(lambda: seen)
-    assert seen == [7]
 
 
 def test_a_request_runs_even_if_its_caller_has_given_it_up(world):

@@ -3,16 +3,7 @@
 import pytest
 
 import srvgen
-from taskrpc.rclpy.duration import Duration
-from taskrpc.rclpy.endpoint_info import EndpointTypeEnum
 from taskrpc.rclpy.exceptions import NodeNameNonExistentError
-from taskrpc.rclpy.qos import (
-    DurabilityPolicy,
-    HistoryPolicy,
-    LivelinessPolicy,
-    QoSProfile,
-    ReliabilityPolicy,
-)
 from tests.rclpy.living import living
 
 pytestmark = pytest.mark.real_time
@@ -117,49 +108,3 @@ def test_a_bad_name_is_refused_with_ross_words(node):
             ask(1)
         with pytest.raises(ValueError, match="is invalid"):
             ask("42")
-
-
-def test_an_endpoint_tells_its_node_its_type_and_its_whole_profile(node):
-    profile = QoSProfile(
-        history=HistoryPolicy.KEEP_ALL,
-        deadline=Duration(seconds=1),
-        lifespan=Duration(seconds=20),
-        reliability=ReliabilityPolicy.BEST_EFFORT,
-        durability=DurabilityPolicy.TRANSIENT_LOCAL,
-        liveliness=LivelinessPolicy.MANUAL_BY_TOPIC,
-    )
-    node.create_publisher(String, "talk", profile)
-    node.create_subscription(String, "talk", print, 7)
-    (info,) = node.get_publishers_info_by_topic("/ns/talk")
-    assert (info.node_name, info.node_namespace) == ("robot", "/ns")
-    assert (info.topic_type, str(info.topic_type_hash)) == (String._TYPE, String._HASH)
-    assert info.endpoint_type is EndpointTypeEnum.PUBLISHER
-    assert (info.qos_profile, len(info.endpoint_gid)) == (profile, 16)
-    assert "Reliability: BEST_EFFORT" in str(info)
-    (read,) = node.get_subscriptions_info_by_topic("talk")
-    assert read.qos_profile.depth == 7
-    assert node.get_publishers_info_by_topic("rt/ns/talk", no_mangle=True) == [info]
-
-
-def test_servers_and_clients_are_told_one_by_one(node):
-    node.create_service(Trigger, "go", lambda request, response: response)
-    node.create_client(Trigger, "go")
-    (server,) = node.get_servers_info_by_service("go")
-    (client,) = node.get_clients_info_by_service("/ns/go")
-    assert server.endpoint_type is EndpointTypeEnum.SERVER
-    assert client.endpoint_type is EndpointTypeEnum.CLIENT
-    assert server.service_type == client.service_type == "std_srvs/srv/Trigger"
-    assert "Node name: robot" in str(server)
-
-
-def test_the_log_is_published_with_the_profile_that_the_program_gives(world):
-    best_effort = QoSProfile(
-        depth=3,
-        reliability=ReliabilityPolicy.BEST_EFFORT,
-        lifespan=Duration(seconds=20),
-    )
-    silent = world.node("silent", enable_rosout=False)
-    assert silent.get_publishers_info_by_topic("/rosout") == []
-    world.node("loud", rosout_qos_profile=best_effort)
-    (info,) = silent.get_publishers_info_by_topic("/rosout")
-    assert (info.node_name, info.qos_profile) == ("loud", best_effort)

@@ -1,0 +1,35 @@
+"""Exceptions have the messages and the names of those of ROS."""
+
+import pytest
+
+from taskrpc.rclpy import exceptions
+from taskrpc.rclpy.parameter import Parameter
+
+
+def test_caret_stands_under_the_first_wrong_character_of_a_name():
+    error = exceptions.InvalidTopicNameException("a/b c", "must not contain blanks", 3)
+    assert isinstance(error, ValueError)
+    first, name, caret = str(error).splitlines()
+    assert first == "Invalid topic name: must not contain blanks:"
+    assert name[caret.index("^")] == " "
+
+
+@pytest.mark.parametrize(
+    ("error", "message"),
+    [
+        (exceptions.ParameterNotDeclaredException(["a", "b"]),
+         "Invalid access to undeclared parameter(s): ['a', 'b']"),
+        (exceptions.InvalidParameterTypeException(Parameter("a", value=1), "STRING"),
+         "Trying to set parameter 'a' to '1' of type 'INTEGER', expecting type 'STRING': a"),
+        (exceptions.InvalidParameterValueException("a", 7, "too large"),
+         "Invalid parameter value (7) for parameter. Reason: too large: a"),
+    ],
+)  # fmt: skip
+def test_message_of_a_parameter_error_ends_with_the_name(error, message):
+    assert isinstance(error, exceptions.ParameterException)
+    assert str(error) == message
+
+
+def test_errors_of_ros_itself_are_shown_under_its_module():
+    assert exceptions.RCLError.__module__ == "rclpy._rclpy_pybind11"
+    assert not issubclass(exceptions.InvalidHandle, exceptions.RCLError)

@@ -1,0 +1,31 @@
+"""Only interfaces are taken for types."""
+
+import pytest
+
+import srvgen
+from taskrpc.rclpy import type_support
+from taskrpc.rclpy.exceptions import NoTypeSupportImportedException
+
+String = srvgen.load("std_msgs/msg/String")
+Trigger = srvgen.load("std_srvs/srv/Trigger")
+
+
+class Unsupported(type):
+    _TYPE_SUPPORT = None
+
+
+class Mistaken(metaclass=Unsupported):
+    """Looks like an interface of ROS, and is none."""
+
+
+def test_only_interfaces_are_taken_for_types():
+    type_support.check_is_valid_msg_type(String)
+    type_support.check_is_valid_srv_type(Trigger)
+    with pytest.raises(AttributeError):
+        type_support.check_for_type_support(object())
+    with pytest.raises(NoTypeSupportImportedException):
+        type_support.check_for_type_support(Mistaken)
+    with pytest.raises(RuntimeError):
+        type_support.check_is_valid_msg_type(Trigger)
+    with pytest.raises(RuntimeError):
+        type_support.check_is_valid_srv_type(String)

@@ -1,0 +1,91 @@
+"""init, ok and shutdown."""
+
+from __future__ import annotations
+
+import pytest
+
+from taskrpc import rclpy
+from taskrpc.rclpy import signals, utilities
+from taskrpc.rclpy.exceptions import RCLError
+from taskrpc.rclpy.signals import SignalHandlerOptions
+
+
+@pytest.fixture(autouse=True)
+def down():
+    yield
+    rclpy.try_shutdown()
+
+
+def test_a_program_may_begin_and_end_again_and_again():
+    for _ in range(2):
+        rclpy.init(args=[])
+        assert rclpy.ok()
+        rclpy.shutdown()
+        assert not rclpy.ok()
+
+
+def test_beginning_twice_and_ending_before_the_beginning_are_refused():
+    rclpy.init(args=[])
+    with pytest.raises(RuntimeError, match="must only be called once"):
+        rclpy.init(args=[])
+    rclpy.shutdown()
+    with pytest.raises(RuntimeError, match="must be initialized"):
+        rclpy.shutdown()
+    rclpy.try_shutdown()
+
+
+def test_with_init_gives_the_context_and_ends_it():
+    with rclpy.init(args=[], domain_id=12) as init:
+        assert init.context is rclpy.get_default_context()
+        assert init.context.get_domain_id() == 12
+    assert not init.context.ok()
+    assert signals.get_current_signal_handlers_options() == SignalHandlerOptions.NO
+    rclpy.init(args=[])
+
+
+def test_a_context_of_ones_own_leaves_the_default_one_alone():
+    context = rclpy.Context()
+    rclpy.init(args=[], context=context)
+    assert context.ok()
+    assert not rclpy.ok()
+    assert rclpy.ok(context=context)
+    assert signals.get_current_signal_handlers_options() == SignalHandlerOptions.NO
+    rclpy.shutdown(context=context)
+    with pytest.raises(RCLError):
+        rclpy.shutdown(context=context)
+
+
+def test_the_global_executor_ends_with_its_context():
+    rclpy.init(args=[])
+    executor = rclpy.get_global_executor()
+    assert rclpy.get_global_executor() is executor
+    rclpy.shutdown()
+    rclpy.init(args=[])
+    assert rclpy.get_global_executor() is not executor
+
+
+def test_ros_arguments_can_be_removed():
+    args = ["program", "--ros-args", "-p", "a:=1", "--", "mine"]
+    assert utilities.remove_ros_args(args) == ["program", "mine"]
+    assert utilities.remove_ros_args(["--ros-args", "unknown", "--", "mine"]) == ["mine"]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "nanoseconds"), [(None, -1), (-2, -1), (0, 0), (1.5, 15 * 10**8)]
+)
+def test_a_timeout_in_nanoseconds(seconds, nanoseconds):
+    assert utilities.timeout_sec_to_nsec(seconds) == nanoseconds
+
+
+def test_modules_are_imported_where_they_are_named():
+    from taskrpc.rclpy.parameter import Parameter
+
+    assert rclpy.executors.SingleThreadedExecutor.__module__ == "taskrpc.rclpy.executors"
+    assert rclpy.Parameter is Parameter
+    with pytest.raises(AttributeError, match="has no attribute 'bag'"):
+        rclpy.bag  # noqa: B018
+
+
+def test_the_middleware_has_a_name():
+    name = rclpy.get_rmw_implementation_identifier()
+    assert rclpy.get_available_rmw_implementations() == {name}
