@@ -16,13 +16,13 @@ from taskrpc.security.roles import Role
 class Denied(PermissionDenied):
     """A callback raises it: its caller may not do this, and nothing was done.
 
-    The caller gets PermissionDenied. A plain one, which a callback's own call has met, says nothing
-    about its caller.
+    The caller gets PermissionDenied. A plain PermissionDenied from a callback does not reach the
+    caller as such: it may come from a call that the callback itself made.
     """
 
 
 class CallInfo(msgspec.Struct, eq=False):
-    """One call, as its callback sees it."""
+    """The facts about a call that its callback can read."""
 
     service: str
     """The service's absolute name."""
@@ -33,7 +33,7 @@ class CallInfo(msgspec.Struct, eq=False):
     role: Role
     """What the caller may do; `ADMIN` if it has the server's own token."""
     number: int
-    """Counts the calls of this server; it stands in the log beside a failure."""
+    """Counts the calls of this server; log lines about the call contain it."""
     deadline: float | None
     """Instant on the event loop's clock, or None."""
     clock: Callable[[], float]
@@ -43,40 +43,39 @@ class CallInfo(msgspec.Struct, eq=False):
 
     @property
     def span(self) -> bytes:
-        """The caller's span, as an observer is told it: 16 bytes of the trace's id, 8 of its own,
-        1 of flags; empty where the caller told none."""
+        """The caller's span: 16 bytes of trace id, 8 of span id, 1 of flags; empty for none."""
         return b""
 
     @property
     def machine(self) -> str:
-        """The address of the machine that called, "" for the server's own."""
+        """The address of the caller's machine, "" for the server's own."""
         return ""
 
     def completed_by(self, response: Any) -> Completion | None:
-        """The record with which this response completes the call of an exactly-once service.
+        """Return the record that completes this call of an exactly-once service.
 
-        For callbacks that store their effect themselves: the record belongs into the same
-        transaction, and the callback returns the response once that is done. None where nothing
-        need be remembered. From here on the call is not cancelled any more.
+        A callback that stores its effect itself must store this record in the same transaction, and
+        then return the response. None means that the call needs no record. After this, the call
+        cannot be cancelled any more.
 
         Raises InvalidRequest for a response that cannot be sent.
         """
         return None
 
     def nothing_done(self) -> None:
-        """Say that the callback refuses and has left nothing behind.
+        """Declare that the callback refuses the request and has changed nothing.
 
-        Then its response is not remembered: sent again, the same request of an exactly-once service
-        runs again.
+        An exactly-once service then does not store the response: if the client repeats the request,
+        the callback runs again.
         """
 
     def time_left(self) -> float | None:
-        """Seconds until the caller stops waiting (never below 0.0), None without a deadline."""
+        """Return the seconds until the caller stops waiting, at least 0.0; None: no deadline."""
         return None if self.deadline is None else max(0.0, self.deadline - self.clock())
 
 
 def log_fields(call: CallInfo) -> dict[str, object]:
-    """What a log line about a call carries beside its text (`extra=`)."""
+    """Return the extra fields (`extra=`) of a log line about a call."""
     return {
         "call": call.number,
         "service": call.service,
@@ -86,10 +85,11 @@ def log_fields(call: CallInfo) -> dict[str, object]:
 
 
 answering: ContextVar[CallInfo | None] = ContextVar("taskrpc_call", default=None)
+"""The call that the running callback serves."""
 
 
 def current_call() -> CallInfo:
-    """The call that the running service callback answers.
+    """Return the call that the running service callback serves.
 
     Raises LookupError outside a service callback.
     """

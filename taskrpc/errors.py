@@ -1,32 +1,32 @@
-"""Everything that can go wrong with a call, as one tree.
+"""All errors of taskrpc, as one tree.
 
     TaskRpcError
-    ├── DeadlineExceeded       no answer by the deadline (also a TimeoutError)
-    ├── ServiceUnavailable     nobody offers the service; the call certainly did not run
-    ├── ConnectionLost         the connection ended before the answer
+    ├── DeadlineExceeded       no response by the deadline (also a TimeoutError)
+    ├── ServiceUnavailable     no server offers the service; the call certainly did not run
+    ├── ConnectionLost         the connection ended before the response
     │   └── OutcomeUnknown     … and the call may or may not have run
-    ├── TypeMismatch           both sides know the service by different definitions
+    ├── TypeMismatch           client and server have different definitions of the service
     ├── InvalidRequest         a value does not fit its field (`path` names it)
-    ├── ServerBusy             the server refused for load; try again after `retry_after` seconds
+    ├── ServerBusy             the server is overloaded; try again after `retry_after` seconds
     ├── HandlerFailed          the server's callback raised
-    ├── HandlerError           what a callback raises to say something to its caller
+    ├── HandlerError           a callback raises it to send a code and a message to its caller
     ├── InvalidName            a node, service or namespace name breaks ROS's rules
     ├── NameInUse              another process already offers a service of this name
     ├── CannotListen           the address to listen at is taken, wrong or not allowed
-    ├── WouldDeadlock          a blocking call from the thread that would have to answer it
+    ├── WouldDeadlock          a blocking call from the thread that must run the call
     ├── ProtocolError          the peer does not speak this protocol
     ├── AuthenticationFailed   the peer could not prove the token
     ├── PermissionDenied       the peer may not do this
     ├── SessionExpired         the server no longer remembers this client
     ├── RequestIdReused        the request id belongs to another request
-    └── StoreError             what must survive cannot be read or written
+    └── StoreError             a store cannot be read or written
 
-Every error has `not_executed`: True when the call certainly did not run, False when it did, None
-when nobody can know. True from the start: `ServiceUnavailable`, `TypeMismatch`, `InvalidRequest`,
+Every error has `not_executed`: True if the call certainly did not run, False if it did, None if
+that is unknown. The classes with True: `ServiceUnavailable`, `TypeMismatch`, `InvalidRequest`,
 `ServerBusy`, `InvalidName`, `NameInUse`, `CannotListen`, `WouldDeadlock`, `AuthenticationFailed`,
 `PermissionDenied`, `RequestIdReused`, `StoreError`, and the errors of a callback with the code
-UNAVAILABLE. False from the start: other `HandlerFailed`. All others are None, unless who raises
-one knows better.
+UNAVAILABLE. The class with False: other `HandlerFailed`. All other classes have None. Code that
+raises an error may set another value.
 """
 
 from __future__ import annotations
@@ -68,7 +68,7 @@ class Code(IntEnum):
         return self.name
 
     def __format__(self, spec: str) -> str:
-        # An IntEnum's own formats the number, also where nobody asks for one.
+        # IntEnum's own method formats the number, even without a format for numbers.
         return format(int(self) if spec.endswith(_NUMERIC) else self.name, spec)
 
 
@@ -77,8 +77,8 @@ class TaskRpcError(Exception):
 
     Attributes:
         not_executed: True when the call certainly did not run, False when it did, None if unknown.
-        files: files that the text names, which are nothing to callers elsewhere.
-        for_callers: the text that callers get, "" for this text without file names.
+        files: paths in the text that callers on other machines must not see.
+        for_callers: the text for callers; "": this error's text without file names.
     """
 
     not_executed: bool | None = None
@@ -92,25 +92,25 @@ class TaskRpcError(Exception):
 
 
 class DeadlineExceeded(TaskRpcError, TimeoutError):
-    """No answer came by the deadline; the call was cancelled and may have run."""
+    """No response arrived by the deadline; the call was cancelled and may have run."""
 
 
 class ServiceUnavailable(TaskRpcError):
-    """Nobody offers the service, or nobody could be reached in time."""
+    """No server offers the service, or none could be reached in time."""
 
     not_executed = True
 
 
 class ConnectionLost(TaskRpcError):
-    """The connection ended before the answer came."""
+    """The connection ended before the response arrived."""
 
 
 class OutcomeUnknown(ConnectionLost):
-    """It may or may not have run: the connection ended after it was sent, or a disk failed."""
+    """The call may or may not have run: the connection was lost, or a disk failed."""
 
 
 class TypeMismatch(TaskRpcError):
-    """Client and server know the service by definitions that differ."""
+    """Client and server have different definitions of the service."""
 
     not_executed = True
 
@@ -120,7 +120,7 @@ class InvalidRequest(TaskRpcError):
 
     Attributes:
         path: the field, as in `goal.position.x` or `ranges[3]`; "" for the whole message.
-        problem: what was expected and what came.
+        problem: what was expected and what was received.
     """
 
     not_executed = True
@@ -135,10 +135,10 @@ class InvalidRequest(TaskRpcError):
 
 
 class ServerBusy(TaskRpcError):
-    """The server refused the call for load; it did not run.
+    """The server is overloaded and refused the call; it did not run.
 
     Attributes:
-        retry_after: seconds after which the server suggests to try again.
+        retry_after: the seconds after which the client should try again, as the server suggests.
     """
 
     not_executed = True
@@ -166,20 +166,20 @@ class HandlerFailed(_Coded):
     """The server's callback raised.
 
     Attributes:
-        code: `Code.INTERNAL`, or what the callback chose with `HandlerError`.
-        message: what the callback chose to say.
+        code: `Code.INTERNAL`, or the code of the callback's `HandlerError`.
+        message: the text of the callback's `HandlerError`.
     """
 
     not_executed = False
 
 
 class HandlerError(_Coded):
-    """Raise this in a service callback to tell the caller what is wrong.
+    """Raise this in a service callback to send a code and a message to the caller.
 
     `code` is a `Code` or its name. `UNAVAILABLE` promises that nothing was done, so that the
-    caller's retry policy may try again; with any other code the call counts as run.
+    caller's retry policy may try again; with any other code the call counts as executed.
 
-    Raises ValueError for a code that is none.
+    Raises ValueError for an invalid code.
     """
 
 
@@ -187,8 +187,10 @@ class InvalidName(TaskRpcError, ValueError):
     """A name breaks ROS's naming rules.
 
     Attributes:
-        name: the name as given. index: the offending character, counted from 0.
-        kind: `node name`, `namespace`, `service name` or `topic name`. problem: the rule.
+        name: the name as given.
+        index: the position of the first wrong character, counted from 0.
+        kind: `node name`, `namespace`, `service name` or `topic name`.
+        problem: the broken rule.
     """
 
     not_executed = True
@@ -214,7 +216,7 @@ class CannotListen(TaskRpcError):
 
 
 class WouldDeadlock(TaskRpcError, RuntimeError):
-    """A blocking call was made from the event loop's own thread, which would have to answer it."""
+    """A blocking call was made on the event loop's own thread, which must also run the call."""
 
     not_executed = True
 
@@ -257,11 +259,11 @@ _PATH = re.compile(
 
 
 def text_for_callers(error: TaskRpcError) -> str:
-    """What callers elsewhere hear of an error of this machine's: its text without its files."""
+    """Return an error's text for callers on other machines, without paths of this machine."""
     text = error.for_callers or str(error)
     for file in sorted(error.files, key=len, reverse=True):
         text = text.replace(f"{file}: ", "").replace(file, "the server's file")
-    # Stores of others name their files too, and do not say which words are names.
+    # Users' own stores do not list the paths in their texts.
     return _PATH.sub("…", text)
 
 

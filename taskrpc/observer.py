@@ -1,4 +1,4 @@
-"""Observers: how metrics, traces and logs learn of calls; and the counts of a node."""
+"""Observers: objects that a node notifies of its calls; and the counts of a node."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from taskrpc.errors import Code
 
 log = logging.getLogger("taskrpc.observer")
 
-_Answer = TypeVar("_Answer")
+_Result = TypeVar("_Result")
 
 
 class Connections(msgspec.Struct):
@@ -77,7 +77,7 @@ class NodeStatus(msgspec.Struct, frozen=True):
     retries: dict[str, int]
     """How often the node's clients have repeated a call, by service."""
     endpoint: str
-    """Identifies the socket: the nodes of one program share it, and the two counts below."""
+    """Identifies the socket; the nodes of one program share it and the next two counts."""
     accepted: Connections
     """The connections that other programs have made to this one."""
     dialled: Connections
@@ -107,7 +107,7 @@ class Outgoing(Protocol):
         """
 
     def ended(self, code: Code, seconds: float) -> None:
-        """The call has ended; it took `seconds` with all retries."""
+        """The call has ended; it took `seconds`, including retries."""
 
 
 class Observer:
@@ -134,7 +134,7 @@ class Observer:
         """A call has ended, `seconds` after it arrived.
 
         `code` is `Code.OK`, or the code of the error for the caller; `Code.CANCELLED` if the caller
-        is gone. A request that could not be decoded ends without having begun.
+        has disconnected. For a request that could not be decoded, only this method is called.
         """
 
     def request_began(self, service: str) -> Outgoing | None:
@@ -142,7 +142,7 @@ class Observer:
         return None
 
     def request_ended(self, service: str, code: Code, seconds: float) -> None:
-        """One of the node's clients has made a call, which took `seconds` with all retries."""
+        """One of the node's clients has made a call, which took `seconds`, including retries."""
 
 
 class Observers(Observer):
@@ -199,10 +199,10 @@ class _Several:
             call_observer(each.ended, code, seconds)
 
 
-def call_observer(tell: Callable[..., _Answer], *what: Any) -> _Answer | None:
-    """Call an observer; log its exception, and return None then."""
+def call_observer(method: Callable[..., _Result], *arguments: Any) -> _Result | None:
+    """Call a method of an observer; if it raises, log the exception and return None."""
     try:
-        return tell(*what)
+        return method(*arguments)
     except Exception:
         log.exception("an observer failed")
         return None

@@ -184,7 +184,7 @@ def why_not_private(descriptor: int, path: object, *, is_key: bool = False) -> s
     return ""
 
 
-def may_anybody_write(folder: Path) -> bool:
+def is_writable_by_all(folder: Path) -> bool:
     """Whether every user of the machine may create files in a folder; False if unknown."""
     try:  # on Windows, the mode says nothing, and a user's folders are closed to others by default
         return sys.platform != "win32" and bool(os.stat(folder).st_mode & stat.S_IWOTH)

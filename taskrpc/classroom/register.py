@@ -16,7 +16,7 @@ from taskrpc import platform
 from taskrpc.classroom.authority import files_in
 from taskrpc.classroom.invitation import Invitation, to_join_string
 from taskrpc.errors import TaskRpcError
-from taskrpc.security.roles import Account, Role, why_no_name
+from taskrpc.security.roles import Account, Role, account_name_problem
 
 _SECRET_BYTES = 18
 
@@ -184,7 +184,7 @@ def _account_of(student: str, accounts: set[str], written: dict[str, str]) -> st
     for account, name in written.items():
         if name == student:
             return account
-    if not why_no_name(student) and student not in written:
+    if not account_name_problem(student) and student not in written:
         return student
     taken = {namespace_of(each) for each in {*accounts, *written}}
     account = account_for(student, lambda name: namespace_of(name) not in taken)

@@ -11,7 +11,7 @@ from taskrpc.errors import TaskRpcError
 from taskrpc.metrics import Metrics
 from taskrpc.metrics.tasks import MeasuredStore, task_families
 from taskrpc.security.accounts import AccountSource
-from taskrpc.security.listen_policy import refuse_exposure
+from taskrpc.security.listen_policy import check_listen_policy
 from taskrpc.security.roles import account_of
 from taskrpc.tasks import TaskServer
 from taskrpc.tasks.records.store import TaskStore
@@ -51,7 +51,7 @@ class Monitoring:
         host, _ = split_place(self._place)
         if not is_loopback(host):
             known = self._accounts.current if self._accounts is not None else None
-            refuse_exposure(host, certificate=True, token=self._token, accounts=known, ca=False)
+            check_listen_policy(host, certificate=True, token=self._token, accounts=known, ca=False)
         return shown
 
     def _may_look(self, given: str) -> bool:

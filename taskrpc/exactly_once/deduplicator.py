@@ -192,7 +192,7 @@ class Deduplicator:
         """Answer with an error, and read the store again: only it knows what was stored."""
         log.error("%s: %s", execution.service, error, extra=log_fields(execution))
         self._state.end(execution)
-        self._state.open(self._store, anew=True)
+        self._state.open(self._store, again=True)
         execution.answer(OutcomeUnknown(text_for_callers(error)))
 
     async def _await_store(
@@ -278,7 +278,7 @@ class Deduplicator:
         except Exception as error:  # harmless: the next server finds them expired too
             log.warning("cannot forget clients whose lease has ended: %s", error)
             if isinstance(error, OutcomeUnknown) or not isinstance(error, TaskRpcError):
-                self._state.open(self._store, anew=True)
+                self._state.open(self._store, again=True)
 
     def _wait_for_store(self, call: IncomingCall) -> None:
         state = self._state

@@ -45,23 +45,25 @@ class StoreState:
         self.ledger: Ledger | None = None
         """None while the store is being read, and when it could not be read."""
         self.deduplicators = 0
-        """How many services use the store."""
+        """How many services use the store. Each `Deduplicator` counts itself."""
         self.next_expiry = 0.0
         """The instant on the lease clock at which to look for leases that have ended."""
         self._earlier_ledger: Ledger | None = None
         """The ledger that knows what runs, while the store is read again."""
         self._store_id: asyncio.Future[bytes] = loop.create_future()
+        """Resolved when the store has been read."""
         self._completed_meanwhile: list[Completion] = []
         """Completions stored while the store is read; the reading may lack them."""
         self._opening: asyncio.Task[None] | None = None
+        """The newest reading of the store."""
 
     # Reading the store
 
-    def open(self, store: CompletionStore, *, anew: bool = False) -> None:
-        """Read the store, unless it is read or being read; with `anew` even then."""
-        if anew and self.ledger is not None:
+    def open(self, store: CompletionStore, *, again: bool = False) -> None:
+        """Read the store, if it is not read or being read already; with `again`, in any case."""
+        if again and self.ledger is not None:
             self._earlier_ledger, self.ledger = self.ledger, None
-        if anew or (self.ledger is None and not self._is_opening):
+        if again or (self.ledger is None and not self._is_opening):
             loop = asyncio.get_running_loop()
             self._opening = loop.create_task(self._read(store))
 
@@ -84,7 +86,7 @@ class StoreState:
         return self.ledger is None and not self._is_opening
 
     def stop_reading(self, problem: str) -> None:
-        """Stop reading; whoever waits for the store's id gets an error with this text."""
+        """Stop reading; coroutines that wait for the store's id get an error with this text."""
         if self._opening is not None:
             self._opening.cancel()
         if not self._store_id.done():
@@ -112,7 +114,7 @@ class StoreState:
         return received is not None
 
     def end_without_trace(self, execution: IncomingCall) -> None:
-        """Note that an execution has stored nothing: a repetition of its request is new."""
+        """Note that an execution has stored nothing: a repetition of its request runs again."""
         received = execution.received_id
         if self.end(execution) and received is not None and self.ledger is not None:
             self.ledger.abandoned(execution.principal, received)

@@ -129,7 +129,7 @@ class SqliteCompletions:
         Raises:
             StoreError: it cannot be read, or another process uses it.
         """
-        await self._writer.mend()
+        await self._writer.reopen()
         return await self._writer.read(_read)
 
     async def complete(

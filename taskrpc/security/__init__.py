@@ -1,5 +1,5 @@
-"""Who may connect, and who may do what: roles, accounts, certificates, and the rule for listening.
+"""Access control: roles, accounts, certificates, and the rule for the addresses of a server.
 
-Start with `roles`; `accounts` follows a file of accounts while it changes. The handshake itself is
-in `wire.handshake`, and nothing here opens a connection.
+Start with `roles`; `accounts` reads a file of accounts again when it changes. The handshake is in
+`wire.handshake`. Nothing here opens a connection.
 """

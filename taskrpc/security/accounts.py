@@ -1,4 +1,4 @@
-"""The accounts that a server goes by, also while their file changes."""
+"""The accounts of a server; a file of accounts is read again when it changes."""
 
 from __future__ import annotations
 
@@ -19,16 +19,16 @@ from taskrpc.security.roles import MIN_SECRET, Account, Accounts, Role
 
 log = logging.getLogger("taskrpc.transport")
 
-TELL_EVERY = 60.0
+LOG_PERIOD = 60.0
 """Seconds between two log lines about a file that cannot be used."""
 
-_ONLY_TAKES_AWAY = "only the restrictions in this file of accounts take effect: "
+_ONLY_RESTRICTS = "only the restrictions in this file of accounts take effect: "
 
 _RoleName = Literal["observe", "submit", "operate", "admin"]
 
 
 class _Row(msgspec.Struct, forbid_unknown_fields=True):
-    """One account as the file has it."""
+    """One account, as it stands in the file."""
 
     secret: str
     role: _RoleName = "submit"
@@ -36,7 +36,7 @@ class _Row(msgspec.Struct, forbid_unknown_fields=True):
     revoked: bool = False
 
     def __repr__(self) -> str:
-        return f"_Row({self.role})"  # without the secret: what is printed ends in logs
+        return f"_Row({self.role})"  # without the secret, which must not appear in logs
 
 
 class _File(msgspec.Struct, forbid_unknown_fields=True):
@@ -44,31 +44,35 @@ class _File(msgspec.Struct, forbid_unknown_fields=True):
 
 
 class AccountSource:
-    """The current accounts: given once, or read from a file again whenever it changes.
+    """The accounts that are in force now: fixed ones, or those of a file that may change.
 
     Raises TaskRpcError for a file that is invalid, or that other users can read.
     """
 
     def __init__(self, given: Accounts | str | Path) -> None:
         self._path: Path | None = None
+        """The file; None for fixed accounts."""
         self._seen: object = None
+        """The signature of the file that was read last."""
         self._problem = ""
         """Why the current file is not in force, and what is instead; "" if it is in force."""
-        self._told = 0.0
+        self._logged_at = 0.0
+        """When the problem was last logged, on the monotonic clock."""
         if isinstance(given, Accounts):
             self.current = given
+            """The accounts in force."""
         else:
             self._path = Path(given)
             self._seen = _signature(self._path)
             self.current = read_accounts(self._path)
 
     @property
-    def may_change(self) -> bool:
-        """Whether they come from a file, which must be checked for changes."""
+    def can_change(self) -> bool:
+        """Whether the accounts come from a file, which must be checked for changes."""
         return self._path is not None
 
     def refresh(self) -> bool:
-        """Check whether the file has changed; return whether the accounts have.
+        """Read the file again if it has changed; return whether the accounts have changed.
 
         While the file is invalid, the accounts of the last valid file stay in force, and the log
         repeats the reason. If other users can read the file but not write it, its restrictions
@@ -77,7 +81,7 @@ class AccountSource:
         if self._path is None:
             return False
         if (seen := _signature(self._path)) == self._seen:
-            self._tell_problem(every=TELL_EVERY)
+            self._log_problem(period=LOG_PERIOD)
             return False
         self._seen, before = seen, self.current
         try:
@@ -86,31 +90,31 @@ class AccountSource:
             self._problem = f"the accounts stay as they were: {error}"
         else:
             self.current = _narrowed(before, found) if self._problem else found
-        self._tell_problem(every=0.0)
+        self._log_problem(period=0.0)
         if not self._problem:
             log.info("%s: %d accounts", self._path, len(self.current))
         return self.current is not before
 
-    def _tell_problem(self, *, every: float) -> None:
+    def _log_problem(self, *, period: float) -> None:
         now = time.monotonic()
-        if self._problem and now - self._told >= every:
-            self._told = now
+        if self._problem and now - self._logged_at >= period:
+            self._logged_at = now
             log.error("%s", self._problem)
 
 
 def read_accounts(path: Path) -> Accounts:
-    """The accounts of a file: JSON where its name ends in .json, TOML otherwise.
+    """Return the accounts of a file: JSON if its name ends in .json, TOML otherwise.
 
-    Raises TaskRpcError for a file that others can read or that has no accounts in this form.
+    Raises TaskRpcError for a file that is invalid, or that other users can read.
     """
     found, problem = _read(path)
     if problem:
-        raise TaskRpcError(problem.removeprefix(_ONLY_TAKES_AWAY))
+        raise TaskRpcError(problem.removeprefix(_ONLY_RESTRICTS))
     return found
 
 
 def _read(path: Path) -> tuple[Accounts, str]:
-    """The accounts of a file, and why only its restrictions take effect ("" if all of it does).
+    """Return the accounts of a file, and why only its restrictions take effect ("": all does).
 
     Raises TaskRpcError for a file that is invalid or that other users can write.
     """
@@ -123,7 +127,7 @@ def _read(path: Path) -> tuple[Accounts, str]:
             content = file.read().removeprefix(BOM_UTF8)
     except OSError as error:
         raise TaskRpcError(f"{path}: {error.strerror}") from None
-    return _parsed(path, content), f"{_ONLY_TAKES_AWAY}{problem}" if problem else ""
+    return _parsed(path, content), f"{_ONLY_RESTRICTS}{problem}" if problem else ""
 
 
 def _parsed(path: Path, content: bytes) -> Accounts:
@@ -131,7 +135,7 @@ def _parsed(path: Path, content: bytes) -> Accounts:
     try:
         found = decode(content, type=_File)
     except (msgspec.DecodeError, ValueError, RecursionError) as error:
-        # The parser's text may quote the file, and so a secret, if the syntax is invalid.
+        # For invalid syntax, the parser's text may quote a line of the file with a secret.
         problem = str(error) if isinstance(error, msgspec.ValidationError) else "it cannot be read"
         raise TaskRpcError(f"{path}: expected accounts as TOML or JSON: {problem}") from None
     for name, row in found.accounts.items():
@@ -144,12 +148,12 @@ def _parsed(path: Path, content: bytes) -> Accounts:
         return Accounts(_account(name, row) for name, row in found.accounts.items())
     except TaskRpcError as error:
         raise TaskRpcError(f"{path}: {error}") from None
-    except (ValueError, OverflowError, OSError) as error:  # an instant that no clock can show
+    except (ValueError, OverflowError, OSError) as error:  # `expires` is outside a clock's range
         raise TaskRpcError(f"{path}: expires: {error}") from None
 
 
 def _narrowed(old: Accounts, new: Accounts) -> Accounts:
-    """The old accounts, restricted to what the new ones still allow."""
+    """Return the old accounts, restricted to what the new ones still allow."""
     by_name = {account.name: account for account in new}
     return Accounts(_least(account, by_name.get(account.name)) for account in old)
 

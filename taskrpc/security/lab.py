@@ -1,4 +1,4 @@
-"""The lab that this user has joined: where its server is, and what it takes to be let in."""
+"""The lab that this user has joined: the address of its server, and this user's account there."""
 
 from __future__ import annotations
 
@@ -15,34 +15,34 @@ _FILE = "lab.json"
 
 
 class Lab(msgspec.Struct, frozen=True, kw_only=True):
-    """A server elsewhere that programs of this user call without being told."""
+    """A server on another machine that this user's programs call by default."""
 
     place: str
     """`HOST:PORT`."""
     token: str
     """`NAME.SECRET` of this user's account there."""
     certificate: str
-    """The very one that the server shows (PEM)."""
+    """The server's own certificate (PEM); clients accept no other."""
     domain: int = 0
     namespace: str = "/"
-    """Of this user's nodes that say none."""
+    """The namespace of this user's nodes that give none."""
     expires: float = 0.0
-    """Seconds since 1970 from when on the account is refused, 0.0 for never."""
+    """When the account expires, in seconds since 1970; 0.0: never."""
 
     def __repr__(self) -> str:
-        # Without the token: what is printed ends in logs.
+        # Without the token, which must not appear in logs.
         return f"Lab(place={self.place!r}, domain={self.domain}, namespace={self.namespace!r})"
 
 
 def lab_file() -> Path:
-    """Where it is remembered."""
+    """Return the path of the file that stores the joined lab."""
     return platform.find_state_dir() / _FILE
 
 
 def remembered_lab() -> Lab | None:
-    """The lab that this user has joined, None where there is none.
+    """Return the lab that this user has joined, None if there is none.
 
-    Raises TaskRpcError for a file that says something else.
+    Raises TaskRpcError if the file cannot be read or is invalid.
     """
     path = lab_file()
     try:
@@ -58,13 +58,13 @@ def remembered_lab() -> Lab | None:
 
 
 def remember_lab(lab: Lab) -> None:
-    """Let every later program of this user call this lab, instead of the one before."""
+    """Store the lab, in the place of an earlier one; programs that start later call it."""
     platform.state_dir()
     platform.write_private(lab_file(), msgspec.json.encode(lab))
 
 
 def forget_lab() -> bool:
-    """Call no lab any more; False where none was joined."""
+    """Remove the stored lab; returns False if this user had joined none."""
     try:
         lab_file().unlink()
     except (FileNotFoundError, NotADirectoryError):

@@ -1,4 +1,4 @@
-"""Where a server may listen: beyond this machine only with a certificate, and asking for proof."""
+"""The rule for listening: other machines may reach a server only with encryption and accounts."""
 
 from __future__ import annotations
 
@@ -6,12 +6,13 @@ from taskrpc.errors import CannotListen
 from taskrpc.security.roles import MIN_SECRET, Accounts
 
 
-def refuse_exposure(
+def check_listen_policy(
     host: str, *, certificate: bool, token: str, accounts: Accounts | None, ca: bool
 ) -> None:
-    """Check that a server is protected well enough to listen where other machines reach it.
+    """Check that a server is protected well enough for an address that other machines can reach.
 
-    `ca` says that callers must show certificates. Raises CannotListen.
+    It needs a certificate, and a way to authenticate its callers: a token, accounts, or `ca`
+    (callers must show certificates). Raises CannotListen.
     """
     if not (certificate and (token or ca or accounts is not None)):
         raise CannotListen(
@@ -24,9 +25,9 @@ def refuse_exposure(
     secrets = {"the token": token} if token else {}
     for account in accounts or ():
         secrets[f"the secret of the account {account.name}"] = account.secret
-    for what, secret in secrets.items():
+    for description, secret in secrets.items():
         if len(secret) < MIN_SECRET:
             raise CannotListen(
-                f"cannot listen at {host}: {what} has {len(secret)} characters; where other"
-                f" machines can try to guess it, at least {MIN_SECRET} are needed"
+                f"cannot listen at {host}: {description} has {len(secret)} characters; expected at"
+                f" least {MIN_SECRET}, because other machines can try to guess it"
             )

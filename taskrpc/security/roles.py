@@ -1,4 +1,4 @@
-"""Who may do what: roles, accounts, and the token that a user of an account holds."""
+"""Roles, accounts, and the tokens with which users prove their accounts."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ import msgspec
 from taskrpc.errors import TaskRpcError
 
 MIN_SECRET = 16
-"""Characters that a secret must have where other machines can try to guess it."""
+"""The least number of characters of a secret that other machines can try to guess."""
 
 _NAME = r"[A-Za-z0-9_.@+-]{1,64}"
 _IS_NAME = re.compile(_NAME).fullmatch
@@ -21,14 +21,14 @@ _IS_TOKEN = re.compile(rf"({_NAME})\.[A-Za-z0-9_~=+/-]{{1,256}}".encode()).fullm
 
 
 class Role(IntEnum):
-    """What somebody may do; each role may also do what the smaller ones may."""
+    """What an account allows; each role includes the smaller ones."""
 
     OBSERVE = 1
-    """Look: listings, states, what changes."""
+    """Read: lists, states and changes."""
     SUBMIT = 2
-    """Give work, and call off one's own."""
+    """Submit work, and cancel one's own."""
     OPERATE = 3
-    """Steer what others gave too: cancel, pause, stop."""
+    """Cancel, pause and stop the work of others too."""
     ADMIN = 4
     """Everything."""
 
@@ -36,8 +36,8 @@ class Role(IntEnum):
 class Account(msgspec.Struct, frozen=True):
     """One user of a server.
 
-    Raises TaskRpcError for a name or secret of other characters than a token can have, and for an
-    end that is none.
+    Raises TaskRpcError for a name or secret with characters that a token cannot have, and for an
+    invalid `expires`.
     """
 
     name: str
@@ -46,11 +46,11 @@ class Account(msgspec.Struct, frozen=True):
     """Letters, digits and `_~=+/-`, drawn at random."""
     role: Role = Role.SUBMIT
     expires: float = 0.0
-    """Seconds since 1970 from when on it is refused, 0.0 for never."""
+    """When the account expires, in seconds since 1970; 0.0: never."""
     revoked: bool = False
 
     def __post_init__(self) -> None:
-        if problem := why_no_name(self.name):
+        if problem := account_name_problem(self.name):
             raise TaskRpcError(problem)
         if not _IS_SECRET(self.secret):
             raise TaskRpcError(
@@ -64,7 +64,7 @@ class Account(msgspec.Struct, frozen=True):
             )
 
     def __repr__(self) -> str:
-        # Without the secret: what is printed ends in logs.
+        # Without the secret, which must not appear in logs.
         return (
             f"Account(name={self.name!r}, role={self.role!r}, expires={self.expires!r},"
             f" revoked={self.revoked!r})"
@@ -72,18 +72,18 @@ class Account(msgspec.Struct, frozen=True):
 
     @property
     def token(self) -> str:
-        """What the account's user gives as a token: `NAME.SECRET`."""
+        """The token of the account's user: `NAME.SECRET`."""
         return f"{self.name}.{self.secret}"
 
     def refusal(self, now: float) -> str:
-        """Why the account is refused at an instant in seconds since 1970; "" where it is not."""
+        """Return why the account is refused at `now` (seconds since 1970), "" if it is not."""
         if self.revoked:
             return f"the account {self.name} is revoked"
         return f"the account {self.name} has expired" if 0 < self.expires <= now else ""
 
 
 class Accounts:
-    """The accounts of a server, by their names. Raises TaskRpcError for two of one name."""
+    """The accounts of a server, by name. Raises TaskRpcError for two with one name."""
 
     def __init__(self, accounts: Iterable[Account] = ()) -> None:
         self._by_name: dict[str, Account] = {}
@@ -99,24 +99,24 @@ class Accounts:
         return len(self._by_name)
 
     def find(self, name: str, now: float) -> Account | None:
-        """The account of this name if it may be used at an instant in seconds since 1970."""
+        """Return the account of this name if it is valid at `now` (seconds since 1970)."""
         account = self._by_name.get(name)
         return None if account is None or account.refusal(now) else account
 
     def refusal(self, name: str, now: float) -> str:
-        """Why `find` gives no account, for the server's log only; "" where it gives one."""
+        """Return why `find` returns no account, for the server's log only; "" if it does."""
         account = self._by_name.get(name)
         return f"there is no account {name}" if account is None else account.refusal(now)
 
 
-def why_no_name(name: str) -> str:
-    """Why an account cannot have this name, "" where it can."""
+def account_name_problem(name: str) -> str:
+    """Return why an account cannot have this name, "" if it can."""
     if _IS_NAME(name):
         return ""
     return f"an account's name: expected 1 to 64 letters, digits or any of _.@+-, got {name!r}"
 
 
 def account_of(token: bytes) -> str:
-    """The account that a token names, "" for a bare secret."""
+    """Return the name of the account in a token, "" for a secret without an account."""
     found = _IS_TOKEN(token)
     return "" if found is None else found[1].decode()

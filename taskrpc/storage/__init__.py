@@ -1,6 +1,6 @@
-"""SQLite files in which data survives the process: one file a store, used by one process.
+"""SQLite files that keep data after the process has ended: one file for each store.
 
 Start with `writer`, which collects changes into transactions, then `database`, which carries them
-out; `path_checks` and `lock` refuse a file that is not safe to use. Nothing here knows what a store
-keeps: the tables belong to `taskrpc.exactly_once` and `taskrpc.tasks.records`.
+out. `path_checks` and `lock` refuse a file that is not safe to use. Nothing here knows the contents
+of a store: the tables belong to `taskrpc.exactly_once` and `taskrpc.tasks.records`.
 """

@@ -1,11 +1,11 @@
-"""One SQLite file in the hands of one process: opened, changed in transactions, closed.
+"""One SQLite file that one process uses: opens it, changes it in transactions, closes it.
 
-A COMMIT that fails may have been done all the same: what it wrote is in the system's memory, and
-may reach the disk later. So the file is then opened anew and read, which tells; if it cannot be,
-nobody here can know, and the file is not touched again before it is closed.
+A COMMIT that fails may take effect all the same: its data is in the system's memory and may reach
+the disk later. So after a failed COMMIT, the file is opened again and read. If it cannot be read,
+the outcome is unknown, and the file is not used again before it is closed.
 
-What is written to a file that was removed meanwhile is lost with this process, so its place is
-looked at before each change.
+Data written to a removed file would be lost at the end of this process. So each change first checks
+that the path still leads to the open file.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from typing import Any, TypeVar
 from taskrpc import platform
 from taskrpc.errors import OutcomeUnknown, StoreError
 from taskrpc.storage import path_checks
-from taskrpc.storage.error_texts import is_about_the_file, is_full, loss, plainly
-from taskrpc.storage.lock import Lock, Witness
+from taskrpc.storage.error_texts import is_about_the_file, is_full, loss_text, store_errors
+from taskrpc.storage.lock import CommitCount, Lock
 from taskrpc.storage.records import Damaged
 
 _Result = TypeVar("_Result")
@@ -33,7 +33,7 @@ _STORE_TABLE = "CREATE TABLE taskrpc_store (store_id BLOB NOT NULL, commits INTE
 
 
 def has_store(connection: sqlite3.Connection) -> bool:
-    """Whether a database holds a store already."""
+    """Return whether a database contains a store."""
     found = connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'taskrpc_store'")
     return found.fetchone() is not None
 
@@ -48,7 +48,7 @@ def create_store(connection: sqlite3.Connection) -> None:
 
 
 def replace_store_id(connection: sqlite3.Connection) -> None:
-    """Give the store a new id, in the open transaction, so that clients take it for another one."""
+    """Give the store a new id, in the open transaction, so that clients see a different store."""
     connection.execute("UPDATE taskrpc_store SET store_id = ?", (os.urandom(16),))
 
 
@@ -61,89 +61,92 @@ def read_store_id(connection: sqlite3.Connection) -> bytes:
 
 
 class Database:
-    """The open file; every call from one thread.
+    """The open file; all calls must come from one thread.
 
     Args:
-        path: the database file; made if it is not there. A file `<path>.lock` beside it says
+        path: the database file; created if it does not exist. A file `<path>.lock` beside it says
             which process uses it.
-        prepare: makes the tables that a file lacks, in a transaction, or refuses the file.
-        equip: gives a connection what it needs besides tables, whenever there is a new one.
-        holder: what uses such a file, as a sentence names it.
-        anew: whether a store that is missing, or lacks transactions, does not matter, because
-            everything is going to be deleted.
+        prepare: creates missing tables, in a transaction, or refuses the file.
+        equip: sets up each new connection, for example with temporary tables.
+        holder: the kind of program that uses such a file, for error texts.
+        clearing: whether to accept a missing or incomplete store, because everything will be
+            deleted.
 
     Raises:
         StoreError: it cannot be opened.
     """
 
     def __init__(
-        self, path: Path, prepare: _Work, equip: _Work, *, holder: str, anew: bool = False
+        self, path: Path, prepare: _Work, equip: _Work, *, holder: str, clearing: bool = False
     ) -> None:
         self._path = path
         self._equip = equip
         self._why_broken = ""
-        with contextlib.ExitStack() as undo, plainly(path):
+        """Why the file cannot be used any more, "" while it can."""
+        with contextlib.ExitStack() as undo, store_errors(path):
             path_checks.refuse_strangers(path)
             path_checks.refuse_second_name(path)
             self._lock = Lock(path, holder)
             undo.callback(self._lock.close)
-            if not anew:  # before SQLite can delete the log
+            if not clearing:  # before SQLite can delete the log
                 path_checks.refuse_lost_store(path.resolve(), self._lock)
             _create_private(path.resolve())
             self._connection = _connect(path)
             undo.callback(self._disconnect)
-            if not anew:
+            if not clearing:
                 self._refuse_other_contents()
             self._prepare(prepare)
             _make_private(path.resolve())
             self._connection.execute("PRAGMA journal_mode = WAL")
             equip(self._connection)
             self._file = path.stat()
+            """The identity of the open file."""
             self._reached = self._count()
-            if not anew:
+            """The count of commits after the last change."""
+            if not clearing:
                 self._refuse_loss()
             self._note(self._reached)
             self._undo = undo.pop_all()
 
     @property
     def is_broken(self) -> bool:
-        """Whether nothing more can be done with it, except to close it."""
+        """Whether the only possible call is `close`, because an outcome is unknown."""
         return bool(self._why_broken)
 
     def read(self, work: Callable[[sqlite3.Connection], _Result]) -> _Result:
-        """Look something up. Raises StoreError."""
-        with plainly(self._path):
+        """Return the result of a function that reads the file. Raises StoreError."""
+        with store_errors(self._path):
             self._check()
             return work(self._connection)
 
     def change(self, work: _Work) -> None:
-        """Do all of it or nothing of it; it is on the disk when this returns.
+        """Run a function in a transaction; its changes are on the disk when this returns.
 
         Raises:
             StoreError: nothing was changed.
-            OutcomeUnknown: nobody knows whether it was; the database is broken.
-            Exception: `work` raised it itself, and nothing was changed.
+            OutcomeUnknown: the change may have been made; the database is broken.
+            Exception: `work` raised it, and nothing was changed.
         """
         self._do(lambda number: self._in_transaction(work, number))
-        with contextlib.suppress(sqlite3.Error):  # what is done is done
-            self._note(self._count())  # it may be another store now
+        with contextlib.suppress(sqlite3.Error):  # the change itself was made
+            self._note(self._count())  # `work` may have given the store a new id
 
     def change_at_once(self, statement: str, values: Sequence[Any]) -> None:
-        """Do as `change` does, by one statement that is the whole transaction.
+        """Do the same as `change`, with one statement that is the whole transaction.
 
-        It takes the interpreter's lock once instead of at each of many steps, and on a busy loop
-        that is what takes time. Its last parameter is what it must write as `commits`.
+        It takes the interpreter's lock only once; on a busy event loop, waiting for that lock takes
+        most of the time. The statement must write its last parameter as `commits`.
         """
         self._do(lambda number: _execute(self._connection, statement, (*values, number)))
 
     def _do(self, transaction: Callable[[int], None]) -> None:
-        with plainly(self._path, but_statements=True):
+        with store_errors(self._path, except_statements=True):
             self._check()
             self._check_place()
             number = self._reached.commits + 1
             try:
                 self._with_room(transaction, number)
-                self._note(Witness(self._reached.store_id, number))
+                self._note(CommitCount(self._reached.store_id, number))
             except _CommitFailed as failed:
                 self._find_out(number, failed.error)
 
@@ -156,19 +159,19 @@ class Database:
             transaction(number)
 
     def _can_write_log_anew(self) -> bool:
-        """Whether what the log has is in the file itself now, so that its room is free again."""
+        """Move the log's contents into the file; return whether the log's space is free again."""
         try:
             busy, *_ = self._connection.execute("PRAGMA wal_checkpoint(RESTART)").fetchone()
-        except sqlite3.Error:  # there is no room there either
+        except sqlite3.Error:  # there is no space for the file either
             return False
         return not busy
 
-    def _note(self, reached: Witness) -> None:
+    def _note(self, reached: CommitCount) -> None:
         self._reached = reached
         self._lock.note(reached)
 
     def close(self) -> None:
-        """Write everything into the one file and let others use it."""
+        """Write everything into the one file and release its lock."""
         self._undo.close()
 
     def _disconnect(self) -> None:
@@ -182,16 +185,16 @@ class Database:
             raise failed.error from None
 
     def _refuse_loss(self) -> None:
-        """Refuse a file that lacks what this program has acknowledged."""
-        known, reached = self._lock.witness or self._reached, self._reached
+        """Refuse a file that lacks transactions which its lock has counted."""
+        known, reached = self._lock.commit_count or self._reached, self._reached
         if known.store_id == reached.store_id and known.commits > reached.commits:
-            raise StoreError(loss(self._path, self._lock.path, known.commits - reached.commits))
+            raise StoreError(
+                loss_text(self._path, self._lock.path, known.commits - reached.commits)
+            )
 
     def _refuse_other_contents(self) -> None:
         """Refuse a database without tables if the lock has, or may have, counted transactions."""
-        witness = self._lock.witness
-        may_have_commits = self._lock.is_damaged or (witness is not None and witness.commits)
-        if may_have_commits and not has_store(self._connection):
+        if self._lock.may_have_commits and not has_store(self._connection):
             text = path_checks.lost_store(self._path.resolve(), self._lock, "holds no store")
             raise StoreError(text)
 
@@ -226,21 +229,21 @@ class Database:
             raise
 
     def _find_out(self, number: int, error: sqlite3.Error) -> None:
-        """After a COMMIT that failed: return if it was done all the same, else raise why not."""
+        """Find out whether a failed COMMIT took effect: return if it did, else raise the error."""
         try:
             self._disconnect()
             self._connection = _connect(self._path)
             self._equip(self._connection)
             was_done = self._count().commits == number
-            # Reading shows what the system remembers, be it on the disk or not. This writes it
-            # anew, and writes over what would come to light again if the machine failed now.
+            # Reading shows the data in the system's memory, which may not be on the disk. Write it
+            # again, over any older data that a failure of the machine would bring back.
             self._empty_log()
             self._in_transaction(lambda _: None, self._count().commits + 1)
             self._note(self._count())
         except (sqlite3.Error, OSError, _CommitFailed) as second:
             self._why_broken = (
-                f"{self._path} cannot be used any more, since writing to it failed ({error}) and "
-                f"so did opening it again ({second}); mend the disk, then start the server again"
+                f"{self._path} cannot be used any more, because writing to it failed ({error}) and "
+                f"opening it again failed ({second}); repair the disk, then start the server again"
             )
             raise OutcomeUnknown(self._why_broken) from error
         if not was_done:
@@ -252,17 +255,16 @@ class Database:
         if busy:
             raise sqlite3.OperationalError("another program reads it")
 
-    def _count(self) -> Witness:
+    def _count(self) -> CommitCount:
         found = self._connection.execute("SELECT store_id, commits FROM taskrpc_store").fetchone()
         store_id, commits = found or (b"", 0)
         if not isinstance(store_id, bytes) or not isinstance(commits, int):
-            return Witness(b"", 0)  # a reader of the tables will find it damaged
-        return Witness(store_id, commits)
+            return CommitCount(b"", 0)  # `read_store_id` reports the damage
+        return CommitCount(store_id, commits)
 
 
 class MemoryDatabase:
-    """A database without a file, used as `Database` is; it lasts until `close`, at most as long as
-    the object itself.
+    """A database in memory with the methods of `Database`; its contents last until `close`.
 
     Args:
         prepare, equip: as for `Database`.
@@ -272,11 +274,12 @@ class MemoryDatabase:
     """
 
     is_broken = False
+    """A database in memory is never broken."""
 
     def __init__(self, prepare: _Work, equip: _Work) -> None:
-        # The loop that uses the store, and so the thread, may be another one later.
+        # Event loops in different threads may use the store one after the other.
         self._connection = _connect(":memory:", check_same_thread=False)
-        weakref.finalize(self, self._connection.close)  # Python 3.13 warns of one left open
+        weakref.finalize(self, self._connection.close)  # Python 3.13 warns if it stays open
         try:
             self.change(prepare)
         except BaseException:
@@ -285,7 +288,7 @@ class MemoryDatabase:
         equip(self._connection)
 
     def read(self, work: Callable[[sqlite3.Connection], _Result]) -> _Result:
-        """Look something up. Raises StoreError."""
+        """Return the result of a function that reads the database. Raises StoreError."""
         try:
             return work(self._connection)
         except sqlite3.Error as error:
@@ -303,7 +306,7 @@ class MemoryDatabase:
 
 
 class _CommitFailed(Exception):
-    """COMMIT raised `error`, and may have been done or not."""
+    """COMMIT raised `error`, and may have taken effect or not."""
 
     def __init__(self, error: sqlite3.Error) -> None:
         self.error = error
@@ -311,25 +314,28 @@ class _CommitFailed(Exception):
 
 
 def _execute(connection: sqlite3.Connection, ending: str, values: Sequence[Any] = ()) -> None:
-    """Do what ends a transaction. Raises _CommitFailed where it may have ended it all the same."""
+    """Run the statement that ends a transaction.
+
+    Raises _CommitFailed if the transaction may have taken effect in spite of the error.
+    """
     try:
         connection.execute(ending, values)
     except sqlite3.Error as error:
-        # On a full disk the page that makes a transaction valid, its last, was not written whole.
+        # On a full disk, SQLite did not complete the transaction's last page, which makes it valid.
         if is_full(error) or not is_about_the_file(error):
             raise
         raise _CommitFailed(error) from error
 
 
 def pragma(connection: sqlite3.Connection, name: str) -> int:
-    """A number that SQLite keeps in the file's head."""
+    """Return a number that SQLite keeps in the file's header."""
     value: int = connection.execute(f"PRAGMA {name}").fetchone()[0]
     return value
 
 
 def _connect(path: Path | str, *, check_same_thread: bool = True) -> sqlite3.Connection:
     connection = sqlite3.connect(path, isolation_level=None, check_same_thread=check_same_thread)
-    # What a damaged file holds need not be text.
+    # Text in a damaged file may not be valid UTF-8.
     connection.text_factory = bytes
     try:
         connection.execute("PRAGMA synchronous = FULL")
@@ -344,14 +350,14 @@ def _create_private(path: Path) -> None:
         os.close(os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL, 0o600))
     if path.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR), str(path))
-    # SQLite opens what it may only read, and would tell at the first change.
+    # SQLite opens a read-only file too, and fails only at the first change.
     if not os.access(path, os.R_OK | os.W_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), str(path))
 
 
 def _make_private(path: Path) -> None:
-    """Let nobody else read the file; SQLite gives those that it makes beside it the same rights."""
-    # Not through a descriptor: closing one would drop the locks of other readers in this process.
+    """Let only this user read the file; SQLite gives the files beside it the same permissions."""
+    # Do not use a descriptor: closing it would drop the locks of other readers in this process.
     for suffix in path_checks.SIDE_FILES:
         with contextlib.suppress(FileNotFoundError):
             path.with_name(path.name + suffix).chmod(0o600)

@@ -1,4 +1,4 @@
-"""What SQLite and the system say about a file, as one sentence that names the file."""
+"""Turns errors of SQLite and the system into one sentence that names the file and the remedy."""
 
 from __future__ import annotations
 
@@ -27,23 +27,23 @@ _ABOUT_THE_FILE = frozenset(
 
 
 def is_full(error: BaseException) -> bool:
-    """Whether there was no room on the disk."""
+    """Return whether the disk was full."""
     return _primary_code(error) == sqlite3.SQLITE_FULL
 
 
 def is_about_the_file(error: BaseException) -> bool:
-    """Whether anybody's change would have failed, not just this one."""
+    """Return whether the file is the cause, so that every change would have failed."""
     return _primary_code(error) in _ABOUT_THE_FILE
 
 
 @contextlib.contextmanager
-def plainly(path: Path, *, but_statements: bool = False) -> Iterator[None]:
-    """Turn what can go wrong with a file into a `StoreError`.
+def store_errors(path: Path, *, except_statements: bool = False) -> Iterator[None]:
+    """Raise a `StoreError` with the file's path for errors of the system, SQLite and the data.
 
-    With `but_statements`, what is wrong with a statement itself is left to the caller.
+    With `except_statements`, errors that a statement itself causes pass unchanged.
     """
     try:
-        with _in_words(path, but_statements=but_statements):
+        with _translated(path, except_statements=except_statements):
             yield
     except (StoreError, OutcomeUnknown) as error:
         place = path.resolve()
@@ -52,7 +52,7 @@ def plainly(path: Path, *, but_statements: bool = False) -> Iterator[None]:
 
 
 @contextlib.contextmanager
-def _in_words(path: Path, *, but_statements: bool) -> Iterator[None]:
+def _translated(path: Path, *, except_statements: bool) -> Iterator[None]:
     try:
         yield
     except StoreError as error:
@@ -62,26 +62,26 @@ def _in_words(path: Path, *, but_statements: bool) -> Iterator[None]:
         placed.for_callers = error.for_callers
         raise placed from error.__cause__
     except Damaged as damage:
-        raise StoreError(_of_damage(path, damage)) from None
+        raise StoreError(_damage_text(path, damage)) from None
     except sqlite3.DatabaseError as error:
-        if but_statements and not is_about_the_file(error):
+        if except_statements and not is_about_the_file(error):
             raise
-        raise StoreError(_of_file(path, error)) from error
+        raise StoreError(_sqlite_text(path, error)) from error
     except OSError as error:
-        raise StoreError(_of_system(path, error)) from error
+        raise StoreError(_system_text(path, error)) from error
 
 
-def loss(path: Path, lock: Path, missing: int) -> str:
-    """What is said of a file that lacks `missing` transactions which its lock has counted."""
+def loss_text(path: Path, lock: Path, missing: int) -> str:
+    """Return the text for a file that lacks `missing` transactions which its lock has counted."""
     last = "the last transaction" if missing == 1 else f"the last {missing} transactions"
     return (
         f"{path} lacks {last} that it had: {path.name}-wal beside it was removed or damaged, or the"
-        f" file is an older copy; bring back what belongs together, or remove {lock} to go on"
-        " without what is missing"
+        f" file is an older copy; restore the files that belong together, or remove {lock} to go on"
+        " without the missing transactions"
     )
 
 
-def _of_system(path: Path, error: OSError) -> str:
+def _system_text(path: Path, error: OSError) -> str:
     place = path.resolve()
     if isinstance(error, FileNotFoundError) and not place.parent.exists():
         return f"{path}: there is no folder {place.parent}"
@@ -91,17 +91,17 @@ def _of_system(path: Path, error: OSError) -> str:
     return f"{path}: the database cannot be opened: {at}{error.strerror}"
 
 
-def _of_damage(path: Path, damage: Damaged) -> str:
+def _damage_text(path: Path, damage: Damaged) -> str:
     row, advice = "", f"or move {path}* away to start with an empty database"
     if damage.where:
         row = f", row {damage.where}"
         statement = f"DELETE FROM {damage.table} WHERE {damage.where}"
-        advice = f'or give the row up: sqlite3 {path} "{statement}"'
+        advice = f'or delete the row: sqlite3 {path} "{statement}"'
     found = f"table {damage.table}{row}: {damage.problem}"
     return f"{path} is damaged ({found}); restore the file from a copy, {advice}"
 
 
-def _of_file(path: Path, error: sqlite3.DatabaseError) -> str:
+def _sqlite_text(path: Path, error: sqlite3.DatabaseError) -> str:
     match _primary_code(error):
         case sqlite3.SQLITE_NOTADB:
             return f"{path}: expected a database, found another file"
@@ -114,5 +114,5 @@ def _of_file(path: Path, error: sqlite3.DatabaseError) -> str:
 
 
 def _primary_code(error: BaseException) -> int:
-    # The low byte; the others say more about the same.
+    # The low byte is the primary code; the other bytes give details.
     return getattr(error, "sqlite_errorcode", 0) & 0xFF

@@ -1,7 +1,7 @@
 """The lock beside a file: one process uses the file; a second one is refused.
 
-The lock file also counts the commits. SQLite cannot tell a log that lost its end, or is gone, from
-a shorter one: acknowledged transactions would be missing without an error.
+The lock file also counts the commits, because SQLite does not notice a log that was removed or cut
+off: acknowledged transactions would be missing without an error.
 """
 
 from __future__ import annotations
@@ -18,16 +18,18 @@ from taskrpc.errors import StoreError
 
 _HEAD = 80
 """Bytes of the first line, which names the process that has the lock."""
+_BEGIN = b"pid "
+"""The beginning of the first line."""
 _LONGEST = 200
 """Bytes to read: more than a lock file has."""
-_CONTENTS = re.compile(rb"pid [^\n]{75}\n(?:store ([0-9a-f]{32}), commit (\d{20})\n)?")
+_CONTENTS = re.compile(rb"pid [^\n]{75}\nstore ([0-9a-f]{32}), commit (\d{20})\n")
 
 
 class FileInUse(StoreError):
     """Another process uses the file.
 
     Attributes:
-        fact: the sentence without what to do about it.
+        fact: the text without the advice.
     """
 
     def __init__(self, fact: str) -> None:
@@ -38,21 +40,24 @@ class FileInUse(StoreError):
         return type(self), (self.fact,), self.__dict__
 
 
-class Witness(NamedTuple):
-    """The count of commits when a file was last changed."""
+class CommitCount(NamedTuple):
+    """The number of transactions that a store has had."""
 
     store_id: bytes
+    """16 bytes."""
     commits: int
 
 
 class Lock:
     """The lock of a file, held from the start until `close`.
 
-    `holder` says what uses such files.
+    Args:
+        path: the file to lock; the lock file is `<path>.lock`.
+        holder: the kind of program that uses such a file, for error texts.
 
     Raises:
-        FileInUse: another process has it; the text says which.
-        StoreError: nobody can have it.
+        FileInUse: another process has the lock; the text says which.
+        StoreError: the file system has no locks.
     """
 
     def __init__(self, path: Path, holder: str) -> None:
@@ -61,21 +66,25 @@ class Lock:
         try:
             self._take(path, holder)
             contents = self._read()
-            found = _CONTENTS.fullmatch(contents)
-            self.witness = _witness(found) if found else None
-            """The count that the previous holder noted, if any."""
-            self.is_damaged = not found and not _is_torn(contents)
-            """Whether the file has other contents than a lock's; they stay until `note`."""
+            self.commit_count = _commit_count(contents)
+            """The count that the previous holder noted, None if there is none."""
+            self.is_damaged = not _begins_as_lock_file(contents)
+            """Whether the file has other contents than a lock file's; they stay until `note`."""
             if not self.is_damaged:
                 self._write_head()
         except BaseException:
             self.close()
             raise
 
-    def note(self, witness: Witness) -> None:
-        """Note the count of commits; a crash of the machine may lose the note."""
-        line = f"store {witness.store_id.hex()}, commit {witness.commits:020}\n".encode()
-        # No room for these bytes is no reason to refuse what is on the disk already.
+    @property
+    def may_have_commits(self) -> bool:
+        """Whether the lock has counted transactions, or may have, because it is damaged."""
+        return self.is_damaged or bool(self.commit_count and self.commit_count.commits)
+
+    def note(self, count: CommitCount) -> None:
+        """Write the count of commits; a crash of the machine may lose it."""
+        line = f"store {count.store_id.hex()}, commit {count.commits:020}\n".encode()
+        # The transaction is on the disk already: a full disk must not refuse it here.
         with contextlib.suppress(OSError):
             if self.is_damaged:
                 os.ftruncate(self._descriptor, 0)
@@ -85,11 +94,11 @@ class Lock:
 
     @property
     def is_lost(self) -> bool:
-        """Whether the lock's file was removed, so that others may believe the lock to be free."""
+        """Whether the lock file was removed, so that another process can take the lock."""
         return not platform.is_same_file(self.path, os.fstat(self._descriptor))
 
     def close(self) -> None:
-        """Let others have the lock."""
+        """Release the lock."""
         os.close(self._descriptor)
 
     def _take(self, path: Path, holder: str) -> None:
@@ -115,15 +124,16 @@ class Lock:
         return os.read(self._descriptor, _LONGEST)
 
 
-def _is_torn(contents: bytes) -> bool:
-    """Whether a failure of the machine at the very first start can have left these contents.
+def _begins_as_lock_file(contents: bytes) -> bool:
+    """Return whether a file begins as a lock file.
 
-    The first line is not synced: a part of it may be on the disk, or zeros.
+    Only the beginning counts, and the file may be empty or end with zeros: a lock file is not
+    synced, so a failure of the machine may lose its end.
     """
-    begin = b"pid "
-    return contents.startswith(begin) or begin.startswith(contents.rstrip(b"\0"))
+    begin = contents.rstrip(b"\0")[: len(_BEGIN)]
+    return _BEGIN.startswith(begin)
 
 
-def _witness(contents: re.Match[bytes]) -> Witness | None:
-    store_id, commits = contents.groups()
-    return Witness(bytes.fromhex(store_id.decode()), int(commits)) if store_id else None
+def _commit_count(contents: bytes) -> CommitCount | None:
+    found = _CONTENTS.fullmatch(contents)
+    return CommitCount(bytes.fromhex(found[1].decode()), int(found[2])) if found else None

@@ -18,7 +18,7 @@ from taskrpc.errors import StoreError
 from taskrpc.storage.lock import Lock
 
 SIDE_FILES = ("", "-wal", "-shm")
-"""Endings of the files that SQLite keeps open, behind the database's name."""
+"""The suffixes of the database's name for the files that SQLite keeps open."""
 _READ_AT_START = (*SIDE_FILES, "-journal", ".lock")
 
 
@@ -39,32 +39,30 @@ def refuse_second_name(path: Path) -> None:
 
 
 def refuse_strangers(path: Path) -> None:
-    """Refuse symbolic links and other users' files in folders where anybody may write.
+    """Refuse symbolic links and other users' files in folders where every user may write.
 
     Raises StoreError.
     """
     for place in (*reversed(path.parents), path):
-        if place.is_symlink() and platform.may_anybody_write(place.parent):
+        if place.is_symlink() and platform.is_writable_by_all(place.parent):
             raise StoreError(
-                f"{place} is a symbolic link in a folder where anybody may write, so another user"
-                " may have made it; give the path of the file itself, in a folder of your own"
+                f"{place} is a symbolic link in a folder where every user may write, so another"
+                " user may have made it; give the path of the file itself, in a folder of your own"
             )
     real = path.resolve()
-    if not platform.may_anybody_write(real.parent):
+    if not platform.is_writable_by_all(real.parent):
         return
     for each in _side_files(real, _READ_AT_START):
         with contextlib.suppress(FileNotFoundError):
             if each.is_symlink() or not platform.is_ours_or_roots(each.lstat()):
                 raise StoreError(
-                    f"{each} belongs to another user, in a folder where anybody may write;"
+                    f"{each} belongs to another user, in a folder where every user may write;"
                     " use a database in a folder of your own"
                 )
 
 
 def refuse_lost_store(path: Path, lock: Lock) -> None:
-    """Refuse a missing or empty file if its lock or log shows that it had transactions.
-
-    A lock file with other contents than a lock's may have counted some, too.
+    """Refuse a missing or empty file if its lock or log shows that it may have had transactions.
 
     SQLite would delete the log of such a file, and the server would run repeated requests again.
     Raises StoreError.
@@ -76,16 +74,15 @@ def refuse_lost_store(path: Path, lock: Lock) -> None:
     else:
         return
     log = path.with_name(f"{path.name}-wal")
-    has_commits = lock.witness is not None and lock.witness.commits
-    if has_commits or lock.is_damaged or (log.exists() and log.stat().st_size):
+    if lock.may_have_commits or (log.exists() and log.stat().st_size):
         raise StoreError(lost_store(path, lock, problem))
 
 
 def lost_store(path: Path, lock: Lock, problem: str) -> str:
-    """The message for a file without tables whose lock or log shows that it had transactions."""
+    """Return the text for a file without tables that may have had transactions."""
     log = path.with_name(f"{path.name}-wal")
-    count = lock.witness.commits if lock.witness is not None else 0
-    there = [*([lock.path] if count or lock.is_damaged else []), *([log] if log.exists() else [])]
+    count = lock.commit_count.commits if lock.commit_count is not None else 0
+    there = [*([lock.path] if lock.may_have_commits else []), *([log] if log.exists() else [])]
     names = " and ".join(
         f"{each.name} (damaged)" if each == lock.path and lock.is_damaged else each.name
         for each in there

@@ -1,4 +1,4 @@
-"""Records in a table, each with a checksum, so that a damaged one is told and never believed."""
+"""Records in a table, each with a checksum: a damaged record is reported and never used."""
 
 from __future__ import annotations
 
@@ -12,10 +12,12 @@ _Record = TypeVar("_Record")
 
 
 class Damaged(Exception):
-    """A table does not hold what was written there.
+    """A table does not contain the data that was written to it.
 
     Attributes:
-        where: the row, as SQL says it; "" for the one row of a table which must not lack it.
+        table: its name.
+        problem: what is wrong.
+        where: the row as an SQL condition; "" if the row has no usable key.
     """
 
     def __init__(self, table: str, problem: str, where: str = "") -> None:
@@ -24,14 +26,14 @@ class Damaged(Exception):
 
 
 def with_checksum(record: bytes, *key: int | str) -> tuple[int, str]:
-    """The checksum of a record and of the key that names it, and the record's text."""
+    """Return the checksum of a record and its key, and the record's text."""
     return zlib.crc32(record, _key_sum(map(str, key))), record.decode()
 
 
 def read_records(
     rows: Sequence[tuple[Any, ...]], kind: type[_Record], table: str, *columns: str
 ) -> list[_Record]:
-    """The records of rows: the key's columns, the record, the checksum. Raises Damaged."""
+    """Return the records of rows with the columns: the key's, record, checksum. Raises Damaged."""
     records = [_intact(row, table, columns) for row in rows]
     try:
         return _decode_all(records, kind)
@@ -64,7 +66,7 @@ def _key_sum(key: Iterable[str]) -> int:
 
 
 def _where(row: tuple[Any, ...], columns: tuple[str, ...]) -> str:
-    """The row in SQL, or "" where its key is damaged too: a user is to be able to copy it."""
+    """Return the row as an SQL condition that a user can copy, "" if the key is damaged too."""
     key = row[: len(columns)]
     if not all(isinstance(each, int) or _text(each).isalnum() for each in key):
         return ""

@@ -21,9 +21,8 @@ _Result = TypeVar("_Result")
 NOTHING_STORED = "nothing was stored; the server's log says why"
 """The text that callers get if the error's own text may contain the service's SQL or code."""
 
-_LOOK = 0.05
-"""Seconds between two looks whether the file is free; the system does not notify."""
-
+_POLL_PERIOD = 0.05
+"""Seconds between two attempts to lock the file; the system does not notify."""
 
 _Opened: TypeAlias = Database | MemoryDatabase
 
@@ -52,6 +51,7 @@ class Writer(Generic[_Change]):
         self._loop: asyncio.AbstractEventLoop | None = None
         self._waiting: deque[_PendingWork] = deque()
         self._is_busy = False
+        """Whether the thread works, or will begin in the loop's next iteration."""
         self.transactions: Counter[int] = Counter()
         """How many transactions there were, by the number of their changes."""
 
@@ -73,25 +73,27 @@ class Writer(Generic[_Change]):
         found: _Result = await self._submit(None, lambda: self._opened().read(work))
         return found
 
-    async def mend(self) -> None:
-        """Open a broken file again, so that its content can be read. Raises StoreError."""
-        await self._submit(None, self._mend)
+    async def reopen(self) -> None:
+        """Open the file; a broken file is closed and opened again. Raises StoreError."""
+        await self._submit(None, self._reopen)
 
     async def claim(self, waiting: Callable[[FileInUse], object]) -> None:
-        """Open the file once no other process uses it; `waiting` is called once with the reason.
+        """Wait until no other process uses the file, then open it.
+
+        If another process uses it, `waiting` is called once with the error that names the process.
 
         Raises StoreError.
         """
         is_reported = False
         while True:
             try:
-                await self.mend()
+                await self.reopen()
                 return
             except FileInUse as error:
                 if not is_reported:
                     is_reported = True
                     waiting(error)
-            await asyncio.sleep(_LOOK)
+            await asyncio.sleep(_POLL_PERIOD)
 
     async def close(self) -> None:
         """Finish all work, write everything into the one file and release it."""
@@ -106,18 +108,16 @@ class Writer(Generic[_Change]):
         self, change: _Change | None, alone: Callable[[], Any] | None
     ) -> asyncio.Future[Any]:
         loop = asyncio.get_running_loop()
-        if (
-            self._loop is not loop
-        ):  # another run of asyncio: the callers of the previous one are gone
+        if self._loop is not loop:  # another asyncio.run: the previous one's callers have ended
             self._loop, self._is_busy = loop, False
             self._waiting.clear()
-        answer = loop.create_future()
-        self._waiting.append(_PendingWork(change, alone, answer))
+        result = loop.create_future()
+        self._waiting.append(_PendingWork(change, alone, result))
         if not self._is_busy:
             self._is_busy = True
             # Not at once: other changes of this iteration of the loop join the transaction.
             loop.call_soon(self._next, loop)
-        return answer
+        return result
 
     def _next(self, loop: asyncio.AbstractEventLoop) -> None:
         waiting = self._waiting
@@ -143,14 +143,14 @@ class Writer(Generic[_Change]):
         taken: list[_PendingWork],
         running: asyncio.Future[list[Any]],
     ) -> None:
-        self._next(loop)  # first: the thread works while the callers are answered
+        self._next(loop)  # first, so that the thread works on while callers get results
         for work, outcome in zip(taken, running.result(), strict=True):
-            if work.answer.done():
+            if work.result.done():
                 continue
             if isinstance(outcome, Exception):
-                work.answer.set_exception(outcome)
+                work.result.set_exception(outcome)
             else:
-                work.answer.set_result(outcome)
+                work.result.set_result(outcome)
 
     # In the thread
 
@@ -159,7 +159,7 @@ class Writer(Generic[_Change]):
             self._database = self._open_file()
         return self._database
 
-    def _mend(self) -> None:
+    def _reopen(self) -> None:
         if self._database is not None and self._database.is_broken:
             self._close()
         self._opened()
@@ -188,12 +188,12 @@ class Writer(Generic[_Change]):
 class _PendingWork:
     """Work with a waiting caller: a change, or work that is done alone."""
 
-    __slots__ = ("alone", "answer", "change")
+    __slots__ = ("alone", "change", "result")
 
     def __init__(
-        self, change: Any, alone: Callable[[], Any] | None, answer: asyncio.Future[Any]
+        self, change: Any, alone: Callable[[], Any] | None, result: asyncio.Future[Any]
     ) -> None:
-        self.change, self.alone, self.answer = change, alone, answer
+        self.change, self.alone, self.result = change, alone, result
 
 
 def _outcome(work: Callable[[], Any]) -> list[Any]:

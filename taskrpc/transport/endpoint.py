@@ -313,7 +313,7 @@ class Endpoint(ThreadHandoff):
     @property
     def _watches_files(self) -> bool:
         accounts = self.network.accounts
-        return bool(self.network.certificate) or (accounts is not None and accounts.may_change)
+        return bool(self.network.certificate) or (accounts is not None and accounts.can_change)
 
     def _traffic_of(self, connection: Connection) -> Traffic:
         return self._accepted_traffic if connection.serves else self._dialled_traffic

@@ -63,9 +63,9 @@ def test_the_documented_tree_is_the_tree_of_classes():
             assert bases[0].__name__ == parent
 
 
-def test_what_not_executed_is_from_the_start_is_documented():
-    paragraph = errors.__doc__.split("True from the start: ")[1]
-    true, false = paragraph.split("False from the start:")
+def test_default_of_not_executed_is_documented():
+    paragraph = errors.__doc__.split("The classes with True: ")[1]
+    true, false = paragraph.split("The class with False:")
     assert set(re.findall(r"`(\w+)`", true)) == {
         cls.__name__ for cls in CLASSES if cls.not_executed is True
     }
@@ -141,7 +141,7 @@ def test_what_callers_hear_of_a_store_names_no_file(text, heard):
         error.files = ("/robot/my file.db",)
     if heard is None:
         heard = "… and … and …; 1/2 of 3/4 is and/or not"
-    assert errors.told(error) == heard
+    assert errors.text_for_callers(error) == heard
 
 
 def test_a_code_prints_its_name():

@@ -12,7 +12,7 @@ from tests.taskrpc.transport.helpers import Add, Gate, Text, add, ask
 
 
 class Log(taskrpc.Observer):
-    """Writes down what it is told."""
+    """Records the notifications that it gets."""
 
     def __init__(self):
         self.began, self.ended, self.requests, self.nodes = [], [], [], []

@@ -49,10 +49,10 @@ def test_a_private_folder_is_closed_to_others_whatever_the_umask(tmp_path):
 @posix
 def test_owners_and_open_folders_are_recognised(tmp_path, monkeypatch):
     tmp_path.chmod(0o755)
-    assert not platform.may_anybody_write(tmp_path)
+    assert not platform.is_writable_by_all(tmp_path)
     tmp_path.chmod(0o1777)
-    assert platform.may_anybody_write(tmp_path)
-    assert not platform.may_anybody_write(tmp_path / "missing")
+    assert platform.is_writable_by_all(tmp_path)
+    assert not platform.is_writable_by_all(tmp_path / "missing")
     tmp_path.chmod(0o700)
     found = tmp_path.stat()
     assert platform.is_ours_or_roots(found)

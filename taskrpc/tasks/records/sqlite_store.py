@@ -31,7 +31,7 @@ class SqliteStore:
     def __init__(self, path: str | os.PathLike[str]) -> None:
         self._path = Path(path).absolute()
         self._writer: Writer[Change] = Writer(self._open_file, task_tables.write)
-        self._anew = False
+        self._clearing = False
         """Whether to accept a missing or incomplete file, because `clear` is running."""
 
     async def claim(self, waiting: Callable[[FileInUse], object] | None = None) -> None:
@@ -65,11 +65,11 @@ class SqliteStore:
 
     async def clear(self) -> None:
         """Forget everything and begin again with task 1, as another store."""
-        self._anew = True
+        self._clearing = True
         try:
             await self._writer.change_alone(task_tables.clear)
         finally:
-            self._anew = False
+            self._clearing = False
 
     @property
     def transactions(self) -> Mapping[int, int]:
@@ -82,4 +82,5 @@ class SqliteStore:
 
     def _open_file(self) -> Database:
         prepare, equip = task_tables.prepare, task_tables.equip
-        return Database(self._path, prepare, equip, holder="task server", anew=self._anew)
+        holder, clearing = "task server", self._clearing
+        return Database(self._path, prepare, equip, holder=holder, clearing=clearing)

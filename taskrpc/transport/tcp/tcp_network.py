@@ -96,9 +96,9 @@ class TcpNetwork:
             return PREFIX + path
         host, port = split_place(self._listen_at)
         if not is_loopback(host):
-            from taskrpc.security.listen_policy import refuse_exposure
+            from taskrpc.security.listen_policy import check_listen_policy
 
-            refuse_exposure(
+            check_listen_policy(
                 host,
                 certificate=self.certificate != "",
                 token=(self._peer_token or b"").decode(),

@@ -3,7 +3,7 @@
 import pytest
 
 from taskrpc.classroom.register import account_for, cleaned, why_no_student
-from taskrpc.security.roles import why_no_name
+from taskrpc.security.roles import account_name_problem
 
 
 @pytest.mark.parametrize(
@@ -27,7 +27,7 @@ def test_an_account_is_derived_from_a_name(name, account):
     name = cleaned(name)
     assert why_no_student(name) == ""
     assert account_for(name, lambda _: True) == account
-    assert why_no_name(account) == ""
+    assert account_name_problem(account) == ""
 
 
 def test_a_taken_account_is_numbered():

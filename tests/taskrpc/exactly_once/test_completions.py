@@ -108,7 +108,7 @@ def test_late_completion_below_an_earlier_batch_is_not_kept():
 @given(
     st.lists(st.one_of(completions, st.tuples(memory_clients, st.just(0), st.just(0))), max_size=40)
 )
-def test_index_keeps_what_no_client_has_settled(work):
+def test_index_keeps_all_unsettled_completions(work):
     kept, plain = CompletionIndex(), Plain()
     for number, (client, ahead, behind) in enumerate(work):
         if not ahead:

@@ -211,7 +211,7 @@ class Handler:
 
 @pytest.mark.parametrize("stores_itself", [True, False])
 @pytest.mark.parametrize("pause", TURNS)
-async def test_a_caller_who_leaves_never_lets_the_request_run_twice(pause, stores_itself):
+async def test_disconnecting_caller_never_causes_a_second_execution(pause, stores_itself):
     storing = ("ready", "write y", "written y")
     for order in interleavings(storing, ("leave",), ("repeat",)):
         store = Store()

@@ -263,7 +263,7 @@ async def test_an_effect_that_would_end_the_transaction_harms_no_others(tmp_path
 
 
 @pytest.mark.parametrize("effect", ["DELETE FROM stock", ("DELETE FROM stock", ()), [("a",)], 3])
-async def test_an_effect_of_another_shape_is_told_and_does_nothing(tmp_path, effect):
+async def test_invalid_effect_is_refused_without_any_change(tmp_path, effect):
     stock = Sqlite(tmp_path)
     with pytest.raises(StoreError, match=r"expected an effect of pairs \[\(sql, parameters\)"):
         await stock.store.complete(completion(1), effect)
@@ -291,7 +291,7 @@ async def test_the_tables_of_a_program_may_be_there_already(tmp_path):
         assert connection.execute("SELECT * FROM stock").fetchall() == [("nut", 8)]
 
 
-async def test_a_second_program_on_the_file_is_told_who_has_it(tmp_path):
+async def test_second_program_on_the_file_gets_the_name_of_the_first(tmp_path):
     stock = Sqlite(tmp_path)
     await stock.store.recall()
     with pytest.raises(StoreError, match=r"in use by another program \(pid \d+, since "):
@@ -299,7 +299,7 @@ async def test_a_second_program_on_the_file_is_told_who_has_it(tmp_path):
     await stock.close()
 
 
-async def test_a_schema_with_a_mistake_is_told_and_makes_no_tables(tmp_path):
+async def test_invalid_schema_is_reported_and_creates_no_tables(tmp_path):
     path = tmp_path / "stock.db"
     with pytest.raises(StoreError, match=rf"{re.escape(str(path))}: .*syntax error"):
         await SqliteCompletions(path, ["CREATE TABEL stock (part)"]).recall()

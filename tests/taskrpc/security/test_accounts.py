@@ -73,7 +73,7 @@ async def test_a_callback_knows_the_account_and_its_role():
 
 @pytest.mark.parametrize("account", [EYE, ANA, OTTO])
 @pytest.mark.parametrize("role", list(Role))
-async def test_a_call_runs_only_for_those_whose_role_is_enough(account, role):
+async def test_call_runs_only_with_a_sufficient_role(account, role):
     ran = []
 
     def count(request, response):
@@ -94,7 +94,7 @@ async def test_a_call_runs_only_for_those_whose_role_is_enough(account, role):
         )
 
 
-async def test_an_observer_may_see_what_he_may_not_call():
+async def test_observer_role_sees_services_that_it_may_not_call():
     async with taskrpc.Node("server", accounts=Accounts([EYE])) as server:
         server.create_service(Add, "add", add, role=Role.ADMIN)
         async with caller(server, EYE) as laptop:
@@ -141,7 +141,7 @@ async def test_a_revoked_account_loses_its_connections_and_gets_none(file, monke
             assert str(refused).endswith("the token is not this server's")
 
 
-async def test_who_is_shut_out_and_does_not_listen_is_cut_off(
+async def test_connection_of_a_revoked_account_that_stays_open_is_aborted(
     file, authority, tmp_path, monkeypatch
 ):
     """Neither unread answers nor a missing farewell of TLS keep a connection alive."""
@@ -167,7 +167,7 @@ async def test_who_is_shut_out_and_does_not_listen_is_cut_off(
             await pending
 
 
-async def test_a_changed_role_counts_from_the_next_look_on(file, monkeypatch):
+async def test_changed_role_counts_from_the_next_check_of_the_file(file, monkeypatch):
     monkeypatch.setattr(endpoint, "TICK", 0.02)
     async with taskrpc.Node("server", accounts=file) as server:
         server.create_service(Add, "add", add, role=Role.OPERATE)
@@ -227,7 +227,7 @@ async def test_a_broken_file_changes_nothing_but_the_log(file, caplog):
         ([ANA, OTTO, EYE], Role.SUBMIT),
     ],
 )
-def test_a_file_that_others_can_read_takes_away_and_gives_nothing(tmp_path, change, role, caplog):
+def test_only_restrictions_of_a_readable_file_take_effect(tmp_path, change, role, caplog):
     """A revocation must hold although an editor has saved the file with another mode."""
     file = write(tmp_path / "accounts.json", ANA, OTTO)
     source = AccountSource(file)
@@ -263,7 +263,7 @@ def test_invalid_file_of_accounts_is_logged_again(file, caplog, monkeypatch):
     source = AccountSource(file)
     file.write_text("{")
     source.refresh()
-    monkeypatch.setattr(accounts_module, "TELL_EVERY", 0.0)
+    monkeypatch.setattr(accounts_module, "LOG_PERIOD", 0.0)
     source.refresh()
     first, second = caplog.messages
     assert first == second
@@ -324,7 +324,7 @@ TOML = '[accounts.ana]\nsecret = "%s"\n'
         ('{"accounts": {"a": {"secret": ["%s"]}}}', "Expected `str`, got `array`"),
     ],
 )
-def test_a_wrong_file_is_named_with_what_is_wrong_and_no_secret(tmp_path, text, sentence):
+def test_invalid_file_is_reported_without_secrets(tmp_path, text, sentence):
     path = tmp_path / "accounts.json"
     path.write_text(text.replace("%s", SECRET))
     path.chmod(0o600)
@@ -343,7 +343,7 @@ def test_a_file_that_others_can_read_or_write_is_refused(file, mode):
         read_accounts(file)
 
 
-def test_a_mark_that_an_editor_leaves_does_no_harm(tmp_path):
+def test_byte_order_mark_of_an_editor_is_ignored(tmp_path):
     for name, text in (("a.json", '{"accounts": {"ana": {"secret": "%s"}}}'), ("a.toml", TOML)):
         path = tmp_path / name
         path.write_text(text.replace("%s", SECRET), encoding="utf-8-sig")
@@ -369,7 +369,7 @@ def authority():
         ("eve", [ANA], None),
     ],
 )
-async def test_a_certificate_stands_for_the_account_that_it_names(
+async def test_certificate_proves_the_account_that_it_names(
     authority, tmp_path, monkeypatch, name, accounts, expected
 ):
     paths = {each: tmp_path / f"{each}.pem" for each in ("server", "caller", "ca")}
@@ -398,7 +398,7 @@ async def test_a_certificate_stands_for_the_account_that_it_names(
     assert seen == ([] if expected is None else [expected])
 
 
-async def test_a_certificate_alone_is_not_enough_where_a_token_was_given(
+async def test_certificate_alone_is_not_enough_if_the_server_has_a_token(
     authority, tmp_path, monkeypatch
 ):
     both, ca = tmp_path / "both.pem", tmp_path / "ca.pem"
@@ -429,7 +429,7 @@ async def test_a_changed_certificate_is_shown_to_new_connections(authority, tmp_
         assert await shown(server) not in (old, None)
 
 
-async def test_local_programs_learn_of_a_changed_certificate(authority, tmp_path, monkeypatch):
+async def test_registry_gets_a_changed_certificate(authority, tmp_path, monkeypatch):
     monkeypatch.setattr(endpoint, "TICK", 0.02)
     path = tmp_path / "server.pem"
     authority.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(path)
@@ -460,7 +460,7 @@ async def shown(server):
     return certificate
 
 
-def test_a_number_that_python_refuses_to_read_is_no_account(tmp_path):
+def test_file_with_an_oversized_number_is_refused(tmp_path):
     path = tmp_path / "accounts.toml"
     path.write_text(f"[accounts.ana]\nexpires = {'1' * 5000}\n")
     path.chmod(0o600)

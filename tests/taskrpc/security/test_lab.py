@@ -13,7 +13,7 @@ from taskrpc.security import lab
 LAB = lab.Lab(place="192.168.1.20:7450", token="ada.secret", certificate="PEM", domain=7)
 
 
-def test_what_is_remembered_comes_back_until_it_is_forgotten():
+def test_remembered_lab_is_read_until_it_is_forgotten():
     assert lab.remembered_lab() is None
     lab.remember_lab(LAB)
     assert lab.remembered_lab() == LAB
@@ -22,18 +22,18 @@ def test_what_is_remembered_comes_back_until_it_is_forgotten():
     assert not lab.forget_lab()
 
 
-def test_looking_makes_no_folder():
+def test_reading_the_lab_creates_no_folder():
     lab.remembered_lab()
     assert not platform.find_state_dir().exists()
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="Windows keeps it in the user's profile")
-def test_only_this_user_can_read_it():
+def test_only_this_user_can_read_the_lab_file():
     lab.remember_lab(LAB)
     assert stat.S_IMODE(lab.lab_file().stat().st_mode) == 0o600
 
 
-def test_a_write_that_fails_leaves_the_old_one(monkeypatch):
+def test_failed_write_keeps_the_earlier_lab(monkeypatch):
     lab.remember_lab(LAB)
 
     def refuse(*_):
@@ -46,7 +46,7 @@ def test_a_write_that_fails_leaves_the_old_one(monkeypatch):
     assert os.listdir(lab.lab_file().parent) == ["lab.json"]
 
 
-def test_a_file_that_says_something_else_is_named():
+def test_invalid_lab_file_is_named():
     platform.state_dir()
     lab.lab_file().write_text("{}")
     with pytest.raises(

@@ -6,7 +6,7 @@ import pytest
 
 import taskrpc
 from taskrpc import Account, Accounts
-from taskrpc.security.listen_policy import refuse_exposure
+from taskrpc.security.listen_policy import check_listen_policy
 from taskrpc.transport.tcp.tcp_network import is_loopback
 
 GOOD, SHORT = "t" * 16, "t" * 15
@@ -39,7 +39,7 @@ def refused(host, certificate, proof):
     if is_loopback(host):
         return ""
     try:
-        refuse_exposure(host, certificate=certificate, **options)
+        check_listen_policy(host, certificate=certificate, **options)
     except taskrpc.CannotListen as error:
         return str(error)
     return ""
@@ -49,7 +49,9 @@ TABLE = list(itertools.product(HOSTS, [False, True], PROOFS))
 
 
 @pytest.mark.parametrize(("host", "certificate", "proof"), TABLE)
-def test_beyond_this_machine_it_takes_a_certificate_and_a_proof(host, certificate, proof):
+def test_listening_to_other_machines_needs_a_certificate_and_authentication(
+    host, certificate, proof
+):
     why = refused(host, certificate, proof)
     assert (why == "") is (HOSTS[host] or (certificate and proof in HOLDS))
     assert GOOD not in why
@@ -59,8 +61,8 @@ def test_beyond_this_machine_it_takes_a_certificate_and_a_proof(host, certificat
 
 def test_a_secret_that_can_be_guessed_is_named_with_its_length():
     assert refused("0.0.0.0", True, "short token").endswith(
-        "the token has 15 characters; where other machines can try to guess it, at least 16 are"
-        " needed"
+        "the token has 15 characters; expected at least 16, because other machines can try to"
+        " guess it"
     )
     assert "the secret of the account ana has 15" in refused("0.0.0.0", True, "short account")
 

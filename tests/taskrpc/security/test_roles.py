@@ -27,11 +27,11 @@ def test_a_bare_secret_names_no_account(secret):
 @pytest.mark.parametrize(
     "token", [b"", b".", b"a.", b".b", b"node 1.0", b"\xff\x00.a", b"a.b\n", b"a" * 65 + b".b"]
 )
-def test_what_is_no_token_of_an_account_names_none(token):
+def test_invalid_token_names_no_account(token):
     assert account_of(token) == ""
 
 
-def test_each_role_may_what_the_smaller_ones_may():
+def test_each_role_includes_the_smaller_ones():
     assert Role.OBSERVE < Role.SUBMIT < Role.OPERATE < Role.ADMIN
     assert Account("ana", SECRET).role is Role.SUBMIT
 
@@ -68,7 +68,7 @@ def test_a_name_that_a_token_cannot_have_is_refused(name):
 
 
 @pytest.mark.parametrize("secret", ["", "with.dot", "with space", "ä", "s" * 257])
-def test_a_secret_that_a_token_cannot_have_is_refused_without_telling_it(secret):
+def test_invalid_secret_is_refused_without_being_shown(secret):
     with pytest.raises(TaskRpcError, match="the secret of the account ana: expected") as caught:
         Account("ana", secret)
     assert not secret or secret not in str(caught.value)
@@ -80,6 +80,6 @@ def test_a_secret_is_not_in_a_repr():
 
 
 @pytest.mark.parametrize("expires", [-1.0, float("nan"), float("inf"), -62135596800.0])
-def test_an_end_that_is_none_is_refused_instead_of_meaning_never(expires):
+def test_invalid_expiry_is_refused(expires):
     with pytest.raises(TaskRpcError, match="the account ana: expires: expected an instant after"):
         Account("ana", SECRET, expires=expires)

@@ -70,13 +70,13 @@ async def test_a_program_of_this_machine_calls_a_tls_server_with_nothing_configu
         assert (await call(here)).sum == 5
 
 
-async def test_a_node_with_tls_for_far_servers_still_calls_plain_ones_of_this_machine(certificates):
+async def test_node_with_tls_still_calls_plain_servers_on_this_machine(certificates):
     async with taskrpc.Node("server") as server, elsewhere(certificates[1]) as node:
         server.create_service(Add, "add", add)
         assert (await call(node)).sum == 5
 
 
-async def test_a_node_without_a_certificate_of_its_own_offers_in_plain_on_this_machine(
+async def test_node_without_a_certificate_offers_unencrypted_on_this_machine(
     certificates,
 ):
     async with elsewhere(certificates[1]) as node, taskrpc.Node("here") as here:
@@ -85,7 +85,9 @@ async def test_a_node_without_a_certificate_of_its_own_offers_in_plain_on_this_m
 
 
 @pytest.mark.parametrize("wrong", ["authority", "plain", "token"])
-async def test_whoever_lacks_one_of_them_is_refused(certificates, wrong, monkeypatch, tmp_path):
+async def test_client_without_the_token_or_the_authority_is_refused(
+    certificates, wrong, monkeypatch, tmp_path
+):
     tls, token = certificates[1], TOKEN
     if wrong == "authority":
         other = tmp_path / "other.pem"
@@ -103,7 +105,7 @@ async def test_whoever_lacks_one_of_them_is_refused(certificates, wrong, monkeyp
     assert TOKEN not in str(error)
 
 
-async def test_a_server_may_want_to_see_its_callers_certificates(
+async def test_server_with_ca_requires_certificates_of_its_callers(
     certificates, authority, monkeypatch, tmp_path
 ):
     server_tls = Tls(cert=certificates[0].cert, key=certificates[0].key, ca=certificates[1].ca)
@@ -125,7 +127,7 @@ def test_only_tls_1_3_is_spoken(certificates):
 
 
 @pytest.mark.parametrize("content", [None, b"no certificate"])
-def test_a_file_that_is_no_certificate_is_named(tmp_path, content):
+def test_file_without_a_certificate_is_named(tmp_path, content):
     path = tmp_path / "cert.pem"
     if content:
         path.write_bytes(content)
@@ -137,7 +139,7 @@ def test_a_file_that_is_no_certificate_is_named(tmp_path, content):
         Tls().server_context()
 
 
-async def test_who_names_an_authority_trusts_no_other_one(certificates, monkeypatch, tmp_path):
+async def test_client_with_ca_trusts_no_other_authority(certificates, monkeypatch, tmp_path):
     """Whoever can have a certificate from an authority of the system's is not believed."""
     system, other = tmp_path / "system.pem", tmp_path / "other.pem"
     system.write_bytes(certificates[1].ca.read_bytes())
@@ -172,7 +174,7 @@ async def test_the_registry_has_the_certificate_and_never_the_key(one_file):
             assert (await call(here)).sum == 5
 
 
-def test_a_pinned_server_is_that_one_and_no_other_of_its_authority(one_file, authority):
+def test_pinned_context_accepts_no_other_certificate_of_the_authority(one_file, authority):
     pinned = pinned_context(shown_certificate(Tls(cert=one_file, key=one_file)), None)
     assert len(pinned.get_ca_certs(binary_form=True)) <= 1
     with pytest.raises(ssl.SSLCertVerificationError):
@@ -193,7 +195,7 @@ def shake(client, issued):
             continue
 
 
-async def test_local_programs_find_a_server_whose_certificate_changed_while_nobody_was_there(
+async def test_local_client_calls_a_server_whose_certificate_changed_without_connections(
     one_file, authority, monkeypatch
 ):
     monkeypatch.setattr(endpoint, "TICK", 0.02)
@@ -209,7 +211,7 @@ async def test_local_programs_find_a_server_whose_certificate_changed_while_nobo
 
 @pytest.mark.skipif(os.name != "posix", reason="file modes are POSIX's")
 @pytest.mark.parametrize(("mode", "warned"), [(0o600, False), (0o400, False), (0o644, True)])
-def test_a_key_that_others_can_read_is_told_once(one_file, caplog, mode, warned):
+def test_warning_about_a_readable_key_is_logged_once(one_file, caplog, mode, warned):
     one_file.chmod(mode)
     for _ in range(3):
         Tls(cert=one_file, key=one_file).server_context()
@@ -217,12 +219,12 @@ def test_a_key_that_others_can_read_is_told_once(one_file, caplog, mode, warned)
     assert [text in each for each in caplog.messages] == [True] * warned
 
 
-def test_a_missing_key_is_named_not_the_certificate(certificates, tmp_path):
+def test_missing_key_is_named_instead_of_the_certificate(certificates, tmp_path):
     with pytest.raises(taskrpc.TaskRpcError, match=r"none\.pem: No such file"):
         Tls(cert=certificates[0].cert, key=tmp_path / "none.pem").server_context()
 
 
-async def test_a_caller_is_told_what_is_wrong_with_a_certificate(certificates, tmp_path):
+async def test_caller_gets_the_problem_with_a_certificate(certificates, tmp_path):
     other = tmp_path / "other.pem"
     trustme.CA().cert_pem.write_to_path(other)
     async with taskrpc.Node("server", tls=certificates[0], token=TOKEN) as server:
@@ -264,7 +266,7 @@ async def between(server, context=None):
 
 @pytest.mark.parametrize("encrypted", [False, True])
 @pytest.mark.parametrize("account", [False, True])
-async def test_nobody_can_pass_a_callers_proof_on_to_another_server(
+async def test_proof_of_a_caller_is_invalid_at_another_server(
     certificates, authority, encrypted, account, monkeypatch, tmp_path
 ):
     """Neither from a port of this machine that he took, nor with a certificate of his own."""
@@ -294,7 +296,7 @@ async def test_nobody_can_pass_a_callers_proof_on_to_another_server(
     assert len(calls) == 1
 
 
-async def test_a_proof_holds_for_the_certificate_of_its_connection_while_that_changes(
+async def test_proof_uses_the_certificate_of_its_connection_after_a_change(
     one_file, authority, monkeypatch, tmp_path
 ):
     """Who shakes hands while the certificate changes proves the token for the one he was shown."""

@@ -56,13 +56,13 @@ def log_of(path):
     return path.with_name("tasks.db-wal")
 
 
-async def test_what_a_killed_program_had_stored_is_there(path):
+async def test_changes_of_a_killed_program_are_kept(path):
     await killed(path, 1, 2, 3)
     assert await booked(path) == [1, 2, 3]
 
 
 @pytest.mark.parametrize("what", ["removed", "emptied", "cut", "damaged"])
-async def test_a_log_that_lacks_what_was_acknowledged_is_told(path, what):
+async def test_log_without_acknowledged_transactions_is_refused(path, what):
     await killed(path, 1, 2, 3)
     log = log_of(path)
     data = bytearray(log.read_bytes())
@@ -87,7 +87,7 @@ async def test_a_log_that_lacks_what_was_acknowledged_is_told(path, what):
     assert await booked(path) == ([1, 2] if what in ("cut", "damaged") else [])
 
 
-async def test_an_older_copy_of_the_file_is_told(path, tmp_path):
+async def test_older_copy_of_the_file_is_refused(path, tmp_path):
     store = make(path)
     await book(store, 1)
     await store.close()
@@ -99,7 +99,7 @@ async def test_an_older_copy_of_the_file_is_told(path, tmp_path):
         await booked(path)
 
 
-async def test_a_file_that_another_program_has_looked_into_is_whole(path):
+async def test_file_that_another_program_has_read_is_complete(path):
     await killed(path, 1, 2)
     with contextlib.closing(sqlite3.connect(path)) as connection:  # it empties the log
         assert connection.execute("SELECT count(*) FROM seat").fetchone() == (2,)
@@ -107,7 +107,7 @@ async def test_a_file_that_another_program_has_looked_into_is_whole(path):
     assert await booked(path) == [1, 2]
 
 
-async def test_another_store_in_its_place_is_no_loss(path, tmp_path):
+async def test_another_store_at_the_same_path_is_accepted(path, tmp_path):
     await killed(path, 1, 2)
     for each in (path, log_of(path)):
         each.unlink()
@@ -120,7 +120,7 @@ async def test_another_store_in_its_place_is_no_loss(path, tmp_path):
 
 @pytest.mark.parametrize("has_log", [True, False])
 @pytest.mark.parametrize("what", ["missing", "empty"])
-async def test_a_lost_database_is_refused_until_it_is_back(path, what, has_log):
+async def test_lost_database_is_refused_until_it_is_restored(path, what, has_log):
     await killed(path, 1, 2)
     lock, log, data = path.with_name("tasks.db.lock"), log_of(path), path.read_bytes()
     path.unlink()
@@ -144,7 +144,7 @@ async def test_a_lost_database_is_refused_until_it_is_back(path, what, has_log):
     assert await booked(path) == [1, 2]
 
 
-async def test_a_lost_database_is_begun_anew_once_its_lock_and_log_are_removed(path):
+async def test_lost_database_is_replaced_after_its_lock_and_log_are_removed(path):
     await killed(path, 1, 2)
     path.unlink()
     path.with_name("tasks.db.lock").unlink()
@@ -177,7 +177,7 @@ async def test_a_damaged_lock_without_a_database_is_refused(path, what, contents
     assert await booked(path) == []
 
 
-async def test_a_damaged_lock_beside_its_database_is_written_anew(path):
+async def test_damaged_lock_beside_its_database_is_replaced(path):
     await killed(path, 1, 2)
     lock = path.with_name("tasks.db.lock")
     lock.write_bytes(b"garbage")
@@ -199,7 +199,7 @@ async def test_a_database_without_a_store_does_not_replace_a_lost_one(path):
         await booked(path)
 
 
-async def test_a_store_that_never_stored_anything_may_be_removed(path):
+async def test_store_without_transactions_may_be_removed(path):
     store = make(path)
     await store.recall()
     await store.close()
@@ -220,7 +220,7 @@ async def test_a_database_with_a_second_hard_link_is_refused(path, tmp_path):
 
 @pytest.fixture
 def open_folder(path):
-    """The database's folder, where anybody may write, as in /tmp."""
+    """The database's folder, where every user may write, as in /tmp."""
     path.parent.chmod(0o1777)
     return path.parent
 
@@ -233,7 +233,7 @@ async def test_another_users_file_in_a_folder_open_to_all_is_refused(path, endin
     strange.touch(0o666)
     inode = strange.stat().st_ino
     monkeypatch.setattr(platform, "is_ours_or_roots", lambda found: found.st_ino != inode)
-    with pytest.raises(StoreError, match="belongs to another user, in a folder where anybody may"):
+    with pytest.raises(StoreError, match="belongs to another user, in a folder where every user"):
         await booked(path)
     strange.unlink()
     assert await booked(path) == []
@@ -252,13 +252,13 @@ async def test_a_symbolic_link_in_a_folder_open_to_all_is_not_followed(
     with pytest.raises(StoreError) as refused:
         await booked(name)
     assert str(link) in str(refused.value)
-    assert "is a symbolic link in a folder where anybody may write" in str(refused.value)
+    assert "is a symbolic link in a folder where every user may write" in str(refused.value)
     assert list(target.iterdir()) == []
     open_folder.chmod(0o700)
     assert await booked(name) == []
 
 
-async def test_what_is_written_down_beside_the_lock_may_be_nonsense(path):
+async def test_lock_file_with_invalid_contents_is_replaced(path):
     await killed(path, 1)
     path.with_name("tasks.db.lock").write_bytes(b"\xff" * 300)
     assert await booked(path) == [1]
@@ -266,7 +266,7 @@ async def test_what_is_written_down_beside_the_lock_may_be_nonsense(path):
 
 @on_windows
 @pytest.mark.parametrize("what", ["file", "folder"])
-async def test_a_file_that_is_taken_away_refuses_changes_until_it_is_back(path, what):
+async def test_removed_file_refuses_changes_until_it_is_restored(path, what):
     store = make(path)
     await book(store, 1)
     gone = path if what == "file" else path.parent
@@ -284,7 +284,7 @@ async def test_a_file_that_is_taken_away_refuses_changes_until_it_is_back(path, 
 
 
 @on_windows
-async def test_whose_lock_is_removed_does_not_write_beside_another(path):
+async def test_store_whose_lock_was_removed_refuses_changes(path):
     first, second = make(path), make(path)
     await book(first, 1)
     path.with_name("tasks.db.lock").unlink()
@@ -296,7 +296,7 @@ async def test_whose_lock_is_removed_does_not_write_beside_another(path):
     assert await booked(path) == [1, 2]
 
 
-async def test_a_file_that_may_only_be_read_is_refused_when_it_is_opened(path, monkeypatch):
+async def test_read_only_file_is_refused_when_it_is_opened(path, monkeypatch):
     await killed(path, 1)
     access = os.access  # root may write anything
     monkeypatch.setattr(os, "access", lambda at, mode: not mode & os.W_OK and access(at, mode))
@@ -312,7 +312,7 @@ async def test_a_lock_that_cannot_be_opened_is_named(path):
         await booked(path)
 
 
-async def test_a_folder_whose_files_cannot_be_locked_is_told(path, monkeypatch):
+async def test_folder_without_file_locks_is_reported(path, monkeypatch):
     def no_locks(descriptor, *, wait):
         raise OSError(errno.ENOLCK, "No locks available")
 
@@ -365,13 +365,13 @@ def sqlite_error(code):
     return error
 
 
-def test_each_change_is_one_commit_more(database):
+def test_each_change_adds_one_to_the_count_of_commits(database):
     for number in (1, 2):
         database.change(take_seat(number)[0])
     assert contents(database) == (2, [1, 2])
 
 
-def test_change_that_fails_by_itself_is_tried_once(database):
+def test_change_with_an_error_of_its_own_is_not_retried(database):
     work, tries = take_seat(1, sqlite_error(sqlite3.SQLITE_CONSTRAINT))
     with pytest.raises(sqlite3.Error):
         database.change(work)
@@ -379,7 +379,7 @@ def test_change_that_fails_by_itself_is_tried_once(database):
     assert contents(database) == (0, [])
 
 
-def test_change_without_room_is_tried_again_once_the_log_is_free(database):
+def test_change_on_a_full_disk_is_retried_after_the_log_is_emptied(database):
     database.change(take_seat(1)[0])
     work, tries = take_seat(2, sqlite_error(sqlite3.SQLITE_FULL))
     database.change(work)
@@ -387,14 +387,14 @@ def test_change_without_room_is_tried_again_once_the_log_is_free(database):
     assert contents(database) == (2, [1, 2])
 
 
-def test_statement_that_is_a_whole_transaction_counts_itself(database):
+def test_statement_that_is_a_whole_transaction_counts_as_one_commit(database):
     database.change_at_once("UPDATE taskrpc_store SET store_id = ?, commits = ?", (b"S" * 16,))
     assert contents(database) == (1, [])
     database.change(take_seat(1)[0])
     assert contents(database) == (2, [1])
 
 
-def test_store_that_is_begun_anew_is_the_one_that_the_lock_knows(database, path):
+def test_lock_gets_the_new_id_of_a_cleared_store(database, path):
     def begin_anew(connection):
         connection.execute("UPDATE taskrpc_store SET store_id = ?", (b"T" * 16,))
 

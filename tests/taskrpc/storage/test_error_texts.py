@@ -7,7 +7,7 @@ import sqlite3
 import pytest
 
 from taskrpc.errors import StoreError
-from taskrpc.storage.error_texts import is_about_the_file, is_full, loss, plainly
+from taskrpc.storage.error_texts import is_about_the_file, is_full, loss_text, store_errors
 from taskrpc.storage.records import Damaged
 from tests.taskrpc.storage.conftest import sqlite_error
 
@@ -18,7 +18,7 @@ def path(tmp_path):
 
 
 def said(path, error, **options):
-    with pytest.raises(StoreError) as caught, plainly(path, **options):
+    with pytest.raises(StoreError) as caught, store_errors(path, **options):
         raise error
     place = path.resolve()
     assert caught.value.files == (str(path), str(place), str(place.parent))
@@ -42,13 +42,13 @@ def test_errors_of_sqlite_have_different_messages(path, code, text):
     error = sqlite_error(code, "why")
     assert is_about_the_file(error)
     assert is_full(error) is (code == sqlite3.SQLITE_FULL)
-    assert said(path, error, but_statements=True) == text
+    assert said(path, error, except_statements=True) == text
 
 
 def test_error_of_a_statement_is_not_translated(path):
     for error in (sqlite_error(sqlite3.SQLITE_CONSTRAINT), sqlite3.OperationalError("no code")):
         assert not is_about_the_file(error)
-        with pytest.raises(sqlite3.OperationalError), plainly(path, but_statements=True):
+        with pytest.raises(sqlite3.OperationalError), store_errors(path, except_statements=True):
             raise error
     assert said(path, sqlite3.OperationalError("why")) == "PATH: the database cannot be used: why"
 
@@ -73,12 +73,12 @@ def test_errors_of_the_system_have_different_messages(path):
     assert said(path, of(errno.EISDIR)) == "PATH: expected a database, found a folder"
 
 
-def test_damaged_row_is_shown_with_the_statement_that_gives_it_up(path):
+def test_damaged_row_is_shown_with_the_statement_that_deletes_it(path):
     damaged = Damaged("task", "the checksum does not match", "task_id = 7")
     assert said(path, damaged) == (
         "PATH is damaged (table task, row task_id = 7: the checksum does not match);"
         " restore the file from a copy,"
-        ' or give the row up: sqlite3 PATH "DELETE FROM task WHERE task_id = 7"'
+        ' or delete the row: sqlite3 PATH "DELETE FROM task WHERE task_id = 7"'
     )
     assert said(path, Damaged("taskrpc_store", "it has no row")) == (
         "PATH is damaged (table taskrpc_store: it has no row);"
@@ -90,4 +90,4 @@ def test_damaged_row_is_shown_with_the_statement_that_gives_it_up(path):
     ("missing", "text"), [(1, "the last transaction that"), (3, "the last 3 transactions that")]
 )
 def test_missing_transactions_are_counted(path, missing, text):
-    assert text in loss(path, path.with_name("tasks.db.lock"), missing)
+    assert text in loss_text(path, path.with_name("tasks.db.lock"), missing)

@@ -8,9 +8,9 @@ import stat
 import pytest
 
 from taskrpc import platform
-from taskrpc.storage.lock import FileInUse, Lock, Witness
+from taskrpc.storage.lock import CommitCount, FileInUse, Lock
 
-STORE = Witness(bytes(range(16)), 7)
+STORE = CommitCount(bytes(range(16)), 7)
 
 
 @pytest.fixture
@@ -49,28 +49,28 @@ def lowest_free_descriptor():
     return descriptor
 
 
-def test_lock_file_has_a_line_of_80_bytes_and_then_the_witness(path):
+def test_lock_file_has_a_line_of_80_bytes_and_then_the_count(path):
     lock = Lock(path, "task server")
-    assert lock.witness is None
+    assert lock.commit_count is None
     lock.note(STORE)
     lock.close()
-    head, witness = lock.path.read_bytes()[:80], lock.path.read_bytes()[80:]
+    head, count = lock.path.read_bytes()[:80], lock.path.read_bytes()[80:]
     assert re.fullmatch(rb"pid \d+, since \d{4}-\d\d-\d\d \d\d:\d\d:\d\d[+-]\d\d:\d\d *\n", head)
-    assert witness == b"store 000102030405060708090a0b0c0d0e0f, commit 00000000000000000007\n"
+    assert count == b"store 000102030405060708090a0b0c0d0e0f, commit 00000000000000000007\n"
     again = Lock(path, "task server")
-    assert again.witness == STORE
+    assert again.commit_count == STORE
     again.close()
 
 
 @pytest.mark.parametrize("length", [0, 1, 79, 81, 110, 147])
 @pytest.mark.parametrize("end", [b"", b"\0" * 60])
-def test_lock_file_that_a_machine_failure_cut_off_is_an_empty_one(path, length, end):
+def test_lock_file_that_a_machine_failure_cut_off_is_not_damaged(path, length, end):
     whole = Lock(path, "task server")
     whole.note(STORE)
     whole.close()
     whole.path.write_bytes(whole.path.read_bytes()[:length] + end)
     lock = Lock(path, "task server")
-    assert (lock.is_damaged, lock.witness) == (False, None)
+    assert (lock.is_damaged, lock.commit_count) == (False, None)
     lock.close()
 
 
@@ -81,19 +81,19 @@ def test_lock_file_with_other_contents_is_damaged_until_the_next_note(path, cont
     whole.path.write_bytes(contents)
     for _ in range(2):
         lock = Lock(path, "task server")
-        assert (lock.is_damaged, lock.witness) == (True, None)
+        assert (lock.is_damaged, lock.commit_count) == (True, None)
         lock.close()
         assert lock.path.read_bytes() == contents
     lock = Lock(path, "task server")
     lock.note(STORE)
     lock.close()
     again = Lock(path, "task server")
-    assert (again.is_damaged, again.witness) == (False, STORE)
+    assert (again.is_damaged, again.commit_count) == (False, STORE)
     again.close()
 
 
 @pytest.mark.skipif(os.name == "nt", reason="Windows has no such rights")
-def test_lock_file_of_an_earlier_program_is_closed_to_others(path):
+def test_lock_file_of_an_earlier_program_becomes_private(path):
     earlier = Lock(path, "task server")
     earlier.path.chmod(0o644)
     earlier.close()
@@ -102,7 +102,7 @@ def test_lock_file_of_an_earlier_program_is_closed_to_others(path):
     lock.close()
 
 
-def test_witness_that_cannot_be_written_refuses_nothing(path, monkeypatch):
+def test_count_that_cannot_be_written_refuses_no_change(path, monkeypatch):
     lock = Lock(path, "task server")
 
     def full(*_):

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from taskrpc.errors import StoreError
-from taskrpc.storage.lock import Lock, Witness
+from taskrpc.storage.lock import CommitCount, Lock
 from taskrpc.storage.path_checks import refuse_lost_store, refuse_second_name
 
 
@@ -32,7 +32,7 @@ def test_second_name_is_refused_with_the_command_that_finds_it(
 def test_refusal_of_a_lost_store_has_its_number_of_transactions(tmp_path, commits, text):
     path = tmp_path / "tasks.db"
     lock = Lock(path, "task server")
-    lock.witness = Witness(b"S" * 16, commits)
+    lock.commit_count = CommitCount(b"S" * 16, commits)
     with pytest.raises(StoreError) as refused:
         refuse_lost_store(path, lock)
     lock.close()

@@ -35,7 +35,7 @@ def test_intact_records_are_read_in_order():
     assert read() == []
 
 
-def test_record_that_is_no_text_is_reported():
+def test_record_without_text_is_reported():
     number, client, _, checksum = row(7)
     problem, where = damage(row(1), (number, client, 5, checksum))
     assert problem == "expected a text, found int"

@@ -51,14 +51,14 @@ def booked(path):
         return seats, [int(sequence, 16) for (sequence,) in rows]
 
 
-async def test_what_is_asked_for_at_one_moment_is_one_transaction(disk, store, path):
+async def test_changes_of_one_iteration_share_a_transaction(disk, store, path):
     before = disk.commits
     assert await book(store, *range(1, 51)) == [None] * 50
     assert disk.commits - before == 1
     assert booked(path) == (list(range(1, 51)), list(range(1, 51)))
 
 
-async def test_what_comes_while_the_disk_is_busy_is_the_next_transaction(disk, store, path):
+async def test_changes_while_the_disk_is_busy_are_the_next_transaction(disk, store, path):
     before = disk.commits
     busy, go_on = threading.Event(), threading.Event()
 
@@ -79,7 +79,7 @@ async def test_what_comes_while_the_disk_is_busy_is_the_next_transaction(disk, s
 
 
 @pytest.mark.parametrize("bad", range(7))
-async def test_one_that_cannot_be_written_does_not_harm_the_others(store, path, bad):
+async def test_invalid_change_does_not_affect_the_others(store, path, bad):
     await book(store, 100)
     seats = list(range(1, 8))
     seats[bad] = 100
@@ -90,7 +90,7 @@ async def test_one_that_cannot_be_written_does_not_harm_the_others(store, path, 
     assert booked(path) == (others, others)
 
 
-async def test_who_stops_waiting_does_not_stop_the_change(store, path):
+async def test_cancelled_caller_does_not_stop_its_change(store, path):
     booking = book_one(store, 1)
     await asyncio.sleep(0)
     booking.cancel()
@@ -98,7 +98,7 @@ async def test_who_stops_waiting_does_not_stop_the_change(store, path):
     assert booked(path)[0] == [1, 2]
 
 
-async def test_a_full_disk_refuses_and_what_was_refused_is_not_there(disk, store, path):
+async def test_changes_refused_by_a_full_disk_are_not_stored(disk, store, path):
     disk.failures = [sqlite3.SQLITE_FULL] * 2
     outcomes = await book(store, 1, 2, 3)
     assert [str(outcome) for outcome in outcomes] == [
@@ -108,7 +108,7 @@ async def test_a_full_disk_refuses_and_what_was_refused_is_not_there(disk, store
     assert booked(path) == ([4], [4])
 
 
-async def test_on_a_full_disk_the_room_of_the_log_is_used_again(disk, store, path):
+async def test_space_of_the_log_is_used_again_on_a_full_disk(disk, store, path):
     assert await book(store, 1) == [None]
     disk.failures = [sqlite3.SQLITE_FULL]
     assert await book(store, 2, 3) == [None] * 2
@@ -116,7 +116,7 @@ async def test_on_a_full_disk_the_room_of_the_log_is_used_again(disk, store, pat
     assert b"seat" in path.read_bytes()  # what was in the log has gone into the file
 
 
-async def test_a_commit_that_failed_and_was_not_done_is_refused(disk, store, path):
+async def test_failed_commit_without_effect_is_refused(disk, store, path):
     disk.failures = ["before"]
     outcomes = await book(store, 1, 2, 3)
     assert {type(outcome) for outcome in outcomes} == {StoreError}
@@ -125,7 +125,7 @@ async def test_a_commit_that_failed_and_was_not_done_is_refused(disk, store, pat
     assert booked(path) == ([4], [4])
 
 
-async def test_a_commit_that_failed_and_was_done_all_the_same_is_done(disk, store, path):
+async def test_failed_commit_with_effect_counts_as_stored(disk, store, path):
     disk.failures = ["after"]
     assert await book(store, 1, 2, 3) == [None] * 3
     assert await book(store, 4) == [None]
@@ -134,9 +134,7 @@ async def test_a_commit_that_failed_and_was_done_all_the_same_is_done(disk, stor
 
 @pytest.mark.parametrize("first", ["before", "after"])
 @pytest.mark.parametrize("then", ["before", "after"])
-async def test_what_one_failure_left_is_not_taken_for_what_the_next_one_did(
-    disk, store, path, first, then
-):
+async def test_second_failed_commit_is_not_confused_with_the_first(disk, store, path, first, then):
     disk.failures = [first, None, then]
     outcomes = [*await book(store, 1), *await book(store, 2)]
     done = [seat for seat, outcome in enumerate(outcomes, 1) if outcome is None]
@@ -145,19 +143,19 @@ async def test_what_one_failure_left_is_not_taken_for_what_the_next_one_did(
 
 
 @pytest.mark.parametrize("failures", [["before", "before"], ["after", "after"], ["before", 13]])
-async def test_where_the_next_commit_fails_too_nobody_guesses(disk, store, path, failures):
+async def test_outcome_is_unknown_if_the_next_commit_fails_too(disk, store, path, failures):
     disk.failures = failures
     outcomes = await book(store, 1, 2)
     assert {type(outcome) for outcome in outcomes} == {OutcomeUnknown}
     assert len({id(outcome) for outcome in outcomes}) == 2
     (refused,) = await book(store, 3)
     assert type(refused) is StoreError
-    assert str(refused).startswith(f"{path} cannot be used any more, since writing to it failed")
+    assert str(refused).startswith(f"{path} cannot be used any more, because writing to it failed")
     assert "\n" not in str(refused)
     assert 3 not in booked(path)[0]
 
 
-async def test_a_file_that_is_gone_refuses_everything_until_it_is_there_again(disk, store, path):
+async def test_missing_file_refuses_all_work_until_it_is_restored(disk, store, path):
     disk.failures, disk.is_gone = ["after"], True
     (unknown,) = await book(store, 1)
     assert type(unknown) is OutcomeUnknown
@@ -171,7 +169,7 @@ async def test_a_file_that_is_gone_refuses_everything_until_it_is_there_again(di
     assert booked(path) == ([1, 3], [1, 3])
 
 
-async def test_calls_take_effect_in_their_order_whatever_fails_between(disk, store):
+async def test_calls_take_effect_in_order_despite_failures(disk, store):
     disk.failures = [None, "before"]
     calls = [
         book_one(store, 1),
@@ -190,7 +188,7 @@ def _count(connection):
 
 
 @pytest.mark.real_time
-def test_a_store_serves_another_run_of_asyncio(path):
+def test_store_works_in_a_second_asyncio_run(path):
     store = SqliteCompletions(path, [TABLE])
     for seat in (1, 2):
         assert asyncio.run(book(store, seat)) == [None]
@@ -233,7 +231,9 @@ async def writer(pages):
     await writer.close()
 
 
-async def test_changes_of_several_turns_are_one_transaction_while_the_disk_is_busy(writer, pages):
+async def test_changes_of_several_iterations_share_a_transaction_while_the_disk_is_busy(
+    writer, pages
+):
     pages.gate.clear()
     asked = [writer.change("a")]
     await asyncio.sleep(0)
@@ -248,7 +248,7 @@ async def test_changes_of_several_turns_are_one_transaction_while_the_disk_is_bu
     assert writer.transactions == {1: 2, 3: 1}
 
 
-async def test_cancelled_caller_does_not_keep_others_from_their_answers(writer, pages):
+async def test_cancelled_caller_does_not_delay_the_results_of_others(writer, pages):
     asked = [writer.change(change) for change in "abc"]
     asked[0].cancel()
     async with asyncio.timeout(60):
@@ -256,7 +256,7 @@ async def test_cancelled_caller_does_not_keep_others_from_their_answers(writer, 
     assert pages.written == [["a", "b", "c"]]
 
 
-async def test_work_of_its_own_stands_between_the_changes_around_it(writer, pages):
+async def test_separate_work_runs_between_the_changes_around_it(writer, pages):
     asked = [writer.change("a")]
     alone = asyncio.ensure_future(writer.change_alone(lambda written: written.append("alone")))
     await asyncio.sleep(0)
@@ -283,7 +283,7 @@ async def test_file_that_another_process_uses_is_claimed_once_it_is_free(pages):
     assert pages.written == [["a"], "closed"]
 
 
-def test_change_that_one_run_of_asyncio_left_behind_blocks_no_later_run():
+def test_unfinished_change_of_one_asyncio_run_does_not_block_the_next():
     pages = Pages()
     writer = Writer(lambda: pages, pages.write)
 
