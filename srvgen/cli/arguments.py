@@ -41,7 +41,7 @@ def root() -> tuple[Parser, Commands]:
     parser = Parser(
         prog="srvgen", description="ROS 2 interface definitions in Python, without ROS."
     )
-    what = "show program's version number and exit"
+    what = "print the version and exit"
     parser.add_argument("--version", action=_Version, nargs=0, help=what)
     return parser, parser.add_subparsers(title="commands", metavar="COMMAND")
 

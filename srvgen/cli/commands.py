@@ -125,7 +125,7 @@ def _counted(count: int, noun: str) -> str:
 
 
 def fix(options: argparse.Namespace, report: Report) -> None:
-    """`srvgen fix`: repair what has only one correction, and report the rest."""
+    """`srvgen fix`: correct mistakes with one possible correction, and report the others."""
     from ..files.fix import fix_file
 
     search = _search_of_sources(options)

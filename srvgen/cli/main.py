@@ -86,7 +86,8 @@ def _parser() -> Parser:
     check = with_sources(commands, "check", "report every problem in definitions", default=".")
     check.add_argument("--json", action="store_true", help="one JSON line per problem")
     check.set_defaults(run="check")
-    fix = with_sources(commands, "fix", "repair what has only one correction, and report the rest")
+    correct = "correct mistakes with one possible correction, and report the others"
+    fix = with_sources(commands, "fix", correct)
     fix.add_argument(
         "--dry-run", action="store_true", help="write nothing; print what would change as a diff"
     )

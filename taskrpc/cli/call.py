@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _DEFAULT_TIMEOUT = 10.0
 _EPILOG = """\
-two equal calls; the first needs no quotes in any shell:
+both lines make the same call; the first needs no quotes in any shell:
   %(prog)s /robot_task task_type=move target=3,4 priority=8
   %(prog)s /robot_task "{task_type: move, target: '3,4', priority: 8}"
 """

@@ -22,7 +22,7 @@ Try next:
 
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the arguments of `join`."""
-    what = "the line that the lecturer gave you; - reads it from standard input"
+    what = "the join string that the lecturer gave you; - reads it from standard input"
     parser.add_argument("join_string", nargs="?", metavar="STRING", help=what)
     what = "print which lab you have joined, and whether its server answers"
     parser.add_argument("--status", action="store_true", help=what)

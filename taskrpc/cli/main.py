@@ -53,10 +53,10 @@ _GROUPS = {
     "ROS packages": {
         "param": "Read and set the parameters of nodes",
         "pkg": "Create and find packages",
-        "colcon": "Check a workspace as `colcon build` does; nothing needs a build",
-        "daemon": "Answer like ros2; no daemon is needed",
+        "colcon": "Check a workspace without a build; accept `colcon build` lines",
+        "daemon": "Accept `ros2 daemon` lines; taskrpc needs no daemon",
         "export": "Take programs and definitions to a real robot",
-        "graduate": "Find what a program would do differently on a real robot",
+        "graduate": "List what a program would do differently on a real robot",
     },
 }
 """The commands and their purposes, under the headings of `taskrpc --help`."""
@@ -143,7 +143,10 @@ def _overview() -> str:
         lines.append(f"{heading}:")
         lines += [f"  {name:<10} {purpose}" for name, purpose in group.items()]
         lines.append("")
-    lines.append("Call `taskrpc COMMAND -h` for more detailed usage.")
+    lines += [
+        "Call `taskrpc COMMAND -h` for more detailed usage.",
+        "A value in parentheses, such as (10), is a default.",
+    ]
     return "\n".join(lines)
 
 

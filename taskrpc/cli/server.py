@@ -89,11 +89,11 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     listen = "the address for calls, also unix:/path (127.0.0.1:0)"
     add("--listen", metavar="HOST:PORT", type=remote.any_place, help=listen)
-    add("--db", metavar="FILE", help="the database of tasks; :memory: keeps nothing after the end")
+    add("--db", metavar="FILE", help="the database of tasks; :memory: stores nothing on the disk")
     add("--fresh", action="store_true", help="forget the tasks of earlier runs")
-    limit = "the most tasks in the queue (10000)"
+    limit = "maximum number of tasks in the queue (10000)"
     add("--queue-limit", metavar="N", type=whole(1), default=10_000, help=limit)
-    share = "the most queued tasks of one account at one machine (all)"
+    share = "maximum number of queued tasks of one account at one machine (no limit)"
     add("--share", metavar="N", type=whole(1), help=share)
     attendance = "a file in which to note when each account last called"
     add("--attendance", metavar="FILE", help=attendance)
@@ -103,7 +103,7 @@ def _add_service_options(parser: argparse.ArgumentParser) -> None:
     add("--join", action="store_true", help="start even if another server offers the same services")
     standby = "wait until the server that uses the database ends, then replace it"
     add("--standby", action="store_true", help=standby)
-    events = "what `taskrpc service echo` prints of calls (off)"
+    events = "how much of each call `taskrpc service echo` can print (off)"
     add("--introspection", choices=["off", "metadata", "contents"], default="off", help=events)
     found = "when to give up on a silent peer: `default` (8 s) or `robot` (2 s)"
     add("--keepalive", choices=["default", "robot"], help=found)

@@ -6,7 +6,7 @@ import argparse
 
 from taskrpc.cli.shared.command import Exit
 
-_ROSDEP = "#All required rosdeps installed successfully: taskrpc brings what it knows"
+_ROSDEP = "#All required rosdeps installed successfully (taskrpc installs nothing)"
 _ALIAS = """alias ros2=taskrpc
 function ros2 { taskrpc "$@"; }
 """

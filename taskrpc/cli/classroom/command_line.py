@@ -34,10 +34,10 @@ def configure(parser: argparse.ArgumentParser) -> None:
     add("--port", metavar="N", type=_port, help=f"where the server listens ({_PORT})")
     what = "a file with one student per line, or a number of students (default: one string for all)"
     add("--students", metavar="FILE|N", help=what)
-    what = f"how many days the strings are valid ({_DAYS})"
+    what = f"how many days the join strings are valid ({_DAYS})"
     add("--days", metavar="N", type=whole(1, _MOST_DAYS), default=_DAYS, help=what)
     add("--renew", action="store_true", help="make a new certificate; all students must join again")
-    what = f"with --serve: the most queued tasks of one laptop ({_SHARE})"
+    what = f"with --serve: maximum number of queued tasks of one laptop ({_SHARE})"
     add("--share", metavar="N", type=whole(1), default=_SHARE, help=what)
     what = "then run taskrpc-server for the class; the words that follow are its options"
     add("--serve", nargs=argparse.REMAINDER, metavar="OPTION", help=what)
@@ -49,7 +49,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     adding = add_command(commands, "add", "Add students and print their join strings")
     adding.add_argument("names", nargs="+", metavar="NAME", help="name of the student")
     days = whole(1, _MOST_DAYS)
-    what = f"how many days the strings are valid ({_DAYS})"
+    what = f"how many days the join strings are valid ({_DAYS})"
     adding.add_argument("--days", metavar="N", type=days, default=_DAYS, help=what)
     adding.set_defaults(run=_add)
     bundling = add_command(commands, "bundle", "Make a folder that installs taskrpc offline")

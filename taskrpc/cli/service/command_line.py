@@ -33,7 +33,7 @@ def _add_echo(commands: Commands) -> None:
     from taskrpc.cli.shared.parsing import whole
     from taskrpc.cli.shared.remote import add_connect, add_discovery
 
-    parser = add_command(commands, "echo", "Echo a service")
+    parser = add_command(commands, "echo", "Print the steps of the calls of a service")
     parser.add_argument("service_name", help="Name of the service (e.g. '/add_two_ints')")
     what = "Type of the service (e.g. 'example_interfaces/srv/AddTwoInts')"
     parser.add_argument("service_type", nargs="?", default="", help=what)
@@ -41,7 +41,7 @@ def _add_echo(commands: Commands) -> None:
     parser.add_argument("--csv", action="store_true", help=what)
     what = "Output long texts and arrays in full"
     parser.add_argument("-f", "--full-length", action="store_true", help=what)
-    what = "The most characters and elements to output (128)"
+    what = "Maximum number of characters and elements to output (128)"
     length = whole(0)
     parser.add_argument("-l", "--truncate-length", metavar="N", type=length, default=128, help=what)
     what = "Do not output the contents of arrays"

@@ -95,7 +95,7 @@ def _add_echo(commands: Commands) -> None:
     parser.add_argument("--field", metavar="FIELD", help=what)
     what = "Output long texts and arrays in full"
     parser.add_argument("-f", "--full-length", action="store_true", help=what)
-    what = "The most characters and elements to output (128)"
+    what = "Maximum number of characters and elements to output (128)"
     parser.add_argument(
         "-l", "--truncate-length", metavar="N", type=whole(0), default=128, help=what
     )

@@ -105,7 +105,7 @@ async def subscribed(
         print(f"WARNING: topic [{topic}] does not appear to be published yet", flush=True)
         if not wait:
             problem = NotFound("Could not determine the type for the passed topic")
-            raise hinted(problem, f"give it: taskrpc topic echo {topic} std_msgs/msg/String")
+            raise hinted(problem, f"write the type: taskrpc topic echo {topic} std_msgs/msg/String")
         while not found.types:
             await asyncio.sleep(_LOOK)
             found = await _found(remote, node, topic)

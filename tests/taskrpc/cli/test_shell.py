@@ -57,7 +57,7 @@ def test_bash_knows_what_tutorials_need_and_leaves_a_real_colcon_alone(tmp_path,
             check=True,
         )
         assert done.stdout == (
-            f"#All required rosdeps installed successfully: taskrpc brings what it knows\n{said}"
+            f"#All required rosdeps installed successfully (taskrpc installs nothing)\n{said}"
         )
 
 
