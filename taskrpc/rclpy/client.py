@@ -17,7 +17,7 @@ from taskrpc.introspection import gid_of
 
 from ._impl.bridge import detached
 from ._impl.diagnostics.deadlocks import call_ended, check_call
-from ._impl.diagnostics.explain import failed, like_ros, mismatched, nobody_spun
+from ._impl.diagnostics.explain import call_failed, call_unspun, like_ros, type_mismatch
 from ._impl.diagnostics.limits import wrapped_or_refused
 from ._impl.execution.entity import Entity, is_busy, node_name
 from ._impl.execution.outbox import Outbox, Tell
@@ -75,7 +75,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         self._warn = self._native.channel.on_refusal
         self._native.channel.on_refusal = self._refused
         self._outbox = Outbox(self._native, srv_type)
-        self._answers: deque[tuple[int, Any, BaseException | None]] = deque()
+        self._responses: deque[tuple[int, Any, BaseException | None]] = deque()
         """Responses that wait for the spin: call number, response, error."""
         self._pending: dict[int, Future[Any]] = {}
         """The futures of the calls without a response, by call number."""
@@ -108,12 +108,12 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         """Whether requests wait because no server of the service is known."""
         return self._outbox.waits and not self._native.is_known()
 
-    def oldest_answer(self) -> tuple[int, Future[Any]]:
+    def oldest_response(self) -> tuple[int, Future[Any]]:
         """The number and the future of the response that waits longest to be taken.
 
         Raises LookupError when no response waits or nothing waits for the response.
         """
-        number = self._answers[0][0]
+        number = self._responses[0][0]
         return number, self._pending[number]
 
     def call(self, request: SrvRequestT, timeout_sec: float | None = None) -> SrvResponseT | None:
@@ -143,7 +143,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
                 if like_ros():
                     return None
                 raise TimeoutError
-            if not done.wait(left) and self._answers:
+            if not done.wait(left) and self._responses:
                 self._take_unspun()
         return future.result()
 
@@ -175,7 +175,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             self._pending[number] = future
 
         def tell(response: Any, error: BaseException | None) -> None:
-            self._answers.append((number, response, error))
+            self._responses.append((number, response, error))
             self.notify_executor()
             self.handle.item_arrived()
 
@@ -271,7 +271,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
 
     def _refused(self, error: TaskRpcError) -> None:
         if isinstance(error, TypeMismatch):
-            mismatched(self._full_name, self.srv_type._TYPE, error)
+            type_mismatch(self._full_name, self.srv_type._TYPE, error)
         else:
             self._warn(error)
 
@@ -290,13 +290,13 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
 
     def has_work(self) -> bool:
         """Whether a response waits to be taken."""
-        return bool(self._answers)
+        return bool(self._responses)
 
     def take_work(self) -> Callable[[], Any] | None:
         """Take the oldest response and return the function that completes its future."""
         self.handle.check()
         try:
-            number, response, error = self._answers.popleft()
+            number, response, error = self._responses.popleft()
         except IndexError:  # another thread took it
             return None
         if self._introspection.is_on and error is None:
@@ -307,12 +307,12 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
         if error is not None:
             if like_ros():
                 return None
-            failed(self._full_name, error)
+            call_failed(self._full_name, error)
         return lambda: self._complete(future, response, error)
 
     def _take_unspun(self) -> None:
         """Take the response of `call` on this thread when it has waited too long for a spin."""
-        number = self._answers[0][0]
+        number = self._responses[0][0]
         if self._waited_for != number:
             self._waited_for, self._waited_since = number, time.monotonic()
             return
@@ -321,7 +321,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
             grace = _LONG_GRACE if executor.is_unattended else math.inf
         late = time.monotonic() - self._waited_since >= grace
         if late and not like_ros() and (complete := self.take_work()) is not None:
-            nobody_spun(self._full_name, node_name(self.parent_node))
+            call_unspun(self._full_name, node_name(self.parent_node))
             complete()
 
     def _complete(

@@ -123,7 +123,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         self._calls.append(call)
         if len(self._calls) > self._depth:
             if not explain.like_ros():
-                explain.too_many(self._full_name, self._depth)
+                explain.too_many_requests(self._full_name, self._depth)
             else:  # the oldest is never answered
                 with contextlib.suppress(IndexError):
                     self._calls.popleft()
@@ -188,7 +188,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     def _destroyed(self, call: DeferredCall[Any, Any]) -> None:
         """Raise InvalidHandle, as ROS does: the callback destroyed its own service."""
         if not explain.like_ros():
-            explain.destroyed(self._full_name)
+            explain.service_destroyed(self._full_name)
             why = f"the callback of {self._full_name} destroyed its service before it returned"
             call.fail(HandlerFailed(Code.INTERNAL, why))
         self.handle.check()
@@ -205,10 +205,10 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
                 raise TypeError
             problem = f"the callback of {self._full_name} returned {_what(response)}"
             if response is None:
-                problem += f"; does `return response` (a {expected.__name__}) lack at its end?"
+                problem += f"; is `return response` (a {expected.__name__}) missing at its end?"
             else:
                 problem += f", expected a {expected.__name__}"
-            explain.answered_nothing(self._full_name, problem)
+            explain.invalid_response(self._full_name, problem)
             call.fail(HandlerFailed(Code.INTERNAL, problem))
             raise TypeError(problem)
         response = detached(response)
@@ -243,7 +243,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
         # A program whose context was shut down while the callback ran needs no advice.
         of_itself = isinstance(error, Exception) and self.parent_node.context.ok()
         if of_itself and not isinstance(error, WouldDeadlock):
-            explain.raised(self._full_name, problem)
+            explain.callback_raised(self._full_name, problem)
         call.fail(HandlerFailed(Code.INTERNAL, problem))
         self._leave()
 

@@ -9,7 +9,7 @@ from types import TracebackType
 from typing import Any, ClassVar, Self
 
 from ._impl.diagnostics.deadlocks import check_rate
-from ._impl.diagnostics.explain import like_ros, nobody_woke
+from ._impl.diagnostics.explain import like_ros, rate_unspun
 from ._impl.execution.entity import Entity, is_busy, node_name
 from .callback_groups import CallbackGroup
 from .clock import Clock, ClockChange, TimeJump
@@ -266,7 +266,7 @@ class Rate:
             if self._is_unspun():
                 if self._grace_ns:
                     self._grace_ns = 0
-                    nobody_woke(node_name(self._timer.parent_node))
+                    rate_unspun(node_name(self._timer.parent_node))
                 if (call := self._timer.take_work()) is not None:
                     call()
 

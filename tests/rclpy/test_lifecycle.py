@@ -159,7 +159,7 @@ def test_a_callback_that_raises_counts_as_an_error_and_is_reported(quiet, capsys
     assert quiet(Robot).trigger_configure() is ERROR
     said = capsys.readouterr().err
     assert said.startswith(
-        "[taskrpc] ROS 2 would say nothing here: on_configure of /robot raised T"
+        "[taskrpc] ROS 2 would print nothing here: on_configure of /robot raised T"
     )
 
 

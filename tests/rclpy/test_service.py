@@ -26,7 +26,7 @@ def called(world, callback, **settings):
 @pytest.mark.parametrize(
     ("answer", "text"),
     [
-        (None, "returned nothing; does `return response`"),
+        (None, "returned nothing; is `return response`"),
         (3, "returned a value of the type int, expected a AddTwoInts_Response"),
         (AddTwoInts.Response, "returned the class AddTwoInts_Response, expected a"),
         (Request(), "returned a value of the type AddTwoInts_Request, expected a"),

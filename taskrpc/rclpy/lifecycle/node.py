@@ -182,7 +182,7 @@ class LifecycleNodeMixin(ManagedEntity):
         try:
             result = callback(before)
         except Exception as error:
-            explain.swallowed(node_name(self), name, error)
+            explain.transition_callback_raised(node_name(self), name, error)
             result = TransitionCallbackReturn.ERROR
         if not isinstance(result, TransitionCallbackReturn):
             raise AttributeError(
@@ -238,7 +238,7 @@ class LifecycleNodeMixin(ManagedEntity):
         except RCLError as error:  # what others ask for must not end this node
             if explain.like_ros():
                 raise
-            explain.impossible_step(node_name(self), number, error)
+            explain.impossible_transition(node_name(self), number, error)
         return response
 
     def _rclpy_on_get_state(self, request: Any, response: Any) -> Any:

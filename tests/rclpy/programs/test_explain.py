@@ -38,7 +38,7 @@ SOONER = """
 from rclpy._impl.diagnostics import watchdog as dog
 assert (dog._PERIOD, dog._SOON, dog._LATE, dog._STUCK) == (1, 2, 5, 15)
 dog._PERIOD, dog._SOON, dog._LATE, dog._STUCK = 0.1, 0.3, 0.5, 0.8
-node.handle.bridge.soon(dog._Look().again)  # the first has its second to wait
+node.handle.bridge.soon(dog._Check().again)  # the first has its second to wait
 """
 """The watchdog need not be waited for as long as users would."""
 
@@ -131,7 +131,7 @@ CASES = {
         "ZeroDivisionError\nFalse\n",
     ),
     "two servers of one name": (TWO, "let both servers of /add run", "[1]\n", "[1, 2]\n"),
-    "a service that nobody offers": (NOBODY, "lose this request", "True\n", "False\n"),
+    "a service without a server": (NOBODY, "lose this request", "True\n", "False\n"),
     "more than ten in flight": (DEPTH, "drop the oldest of more than 10", "20\n", "10\n"),
     "a service of another type": (
         MISMATCH,
@@ -246,7 +246,7 @@ threading.Timer(2, rclpy.shutdown).start()
 rclpy.spin(node)
 """
     _, _, err = run(HEAD + SOONER + source)
-    asks = "tick() of /n asks again and again whether /add has answered"
+    asks = "tick() of /n checks repeatedly whether /add has answered"
     assert [asks in line for line in told(err)].count(True) == 1
 
 
@@ -344,14 +344,14 @@ print(future.done())
     _, out, err = run(HEAD + SOONER + source)
     assert out == "3\nFalse\n"
     [line] = [each for each in told(err) if "/twice: " in each]
-    assert "/twice: twice() (service /twice) of /n spun /n by a function of rclpy" in line
+    assert "/twice: twice() (service /twice) of /n spun /n with a function of rclpy" in line
 
 
 def test_a_future_of_an_unspun_node_is_reported_at_the_end(run):
     source = "print(node.create_client(AddTwoInts, 'add').call_async(REQUEST).result())"
     _, out, err = run(HEAD + source)
     assert out == "None\n"
-    assert ["nobody spins /n" in line for line in told(err)] == [True]
+    assert ["no thread spins /n" in line for line in told(err)] == [True]
 
 
 def test_a_callback_interrupted_by_the_shutdown_is_not_reported(run):

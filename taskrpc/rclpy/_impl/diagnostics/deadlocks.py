@@ -20,7 +20,7 @@ from . import explain
 
 
 class WaitingClient(Protocol):
-    """What the diagnostics ask of a client; `rclpy.client` has the class."""
+    """The part of a client that the diagnostics read; `rclpy.client` has the class."""
 
     parent_node: Any
 
@@ -30,7 +30,7 @@ class WaitingClient(Protocol):
 
     @property
     def callback_group(self) -> GroupInterface | None:
-        """The group that its responses are taken in."""
+        """The group in which the executor takes its responses."""
 
     @property
     def pending_futures(self) -> Sequence[Any]:
@@ -51,19 +51,19 @@ def check_call(client: WaitingClient, timeout: float | None) -> Callback | None:
         return None
     why = obstacle(client, callback)
     if timeout is None or timeout < 0:
-        _calls[id(callback)] = client, callback  # before the check: other threads check, too
+        _calls[id(callback)] = client, callback  # before the check: other threads check too
         if why := why or _circle(client, callback):
             call_ended(callback)
             raise WouldDeadlock(
-                explain.would_hang(client.service_name, callback_name(callback), why)
+                explain.call_deadlock(client.service_name, callback_name(callback), why)
             )
     elif why and timeout:
-        explain.would_wait_in_vain(client.service_name, callback_name(callback), timeout)
+        explain.call_times_out(client.service_name, callback_name(callback), timeout)
     return callback
 
 
 def call_ended(callback: Callback | None) -> None:
-    """Record that a callback waits for its call no longer."""
+    """Record that a callback no longer waits for its call."""
     _calls.pop(id(callback), None)
 
 
@@ -84,9 +84,9 @@ def check_spin(executor: ExecutorInterface, future: Any, timeout: float | None) 
     for node in executor.get_nodes():
         for client in node.clients:
             if future in client.pending_futures:
-                if why := _held_group(client.callback_group, callback, "the answer"):
+                if why := _held_group(client.callback_group, callback, "the client"):
                     raise WouldDeadlock(
-                        explain.spun_in_vain(client.service_name, callback_name(callback), why)
+                        explain.spin_deadlock(client.service_name, callback_name(callback), why)
                     )
                 return
 
@@ -97,14 +97,14 @@ def check_rate(node: Any) -> None:
     if callback is None or explain.like_ros():
         return
     if callback.executor.runs_one_at_a_time and callback.executor.has_node(node):
-        raise WouldDeadlock(explain.would_oversleep(callback_name(callback)))
+        raise WouldDeadlock(explain.rate_deadlock(callback_name(callback)))
 
 
-def check_deaf(executor: ExecutorInterface, node: Any) -> None:
-    """Warn of a spin in a callback that removes its node from the outer spin."""
+def check_nested_spin(executor: ExecutorInterface, node: Any) -> None:
+    """Warn about a spin in a callback that removes its node from the outer spin."""
     callback = current_callback()
     if callback is not None and callback.executor is executor and executor.has_node(node):
-        explain.went_deaf(node_name(node), callback_name(callback))
+        explain.removed_from_spin(node_name(node), callback_name(callback))
 
 
 def obstacle(client: WaitingClient, callback: Callback) -> str:
@@ -113,7 +113,7 @@ def obstacle(client: WaitingClient, callback: Callback) -> str:
         return ""
     if callback.executor.runs_one_at_a_time:
         return f"the only thread that spins {node_name(client.parent_node)}"
-    held = _held_group(client.callback_group, callback, "the answer")
+    held = _held_group(client.callback_group, callback, "the client")
     return held or _server_obstacle(client.service_name, callback)
 
 
@@ -137,15 +137,16 @@ def _circle(client: WaitingClient, callback: Callback) -> str:
         waits = [each for each in list(_calls.values()) if _server_obstacle(name, each[1])]
         if not waits:
             return ""
-        further, other = waits[0]
-        name = further.service_name
-        way += [callback_name(other), name]
+        next_client, next_callback = waits[0]
+        name = next_client.service_name
+        way += [callback_name(next_callback), name]
     return ""
 
 
-def _held_group(group: GroupInterface | None, callback: Callback, what: str) -> str:
+def _held_group(group: GroupInterface | None, callback: Callback, owner: str) -> str:
+    """The group of the client or server, if the callback holds it; "" otherwise."""
     entity = callback.entity
     exclusive = isinstance(group, MutuallyExclusiveCallbackGroup)
     if not exclusive or entity is None or entity.callback_group is not group:
         return ""
-    return f"the mutually exclusive callback group of {what}"
+    return f"the mutually exclusive callback group of {owner}"

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from typing import Any
 
 _reported: set[tuple[object, ...]] = set()
+"""The causes whose line was printed."""
 _lock = threading.Lock()
 
 
@@ -19,199 +20,208 @@ def like_ros() -> bool:
     return os.environ.get("TASKRPC_LIKE_ROS") == "1"
 
 
-def would_hang(service: str, callback: str, why: str) -> str:
-    """`Client.call` in a callback, which keeps the answer from being taken; the whole sentence."""
+def call_deadlock(service: str, callback: str, why: str) -> str:
+    """Report `Client.call` in a callback that prevents its response; return the sentence."""
     cycle = f"{callback} -> {service} -> {why} -> {callback}"
-    sentence = f"hang here for ever: Client.call in a callback waits in a circle: {cycle}"
-    fix = "; make the callback `async def` and `await client.call_async(request)`, with the client"
-    fix += " in a ReentrantCallbackGroup (or give it that group and spin a MultiThreadedExecutor)"
-    tell(("hang", callback, service), sentence + fix)
-    return f"ROS 2 would {sentence}{fix}"
-
-
-def would_wait_in_vain(service: str, callback: str, seconds: float) -> None:
-    """`Client.call` with a timeout, in a callback that keeps the answer from being taken."""
-    tell(
-        ("hang", callback, service),
-        f"wait {seconds:g} s here in vain, as we do: {callback} keeps the answer of"
-        f" {service} from being taken; make it `async def` and"
-        " `await client.call_async(request)`, with the client in a ReentrantCallbackGroup",
-    )
-
-
-def no_thread_left(calls: Sequence[tuple[str, str]]) -> None:
-    """All threads of a pool wait in `Client.call`: none is left that could take an answer."""
-    who = ", ".join(f"{callback} for {service}" for service, callback in calls)
-    tell(
-        ("pool", who),
-        f"hang here for ever, as we do: all {len(calls)} threads of the MultiThreadedExecutor wait"
-        f" in Client.call ({who}), and none is left to take an answer; give it more, as"
-        f" MultiThreadedExecutor(num_threads={2 * len(calls)}), or make the callbacks `async def`"
-        " and `await client.call_async(request)`",
-    )
-
-
-def polled_in_vain(service: str, callback: str, why: str) -> None:
-    """A callback asks again and again for an answer that it keeps from being taken."""
-    tell(
-        ("polled", callback, service),
-        f"wait here for ever, as we do: {callback} asks again and again whether {service}"
-        f" has answered, and meanwhile keeps {why}; make it `async def` and"
-        " `await client.call_async(request)`, with the client in a ReentrantCallbackGroup",
-    )
-
-
-def spun_in_vain(service: str, callback: str, why: str) -> str:
-    """A spin in a callback for an answer that cannot be taken meanwhile; the whole sentence."""
     sentence = (
-        f"hang here for ever: {callback} spins until {service} has answered, but the answer"
-        f" waits for {why}, held by {callback}; make the callback `async def`"
+        f"hang here for ever: Client.call in a callback waits in a circle: {cycle}; make the"
+        " callback `async def` and `await client.call_async(request)`, with the client in a"
+        " ReentrantCallbackGroup (or give it that group and spin a MultiThreadedExecutor)"
+    )
+    report(("hang", callback, service), sentence)
+    return f"ROS 2 would {sentence}"
+
+
+def call_times_out(service: str, callback: str, seconds: float) -> None:
+    """Report `Client.call` with a timeout in a callback that prevents its response."""
+    report(
+        ("hang", callback, service),
+        f"wait {seconds:g} s here for nothing, and so does taskrpc: the response of {service}"
+        f" cannot be taken while {callback} waits; make it `async def` and"
+        " `await client.call_async(request)`, with the client in a ReentrantCallbackGroup",
+    )
+
+
+def pool_exhausted(calls: Sequence[tuple[str, str]]) -> None:
+    """Report a pool whose threads all wait in `Client.call`: none is left to take a response."""
+    waits = ", ".join(f"{callback} for {service}" for service, callback in calls)
+    report(
+        ("pool", waits),
+        f"hang here for ever, and so does taskrpc: all {len(calls)} threads of the"
+        f" MultiThreadedExecutor wait in Client.call ({waits}), and no thread is left to take a"
+        f" response; use more threads, such as MultiThreadedExecutor(num_threads={2 * len(calls)}),"
+        " or make the callbacks `async def` and `await client.call_async(request)`",
+    )
+
+
+def polling_deadlock(service: str, callback: str, why: str) -> None:
+    """Report a callback that polls for a response and prevents it meanwhile."""
+    report(
+        ("polled", callback, service),
+        f"wait here for ever, and so does taskrpc: {callback} checks repeatedly whether {service}"
+        f" has answered, and meanwhile holds {why}; make it `async def` and"
+        " `await client.call_async(request)`, with the client in a ReentrantCallbackGroup",
+    )
+
+
+def spin_deadlock(service: str, callback: str, why: str) -> str:
+    """Report a spin in a callback for a response that the callback prevents; return the sentence.
+
+    `why` is what the callback holds.
+    """
+    sentence = (
+        f"hang here for ever: {callback} spins until {service} has answered, but itself holds"
+        f" {why}, which the response needs; make the callback `async def`"
         " and `await` the future instead of spinning, with the client in a ReentrantCallbackGroup"
     )
-    tell(("spin", callback), sentence)
+    report(("spin", callback), sentence)
     return f"ROS 2 would {sentence}"
 
 
-def would_oversleep(callback: str) -> str:
-    """`Rate.sleep` in a callback, on the only thread that could wake it; the whole sentence."""
+def rate_deadlock(callback: str) -> str:
+    """Report `Rate.sleep` in a callback, on the only thread that could wake it; return the text."""
     sentence = (
-        f"hang here for ever: Rate.sleep in {callback} waits for a timer that only the"
-        " thread could run that sleeps; have a timer of that period call the callback instead, or"
-        " spin a MultiThreadedExecutor"
+        f"hang here for ever: Rate.sleep in {callback} waits for a timer, and blocks the only"
+        " thread that could run this timer; let a timer of that period call the callback instead,"
+        " or spin a MultiThreadedExecutor"
     )
-    tell(("rate", callback), sentence)
+    report(("rate", callback), sentence)
     return f"ROS 2 would {sentence}"
 
 
-def nobody_woke(node: str) -> None:
-    """`Rate.sleep` while nobody spins: it ends at its time all the same."""
-    tell(
+def rate_unspun(node: str) -> None:
+    """Report `Rate.sleep` while no thread spins the node; here the sleep ends on time."""
+    report(
         ("unspun rate", node),
-        f"hang here for ever: Rate.sleep waits for a timer that nobody runs, as no other thread"
-        f" spins {node}; have one do so: threading.Thread(target=rclpy.spin, args=(node,),"
-        " daemon=True).start() (or sleep by time.sleep)",
+        "hang here for ever: Rate.sleep waits for a timer that does not run, because no other"
+        f" thread spins {node}; spin it: threading.Thread(target=rclpy.spin, args=(node,),"
+        " daemon=True).start() (or sleep with time.sleep)",
     )
 
 
-def went_deaf(node: str, callback: str) -> None:
-    """A spin in a callback, after which the outer spin has the node no more."""
-    tell(
-        ("deaf", node),
-        f"run no callback of {node} any more after this: {callback} spins the node"
-        " that is being spun, and at its end takes it away from the outer spin, as here (from rclpy"
+def removed_from_spin(node: str, callback: str) -> None:
+    """Report a spin in a callback that removes the node from the outer spin."""
+    report(
+        ("removed", node),
+        f"run no callback of {node} after this, and neither does taskrpc: {callback} spins the node"
+        " a second time, and at its end removes the node from the outer spin (from rclpy"
         " 7.1.9 on: RuntimeError('Executor is already spinning')); make the callback"
         " `async def` and `await` the future instead",
     )
 
 
-def answered_nothing(service: str, problem: str) -> None:
-    """A service callback returned something that is no response."""
-    tell(
+def invalid_response(service: str, problem: str) -> None:
+    """Report a service callback that returned a value that is not a response."""
+    report(
         ("response", service),
-        f"never answer this call, and tell nobody why (a bare TypeError): {problem}",
+        f"never answer this call, and raise a TypeError without a message: {problem}",
     )
 
 
-def raised(service: str, problem: str) -> None:
-    """A service callback raised: the caller is told here."""
-    tell(
+def callback_raised(service: str, problem: str) -> None:
+    """Report an exception in a service callback; here the caller gets an error."""
+    report(
         ("raised", service),
-        f"leave the caller waiting for ever: {problem}; catch it, and say so in the response",
+        f"leave the caller waiting for ever: {problem}; catch the exception, and report the failure"
+        " in the response",
     )
 
 
-def swallowed(node: str, callback: str, error: Exception) -> None:
-    """A lifecycle node's callback raised, which counts as TransitionCallbackReturn.ERROR."""
+def transition_callback_raised(node: str, callback: str, error: Exception) -> None:
+    """Report an exception in a transition callback of a lifecycle node."""
     what = f"{type(error).__name__}: {error}"
-    tell(
-        ("swallowed", node, callback),
-        f"say nothing here: {callback} of {node} raised {what}; it counts as"
+    report(
+        ("transition", node, callback),
+        f"print nothing here: {callback} of {node} raised {what}; it counts as"
         " TransitionCallbackReturn.ERROR",
     )
 
 
-def impossible_step(node: str, number: int, error: Exception) -> None:
-    """Somebody asked a lifecycle node, by number, for a step that is not possible now."""
-    tell(
+def impossible_transition(node: str, number: int, error: Exception) -> None:
+    """Report a request, by number, for a transition that is not possible now."""
+    report(
         ("impossible", node),
-        f"end the spin of {node} here, with RCLError: somebody asked for the transition"
-        f" {number}, which is not possible now ({error}); ask by label, which is refused",
+        f"end the spin of {node} here, with RCLError: a caller requested the transition"
+        f" {number}, which is not possible now ({error}); request it by its label: ROS 2 refuses"
+        " that without an error in the node",
     )
 
 
-def destroyed(service: str) -> None:
-    """A service callback destroyed its service, or its node: the caller is told here."""
-    tell(
+def service_destroyed(service: str) -> None:
+    """Report a service callback that destroyed its service or node; the caller gets an error."""
+    report(
         ("destroyed", service),
         f"leave the caller waiting for ever: the callback of {service} destroyed its"
-        " service, or its node, and returned only then; destroy them later, from a timer or after"
+        " service, or its node, before it returned; destroy them later, from a timer or after"
         " the spin",
     )
 
 
-def failed(service: str, error: BaseException) -> None:
-    """A call ended with an error, which a future in ROS never has."""
-    tell(
+def call_failed(service: str, error: BaseException) -> None:
+    """Report a call that ended with an error, which a future in ROS never has."""
+    report(
         ("failed", service, type(error)),
-        f"never complete this future: the call of {service} failed ({error}); wait with"
-        " a timeout there, as spin_until_future_complete(node, future, timeout_sec=...)",
+        f"never complete this future: the call of {service} failed ({error}); in ROS 2, wait with"
+        " a timeout: spin_until_future_complete(node, future, timeout_sec=...)",
     )
 
 
-def mismatched(service: str, type_name: str, error: BaseException) -> None:
-    """A service that is there has another definition: its server cannot be called."""
-    tell(
+def type_mismatch(service: str, type_name: str, error: BaseException) -> None:
+    """Report a client whose service exists with another type, so that it cannot be called."""
+    report(
         ("unoffered", service),
-        "find no server for this client, wait for ever and not say why: it is for"
+        "find no server for this client, wait for ever and not say why: the client is for"
         f" {type_name}, but {error}",
     )
 
 
 def profiles_differ(service: str, problem: str) -> None:
-    """The QoS profiles of a service's client and server never match in ROS 2."""
-    tell(
+    """Report a client and a server whose QoS profiles never match in ROS 2."""
+    report(
         ("qos", service),
-        f"never connect the client and the server of {service}, and would not say why: their QoS"
-        f" profiles do not match ({problem}); here the calls are answered; give both the same"
+        f"never connect the client and the server of {service}, and not say why: their QoS"
+        f" profiles do not match ({problem}); taskrpc answers the calls; give both the same"
         " qos_profile",
     )
 
 
-def nobody_spun(service: str, node: str) -> None:
-    """`Client.call` while nobody takes its answer: it is taken all the same."""
-    tell(
+def call_unspun(service: str, node: str) -> None:
+    """Report `Client.call` while no thread spins the node; here the response still arrives."""
+    report(
         ("unspun", node),
-        f"hang here for ever: Client.call of {service} waits for an answer that nobody"
-        f" takes, as no other thread spins {node}; use call_async and"
+        f"hang here for ever: Client.call of {service} waits for a response that no thread"
+        f" takes, because no other thread spins {node}; use call_async and"
         " rclpy.spin_until_future_complete(node, future)",
     )
 
 
 def two_servers(service: str, *, refused: bool) -> None:
-    """A second server of a name, which is refused or waits for the first one's end."""
-    here = "the second one is refused here" if refused else "here the first one alone runs them"
-    tell(
+    """Report a second server of a name, which is refused or waits for the end of the first one."""
+    here = (
+        "taskrpc refuses the second one" if refused else "in taskrpc only the first one runs them"
+    )
+    report(
         ("two", service),
-        f"let both servers of {service} run every request, and take whichever answer is first;"
-        f" {here}; give one of them another name (or end it)",
+        f"let both servers of {service} run every request, and use the response that arrives first;"
+        f" {here}; give one of them another name, or end it",
     )
 
 
-def too_many(service: str, depth: int) -> None:
-    """More requests wait than ROS keeps."""
-    tell(
+def too_many_requests(service: str, depth: int) -> None:
+    """Report that more requests wait than ROS keeps."""
+    report(
         ("depth", service),
         f"drop the oldest of more than {depth} requests that wait for {service}, and"
         f" never answer it; keep at most {depth} calls in flight",
     )
 
 
-def would_wrap(name: str, error: Exception, wrapped: Any) -> None:
-    """A number too large for its field, which ROS would have sent as another one."""
-    tell(("wrap", name), f"send {wrapped} to {name} without a word; we refuse it: {error}")
+def number_wrapped(name: str, error: Exception, wrapped: Any) -> None:
+    """Report a number too large for its field, which ROS would have sent as another number."""
+    report(("wrap", name), f"send {wrapped} to {name} without an error; taskrpc refuses: {error}")
 
 
-def tell(cause: tuple[object, ...], sentence: str) -> None:
+def report(cause: tuple[object, ...], sentence: str) -> None:
     """Print what ROS 2 would do, once for each cause; nothing when `like_ros` is on."""
     if like_ros():
         return

@@ -1,4 +1,4 @@
-"""What ROS 2 does in silence, where it can be told from values alone: numbers and depths."""
+"""What ROS 2 does in silence with values: it wraps large integers and drops the oldest requests."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from . import explain
 
 _NARROW = re.compile(r"(u?)int(8|16|32)\b")
 _LONG = 64
-"""Bits of the C integer that a Python one goes through on its way into a narrower field."""
+"""Bits of the C integer into which ROS converts a Python integer before it wraps it."""
 
 
 def depth_of(qos_profile: Any) -> int:
@@ -26,9 +26,9 @@ def depth_of(qos_profile: Any) -> int:
 
 
 def wrapped_or_refused(message: Any, name: str, error: InvalidRequest) -> Any:
-    """Like ROS, the message with its large integers cut off; else tell of it and raise the error.
+    """With `--like-ros`, return a copy of the message with its large integers wrapped, as in ROS.
 
-    Raises the error, too, where ROS refuses the value.
+    Otherwise report the message and raise the error. Raises it too for a value that ROS refuses.
     """
     wrapped = _wrapped(message)
     try:
@@ -37,13 +37,13 @@ def wrapped_or_refused(message: Any, name: str, error: InvalidRequest) -> Any:
     except InvalidRequest:
         raise error from None
     if not explain.like_ros():
-        explain.would_wrap(name, error, wrapped)
+        explain.number_wrapped(name, error, wrapped)
         raise error from None
     return wrapped
 
 
 def _wrapped(message: Any) -> Any:
-    """A copy whose integers of up to 32 bits are cut to what fits."""
+    """A copy in which integers for fields of up to 32 bits are wrapped."""
     result = copy.copy(message)
     for field, kind in message.get_fields_and_field_types().items():
         setattr(result, field, _fitting(getattr(message, field), kind))
@@ -62,7 +62,7 @@ def _fitting(value: Any, kind: str) -> Any:
 
 
 def _cut(value: int, bits: int, *, signed: bool) -> int:
-    """The lowest bits of a number that fits into C's long integer; any other as it is."""
+    """The lowest bits of a number; a number beyond C's long integer stays as it is."""
     limit = 1 << (_LONG - signed)
     if not (-limit if signed else 0) <= value < limit:
         return value

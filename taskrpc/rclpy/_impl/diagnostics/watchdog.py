@@ -1,4 +1,7 @@
-"""Checks once a second for work that waits for ever, which no single module could notice."""
+"""Checks once a second for work that waits for ever.
+
+Only a view of all nodes shows such work; no client, service or executor could notice it alone.
+"""
 
 from __future__ import annotations
 
@@ -38,43 +41,50 @@ _LATE = 5.0
 _STUCK = 15.0
 """Seconds after which a callback that has not returned is reported."""
 _LIBRARIES = (str(Path(__file__).parents[3]), sysconfig.get_path("stdlib"))
+"""Folders whose code is not the program's own: taskrpc and the standard library."""
+
+_Wait = tuple[tuple[object, ...], float, Any]
+"""A wait that is reported if it lasts: its identity, the seconds until then, and the function that
+reports it."""
 
 _nodes: weakref.WeakSet[NodeInterface] = weakref.WeakSet()
 _lock = threading.Lock()
-_looking = False
+_is_running = False
+"""Whether the check repeats on the background loop."""
 
 
 def watch(node: NodeInterface) -> None:
     """Check a node until it is destroyed."""
-    global _looking
+    global _is_running
     if explain.like_ros():
         return
     with _lock:
         _nodes.add(node)
-        begin, _looking = not _looking, True
+        begin, _is_running = not _is_running, True
     if begin:
-        node.handle.bridge.soon(_Look().again)
+        node.handle.bridge.soon(_Check().again)
 
 
 def ends(node: NodeInterface) -> None:
-    """At the end of a node that was never spun, report the calls that it still waits for."""
+    """Report the pending calls of a node that no thread spins; at the end of the node."""
     pending = sorted({client.service_name for client in node.clients if _is_observed(client)})
     if pending and node.executor is None and not node.context.was_interrupted:
-        _tell_unspun(node, f"complete the future of a call of {', '.join(pending)}")
+        _report_unspun(node, f"complete the future of a call of {', '.join(pending)}")
 
 
-class _Look:
+class _Check:
     """The repeated check, on the thread of the background loop."""
 
     def __init__(self) -> None:
         self._seen: dict[tuple[object, ...], float] = {}
+        """When each present wait was first seen, on the clock of `time.monotonic()`."""
 
     def again(self) -> None:
         """Check, and check again after a while, as long as there are nodes."""
-        global _looking
+        global _is_running
         with _lock:
             nodes = [node for node in list(_nodes) if node.handle.valid]
-            _looking = bool(nodes)
+            _is_running = bool(nodes)
         if nodes:
             self._look(nodes)
             asyncio.get_running_loop().call_later(_PERIOD, self.again)
@@ -83,42 +93,42 @@ class _Look:
         """Report what has waited long enough, and forget what has ended."""
         now = time.monotonic()
         for thread, callback in list(running.items()):
-            if now - callback.since >= _STUCK and _keeps_others(callback):
-                _tell_stuck(thread, callback)
+            if now - callback.since >= _STUCK and _delays_others(callback):
+                _report_stuck(thread, callback)
         waits = chain(_full_pools(), chain.from_iterable(map(_waits, nodes)))
-        found = {what: (patience, say) for what, patience, say in waits}
+        found = {what: (patience, report) for what, patience, report in waits}
         self._seen = {what: self._seen.get(what, now) for what in found}
-        for what, (patience, say) in found.items():
+        for what, (patience, report) in found.items():
             if now - self._seen[what] >= patience:
-                say()
+                report()
 
 
-def _waits(node: NodeInterface) -> Iterator[tuple[tuple[object, ...], float, Any]]:
-    """What waits at a node: its identity, how long it may wait, and how to report it."""
+def _waits(node: NodeInterface) -> Iterator[_Wait]:
+    """The waits at the clients and services of a node."""
     busy = is_busy(node.executor)
     for client in list(node.clients):
         if busy:
-            yield from _polled_in_vain(client)
+            yield from _polling_deadlock(client)
         elif client.has_work():
-            yield from _untaken_answer(client)
+            yield from _untaken_response(client)
         if client.waits_for_server:
             what: tuple[object, ...] = ("unoffered", client)
-            yield what, _SOON, lambda client=client: _tell_unoffered(client)
+            yield what, _SOON, lambda client=client: _report_unoffered(client)
     for service in list(node.services):
         if service.has_work() and not busy:
             yield from _untaken_request(service)
 
 
-def _full_pools() -> Iterator[tuple[tuple[object, ...], float, Any]]:
+def _full_pools() -> Iterator[_Wait]:
     """Executors whose threads all wait for responses that one of these threads must take."""
     for executor, calls in callers().items():
         if 1 < executor.thread_count <= len(calls):
             named = [(client.service_name, callback_name(callback)) for client, callback in calls]
-            say = partial(explain.no_thread_left, named)
-            yield ("pool", executor, *(id(callback) for _, callback in calls)), _SOON, say
+            report = partial(explain.pool_exhausted, named)
+            yield ("pool", executor, *(id(callback) for _, callback in calls)), _SOON, report
 
 
-def _keeps_others(callback: Callback) -> bool:
+def _delays_others(callback: Callback) -> bool:
     """Whether something waits that would run if this callback returned."""
     executor, own = callback.executor, callback.entity
     group = None if own is None else own.callback_group
@@ -132,7 +142,7 @@ def _keeps_others(callback: Callback) -> bool:
     )
 
 
-def _polled_in_vain(client: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
+def _polling_deadlock(client: Any) -> Iterator[_Wait]:
     """Futures that a callback polls while the callback itself prevents their completion."""
     for future in client.pending_futures:
         callback, last = future.last_poll
@@ -141,47 +151,49 @@ def _polled_in_vain(client: Any) -> Iterator[tuple[tuple[object, ...], float, An
         if not any(each is callback for each in list(running.values())):
             continue
         if why := obstacle(client, callback):
-            say = partial(explain.polled_in_vain, client.service_name, callback_name(callback), why)
-            yield ("polled", client, id(callback)), _SOON, say
+            report = partial(
+                explain.polling_deadlock, client.service_name, callback_name(callback), why
+            )
+            yield ("polled", client, id(callback)), _SOON, report
 
 
-def _untaken_answer(client: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
+def _untaken_response(client: Any) -> Iterator[_Wait]:
     try:
-        number, future = client.oldest_answer()
+        number, future = client.oldest_response()
     except LookupError:  # another thread took it
         return
     what = ("untaken", client, number)
     thing = f"the future of a call of {client.service_name}"
-    holder = _holder(client)
+    holder = _group_holder(client)
     if holder is None:
         if future.is_observed:
             asked = time.monotonic() - future.last_poll[1] <= _PERIOD
             patience = _LATE if asked else _patience(client.parent_node)
-            yield what, patience, lambda: _tell_unspun(client.parent_node, f"complete {thing}")
+            yield what, patience, lambda: _report_unspun(client.parent_node, f"complete {thing}")
     elif future.awaited_by is not None and future.awaited_by.entity is holder:
-        yield what, _SOON, lambda: _tell_held(client, holder, thing)
+        yield what, _SOON, lambda: _report_held(client, holder, thing)
 
 
-def _untaken_request(service: Any) -> Iterator[tuple[tuple[object, ...], float, Any]]:
+def _untaken_request(service: Any) -> Iterator[_Wait]:
     try:
         what = ("untaken", service, service.oldest_request_id())
     except IndexError:
         return
     thing = f"a request for {service.service_name}"
-    holder = _holder(service)
+    holder = _group_holder(service)
     if holder is None:
         patience = _patience(service.parent_node)
-        yield what, patience, lambda: _tell_unspun(service.parent_node, f"answer {thing}")
+        yield what, patience, lambda: _report_unspun(service.parent_node, f"answer {thing}")
     elif _awaits(service.parent_node, holder, service.service_name):
-        yield what, _SOON, lambda: _tell_held(service, holder, thing)
+        yield what, _SOON, lambda: _report_held(service, holder, thing)
 
 
 def _patience(node: NodeInterface) -> float:
-    """How long a node may go unspun: a node that was spun once may be spun again."""
+    """Seconds that a node may stay unspun: a node that was spun before may be spun again."""
     return _STUCK if node.handle.was_spun and not node.handle.taken_by else _LATE
 
 
-def _holder(entity: Any) -> Any:
+def _group_holder(entity: Any) -> Any:
     """The entity whose coroutine holds the group of this entity; None if the group is free."""
     return getattr(entity.callback_group, "active_entity", None)
 
@@ -199,60 +211,60 @@ def _awaits(node: Any, holder: Any, service: str) -> bool:
 
 
 def _is_observed(client: Any) -> bool:
-    """Whether the program ever looked at a future of the client: it may not want the results."""
+    """Whether the program ever looked at a future of the client; else it ignores the results."""
     return any(future.is_observed for future in client.pending_futures)
 
 
-def _tell_held(entity: Any, holder: Any, thing: str) -> None:
+def _report_held(entity: Any, holder: Any, thing: str) -> None:
     name = getattr(getattr(holder, "callback", None), "__qualname__", type(holder).__name__)
-    explain.tell(
+    explain.report(
         ("held", entity.service_name, name),
         f"wait here for ever: {thing} of {node_name(entity.parent_node)} needs the callback group"
-        f" that {name}() holds while it awaits something; give the client, or that callback, a"
+        f" that {name}() holds while it awaits something; give the client or that callback a"
         " ReentrantCallbackGroup",
     )
 
 
-def _tell_unspun(node: NodeInterface, what: str) -> None:
+def _report_unspun(node: NodeInterface, what: str) -> None:
     if node.handle.taken_by:
         why = (
-            f"{node.handle.taken_by} spun {node_name(node)} by a function of rclpy, which took the"
-            " node away from its executor; make the callback `async def` and `await` the future, or"
-            " say node.executor.spin_until_future_complete(future) there"
+            f"{node.handle.taken_by} spun {node_name(node)} with a function of rclpy, which removed"
+            " the node from its executor; make the callback `async def` and `await` the future, or"
+            " call node.executor.spin_until_future_complete(future) there"
         )
     else:
         why = (
-            f"nobody spins {node_name(node)}; spin it, as"
+            f"no thread spins {node_name(node)}; spin it with"
             " rclpy.spin_until_future_complete(node, future) or rclpy.spin(node)"
         )
-    explain.tell(("unspun", node_name(node)), f"never {what}: {why}")
+    explain.report(("unspun", node_name(node)), f"never {what}: {why}")
 
 
-def _tell_unoffered(client: Any) -> None:
-    explain.tell(
+def _report_unoffered(client: Any) -> None:
+    explain.report(
         ("unoffered", client.service_name),
-        f"lose this request, and nothing would ever answer it: nobody offers {client.service_name};"
-        " call client.wait_for_service() first, and look at `taskrpc service list` (here the"
-        " request is sent once somebody does)",
+        f"lose this request and never answer it: no node offers {client.service_name}; call"
+        " client.wait_for_service() first, and see `taskrpc service list` (taskrpc sends the"
+        " request as soon as a node offers the service)",
     )
 
 
-def _tell_stuck(thread: int, callback: Callback) -> None:
+def _report_stuck(thread: int, callback: Callback) -> None:
     where = _where(sys._current_frames().get(thread))
     whom = f"of {node_name(callback.entity.parent_node)} " if callback.entity is not None else ""
     fix = "a timer, or a MultiThreadedExecutor"
     if not callback.executor.runs_one_at_a_time:
         whom += "in its callback group "
         fix = "a timer, or a callback group of its own"
-    explain.tell(
+    explain.report(
         ("stuck", callback_name(callback)),
         f"run no other callback {whom}meanwhile: {callback_name(callback)} has not returned for"
-        f" {_STUCK:g} s{where}; let callbacks return soon: {fix}",
+        f" {_STUCK:g} s{where}; let callbacks return soon: use {fix}",
     )
 
 
 def _where(frame: FrameType | None) -> str:
-    """The line of the program that a thread executes."""
+    """The line of the program that a thread executes; empty if the thread has ended."""
     while frame is not None and frame.f_code.co_filename.startswith((*_LIBRARIES, "<")):
         frame = frame.f_back
     if frame is None:

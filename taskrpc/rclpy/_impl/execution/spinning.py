@@ -11,7 +11,7 @@ from ...context import Context
 from ...signals import SignalHandlerOptions
 from ...task import Future
 from ...utilities import get_default_context
-from ..diagnostics.deadlocks import check_deaf, check_spin
+from ..diagnostics.deadlocks import check_nested_spin, check_spin
 
 if TYPE_CHECKING:
     from ...executors import Executor
@@ -105,7 +105,7 @@ def spin_once(
 ) -> None:
     """Wait at most `timeout_sec` seconds for something to arrive, and run one callback."""
     executor = get_global_executor() if executor is None else executor
-    check_deaf(executor, node)
+    check_nested_spin(executor, node)
     try:
         executor.add_node(node)
         executor.spin_once(timeout_sec=timeout_sec)
@@ -120,7 +120,7 @@ def spin(node: Node, executor: Executor | None = None) -> None:
     thread shuts the context down.
     """
     executor = get_global_executor() if executor is None else executor
-    check_deaf(executor, node)
+    check_nested_spin(executor, node)
     try:
         executor.add_node(node)
         while executor.context.ok() and not executor.is_shutdown:
