@@ -82,7 +82,7 @@ class Attempts(msgspec.Struct, eq=False):
     async def result(self, call: SentCall | None = None) -> Any:
         """Return the response; raise the errors of `Client.call`.
 
-        `call` is a first attempt that `Channel.send_next` has sent.
+        `call` is a first attempt that the caller has sent, with the next request id.
         """
         if call is not None and call.counter is not None:
             self._use(call.counter.store_id, call.counter, call.sequence)

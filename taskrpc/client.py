@@ -66,6 +66,9 @@ class Client(Generic[RequestT, ResponseT]):
         self._now = clock_of(self._loop)
         self._forget = forget
         self._channel = transport.channel(name, srv_type, node, otherwise=otherwise)
+        # A clock of the event loop's own can be read on the event loop only.
+        self._thread_channel = self._channel if self._now is time.monotonic else None
+        """The channel for other threads than the event loop's; None if only that can send."""
 
     @property
     def channel(self) -> Channel:
@@ -106,8 +109,7 @@ class Client(Generic[RequestT, ResponseT]):
         channel, call = self._channel, None
         response: ResponseT
         if policy is None and not request_id:
-            send = channel.send_next if channel.store_id else channel.send
-            call = send(request, deadline)
+            call = channel.send(request, deadline)
         if call is None:
             response = await self._attempts(request, deadline, policy, request_id).result()
             return response
@@ -147,9 +149,11 @@ class Client(Generic[RequestT, ResponseT]):
         """
         deadline = self._deadline(timeout)
         policy = self._retry if retry is UNSET else retry
+        channel = self._channel
         try:
-            once = policy is None and not request_id
-            call = self._channel.send(request, deadline) if once else None
+            # A call of an exactly-once service needs `Attempts`, which settles its request id.
+            is_plain = policy is None and not request_id and not channel.store_id
+            call = channel.send(request, deadline) if is_plain else None
         except InvalidRequest as error:
             failed = self._loop.create_future()
             failed.set_exception(error)
@@ -159,33 +163,6 @@ class Client(Generic[RequestT, ResponseT]):
             return self._loop.create_task(attempts.result())
         call.future.add_done_callback(call.give_up)
         return call.future
-
-    def _send_in_thread(
-        self,
-        request: Any,
-        timeout: float | Unset | None,
-        retry: RetryPolicy | Unset | None,
-    ) -> WaitingThread | None:
-        """Send the request from a thread that is not the loop's, where that can be done at once.
-
-        For the blocking front-end: in all other cases it returns None, and the loop must call.
-        """
-        span = self._timeout if timeout is UNSET else _checked(timeout)
-        policy = self._retry if retry is UNSET else retry
-        if policy is not None or self._now is not time.monotonic:  # another clock is the loop's own
-            return None
-        deadline = None if span is None else self._now() + span
-        return self._channel.send_in_thread(request, deadline)
-
-    def _send_in_thread_then(
-        self, request: Any, timeout: float | Unset | None, tell: OnDone
-    ) -> CallbackCall | None:
-        """The same without waiting: `tell(response, error)` is called at the end."""
-        span = self._timeout if timeout is UNSET else _checked(timeout)
-        if self._retry is not None or self._now is not time.monotonic:
-            return None
-        deadline = None if span is None else self._now() + span
-        return self._channel.send_in_thread_then(request, deadline, tell)
 
     @property
     def retries(self) -> int:
@@ -219,18 +196,25 @@ def send_in_thread(
     timeout: float | Unset | None,
     retry: RetryPolicy | Unset | None,
 ) -> WaitingThread | None:
-    """Send the request from a thread that is not the loop's, if that is possible at once.
+    """Send the request from another thread than the event loop's, for `taskrpc.sync`.
 
-    For `taskrpc.sync`; it returns None where only the event loop can make the call.
+    Returns None if only the event loop can make the call.
     """
-    return client._send_in_thread(request, timeout, retry)
+    channel = client._thread_channel
+    policy = client._retry if retry is UNSET else retry
+    if channel is None or policy is not None:
+        return None
+    return channel.send_in_thread(request, client._deadline(timeout))
 
 
 def send_in_thread_then(
     client: Client[Any, Any], request: Any, timeout: float | Unset | None, tell: OnDone
 ) -> CallbackCall | None:
     """Do as `send_in_thread`, but call `tell(response, error)` at the end instead of waiting."""
-    return client._send_in_thread_then(request, timeout, tell)
+    channel = client._thread_channel
+    if channel is None or client._retry is not None:
+        return None
+    return channel.send_in_thread_then(request, client._deadline(timeout), tell)
 
 
 def _checked(timeout: float | None) -> float | None:
@@ -256,6 +240,7 @@ class ObservedClient(Client[RequestT, ResponseT]):
         super().__init__(*settings, **more)
         self._observer = observer
         self._channel.span_of = _span.get
+        self._thread_channel = None  # observers are called on the event loop
 
     async def call(
         self,
@@ -294,20 +279,6 @@ class ObservedClient(Client[RequestT, ResponseT]):
             _span.reset(token)
         future.add_done_callback(began.done)
         return future
-
-    def _send_in_thread(
-        self,
-        request: Any,
-        timeout: float | Unset | None,
-        retry: RetryPolicy | Unset | None,
-    ) -> WaitingThread | None:
-        """Return None: only the event loop can make the call."""
-        return None  # the event loop must make the call: observers are called there
-
-    def _send_in_thread_then(
-        self, request: Any, timeout: float | Unset | None, tell: OnDone
-    ) -> None:
-        """Return None: only the event loop can make the call."""
 
     def _begin(self) -> _Begun:
         return _Begun(self._observer, self.service_name, self._now)

@@ -201,12 +201,13 @@ class Channel(Protocol):
     def send(
         self, request: Any, deadline: float | None, request_id: RequestId | None = None
     ) -> SentCall | None:
-        """Send a request; None if `connect` must come before, or if a request id is needed.
+        """Send a request; None if `connect` must be called first.
 
-        If the server shuts down or withdraws the service before it begins the call, the channel
-        sends the call to another server.
+        Without `request_id`, a request to an exactly-once service gets the next one, and the caller
+        must settle its sequence number in the end. A request without an id moves to another server
+        if the server shuts down or withdraws the service before it begins the call.
 
-        Raises InvalidRequest for a request that cannot be sent.
+        Raises InvalidRequest for a request that cannot be sent; its sequence number is settled.
         """
 
     def send_to_others(self, request: Any, answered: Callable[[Any], object]) -> Future[None]:
@@ -214,12 +215,6 @@ class Channel(Protocol):
 
         `answered(response)` is called with each of their responses, on the loop's thread. The
         returned future is done once the request was sent to all of them.
-        """
-
-    def send_next(self, request: Any, deadline: float | None) -> SentCall | None:
-        """Send a request to an exactly-once service with the next request id, as `send` does.
-
-        The caller must settle its sequence number in the end.
         """
 
     def send_in_thread(self, request: Any, deadline: float | None) -> WaitingThread | None:

@@ -113,35 +113,22 @@ class RemoteChannel:
     def send(
         self, request: Any, deadline: float | None, request_id: RequestId | None = None
     ) -> OpenCall | None:
-        """Send a request; None where the service is not reached, or needs a request id."""
+        """Send a request; None while the channel is not connected."""
         connection = self._connection
         if connection is None or connection.epoch != self._epoch:
             return None
-        if request_id is None and self.store_id:
-            return None
-        body, decode = self._encode(request), self._decode
+        body, flags, counter, sequence = self._encode(request), 0, None, 0
         move: Callable[[OpenCall], object] | None = self._move
-        flags = 0
-        if request_id is not None:
-            # Never moved by itself: whoever counts must know to which store each sending went.
-            body, flags, move = with_request_id(request_id, body), _EXACTLY_ONCE, None
-        if self.span_of is not None and (span := self.span_of()):
-            body, flags = span + body, flags | _TRACED
-        future: asyncio.Future[Any] = asyncio.Future(loop=self._endpoint.loop)
-        call = OpenCall(future, connection, decode, deadline, self._method, body, move, flags)
-        connection.begin(call)
-        return call
-
-    def send_next(self, request: Any, deadline: float | None) -> OpenCall | None:
-        """Send a request with the next request id; None where the service is not reached."""
-        connection = self._connection
-        if connection is None or connection.epoch != self._epoch:
-            return None
-        body, counter = self._encode(request), self._counter
-        if counter is None or counter.is_retired:
-            counter = self._counter = self.counter()
-        sequence, body = counter.take_for(body)
-        flags = _EXACTLY_ONCE
+        if request_id is not None or self.store_id:
+            # Another server may have another store: a request with an id is never moved there.
+            flags, move = _EXACTLY_ONCE, None
+            if request_id is not None:
+                body = with_request_id(request_id, body)
+            else:
+                counter = self._counter
+                if counter is None or counter.is_retired:
+                    counter = self._counter = self.counter()
+                sequence, body = counter.take_for(body)
         if self.span_of is not None and (span := self.span_of()):
             body, flags = span + body, flags | _TRACED
         future: asyncio.Future[Any] = asyncio.Future(loop=self._endpoint.loop)
@@ -152,14 +139,16 @@ class RemoteChannel:
             deadline,
             self._method,
             body,
-            flags=flags,  # no `move`, for the reason in `send`
+            move,
+            flags,
             counter=counter,
             sequence=sequence,
         )
         try:
             connection.begin(call)
         except InvalidRequest:
-            counter.settle(sequence)
+            if counter is not None:
+                counter.settle(sequence)
             raise
         return call
 

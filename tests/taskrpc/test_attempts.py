@@ -242,12 +242,14 @@ class Transport:
 
 
 class CountingChannel(FakeChannel):
-    """A fake channel that also takes sequence numbers itself, as `Client.call` wants it."""
+    """A fake channel that also takes sequence numbers itself, as `RemoteChannel` does."""
 
-    def send_next(self, request, deadline):
+    def send(self, request, deadline, number=None):
+        if number is not None or not self.store_id:
+            return super().send(request, deadline, number)
         counter = self.counter()
         sequence = counter.take()
-        call = self.send(request, deadline, counter.request_id(sequence))
+        call = super().send(request, deadline, counter.request_id(sequence))
         call.counter, call.sequence = counter, sequence
         return call
 

@@ -59,7 +59,7 @@ class OpenCall(msgspec.Struct, eq=False):
     """0 until the request is sent."""
     moves: int = 0
     counter: RequestCounter | None = None
-    """The counter of its sequence number, where `send_next` sent it to an exactly-once service."""
+    """The counter that gave it the sequence number, None if the channel took none."""
     sequence: int = 0
     is_late: bool = False
     """Whether the deadline has passed, and the server was asked if the call had begun."""
