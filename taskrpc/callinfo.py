@@ -38,7 +38,7 @@ class CallInfo(msgspec.Struct, eq=False):
     """Instant on the event loop's clock, or None."""
     clock: Callable[[], float]
     """The event loop's clock, in seconds."""
-    cancelled: bool
+    cancelled: bool = False
     """True once the caller has cancelled; plain and threaded callbacks may check it."""
 
     @property

@@ -53,7 +53,7 @@ class ExecutionOwner(Protocol):
         """Answer with an error: only the store can tell whether the effect is stored."""
 
 
-class Execution(IncomingCall, eq=False):
+class Execution(IncomingCall, eq=False, kw_only=True):
     """One execution of a request; the service runs it in the place of the call that began it.
 
     With a request id, `arrived` is the instant on the store's lease clock.

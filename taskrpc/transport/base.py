@@ -36,15 +36,15 @@ class Mode(IntEnum):
     EXACTLY_ONCE = 2
 
 
-class IncomingCall(CallInfo, eq=False):
+class IncomingCall(CallInfo, eq=False, kw_only=True):
     """A call that arrived. End it with exactly one of `reply` and `fail`."""
 
     request: Any
-    on_cancel: Callable[[], object] | None
+    on_cancel: Callable[[], object] | None = None
     """Called by `cancel`; the service sets it when it runs the call and can stop it."""
-    started: bool
+    started: bool = False
     """Whether the service has begun to run the call; the service sets it."""
-    received_id: ReceivedId | None
+    received_id: ReceivedId | None = None
     """The request id; None if the service is not exactly-once."""
     arrived: float
     """When the request was read, on the loop's clock."""

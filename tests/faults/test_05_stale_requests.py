@@ -54,7 +54,7 @@ class FakeTransport:
         pass
 
 
-class Call(IncomingCall, eq=False):
+class Call(IncomingCall, eq=False, kw_only=True):
     """One copy of a request and its response."""
 
     answer: object = None
@@ -141,7 +141,7 @@ class Rehearsal:
         a = number + 1000 * int.from_bytes(client[:4], "big")
         request = Add.Request(a=a, b=sequence)
         who = "/x", "/me", "", Role.ADMIN, 1, None, loop.time
-        call = Call(*who, False, request, None, False, received, loop.time())
+        call = Call(*who, request=request, received_id=received, arrived=loop.time())
         self.transport.serve(call)
         for _ in range(20):
             if call.answer is not None:

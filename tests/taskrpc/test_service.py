@@ -7,6 +7,7 @@ import random
 import time
 from functools import partial
 
+import msgspec
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -28,7 +29,7 @@ class FakeTransport:
         pass
 
 
-class Fake(IncomingCall, eq=False):
+class Fake(IncomingCall, eq=False, kw_only=True):
     ends: list
     has_room: bool = True
     postponed: int = 0
@@ -52,7 +53,7 @@ def FakeCall(number, deadline=None):
     clock = asyncio.get_running_loop().time
     request = Add.Request(a=number)
     who = "/x", "/me", "", Role.ADMIN, number, deadline, clock
-    return Fake(*who, False, request, None, False, None, clock(), [])
+    return Fake(*who, request=request, arrived=clock(), ends=[])
 
 
 def service(callback, **options):
@@ -584,7 +585,7 @@ async def test_log_shows_the_error_or_result_of_a_callback(caplog):
     ):
         caplog.clear()
         transport, _ = service(callback)
-        call = Refusing(*_fields(FakeCall(1)))
+        call = Refusing(**msgspec.structs.asdict(FakeCall(1)))
         transport.serve(call)
         (record,) = caplog.records
         assert expected in str(record.exc_info[1])
@@ -598,10 +599,6 @@ class Refusing(Fake, eq=False):
         if not isinstance(response, Add.Response):
             raise taskrpc.InvalidRequest("", f"expected a response, got {response!r}")
         super().reply(response)
-
-
-def _fields(call):
-    return [getattr(call, name) for name in call.__struct_fields__]
 
 
 async def test_expired_call_gets_deadline_exceeded():

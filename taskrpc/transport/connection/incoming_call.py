@@ -89,7 +89,7 @@ class CallConnection(Protocol):
         """Begin the call later."""
 
 
-class RemoteCall(IncomingCall, eq=False):
+class RemoteCall(IncomingCall, eq=False, kw_only=True):
     """A call that arrived on a connection."""
 
     connection: CallConnection
@@ -243,7 +243,7 @@ def resolved(
     return Resolved(handle, int(offer.mode), srv_type._TYPE, srv_type._HASH, text, name)
 
 
-class ObservedCall(RemoteCall, eq=False):
+class ObservedCall(RemoteCall, eq=False, kw_only=True):
     """A call that reports its begin and its end to the observer, or to the log at DEBUG."""
 
     ended: bool = False
@@ -288,7 +288,7 @@ def refused(connection: CallConnection, route: Route, error: TaskRpcError) -> No
     """Report a request to the observer that was refused before it became a call."""
     host, offer = connection.server, route.offer
     who = route.caller, connection.principal, connection.role
-    call = CallInfo(offer.name, *who, next(host.call_numbers), None, host.now, False)
+    call = CallInfo(offer.name, *who, next(host.call_numbers), None, host.now)
     _tell_end(call, offer.observer, code_of(error), 0.0)
 
 

@@ -345,24 +345,21 @@ class ServingConnection(Connection):
             deadline = now + event.time_left / 1000
             if deadline < self.look_before:
                 self.watch(deadline)
+        # CPython passes more than 15 keyword arguments in a dict, which costs 0.5 µs.
         call = event.ticket = route.call(
-            # Positional: sixteen keyword arguments cost 2 us, which is 3 % of a call.
-            route.offer.name,  # service
-            route.caller,
-            self.principal,
-            self.role,
-            next(host.call_numbers),  # number
-            deadline,
-            host.now,  # clock
-            False,  # cancelled
-            request,
-            None,  # on_cancel
-            False,  # started
-            received_id,
-            now,  # arrived
-            self,  # connection
-            route,
-            event.call_id,
+            service=route.offer.name,
+            caller=route.caller,
+            principal=self.principal,
+            role=self.role,
+            number=next(host.call_numbers),
+            deadline=deadline,
+            clock=host.now,
+            request=request,
+            received_id=received_id,
+            arrived=now,
+            connection=self,
+            route=route,
+            call_id=event.call_id,
         )
         if self.writing_paused or self.backpressure.is_active:
             self._serve(call)

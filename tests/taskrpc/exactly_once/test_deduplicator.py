@@ -41,7 +41,7 @@ class FakeTransport:
         pass
 
 
-class Call(IncomingCall, eq=False):
+class Call(IncomingCall, eq=False, kw_only=True):
     """One sending of a request; `ends` is what its caller was told."""
 
     ends: list
@@ -64,7 +64,7 @@ def sending(client, *, counts=True):
     received = ReceivedId(client.encode() * 16, 1, 1, client.encode()) if counts else None
     request = Add.Request(a=ord(client), b=0)
     who = "/x", "/me", "", Role.ADMIN, 1, None, loop.time
-    return Call(*who, False, request, None, False, received, loop.time(), [])
+    return Call(*who, request=request, received_id=received, arrived=loop.time(), ends=[])
 
 
 class Store:

@@ -26,7 +26,7 @@ from tests.taskrpc.transport.helpers import Add
 CLIENT = b"c" * 16
 
 
-class Call(IncomingCall, eq=False):
+class Call(IncomingCall, eq=False, kw_only=True):
     """A call that arrived, and what it was answered."""
 
     ends: list
@@ -48,7 +48,7 @@ def call(sequence=1, *, a=1, deadline=None, counted=True):
     clock = asyncio.get_running_loop().time
     received = ReceivedId(CLIENT, sequence, 1, b"f%d" % a) if counted else None
     who = "/x", "/me", "", Role.ADMIN, sequence, deadline, clock
-    return Call(*who, False, Add.Request(a=a), None, False, received, clock(), [])
+    return Call(*who, request=Add.Request(a=a), received_id=received, arrived=clock(), ends=[])
 
 
 class SyncStore:
