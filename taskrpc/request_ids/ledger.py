@@ -66,15 +66,14 @@ class _ClientRecord:
         """
         known, begin, size = self.requests, self.first_incomplete, 0
         self.first_incomplete = first_incomplete
+        gap = first_incomplete - begin
         numbers: Iterable[int] = range(begin, first_incomplete)
-        if first_incomplete - begin > len(known):
+        if gap > 1 and gap > len(known):  # nearly always 1; a client may also name any number
             numbers = [number for number in known if number < first_incomplete]
         for number in numbers:
-            found = known.pop(number, None)
-            if found.__class__ is Completion:
+            if number in known and (found := known[number]).__class__ is Completion:
+                del known[number]
                 size += PER_REQUEST + len(found.response)
-            elif found is not None:
-                known[number] = found
         return size
 
     @property
@@ -148,15 +147,7 @@ class Ledger:
             return _STALE
         requests, sizes, more = record.requests, self._sizes, 0
         if first > begin:
-            done = requests.get(begin)
-            if first == begin + 1 and done.__class__ is Completion:
-                # `settle`, inlined: nearly every request settles exactly the one before it, and the
-                # call would cost half as much as the whole decision.
-                del requests[begin]
-                record.first_incomplete = first
-                more = -PER_REQUEST - len(done.response)
-            else:
-                more = -record.settle(first)
+            more = -record.settle(first)
         record.used = now
         if now - record.placed > _REORDER_AFTER:
             self._place_last(client, record)
