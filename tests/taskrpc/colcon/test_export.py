@@ -1,95 +1,15 @@
 """`taskrpc export colcon` turns a folder of programs into packages that colcon builds."""
 
 import os
-import re
 import runpy
 import subprocess
 import sys
 import types
-from xml.etree import ElementTree
 
 import pytest
 
-from srvgen.files.search import Search
 from taskrpc.cli.main import main
-
-LAMP = """
-from lamp_interfaces.srv import Switch
-import common
-import numpy
-import rclpy
-rclpy.init()
-print(Switch.Response(colour=common.COLOUR))
-"""
-FADER = """
-import rclpy
-from my_robot_interfaces.srv import RobotTask
-from common import COLOUR
-
-def main():
-    print(COLOUR)
-
-if __name__ == "__main__":
-    main()
-"""
-TAGS = set(
-    "name version description maintainer license buildtool_depend depend exec_depend test_depend"
-    " member_of_group export".split()
-)
-
-
-@pytest.fixture
-def lesson(tmp_path, monkeypatch):
-    folder = tmp_path / "lesson"
-    (folder / "lamp_interfaces" / "srv").mkdir(parents=True)
-    definition = "geometry_msgs/Point at\nbool on\n---\nstring colour\n"
-    (folder / "lamp_interfaces" / "srv" / "Switch.srv").write_text(definition)
-    (folder / "lamp.py").write_text(LAMP)
-    (folder / "fader.py").write_text(FADER)
-    (folder / "common.py").write_text("COLOUR = 'green'\n")
-    (folder / "test_lamp.py").write_text("import pytest\n")
-    monkeypatch.chdir(folder)
-    return folder
-
-
-@pytest.fixture
-def made(lesson, capsys):
-    assert main(["export", "colcon", "../out"]) == 0
-    return lesson.parent / "out" / "src", capsys.readouterr().out
-
-
-def _manifest(folder):
-    root = ElementTree.parse(folder / "package.xml").getroot()
-    assert (root.tag, root.get("format")) == ("package", "3")
-    found = {}
-    for element in root:
-        found.setdefault(element.tag, []).append((element.text or "").strip())
-    assert set(found) <= TAGS
-    for once in ("name", "version", "description", "export"):
-        assert len(found[once]) == 1
-    assert re.fullmatch(r"\d+\.\d+\.\d+", found["version"][0])
-    assert "@" in root.find("maintainer").get("email")
-    assert found["name"] == [folder.name]
-    return found, root.findtext("export/build_type")
-
-
-def test_interfaces_become_a_cmake_package_with_their_dependencies(made):
-    folder = made[0] / "lamp_interfaces"
-    manifest, build_type = _manifest(folder)
-    assert build_type == "ament_cmake"
-    assert manifest["depend"] == ["geometry_msgs"]
-    assert manifest["member_of_group"] == ["rosidl_interface_packages"]
-    cmake = (folder / "CMakeLists.txt").read_text()
-    assert "find_package(geometry_msgs REQUIRED)\n" in cmake
-    generated = '(${PROJECT_NAME}\n  "srv/Switch.srv"\n  DEPENDENCIES geometry_msgs\n)'
-    assert f"rosidl_generate_interfaces{generated}" in cmake
-    assert cmake.count("(") == cmake.count(")")
-    assert str(Search([folder]).load("lamp_interfaces/srv/Switch").response.fields[0].name)
-
-
-def test_definitions_that_only_taskrpc_has_are_exported(made):
-    assert (made[0] / "my_robot_interfaces" / "srv" / "RobotTask.srv").is_file()
-    assert not (made[0] / "geometry_msgs").exists()
+from tests.taskrpc.colcon.conftest import _manifest
 
 
 def test_programs_become_a_python_package_for_setuptools(made, monkeypatch):

@@ -5,57 +5,8 @@ import asyncio
 import pytest
 
 from taskrpc.errors import OutcomeUnknown, StoreError
-from taskrpc.robot.protocol import RobotStopped
-from taskrpc.tasks.manager import TaskManager, TaskSettings
 from taskrpc.tasks.model import TaskState
-from tests.taskrpc.tasks.fakes import FullStore, LineRobot
-
-
-class Scene:
-    """A manager with its robot and store, and the changes that a watcher saw."""
-
-    def __init__(self, settle):
-        self.robot, self.store = LineRobot(), FullStore()
-        self.manager = TaskManager(self.robot, self.store, TaskSettings(settle=settle))
-        self.seen = []
-        self._watcher = None
-
-    async def submit(self, *targets, priority=5):
-        return [(await self.manager.submit("move", t, priority)).task_id for t in targets]
-
-    def state(self, task_id):
-        return self.manager.repository.find(task_id).state
-
-    def states(self, task_id):
-        """The states of one task in the order in which a watcher saw them."""
-        return [state.value for number, state in self.seen if number == task_id]
-
-    async def until(self, task_id, state):
-        async with asyncio.timeout(1000):
-            while self.state(task_id) is not state:
-                await self.manager.change_feed.wait_for_change(self.manager.change_feed.revision, 1)
-
-    async def watch(self):
-        original = self.manager.change_feed.announce
-
-        def announce(task_id=None):
-            if task_id is not None:
-                state = self.manager.repository.find(task_id).state
-                if (task_id, state) != (self.seen or [None])[-1]:
-                    self.seen.append((task_id, state))
-            original(task_id)
-
-        self.manager.change_feed.announce = announce
-        await self.manager.start()
-
-
-@pytest.fixture
-async def scene():
-    scene = Scene(settle=0.0)
-    await scene.watch()
-    yield scene
-    scene.store.is_full = False
-    await scene.manager.close()
+from tests.taskrpc.tasks.conftest import Scene
 
 
 async def test_a_task_is_queued_runs_and_succeeds(scene):
@@ -65,16 +16,6 @@ async def test_a_task_is_queued_runs_and_succeeds(scene):
     task = scene.manager.repository.find(task_id)
     assert (task.result, task.progress) == ('{"x":3.0}', 1.0)
     assert task.started_at <= task.ended_at
-
-
-async def test_progress_is_announced_and_never_falls(scene):
-    (task_id,) = await scene.submit("9")
-    noted = []
-    while scene.state(task_id) is not TaskState.SUCCEEDED:
-        noted.append(scene.manager.repository.find(task_id).progress)
-        await asyncio.sleep(0.5)
-    assert len(set(noted)) > 5
-    assert noted == sorted(noted)
 
 
 async def test_an_idle_robot_waits_for_company_and_then_takes_the_first():
@@ -101,21 +42,6 @@ async def test_a_running_task_is_not_interrupted_by_priority(scene):
     await scene.submit("6", priority=10)
     await scene.until(1, TaskState.SUCCEEDED)
     assert scene.robot.log == [("move", "5")]
-
-
-async def test_paused_task_continues_from_its_position(scene):
-    await scene.submit("10")
-    await asyncio.sleep(4)
-    await scene.manager.pause()
-    assert scene.state(1) is TaskState.PAUSED
-    pose = scene.robot.pose()
-    await asyncio.sleep(100)
-    assert scene.robot.pose() == pose
-    assert (await scene.manager.pause()).success, "a second pause does no harm"
-    await scene.manager.resume()
-    await scene.until(1, TaskState.SUCCEEDED)
-    assert scene.states(1) == ["QUEUED", "RUNNING", "PAUSED", "RUNNING", "SUCCEEDED"]
-    assert scene.robot.log == [("move", "10")]
 
 
 @pytest.mark.parametrize("order", ["pause", "stop", "cancel"])
@@ -173,33 +99,6 @@ async def test_a_queued_task_is_cancelled_without_the_robot(scene):
     assert scene.robot.log == [("move", "5")]
 
 
-@pytest.mark.parametrize("paused", [False, True])
-async def test_a_begun_task_is_cancelled_by_halting_the_robot(scene, paused):
-    await scene.submit("100", "50")
-    await asyncio.sleep(10)
-    if paused:
-        await scene.manager.pause()
-    answer = await scene.manager.cancel(1, client="/alice")
-    assert (answer.success, answer.message) == (True, "Task 1 was cancelled")
-    assert scene.states(1)[-2:] == ["CANCELING", "CANCELED"]
-    assert scene.manager.repository.find(1).message == "cancelled by /alice"
-    await scene.manager.resume()
-    await scene.until(2, TaskState.SUCCEEDED)
-    assert scene.robot.pose().x == 50
-
-
-async def test_a_task_is_cancelled_while_its_start_is_being_stored(scene):
-    scene.store.delay = 1.0
-    submitted = asyncio.ensure_future(scene.submit("5"))
-    await asyncio.sleep(1.5)  # queued and stored; RUNNING is on its way to the disk
-    assert scene.manager.running is not None
-    await submitted
-    assert (await scene.manager.cancel(1)).success
-    await asyncio.sleep(10)
-    assert scene.state(1) is TaskState.CANCELED
-    assert scene.robot.log == [], "the robot never moved"
-
-
 async def test_stop_halts_the_robot_cancels_its_task_and_pauses_the_queue(scene):
     await scene.submit("100", "50")
     await asyncio.sleep(10)
@@ -215,73 +114,6 @@ async def test_stop_halts_the_robot_cancels_its_task_and_pauses_the_queue(scene)
     assert (await scene.manager.stop()).success, "a second stop does no harm"
     await scene.manager.resume()
     await scene.until(2, TaskState.SUCCEEDED)
-
-
-@pytest.mark.parametrize(
-    ("failure", "message"),
-    [
-        (ZeroDivisionError("division by zero"), "ZeroDivisionError: division by zero"),
-        (RuntimeError("line one\nline two"), "RuntimeError: line one line two"),
-        (KeyError(), "KeyError: no reason given"),
-        (RobotStopped("somebody pressed the red button"), "somebody pressed the red button"),
-    ],
-)
-async def test_failing_robot_fails_one_task_and_the_worker_continues(scene, failure, message):
-    await scene.submit("5", "6")
-    scene.robot.fail_with = failure
-    await scene.until(1, TaskState.FAILED)
-    scene.robot.fail_with = None
-    assert scene.manager.repository.find(1).message == message
-    await scene.until(2, TaskState.SUCCEEDED)
-
-
-async def test_a_robot_that_cancels_itself_fails_its_task(scene):
-    await scene.submit("5", "6")
-    scene.robot.fail_with = asyncio.CancelledError()
-    await scene.until(1, TaskState.FAILED)
-    scene.robot.fail_with = None
-    assert scene.manager.repository.find(1).message == "the robot ended the task without a reason"
-    await scene.until(2, TaskState.SUCCEEDED)
-
-
-async def test_a_robot_that_answers_nonsense_cannot_break_the_queue(scene):
-    def nonsense():
-        raise OSError("no battery")
-
-    scene.robot.remaining = scene.robot.pose = scene.robot.pause = nonsense
-    await scene.submit("5", "6")
-    await asyncio.sleep(1)
-    answer = await scene.manager.pause()
-    assert answer.message == "The queue is paused, but the robot failed: OSError: no battery"
-    assert scene.state(1) is TaskState.RUNNING, "it goes on, and nobody claims otherwise"
-    del scene.robot.remaining, scene.robot.pose, scene.robot.pause
-    await scene.manager.resume()
-    await scene.until(2, TaskState.SUCCEEDED)
-
-
-@pytest.mark.parametrize(
-    ("result", "text"),
-    [({"a": {1, 2}.__class__}, "\"<class 'set'>\""), ({"f": float("nan")}, "null")],
-)
-async def test_a_result_that_is_no_json_fails_nothing(scene, result, text):
-    async def execute(task_type, target, report):
-        return result
-
-    scene.robot.execute = execute
-    await scene.submit("5")
-    await scene.until(1, TaskState.SUCCEEDED)
-    assert text in scene.manager.repository.find(1).result
-
-
-async def test_cancel_reports_a_robot_that_does_not_end_its_task(scene):
-    scene.robot.ignores_cancel = True
-    await scene.submit("5", "6")
-    await asyncio.sleep(1)
-    answer = await scene.manager.cancel(1)
-    assert answer.message == "Task 1 is being cancelled"
-    assert scene.state(1) is TaskState.CANCELING
-    await scene.until(2, TaskState.SUCCEEDED)
-    assert scene.state(1) is TaskState.SUCCEEDED, "it was done before it could be halted"
 
 
 async def test_the_robot_does_not_move_before_its_start_is_stored(scene):
@@ -348,17 +180,6 @@ async def test_an_unknown_outcome_starts_nothing_and_pauses_the_queue(scene, cap
     assert scene.state(1) is TaskState.QUEUED
 
 
-async def test_an_end_that_cannot_be_stored_is_still_shown(scene):
-    await scene.submit("5", "6")
-    await asyncio.sleep(1)
-    scene.store.is_full = True
-    await scene.until(1, TaskState.SUCCEEDED)
-    await asyncio.sleep(100)
-    assert scene.manager.is_paused
-    assert scene.state(2) is TaskState.QUEUED
-    assert (await scene.store.load()).tasks[0].state is TaskState.RUNNING
-
-
 async def test_the_running_task_is_interrupted_when_the_server_ends(scene):
     await scene.submit("5", "6")
     await asyncio.sleep(1)
@@ -392,32 +213,6 @@ async def test_an_idle_server_ends_at_once(scene):
     began = asyncio.get_running_loop().time()
     await scene.manager.close()
     assert asyncio.get_running_loop().time() == began
-
-
-def _says_it_is_async(task_type, target, report):
-    return {}
-
-
-def _raises_at_once(task_type, target, report):
-    raise RuntimeError("no motors")
-
-
-@pytest.mark.parametrize(
-    ("execute", "message"),
-    [
-        (_says_it_is_async, "TypeError: execute() must be `async def`"),
-        (_raises_at_once, "RuntimeError: no motors"),
-    ],
-)
-async def test_plain_execute_fails_the_task_and_not_the_server(scene, execute, message):
-    good = scene.robot.execute
-    scene.robot.execute = execute
-    first, second = await scene.submit("1", "2")
-    await scene.until(first, TaskState.FAILED)
-    assert scene.manager.repository.find(first).message == message
-    scene.robot.execute = good
-    await scene.until(second, TaskState.SUCCEEDED)
-    assert not scene.manager.is_paused
 
 
 def kept(manager, task_id, accepted_at, ended_at):

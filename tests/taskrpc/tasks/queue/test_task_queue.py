@@ -211,36 +211,6 @@ async def test_cancelled_tasks_leave_nothing_behind():
     assert queue._heap.qsize() <= 2
 
 
-@pytest.mark.parametrize("step", ["put", "put_first", "remove", "reprioritise", "take", "estimate"])
-async def test_the_work_of_a_step_does_not_grow_with_the_queue(step):
-    """Counted in plans made, which is where the time goes; one step among 52 and among 2,000."""
-    assert max(count_plans(step, size) for size in (52, 2_000)) <= 5
-
-
-def count_plans(step, size):
-    plans = 0
-
-    def counting(task, start):
-        nonlocal plans
-        plans += 1
-        return journey(task, start)
-
-    queue = TaskQueue(counting, HOME)
-    for number in range(1, size + 1):
-        queue.put(make(number, priority=5, target=str(number % 4)))
-    plans = 0
-    steps = {
-        "put": lambda: queue.put(make(size + 1)),
-        "put_first": lambda: queue.put(make(size + 1, priority=10)),
-        "remove": lambda: queue.remove(size // 2),
-        "reprioritise": lambda: queue.reprioritise(size // 2, 9),
-        "take": lambda: queue.begin(first(queue)),
-        "estimate": lambda: queue.seconds_through(queue.find(size)),
-    }
-    steps[step]()
-    return plans
-
-
 def test_amended_task_is_listed_as_it_is_now():
     queue = TaskQueue(journey, HOME)
     queue.put(make(1))

@@ -1,0 +1,262 @@
+"""Threads call on a connection themselves: in order, and beside the event loop."""
+
+import asyncio
+import threading
+import time
+from concurrent.futures import Future, ThreadPoolExecutor
+
+import pytest
+
+import srvgen
+import taskrpc
+import taskrpc.sync
+from taskrpc.wire.session import LAST_CALL_ID
+
+pytestmark = pytest.mark.real_time
+
+
+AddTwoInts = srvgen.load("example_interfaces/srv/AddTwoInts")
+
+
+def add(request, response):
+    response.sum = request.a + request.b
+    return response
+
+
+@pytest.fixture
+def node():
+    with taskrpc.sync.Node("blocking") as node:
+        yield node
+
+
+class Stingy:
+    """A socket that takes a few bytes of each message, or none, as a full one does."""
+
+    def __init__(self, socket, takes):
+        self.socket = socket
+        self.takes = takes
+        self.asked = 0
+
+    def send(self, data):
+        self.asked += 1
+        if self.takes == 0:
+            raise BlockingIOError
+        return self.socket.send(data[: self.takes])
+
+    def close(self):
+        self.socket.close()
+
+
+@pytest.mark.parametrize("takes", [0, 3, 17])
+def test_what_the_socket_does_not_take_at_once_is_sent_by_the_loop(node, takes):
+    node.create_service(AddTwoInts, "add", add, concurrency=4)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.wait_for_service(timeout=60)
+    here = client._inner._channel._connection._here
+    here._socket = stingy = Stingy(here._socket, takes)
+    with ThreadPoolExecutor(8) as threads:
+        sums = threads.map(lambda n: client.call(AddTwoInts.Request(a=n, b=n)).sum, range(300))
+        assert list(sums) == [2 * n for n in range(300)]
+    assert stingy.asked > 10
+
+
+def test_a_caller_writes_to_the_socket_itself(node):
+    node.create_service(AddTwoInts, "add", add)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.wait_for_service(timeout=60)
+    here = client._inner._channel._connection._here
+    here._socket = stingy = Stingy(here._socket, 10**6)
+    for n in range(20):
+        assert client.call(AddTwoInts.Request(a=n, b=n)).sum == 2 * n
+    assert stingy.asked == 20
+
+
+def test_calls_from_threads_and_from_the_loop_do_not_disturb_each_other(node):
+    node.create_service(AddTwoInts, "add", add, concurrency=8)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.wait_for_service(timeout=60)
+
+    def both(n):
+        later = client.call_async(AddTwoInts.Request(a=n, b=1))
+        now = client.call(AddTwoInts.Request(a=n, b=2))
+        return later.result(60).sum, now.sum
+
+    with ThreadPoolExecutor(8) as threads:
+        assert list(threads.map(both, range(300))) == [(n + 1, n + 2) for n in range(300)]
+    assert client._inner._channel._connection.session.in_flight == 0
+
+
+def test_a_connection_that_threads_call_on_retires_in_time(node):
+    """Numbers of calls never come again on one connection, and never outgrow their field."""
+    node.create_service(AddTwoInts, "add", add)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.wait_for_service(timeout=60)
+    first = client._inner._channel._connection
+    first.session.last_call_id = LAST_CALL_ID - 3
+    for n in range(6):
+        assert client.call(AddTwoInts.Request(a=n)).sum == n
+    assert first.session.last_call_id == LAST_CALL_ID
+    assert client._inner._channel._connection is not first
+
+
+@pytest.mark.parametrize("what", ["expiring", "resume_writing"])
+def test_the_loop_waits_for_a_thread_that_begins_a_call(node, what):
+    """Else it would look through calls, or number one of its own, while the thread adds one."""
+    node.create_service(AddTwoInts, "add", add)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.wait_for_service(timeout=60)
+    connection = client._inner._channel._connection
+    done = threading.Event()
+
+    def act():
+        getattr(connection, what)()
+        done.set()
+
+    with connection._mine:
+        node._loop.soon(act)
+        assert not done.wait(0.05)
+    assert done.wait(60)
+
+
+def test_deadlines_that_threads_tell_of_at_the_same_time_are_all_kept(node):
+    """The loop hears of several at once: a later one must not take the place of an earlier."""
+    node.create_service(AddTwoInts, "add", add)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.wait_for_service(timeout=60)
+    connection = client._inner._channel._connection
+    planned = []
+
+    def tell():
+        now = node._loop._loop.time()
+        for span in (0.5, 30.0):
+            connection.watch(now + span)
+        planned.append(connection.look_before - now)
+
+    node._loop.do(tell, "tell()")
+    assert planned[0] < 1
+
+
+def test_a_function_is_told_of_each_answer_in_the_order_of_the_calls(node):
+    node.create_service(AddTwoInts, "add", add)
+    client = node.create_client(AddTwoInts, "add")
+    told, all_told = [], threading.Event()
+
+    def tell(response, error):
+        told.append((response.sum, error))
+        if len(told) == 20:
+            all_told.set()
+
+    for n in range(20):  # the first go by the loop, which finds the service, the others directly
+        client.call_then(AddTwoInts.Request(a=n), tell)
+        if n == 10:
+            assert client.wait_for_service(60)
+    assert all_told.wait(60)
+    assert told == [(n, None) for n in range(20)]
+
+
+class Sending:
+    """A transport that takes what is left out of its buffer before it sends it.
+
+    As asyncio's on Windows does: meanwhile it calls the buffer empty.
+    """
+
+    def __init__(self, transport):
+        self._transport = transport
+        self._left, self._is_taken, self.kept = [], False, threading.Event()
+
+    def __getattr__(self, name):
+        return getattr(self._transport, name)
+
+    def write(self, data):
+        self._left.append(data)
+        self.kept.set()
+
+    def get_write_buffer_size(self):
+        return 0 if self._is_taken else sum(map(len, self._left))
+
+    def take(self):
+        self._is_taken = True
+
+    def send(self):
+        self._transport.writelines(self._left)
+        self.write = self._transport.write
+
+
+def test_a_thread_sends_nothing_while_the_transport_sends_what_was_left(node):
+    node.create_service(AddTwoInts, "add", add)
+    client = node.create_client(AddTwoInts, "add")
+    assert client.call(AddTwoInts.Request(a=1)).sum == 1
+    connection = client._inner._channel._connection
+    connection.transport = sending = Sending(connection.transport)
+    first = client.call_async(AddTwoInts.Request(a=2))
+    assert sending.kept.wait(60)
+    node._loop.do(sending.take, "take()")
+    second = Future()
+    client.call_then(AddTwoInts.Request(a=3), lambda response, _: second.set_result(response))
+    node._loop.do(sending.send, "send()")
+    assert [future.result(60).sum for future in (first, second)] == [2, 3]
+    connection.transport = sending._transport
+
+
+def test_answers_that_come_together_are_told_in_the_order_of_the_calls(node):
+    """Before the first call the connection has to be made; before the second it is there."""
+    arrived, opened, loops = threading.Semaphore(0), asyncio.Event(), []
+
+    async def wait(request, response):
+        loops.append(asyncio.get_running_loop())
+        arrived.release()
+        await opened.wait()
+        response.sum = request.a
+        return response
+
+    node.create_service(AddTwoInts, "wait", wait, concurrency=2)
+    client = node.create_client(AddTwoInts, "wait")
+    told, all_told = [], threading.Event()
+
+    def tell(response, error):
+        told.append((response and response.sum, error))
+        if len(told) == 2:
+            all_told.set()
+
+    for n in range(2):
+        client.call_then(AddTwoInts.Request(a=n), tell)
+        assert arrived.acquire(timeout=60)
+    loops[0].call_soon_threadsafe(opened.set)  # both callbacks end in one turn of the loop
+    assert all_told.wait(60)
+    assert told == [(0, None), (1, None)]
+
+
+def test_a_function_is_told_of_an_error(node):
+    told = []
+    heard = threading.Event()
+
+    def tell(response, error):
+        told.append((response, type(error)))
+        heard.set()
+
+    node.create_client(AddTwoInts, "nobody").call_then(AddTwoInts.Request(), tell)
+    assert heard.wait(60)
+    assert told == [(None, taskrpc.ServiceUnavailable)]
+
+
+def test_a_call_that_was_given_up_is_told_to_nobody_and_cancelled_at_the_server(node):
+    begun, cancelled = threading.Event(), threading.Event()
+
+    def wait(request, response):
+        begun.set()
+        while not taskrpc.current_call().cancelled:
+            time.sleep(0.01)
+        cancelled.set()
+        return response
+
+    node.create_service(AddTwoInts, "wait", wait)
+    client = node.create_client(AddTwoInts, "wait")
+    told = []
+    for _ in range(2):  # once by the loop, once directly
+        give_up = client.call_then(AddTwoInts.Request(), lambda *end: told.append(end))
+        assert begun.wait(60)
+        give_up()
+        assert cancelled.wait(60)
+        begun.clear()
+        cancelled.clear()
+    assert told == []
