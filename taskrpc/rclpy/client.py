@@ -9,7 +9,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from functools import partial
-from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Self, TypeVar
 
 from taskrpc.errors import InvalidRequest, TaskRpcError, TypeMismatch
@@ -261,12 +260,7 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exc_info: object) -> None:
         self.parent_node.destroy_client(self)
 
     def _refused(self, error: TaskRpcError) -> None:

@@ -6,7 +6,6 @@ import enum
 import time as _time
 import weakref
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, Protocol, Self
 
 from ._impl.execution.wakeups import Sleep
@@ -113,12 +112,7 @@ class JumpHandle:
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exc_info: object) -> None:
         self.unregister()
 
 

@@ -8,7 +8,6 @@ import sys
 import threading
 import weakref
 from collections.abc import Callable, Sequence
-from types import TracebackType
 from typing import Any, Protocol, Self, TypeVar
 
 from ._impl.arguments import Arguments, parse
@@ -157,12 +156,7 @@ class Context:
             self.init()
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exc_info: object) -> None:
         self.try_shutdown()
 
     def _end(self) -> None:

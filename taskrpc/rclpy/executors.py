@@ -10,7 +10,7 @@ import warnings
 from collections import deque
 from collections.abc import Callable, Generator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from types import CoroutineType, TracebackType
+from types import CoroutineType
 from typing import Any, Self
 
 from ._impl.bridge import settle
@@ -204,12 +204,7 @@ class Executor(Scheduler):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exc_info: object) -> None:
         self.shutdown()
 
     def _wait_for_ready_callbacks(

@@ -6,7 +6,7 @@ import contextlib
 import time
 from collections import deque
 from collections.abc import Callable
-from types import CoroutineType, TracebackType
+from types import CoroutineType
 from typing import TYPE_CHECKING, Any, ClassVar, Generic, NamedTuple, Self, TypeVar
 
 from taskrpc.errors import Code, HandlerFailed, InvalidRequest, WouldDeadlock
@@ -109,12 +109,7 @@ class Service(Entity, Generic[SrvRequestT, SrvResponseT]):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exc_info: object) -> None:
         self.parent_node.destroy_service(self)
 
     # On the thread of the event loop

@@ -7,7 +7,6 @@ import time
 from collections import deque
 from collections.abc import Callable
 from enum import Enum
-from types import TracebackType
 from typing import Any, Generic, Self, TypeAlias, TypedDict, TypeVar
 
 from srvgen import to_cdr
@@ -134,12 +133,7 @@ class Subscription(Entity, Generic[MsgT]):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exc_info: object) -> None:
         self.parent_node.destroy_subscription(self)
 
     def _on_message(self, message: Any) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import inspect
 import threading
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, ClassVar, Self
 
 from ._impl.diagnostics.deadlocks import check_rate
@@ -139,12 +138,7 @@ class Timer(Entity):
     def __enter__(self) -> Self:
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exc_info: object) -> None:
         self.destroy()
 
     def has_work(self) -> bool:

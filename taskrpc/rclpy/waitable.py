@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from types import TracebackType
 from typing import Any, Generic, Self, TypeVar
 
 from ._impl.execution.entity import Entity
@@ -75,12 +74,7 @@ class Waitable(Entity, Generic[T]):
     def __enter__(self) -> None:
         """Do nothing: an executor starts to use it."""
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *exc_info: object) -> None:
         """Do nothing: an executor stops using it."""
 
     def add_future(self, future: Future[Any]) -> None:

@@ -8,7 +8,6 @@ import logging
 import time
 from collections.abc import Awaitable, Callable
 from functools import partial, wraps
-from types import TracebackType
 from typing import Any, Self, TypeAlias
 
 import srvgen
@@ -124,12 +123,7 @@ class TaskServer:
         await self.start()
         return self
 
-    async def __aexit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        traceback: TracebackType | None,
-    ) -> None:
+    async def __aexit__(self, *exc_info: object) -> None:
         await self.close()
 
     async def start(self, *, fresh: bool = False) -> Resumed:
