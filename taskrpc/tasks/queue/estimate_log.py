@@ -15,6 +15,7 @@ import msgspec
 
 from taskrpc.tasks.model import EstimateChange, OrderKey
 
+_KEPT_EVENTS = 4096
 _ROUNDING_ERROR = 1e-6  # seconds; smaller delays are not logged
 
 
@@ -34,14 +35,10 @@ class DelayEvent(msgspec.Struct, frozen=True):
 
 
 class DelayLog:
-    """The newest events, in order.
+    """The newest events, in order."""
 
-    Args:
-        capacity: how many events the log keeps.
-    """
-
-    def __init__(self, capacity: int = 4096) -> None:
-        self._events: deque[DelayEvent] = deque(maxlen=capacity)
+    def __init__(self) -> None:
+        self._events: deque[DelayEvent] = deque(maxlen=_KEPT_EVENTS)
         self._next = 0  # the number of the next event
         self._may_merge = False  # whether the next delay may be added to the last event
 

@@ -84,16 +84,12 @@ class _Console:
         if stream is None:  # the program has no console
             return
         line = self.format.line(record)
-        if _is_a_terminal(stream) if self.colours is None else self.colours:
+        if stream.isatty() if self.colours is None else self.colours:
             line = coloured(record.severity, line)
         with _lock:
             _write(stream, line + "\n")
             if self.flush:
                 stream.flush()
-
-
-def _is_a_terminal(stream: TextIO) -> bool:
-    return stream.isatty()
 
 
 def _write(stream: TextIO, text: str) -> None:
