@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from taskrpc import platform
 from taskrpc.cli.shared.command import Exit
 from taskrpc.cli.shared.processes import Process, clock_time, processes
+from taskrpc.cli.task.view import aligned
 
 _HEADINGS = ("PID", "SINCE", "DOMAIN", "SCRIPT", "FOLDER", "SERVICES")
 
@@ -24,7 +25,7 @@ def _run(options: argparse.Namespace) -> int:
     if options.json:
         print(json.dumps([_facts(process) for process in found]))
     else:
-        _print_table([_HEADINGS, *(_row(process) for process in found)])
+        print(*aligned([_HEADINGS, *map(_row, found)]), sep="\n")
     return Exit.DONE
 
 
@@ -60,10 +61,3 @@ def _state(process: Process) -> str:
     if platform.is_stopped(process.pid):
         return "stopped"
     return "ending" if process.is_ending else "running"
-
-
-def _print_table(rows: Sequence[Sequence[str]]) -> None:
-    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    for row in rows:
-        cells = (cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        print("  ".join(cells).rstrip())

@@ -333,13 +333,8 @@ class Client(Entity, Generic[SrvRequestT, SrvResponseT]):
 class ClientHandle(ArrivalHandle):
     """`Client.handle`: reports each response when it arrives."""
 
-    def set_on_new_response_callback(self, callback: Callable[[int], object]) -> None:
-        """Call this with the number of new responses, on the thread that received them."""
-        self.set_on_new_callback(callback)
-
-    def clear_on_new_response_callback(self) -> None:
-        """Remove the callback for new responses."""
-        self.set_on_new_callback(None)
+    set_on_new_response_callback = ArrivalHandle.set_on_new_callback
+    clear_on_new_response_callback = ArrivalHandle.clear_on_new_callback
 
 
 __getattr__ = names_of(

@@ -53,9 +53,16 @@ class ArrivalHandle(Handle):
         else:
             self._unreported += 1
 
-    def set_on_new_callback(self, callback: Callable[[int], object] | None) -> None:
-        """Call this with the number of new items, also of those not reported yet; None stops it."""
+    def set_on_new_callback(self, callback: Callable[[int], object]) -> None:
+        """Call this with the number of new items, on the thread that received them.
+
+        Items that were not reported yet are reported at once.
+        """
         self._on_new = callback
-        if callback is not None and self._unreported:
-            untold, self._unreported = self._unreported, 0
-            callback(untold)
+        if self._unreported:
+            count, self._unreported = self._unreported, 0
+            callback(count)
+
+    def clear_on_new_callback(self) -> None:
+        """Remove the callback for new items."""
+        self._on_new = None

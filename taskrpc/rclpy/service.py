@@ -255,13 +255,8 @@ class ServiceHandle(ArrivalHandle):
         call.started()
         return call.request, RequestHeader(call, time.time_ns())
 
-    def set_on_new_request_callback(self, callback: Callable[[int], object]) -> None:
-        """Call this with the number of new requests, on the thread that received them."""
-        self.set_on_new_callback(callback)
-
-    def clear_on_new_request_callback(self) -> None:
-        """Remove the callback for new requests."""
-        self.set_on_new_callback(None)
+    set_on_new_request_callback = ArrivalHandle.set_on_new_callback
+    clear_on_new_request_callback = ArrivalHandle.clear_on_new_callback
 
 
 _OF_EVERY_NODE = ("rcl_interfaces/", "type_description_interfaces/")

@@ -185,13 +185,8 @@ class SubscriptionHandle(ArrivalHandle):
             return taken
         return to_cdr(taken[0]), taken[1]
 
-    def set_on_new_message_callback(self, callback: Callable[[int], object]) -> None:
-        """Call this with the number of new messages, on the thread that received them."""
-        self.set_on_new_callback(callback)
-
-    def clear_on_new_message_callback(self) -> None:
-        """Remove the callback for new messages."""
-        self.set_on_new_callback(None)
+    set_on_new_message_callback = ArrivalHandle.set_on_new_callback
+    clear_on_new_message_callback = ArrivalHandle.clear_on_new_callback
 
 
 def _callback_type(callback: Callable[..., Any]) -> Subscription.CallbackType:

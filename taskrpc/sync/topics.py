@@ -11,23 +11,22 @@ from taskrpc.message_types import MsgT
 from taskrpc.sync.loop_thread import LoopThread
 
 
-class Publisher(Generic[MsgT]):
-    """Publishes messages of one type on a topic; several threads may use it at once."""
+class _TopicEndpoint(Generic[MsgT]):
+    """The common part of publishers and subscriptions."""
 
-    def __init__(self, loop: LoopThread, inner: _topic.Publisher[MsgT]) -> None:
+    _inner: _topic.Publisher[MsgT] | _topic.Subscription[MsgT]
+
+    def __init__(
+        self, loop: LoopThread, inner: _topic.Publisher[MsgT] | _topic.Subscription[MsgT]
+    ) -> None:
         self._loop = loop
         self._inner = inner
         self.msg_type = inner.msg_type
         self.topic_name = inner.topic_name
         self.qos = inner.qos
 
-    def publish(self, message: MsgT) -> None:
-        """Send a message to all subscriptions; errors as in `taskrpc.Publisher.publish`."""
-        self._loop.refuse_without_loop("publish()")
-        self._inner.publish(message)
-
     def watch_matches(self, changed: Callable[[], object]) -> None:
-        """Call `changed` now and whenever the number of matching subscriptions changes.
+        """Call `changed` now and whenever the number of matching endpoints changes.
 
         It is called on the thread of the event loop.
         """
@@ -37,6 +36,17 @@ class Publisher(Generic[MsgT]):
             changed()
 
         self._loop.soon(begin)
+
+
+class Publisher(_TopicEndpoint[MsgT]):
+    """Publishes messages of one type on a topic; several threads may use it at once."""
+
+    _inner: _topic.Publisher[MsgT]
+
+    def publish(self, message: MsgT) -> None:
+        """Send a message to all subscriptions; errors as in `taskrpc.Publisher.publish`."""
+        self._loop.refuse_without_loop("publish()")
+        self._inner.publish(message)
 
     def get_subscription_count(self) -> int:
         """How many subscriptions get the messages."""
@@ -57,27 +67,10 @@ class Publisher(Generic[MsgT]):
         self._loop.do(self._inner.destroy, "destroy()")
 
 
-class Subscription(Generic[MsgT]):
+class Subscription(_TopicEndpoint[MsgT]):
     """Calls its callback, in a thread of its own, with each message of a topic."""
 
-    def __init__(self, loop: LoopThread, inner: _topic.Subscription[MsgT]) -> None:
-        self._loop = loop
-        self._inner = inner
-        self.msg_type = inner.msg_type
-        self.topic_name = inner.topic_name
-        self.qos = inner.qos
-
-    def watch_matches(self, changed: Callable[[], object]) -> None:
-        """Call `changed` now and whenever the number of matching publishers changes.
-
-        It is called on the thread of the event loop.
-        """
-
-        def begin() -> None:
-            self._inner.on_matched = changed
-            changed()
-
-        self._loop.soon(begin)
+    _inner: _topic.Subscription[MsgT]
 
     def get_publisher_count(self) -> int:
         """How many publishers send messages to it."""

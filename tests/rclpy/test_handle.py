@@ -18,7 +18,7 @@ def test_a_late_callback_receives_the_number_of_earlier_items():
 def test_a_cleared_callback_is_not_called():
     handle, told = ArrivalHandle(), []
     handle.set_on_new_callback(told.append)
-    handle.set_on_new_callback(None)
+    handle.clear_on_new_callback()
     handle.item_arrived()
     assert told == []
 
