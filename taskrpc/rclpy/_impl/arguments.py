@@ -72,12 +72,9 @@ class Arguments:
     """The severity from which all loggers log."""
     log_levels: dict[str, int] = field(default_factory=dict)
     """For names of loggers: the severity from which these log."""
-    enclave: str | None = None
     rosout_logs: bool | None = None
     stdout_logs: bool | None = None
     external_lib_logs: bool | None = None
-    log_config_file: str | None = None
-    log_file_name: str | None = None
     unknown: list[str] = field(default_factory=list)
     """What stands behind `--ros-args` and is not ROS's."""
     warnings: list[str] = field(default_factory=list)
@@ -238,18 +235,13 @@ def _take_log_level(found: Arguments, text: str) -> None:
         found.log_level = level
 
 
-def _take_enclave(found: Arguments, text: str) -> None:
+def _check_enclave(found: Arguments, text: str) -> None:
     if _ENCLAVE.fullmatch(text) is None:
         raise ValueError("Expected an absolute name such as '/enclave'")
-    found.enclave = text
 
 
-def _take_config(found: Arguments, text: str) -> None:
-    found.log_config_file = text
-
-
-def _take_log_file_name(found: Arguments, text: str) -> None:
-    found.log_file_name = text
+def _ignore(found: Arguments, text: str) -> None:
+    """Accept a value that has no effect here."""
 
 
 @dataclass(frozen=True)
@@ -263,7 +255,7 @@ class _Option:
 
 _REMAP = _Option("remap rule", "No remap rule found.", _take_remap)
 _PARAM = _Option("parameter override rule", "No parameter override rule found.", _take_parameter)
-_ENCLAVE_OPTION = _Option("enclave name", "No enclave path found.", _take_enclave)
+_ENCLAVE_OPTION = _Option("enclave name", "No enclave path found.", _check_enclave)
 _OPTIONS: Mapping[str, _Option] = {
     "-r": _REMAP,
     "--remap": _REMAP,
@@ -271,8 +263,8 @@ _OPTIONS: Mapping[str, _Option] = {
     "--param": _PARAM,
     "--params-file": _Option("params file", "No file path provided.", _take_file),
     "--log-level": _Option("log level rule", "No log level rule found.", _take_log_level),
-    "--log-config-file": _Option("log config file", "No file path provided.", _take_config),
-    "--log-file-name": _Option("log file name", "No string provided.", _take_log_file_name),
+    "--log-config-file": _Option("log config file", "No file path provided.", _ignore),
+    "--log-file-name": _Option("log file name", "No string provided.", _ignore),
     "-e": _ENCLAVE_OPTION,
     "--enclave": _ENCLAVE_OPTION,
 }

@@ -126,9 +126,6 @@ def test_levels_and_switches():
         rosout_logs=False,
         stdout_logs=True,
         external_lib_logs=False,
-        log_config_file="f",
-        log_file_name="g",
-        enclave="/e",
     )
 
 
