@@ -13,7 +13,7 @@ from srvgen.files import search
 
 @pytest.fixture
 def workspace(tmp_path, monkeypatch):
-    """An empty working directory from which nothing but the bundled packages is in reach."""
+    """An empty working directory; only the bundled packages can be found from it."""
     folder = tmp_path / "workspace"
     folder.mkdir()
     monkeypatch.chdir(folder)
@@ -24,7 +24,7 @@ def workspace(tmp_path, monkeypatch):
 
 @pytest.fixture
 def run(capsys):
-    """Runs `srvgen` with these arguments; its exit code, output and errors."""
+    """Runs `srvgen` with the arguments; returns its exit code, stdout and stderr."""
 
     def call(*arguments):
         try:
@@ -38,10 +38,10 @@ def run(capsys):
 
 @pytest.fixture(scope="session")
 def mypy(tmp_path_factory):
-    """Runs `mypy --strict` with these arguments in its own process; its lines.
+    """Runs `mypy --strict` with the arguments in its own process; returns its lines.
 
-    In ours it would leave a heap that every later collection of garbage walks. All runs share one
-    cache, so that what they have in common (Python's own types, msgspec) is read once.
+    In the test process it would leave many objects for the garbage collector. All runs share one
+    cache, so that the types of Python and msgspec are read once.
     """
     call = [
         sys.executable,

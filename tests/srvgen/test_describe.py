@@ -72,6 +72,6 @@ bool OK=true # yes
 
 
 @pytest.mark.parametrize("comments", EXPECTED)
-def test_nested_definitions_are_indented_and_comments_kept_as_asked(comments):
+def test_nested_definitions_are_indented_and_comments_are_kept_as_requested(comments):
     lines = show("my_msgs/srv/Fetch", lookup, comments=comments)
     assert "".join(f"{line}\n" for line in lines) == EXPECTED[comments]

@@ -59,13 +59,13 @@ def test_only_the_named_types_lack_an_official_hash():
 
 
 def test_every_official_hash_belongs_to_a_bundled_or_derived_type():
-    # A type's own name has no underscore; what it implies is named after it: AddTwoInts_Request.
+    # Only the names of derived types have an underscore: AddTwoInts_Request.
     own = {f"{name.rpartition('/')[0]}/{Path(name).name.partition('_')[0]}" for name in OFFICIAL}
     assert own == set(FROM_ROS) - NOT_PROVEN
 
 
 BARE = {"example_interfaces/srv/AddTwoInts", "std_srvs/srv/Empty"}
-"""What tutorials show, and ROS 2 without a comment: so do we."""
+"""Tutorials show these files, which have no comment in ROS 2 either."""
 
 
 @pytest.mark.parametrize("name", FROM_ROS)
@@ -80,7 +80,7 @@ def test_bundled_file_begins_with_a_short_comment(name):
 @pytest.mark.skipif(not CORPUS.exists(), reason="the corpus is not beside this checkout")
 @pytest.mark.parametrize("name", IN_CORPUS)
 def test_fields_constants_and_defaults_are_those_of_the_official_file(name):
-    """Constants and defaults are no part of a hash, so the hashes cannot prove them."""
+    """A hash does not depend on constants and defaults, so hashes cannot test them."""
     assert [outline(section) for section in sections(load(name))] == official_outlines()[name]
 
 

@@ -484,7 +484,7 @@ def test_equality_is_by_value_before_and_after_a_check():
         hash(Everything())
 
 
-def test_repr_is_rosidls():
+def test_repr_is_that_of_rosidl():
     assert repr(Inner()) == "demo_interfaces.msg.Inner(value=3)"
     assert "ranges=[0.5], covariance=[0.0, 0.0," in repr(Everything(ranges=[0.5]))
     assert "raw=b'2'" in repr(Everything())

@@ -160,7 +160,7 @@ def test_other_representations_are_refused_by_name(header, what):
 
 
 def test_cdr_error_is_a_field_error():
-    """So one `except FieldError` covers a message, wherever it comes from."""
+    """One `except FieldError` is enough for messages of any origin."""
     assert issubclass(CdrError, FieldError)
     assert issubclass(CdrError, ValueError)
 
@@ -178,7 +178,7 @@ def tampered(data: bytes, at: int, new: bytes) -> bytes:
 @pytest.mark.parametrize(
     "fields", ["string[2] names", "wstring[2] names", "Inner[2] inners", "Inner inner"]
 )
-def test_elements_of_the_least_size_are_not_refused(fields):
+def test_elements_of_the_minimum_size_are_accepted(fields):
     """An empty wstring has 4 bytes, and so has a string of length 0 as some vendors send it."""
     texts = {"Element": fields, "Inner": "wstring name"}
     nested = [f"\n{'=' * 80}\nMSG: demo_msgs/msg/{name}\n{texts[name]}\n" for name in texts]
@@ -251,7 +251,7 @@ def test_memory_is_bounded_by_the_size_of_the_data(cls, length):
         tracemalloc.stop()
         return most
 
-    # A second look where a thread of the test runner took memory meanwhile.
+    # Measured twice: a thread of the test runner may allocate memory meanwhile.
     assert any(peak() < 64 * len(data) + 100_000 for _ in range(2))
 
 

@@ -93,7 +93,7 @@ def test_classes_of_generated_packages_give_the_same_bytes(generated):
 
 
 @pytest.mark.real_time
-def test_threads_may_meet_at_the_first_encoding_of_a_class_and_at_one_message():
+def test_several_threads_may_encode_one_class_and_one_message_first():
     cls = define("string[] names\nfloat32[] xs\n", "demo_msgs/msg/Shared")
     shared, start = cls(xs=range(50)), threading.Barrier(6)
     arrived: list[Any] = []
@@ -110,7 +110,7 @@ def test_threads_may_meet_at_the_first_encoding_of_a_class_and_at_one_message():
     assert arrived == [shared] * 300
 
 
-def test_classes_made_while_a_program_runs_are_not_kept_for_ever(monkeypatch):
+def test_codecs_keep_a_limited_number_of_classes(monkeypatch):
     monkeypatch.setattr(messages, "KEPT_CLASSES", 3)
     for coders in (messages._encoders, messages._decoders):
         monkeypatch.setattr(coders, "_make", lambda cls: lambda given: b"")

@@ -67,7 +67,7 @@ def texts_needed_by(row: dict[str, Any]) -> dict[str, str]:
 
 
 def classes(cls: Any) -> Iterator[Any]:
-    """A class, and all that its namespace holds."""
+    """A class and all classes in its namespace."""
     yield cls
     for one in vars(cls).values():
         if isinstance(one, type) and one.__name__ != "Impl" and hasattr(one, "_TYPE"):
@@ -88,7 +88,7 @@ def class_of(type_name: str, type_hash: str) -> Any:
 
 
 def plain(value: Any) -> Any:
-    """The oracle's spelling of what JSON lacks."""
+    """A value with the oracle's spelling of numbers that JSON does not have."""
     if isinstance(value, list):
         return [plain(item) for item in value]
     if not isinstance(value, dict):

@@ -23,7 +23,7 @@ ARRAYS = ["", "", "", "[]", "[1]", "[3]", "[<=2]"]
 
 
 def definition_of(random: Random, fields: int, types: int, longest: int) -> str:
-    """A definition with its nested ones; each may hold those that come after it."""
+    """A definition with nested ones; each may contain the ones after it."""
     names = [f"Nested{number}" for number in range(types)]
     blocks = []
     for at in range(-1, types):

@@ -43,7 +43,7 @@ def demo() -> dict[str, str]:
 
 @pytest.fixture
 def importable(demo, tmp_path, monkeypatch):
-    """The generated tree as the first folder on the path, forgotten afterwards."""
+    """The generated packages, first on the Python path; unloaded after the test."""
     put_all(demo, tmp_path / "out")
     monkeypatch.syspath_prepend(tmp_path / "out")
     packages = {path.split("/")[0] for path in demo}
@@ -143,7 +143,7 @@ def test_srvgen_encodes_and_converts_messages_of_generated_packages(importable):
         srvgen.from_builtins(cls, {"inner": {"value": "x"}})
 
 
-def test_services_and_actions_are_reached_as_in_ros(importable):
+def test_services_and_actions_are_imported_as_in_ros(importable):
     tune = importlib.import_module("demo_interfaces.srv").Tune
     assert tune.Request.__module__ == "demo_interfaces.srv._tune"
     count = importlib.import_module("demo_interfaces.action").Count
@@ -156,7 +156,7 @@ def test_services_and_actions_are_reached_as_in_ros(importable):
 
 @pytest.fixture
 def wrong_lines(demo, tmp_path, mypy):
-    """The lines of a program, which uses the generated tree, that mypy takes for wrong."""
+    """Returns the numbers of the lines of a program in which mypy finds an error."""
     put_all(demo, tmp_path)
 
     def call(program: str) -> list[str]:
@@ -185,7 +185,7 @@ def test_type_checkers_accept_lists_and_know_what_is_read(wrong_lines):
 
 
 @pytest.mark.types
-def test_annotations_can_name_what_services_and_actions_hold(wrong_lines):
+def test_annotations_can_name_the_messages_of_services_and_actions(wrong_lines):
     program = (
         "from demo_interfaces.action import Count\n"
         "from demo_interfaces.srv import Tune\n"
@@ -219,21 +219,21 @@ def everything(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="module")
 def different(everything) -> list[Path]:
-    """Their files; of the runtime, which is the same in each, one."""
+    """All generated files; only one copy of the runtime, which is the same in each package."""
     runtimes = sorted(everything.glob("*/_runtime.py"))
     assert len({path.read_bytes() for path in runtimes}) == 1
     return [path for path in sorted(everything.rglob("*.py")) if path not in runtimes[1:]]
 
 
 @pytest.mark.types
-def test_mypy_finds_nothing_in_what_is_generated(different, mypy):
+def test_generated_packages_pass_mypy(different, mypy):
     (result,) = mypy("--follow-imports=silent", *different)
     assert result == f"Success: no issues found in {len(different)} source files"
 
 
 @pytest.mark.types
-def test_pyright_finds_nothing_in_what_is_generated(tmp_path):
-    """In modules with each kind of field, default and constant; mypy reads all others too."""
+def test_generated_packages_pass_pyright(tmp_path):
+    """Checks modules with each kind of field, default and constant; mypy checks all modules."""
     put_all(generated(DEFINITIONS / "demo_interfaces", BUNDLED / "test_msgs"), tmp_path)
     others = [f"test_msgs/msg/_{name}.py" for name in ("arrays", "strings", "unbounded_sequences")]
     done = subprocess.run(
@@ -295,7 +295,7 @@ def test_the_bytes_do_not_depend_on_the_seed_of_hashes(tmp_path):
 
 
 class Gone:
-    """Says of some types that they are missing."""
+    """A test of whether a type is missing; true for the given names."""
 
     def __init__(self, *names):
         self.names = names

@@ -19,7 +19,7 @@ from srvgen.files.search import Search
 
 @pytest.fixture
 def workspace(tmp_path, monkeypatch):
-    """A folder with `lecture_interfaces`, on the path too, as beside a script."""
+    """A folder with `lecture_interfaces` that is also on the Python path, as beside a script."""
     folder = tmp_path / "lecture_interfaces" / "srv"
     folder.mkdir(parents=True)
     (folder / "RobotTask.srv").write_text("string task_type\n---\nbool success\n")
@@ -35,7 +35,7 @@ def workspace(tmp_path, monkeypatch):
 
 
 def test_a_service_is_imported_straight_from_its_file(workspace):
-    """Though Python itself sees a namespace package in the folder of the definitions."""
+    """Python alone would import the folder of the definitions as a namespace package."""
     srvgen.install_import_hook(workspace)
     from lecture_interfaces.srv import RobotTask  # type: ignore[import-not-found]
 
@@ -99,7 +99,7 @@ def test_a_generated_package_wins(workspace):
 
 
 def test_the_parts_of_services_and_actions_are_beside_them(workspace):
-    """As with the official tools, which leave an action's goal, result and feedback out."""
+    """The official tools do not export an action's goal, result and feedback either."""
     srvgen.install_import_hook(workspace)
     from example_interfaces.action import (  # type: ignore[import-not-found]
         Fibonacci,
@@ -277,7 +277,7 @@ def test_a_pickled_message_becomes_one_of_the_class_on_disk_where_fields_are_the
     assert pickle.loads(pickle.dumps(same)) == same
 
 
-def test_a_package_of_definitions_has_no_file_as_python_has_it(weather):
+def test_package_of_definitions_has_no_file_attribute(weather):
     assert importlib.import_module("weather").__file__ is None
     assert importlib.import_module("weather.msg").__file__ is None
 

@@ -26,7 +26,7 @@ from tests.srvgen.sample_definitions import put
 
 @pytest.fixture
 def folder(tmp_path, monkeypatch):
-    """A workspace that `load` looks into first; nothing of it is left afterwards."""
+    """A workspace that `load` searches first; removed after the test."""
     monkeypatch.setattr(loader, "_search", Search([tmp_path]))
     return tmp_path
 
@@ -107,7 +107,7 @@ def test_define_reads_no_files(tmp_path, monkeypatch):
 
 
 def full_text(own: str, **needed: str) -> str:
-    """A service's text with that of its event, and with others of its package."""
+    """A service's text with the text of its event and of other types of its package."""
     names = ("service_msgs/msg/ServiceEventInfo", "builtin_interfaces/msg/Time")
     texts = {name: Search([BUNDLED]).text(name) for name in names}
     return join_full_text(
@@ -144,7 +144,7 @@ def test_classes_without_references_are_freed():
     assert defined(0) is kept
 
 
-def test_a_message_keeps_its_service_the_same_one():
+def test_service_class_stays_the_same_while_a_message_of_it_exists():
     message = defined(77).Request()
     gc.collect()
     assert defined(77).Request is type(message)
@@ -208,7 +208,7 @@ def test_threads_that_load_at_once_get_one_class(folder):
 
 @pytest.mark.real_time
 def test_importing_srvgen_loads_no_other_module():
-    """A program with generated classes pays neither for the parser nor for msgspec."""
+    """A program with generated classes imports neither the parser nor msgspec."""
     code = (
         "import sys; before = set(sys.modules); import srvgen; "
         "print(*sorted(set(sys.modules) - before))"
@@ -239,7 +239,7 @@ def test_every_bundled_interface_can_be_loaded():
 
 
 def test_constants_and_defaults_can_be_read_everywhere_and_set_nowhere(folder):
-    """As in rosidl's classes, whose constants are properties of their metaclass."""
+    """Classes of rosidl behave so: their constants are properties of the metaclass."""
     put("demo_msgs/msg/Level", "int32 LOW=1\nint32 level 2\nint32 from 3\nstring NAME=x\n", folder)
     put("demo_msgs/msg/Plain", "int32 LOW=1\nint32[] levels [1, 2]\n", folder)
     for name in ("Level", "Plain"):
@@ -257,8 +257,8 @@ def test_constants_and_defaults_can_be_read_everywhere_and_set_nowhere(folder):
         srvgen.load("demo_msgs/msg/Level").NAME = "y"
 
 
-def test_messages_without_constants_have_msgspecs_own_metaclass():
-    """Another one would make every message dearer on Python 3.11."""
+def test_messages_without_constants_have_the_metaclass_of_msgspec():
+    """Another metaclass would make every message slower on Python 3.11."""
     assert type(srvgen.load("geometry_msgs/msg/Point")) is msgspec.StructMeta
 
 
@@ -269,7 +269,7 @@ def test_action_has_all_its_services_and_messages():
 
 
 def test_type_that_several_types_need_is_built_once():
-    """Walked once a way, sixty messages of four lines each would take for ever."""
+    """Without that, sixty messages of four fields each would never be finished."""
     last, separator = 60, "=" * 80
     event = srvgen.load("std_srvs/srv/Trigger")._DEFINITION
     nested = [

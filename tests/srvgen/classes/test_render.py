@@ -147,7 +147,7 @@ def _plain(value: Any) -> Any:
 
 @pytest.mark.skipif(not ORACLE.is_file(), reason="the corpus is not beside the checkout")
 def test_classes_are_those_of_rosidl():
-    """Names, types, constants, defaults and printed form, for every class that it generated."""
+    """Compares names, types, constants, defaults and the repr of every class."""
     found, compared, incomplete = [], 0, 0
     for line in ORACLE.read_text(encoding="utf-8").splitlines():
         row = json.loads(line)

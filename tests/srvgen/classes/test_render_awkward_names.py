@@ -106,7 +106,7 @@ def test_every_class_is_made_set_sent_copied_and_printed(hook, name):
 
 
 @pytest.mark.types
-def test_mypy_finds_nothing_in_their_packages_and_stubs(package, tmp_path, mypy):
+def test_their_packages_and_stubs_pass_mypy(package, tmp_path, mypy):
     search = Search([package, BUNDLED])
     parsed = [read_definition(path) for path in sorted(package.glob("*/*.*"))]
     needed, problems = packages_with_dependencies(["odd_msgs"], search)

@@ -50,7 +50,7 @@ def test_no_comment_can_leave_its_docstring(comments):
 
 
 def test_unprintable_characters_are_escaped():
-    """A definition cannot show one thing in an editor and be another (bidirectional marks)."""
+    """Bidirectional marks could make a definition look different in an editor."""
     source = rendered("# a\u202eb\nstring s \u202e\n")
     assert "\u202e" not in source
     assert source.count("\\u202e") == 3

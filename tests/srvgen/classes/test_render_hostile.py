@@ -39,12 +39,12 @@ NASTY = st.text(st.sampled_from("\"'\\{}()[]=;,:%abz_ \0\x1b\u202e\ud800é"), ma
 
 
 def shape(source: str) -> list[str]:
-    """What a module consists of, but for its literals."""
+    """The syntax tree of a module, without its literals."""
     tree = ast.parse(source)
     return [
         "literal" if isinstance(node, ast.Constant) else f"{type(node).__name__} {names(node)}"
         for node in ast.walk(tree)
-        # Long texts are one literal a line, and their lines are no part of the shape.
+        # Each line of a long text is one literal, whose place is not compared.
         if not isinstance(node, (ast.Load, ast.Store))
     ]
 
@@ -55,7 +55,7 @@ def names(node: ast.AST) -> list[str]:
 
 @given(NASTY, NASTY, NASTY)
 def test_no_text_can_put_code_into_a_rendered_module(comment, unit, value):
-    """Whatever the texts, the modules differ in their literals only."""
+    """Modules with different texts differ only in their literals."""
 
     def service(comment: str, unit: str, value: str):
         default = value.replace("=", "")
@@ -101,7 +101,7 @@ def test_invalid_name_is_refused(name):
 
 
 @pytest.mark.parametrize("package", ["os", "sys", "builtins", "msgspec", "class", "srvgen"])
-def test_a_package_with_a_name_of_pythons_hides_nothing_when_it_is_loaded(package):
+def test_loaded_package_named_like_a_python_module_hides_nothing(package):
     import os
     import sys
 
@@ -113,7 +113,7 @@ def test_a_package_with_a_name_of_pythons_hides_nothing_when_it_is_loaded(packag
 
 
 @pytest.mark.parametrize("package", ["os", "msgspec", "class"])
-def test_a_package_with_a_name_of_pythons_cannot_be_generated(package):
+def test_package_named_like_a_python_module_cannot_be_generated(package):
     message = parse_msg("int32 a\n", package, "Thing")
     with pytest.raises(DefinitionError, match=r"expected a.* package"):
         generate({package: [message]}, Fixed(message))
@@ -139,7 +139,7 @@ FIELDS = (
 )
 
 
-def test_fields_and_types_named_like_pythons_own_work():
+def test_fields_and_types_may_be_named_like_builtins():
     fields = "".join(f"int32 {name} 7\nstring[] {name}s\n" for name in FIELDS.split())
     ask = define(
         f"{fields}Object object1\nMessage message\nField field\nAny any1\n---\n",

@@ -55,7 +55,7 @@ def refused(action) -> str:
 # --- numpy ----------------------------------------------------------------------------------------
 
 
-def test_numeric_arrays_of_fixed_length_are_numpys():
+def test_numeric_arrays_of_fixed_length_are_numpy_arrays():
     message = define("float64[36] covariance\nfloat32[] ranges\nbool[3] flags")()
     assert type(message.covariance) is numpy.ndarray
     assert message.covariance.dtype == numpy.float64
@@ -65,7 +65,7 @@ def test_numeric_arrays_of_fixed_length_are_numpys():
 
 
 def test_array_of_two_dimensions_is_stored_and_read_flat():
-    """rclpy would send other memory than the array's."""
+    """rclpy sends such an array from wrong memory."""
     message = define("float64[36] covariance")()
     message.covariance = numpy.eye(6)
     assert message.covariance.shape == (36,)
@@ -196,7 +196,7 @@ def test_checked_messages_refuse_unknown_field_names():
     assert problem == "Invalid arguments passed to constructor: bar, foo"
 
 
-def test_the_environment_asks_for_checks_of_all_messages(monkeypatch):
+def test_environment_variable_enables_checks_of_all_messages(monkeypatch):
     monkeypatch.setenv("ROS_PYTHON_CHECK_FIELDS", "1")
     cls = define()
     assert refused(lambda: cls(text=5)) == "The 'text' field must be of type 'str'"

@@ -74,7 +74,7 @@ FIRST_MISTAKE = USER.count("\n") + 1
 WRONG_LINES = [str(FIRST_MISTAKE + n) for n in range(MISTAKES.count("\n"))]
 
 
-def test_the_default_is_every_package_in_reach(run):
+def test_all_packages_that_can_be_found_are_the_default(run):
     code, out, err = run("stubs")
     packages = len(Search().packages())
     assert (code, err) == (0, "")

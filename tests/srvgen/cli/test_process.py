@@ -28,7 +28,7 @@ sys.argv[1:] = {argv!r}
 from {package}.__main__ import {function}
 sys.exit({function}())
 """
-"""Starts a command as its script does; a signal comes at a certain import."""
+"""Starts a command as its script does; a signal arrives during one import."""
 
 
 def ended(module, command, *argv, signal="SIGINT"):
@@ -74,7 +74,7 @@ def test_sigterm_during_an_import_ends_a_server_with_success(module):
 
 @pytest.mark.parametrize("place", ["atexit", "threading._register_atexit"])
 def test_ctrl_c_after_its_work_does_not_change_the_status_of_a_command(place):
-    """While Python joins threads, and while it runs functions that were registered for the end."""
+    """The signal arrives while Python joins threads, or while it runs exit functions."""
     program = f"""
 import atexit, os, signal, sys, threading
 sys.argv[1:] = ["--version"]
@@ -88,7 +88,7 @@ sys.exit(code)
 
 
 def test_an_ignored_ctrl_c_stays_ignored():
-    """A shell without job control starts programs in the background so."""
+    """A shell without job control starts background programs with SIGINT ignored."""
     program = """
 import os, signal
 signal.signal(signal.SIGINT, signal.SIG_IGN)
@@ -106,7 +106,7 @@ HASH = "srvgen hash std_msgs/msg/Header"
 
 
 def in_shell(command, streams):
-    """Status and stderr of `MODULE ARGUMENTS` with redirections as a shell has them."""
+    """Status and stderr of `MODULE ARGUMENTS` with a shell's redirections."""
     line = f"{sys.executable} -m {command} {streams}"
     done = subprocess.run(
         ["sh", "-c", line], capture_output=True, text=True, timeout=120, check=False
@@ -148,7 +148,7 @@ def test_an_endless_stdin_is_refused():
 
 
 def test_a_new_file_never_becomes_a_standard_stream_that_was_closed():
-    """What is written to stdout or stderr would land in it."""
+    """Otherwise output for stdout or stderr would be written to the file."""
     program = (
         "from srvgen.cli import process; process.begin(); assert open('/dev/null').fileno() > 2"
     )

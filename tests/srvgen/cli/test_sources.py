@@ -79,7 +79,7 @@ def test_a_folder_and_a_dangling_link_with_the_name_of_a_definition_are_reported
 
 
 def test_hints_name_only_types_that_can_be_loaded(run, symlink):
-    """A folder and a link to nothing are no definitions, whatever they are called."""
+    """A folder or a broken link is not a definition, even with such a name."""
     put("my_msgs/msg/Good", "int32 a\n")
     Path("my_msgs/msg/D.msg").mkdir()
     symlink("my_msgs/msg/F.msg", "nowhere")

@@ -157,7 +157,7 @@ def test_the_deepest_nesting_that_is_allowed_works():
 
 
 def test_types_of_a_wide_tree_are_built_once():
-    """Sixteen layers, each with four of the next: a message of four thousand million parts."""
+    """Sixteen layers, each with four of the next: a message with four thousand million parts."""
     layers = {f"Layer{n}": "".join(f"Layer{n + 1} {c}\n" for c in "abcd") for n in range(16)}
     message = refused("Layer0 x\n---\n", **layers, Layer16="int32 a\n")
     assert message.startswith("expected at most 67,108,864 bytes")

@@ -185,7 +185,7 @@ def test_type_name_that_is_not_a_str_is_a_type_error():
 
 
 def test_installation_of_ros_2_is_found(tmp_path, monkeypatch):
-    """Beside each .msg and .srv lie an .idl file and, in older releases, the service's halves."""
+    """ROS 2 installs .idl files too, and older releases also the parts of services."""
     share = tmp_path / "opt" / "share"
     others = ("msg/Goal.idl", "msg/Goal.json", "srv/Ask.idl")
     halves = ("srv/Ask_Request.msg", "srv/Ask_Response.msg")
@@ -217,7 +217,7 @@ def test_cached_lookups_do_not_see_new_files(workspace):
 
 
 def test_threads_do_not_share_their_lookup_caches(tmp_path):
-    """A look that stayed open would never see a file that is new."""
+    """A cache that is never closed would hide new files."""
     shared = Search([tmp_path])
     inside, leave = threading.Barrier(2), threading.Barrier(2)
 
