@@ -1,11 +1,13 @@
 """The runtime of generated message classes: base classes, arrays, and conversions of each type.
 
 `srvgen generate` copies this file into every package that it writes. So a generated package needs
-only msgspec, and this file must import nothing but the standard library and msgspec.
+only msgspec. Therefore everything is in one file, and it imports nothing but the standard library
+and msgspec. Its order: errors and conversions of single values, arrays, checks that generated code
+calls, and the base classes of messages, services and actions.
 
-The names of fields cannot begin with an underscore. So what encoders, loaders and transports need
-of a message class does: `_TYPE`, `_HASH`, `_FIELDS`, `_NESTED`, `_check` and, of an array, `_CODE`
-never collide with a field.
+Encoders, loaders and transports use these attributes of a message class: `_TYPE`, `_HASH`,
+`_FIELDS`, `_NESTED` and `_check`, and `_CODE` of an array. They begin with an underscore because
+the name of a field cannot: so they never collide with a field.
 """
 
 from __future__ import annotations
@@ -185,7 +187,9 @@ class NumericArray(_Elements[Number]):
 
     __slots__ = ()
     _CODE: ClassVar[str]
+    """The type code of `array`."""
     _SIZE: ClassVar[int]
+    """Bytes of an element."""
     _CONVERT: ClassVar[Callable[[Any, str], float]]
 
     if TYPE_CHECKING:  # a field accepts any iterable of numbers
@@ -435,11 +439,15 @@ class Message(msgspec.Struct, kw_only=True, array_like=True, forbid_unknown_fiel
     """The base of every message class: a value with named, writable, default-initialised fields."""
 
     _TYPE: ClassVar[str] = ""
+    """The full name: `geometry_msgs/msg/Point`."""
     _HASH: ClassVar[str] = ""
+    """The RIHS01 hash of the type."""
     _FIELDS: ClassVar[tuple[tuple[str, str], ...]] = ()
-    # Nested classes may be based on the copy of this file in another package.
+    """The name and the type of each field, as in the definition."""
     _NESTED: ClassVar[Mapping[str, type[Any]]] = {}
+    """The class of each field with messages; it may be based on another package's runtime."""
     _WIDTH: ClassVar[int] = 0
+    """The number of fields."""
     _fields_and_field_types: ClassVar[dict[str, str]] = {}
     _check_fields: ClassVar[bool] = False
 
