@@ -1,7 +1,7 @@
-"""A service whose calls are handed over as they come, and answered later, from any thread.
+"""A service that passes each call to the program, which responds later, from any thread.
 
-For programs that have their own way to run callbacks. Whoever takes the calls decides how many run
-at a time, and in which order.
+It is for programs that run callbacks in their own way: the program decides how many calls run at a
+time, and in which order.
 """
 
 from __future__ import annotations
@@ -37,36 +37,36 @@ class DeferredCall(Generic[RequestT, ResponseT]):
 
     @property
     def info(self) -> IncomingCall:
-        """Who calls, and how long he waits; as `taskrpc.current_call()` tells callbacks."""
+        """The facts about the call that `taskrpc.current_call()` returns in a callback."""
         return self._call
 
     def started(self) -> bool:
-        """Say that its work begins; False where nobody waits for it any more."""
+        """Note that the program begins the call; returns False if the caller has cancelled it."""
         self._call.started = True
         return not self._call.cancelled
 
     def reply(self, response: ResponseT) -> None:
-        """Answer with a response message.
+        """Send a response message.
 
-        Raises InvalidRequest for a response that cannot be sent; the call is still open then.
+        Raises InvalidRequest for a response that cannot be sent; the call stays open then.
         """
         service = self._service
         body = service.encode(response)
-        # Where more are to be answered, the loop writes many answers at once.
+        # If other calls are open, the event loop can write many responses at once.
         if service.is_last and self._call.reply_in_thread(body):
             service.done(self._call)
         else:
             service.hand_over(partial(self._replied, response, body))
 
     def fail(self, error: TaskRpcError) -> None:
-        """Answer with an error."""
+        """Send an error."""
         self._service.hand_over(partial(self._failed, error))
 
     def _replied(self, response: Any, body: bytes) -> None:
         if self._service.done(self._call):
             try:
                 self._call.reply(response, body)
-            except TaskRpcError as error:  # larger than this caller accepts
+            except TaskRpcError as error:  # the response is too large for this caller
                 self._call.fail(error)
 
     def _failed(self, error: TaskRpcError) -> None:
@@ -99,7 +99,7 @@ class DeferredService:
         self.hand_over = transport.hand_over
         self.encode = codec_of(srv_type.Response).encode
         self.finished: asyncio.Future[None] = self.loop.create_future()
-        """Done once the service is destroyed and has answered its last call."""
+        """Done once the service is destroyed and the program has responded to its last call."""
         self._take = take
         self._open: dict[IncomingCall, object] = {}
         self._destroyed = False
@@ -129,7 +129,7 @@ class DeferredService:
                 return
 
     def destroy(self) -> None:
-        """Stop offering the service; calls that have arrived are still answered."""
+        """Stop offering the service; the program still responds to calls that have arrived."""
         if not self._destroyed:
             self._destroyed = True
             while self._others:
@@ -138,7 +138,7 @@ class DeferredService:
             self._finish_if_idle()
 
     def abandon(self) -> None:
-        """Stop at once: what became of calls that are not answered is unknown."""
+        """Stop at once: each open call fails, with OutcomeUnknown if it has started."""
         self.destroy()
         for call in list(self._open):
             if call.started:
@@ -148,8 +148,8 @@ class DeferredService:
             self.done(call)
 
     def status(self) -> ServiceStatus:
-        """How many calls run and wait."""
-        from taskrpc.observer import ServiceStatus  # few programs ask
+        """Return how many calls run and wait."""
+        from taskrpc.observer import ServiceStatus  # few programs need it
 
         calls = list(self._open)
         running = sum(call.started for call in calls)
@@ -161,7 +161,10 @@ class DeferredService:
         return len(self._open) <= 1
 
     def done(self, call: IncomingCall) -> bool:
-        """Forget a call that is being answered; False where it was already. From any thread."""
+        """Forget a call before its response is sent; returns False if it was forgotten already.
+
+        Any thread may call it.
+        """
         if self._open.pop(call, _NOT_OPEN) is _NOT_OPEN:
             return False
         if self._destroyed:

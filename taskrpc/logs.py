@@ -1,4 +1,4 @@
-"""Log lines that can be found again: the call's number on each, and lines of JSON."""
+"""Log formats: the call's number on each line, and one line of text or JSON for each record."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ CALL_FIELDS = ("call", "service", "caller", "principal")
 
 STYLES = ("text", "json")
 
-# Without the tab; with what turns the direction of writing round.
-_STEERING = re.compile(r"[\x00-\x08\n-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
+# All control characters except the tab, and those that reverse the direction of writing.
+_CONTROL = re.compile(r"[\x00-\x08\n-\x1f\x7f-\x9f\u2028-\u202e\u2066-\u2069]")
 
 
 class CallFilter(logging.Filter):
-    """Adds to each line that a service callback logs which call it belongs to.
+    """Adds the call to each record that a service callback logs.
 
-    Give it to a handler: `handler.addFilter(taskrpc.logs.CallFilter())`. Then `%(call)s`,
-    `%(service)s`, `%(caller)s` and `%(principal)s` may stand in the handler's format, the last is
-    the account that the caller proved. All are empty in lines that belong to no call.
+    Add it to a handler: `handler.addFilter(taskrpc.logs.CallFilter())`. Then the handler's format
+    may contain `%(call)s`, `%(service)s`, `%(caller)s` and `%(principal)s`; the last one is the
+    caller's account. All are empty in records that belong to no call.
     """
 
     def __init__(self) -> None:
         super().__init__()
 
     def filter(self, record: logging.LogRecord) -> bool:
-        """Fill in what the line does not say itself; lets every line pass."""
+        """Add the fields that the record does not have; returns True for every record."""
         call = None if hasattr(record, "call") else answering.get()
         known = log_fields(call) if call is not None else {}
         for name in CALL_FIELDS:
@@ -39,35 +39,36 @@ class CallFilter(logging.Filter):
 
 
 class TextFormatter(logging.Formatter):
-    """Formats each record as ROS 2 prints it, so that nobody forges a line or steers a terminal.
+    """Formats each record as ROS 2 prints it, safe against text that callers have sent.
 
-    What callers have sent may stand in it. Control characters are written as `\\x1b`, and so are
-    ends of lines that the program's own text has not; what follows a first line is indented.
+    A caller can neither forge a line nor control the terminal: control characters are written as
+    `\\x1b`, and so are line breaks that are not in the program's own text. Further lines of a
+    record are indented.
     """
 
     def __init__(self) -> None:
         super().__init__()
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line, with a traceback below it where there is one."""
+        """Return the line, with the traceback below it if there is one."""
         text = record.getMessage()
         if not text.isprintable():
             parts = text.split("\n") if "\n" in str(record.msg) else [text]
-            text = "\n  ".join(map(_harmless, parts))
+            text = "\n  ".join(map(_escaped, parts))
         lines = [f"[{record.levelname}] [{record.created:.9f}] [{record.name}]: {text}"]
         if record.exc_info:
             lines += self.formatException(record.exc_info).splitlines()
         if record.stack_info:
             lines += self.formatStack(record.stack_info).splitlines()
-        return "\n  ".join([lines[0], *map(_harmless, lines[1:])])
+        return "\n  ".join([lines[0], *map(_escaped, lines[1:])])
 
 
 class JsonFormatter(logging.Formatter):
     """Formats each record as one line of JSON.
 
-    Keys: `time` (UTC), `level`, `logger`, `message`; then what the line carries besides, such as
+    Keys: `time` (UTC), `level`, `logger`, `message`; then the record's other fields, such as
     `call`, `service`, `caller`, `task` or an `extra` of your own; `error` with the whole traceback
-    where there is one.
+    if there is one.
     """
 
     def __init__(self) -> None:
@@ -76,7 +77,7 @@ class JsonFormatter(logging.Formatter):
         self._usual = {*usual, "message", "asctime", "taskName"}
 
     def format(self, record: logging.LogRecord) -> str:
-        """The line, without its end."""
+        """Return the line, without a line break at its end."""
         fields = {
             "time": _utc(record.created),
             "level": record.levelname,
@@ -97,9 +98,9 @@ class JsonFormatter(logging.Formatter):
 
 
 def handler(style: str = "text", stream: IO[str] | None = None) -> logging.Handler:
-    """A handler for `logging.basicConfig(handlers=[...])`: stderr unless `stream` says otherwise.
+    """Return a handler for `logging.basicConfig(handlers=[...])`; it writes to stderr by default.
 
-    `style` is `text`, as ROS 2 prints it, or `json`; a `CallFilter` is in it.
+    `style` is `text` (as ROS 2 prints lines) or `json`. The handler has a `CallFilter`.
 
     Raises ValueError for another style.
     """
@@ -111,8 +112,8 @@ def handler(style: str = "text", stream: IO[str] | None = None) -> logging.Handl
     return made
 
 
-def _harmless(text: str) -> str:
-    return _STEERING.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+def _escaped(text: str) -> str:
+    return _CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
 
 
 def _utc(created: float) -> str:
@@ -125,7 +126,7 @@ def _utc(created: float) -> str:
 def _encoded(value: Any) -> str:
     import json
 
-    # Whatever somebody logs, a line comes out: NaN, rings of lists and odd keys become text.
+    # Every value must give a line: NaN, lists that contain themselves and odd keys become text.
     try:
         return json.dumps(value, default=repr, allow_nan=False)
     except (ValueError, TypeError, RecursionError):

@@ -1,10 +1,10 @@
-"""The service and message types that a program passes in: how they are typed and checked."""
+"""Static types for service and message classes, and checks of the classes that a program passes."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Protocol
 
-if TYPE_CHECKING:  # with defaults, which typing has from Python 3.13 on; checkers bring it along
+if TYPE_CHECKING:  # defaults need Python 3.13's typing; type checkers include typing_extensions
     from typing_extensions import TypeVar
 else:
     from typing import TypeVar
@@ -15,11 +15,11 @@ class Msg(Protocol):
 
     @classmethod
     def get_fields_and_field_types(cls) -> dict[str, str]:
-        """Each field's name and its type in rosidl's spelling."""
+        """Return each field's name and its type in rosidl's spelling."""
 
 
-# The bounds let pyright blame a callback that returns None, even one without annotations.
-# The defaults let programs annotate with `Client` alone, also under `mypy --strict`.
+# With the bounds, pyright reports a callback that returns None, even one without annotations.
+# With the defaults, programs can annotate with `Client` alone, also under `mypy --strict`.
 if TYPE_CHECKING:
     MsgT = TypeVar("MsgT", bound=Msg, default=Any)
     RequestT = TypeVar("RequestT", bound=Msg, default=Any)
@@ -36,13 +36,13 @@ class Srv(Protocol[RequestT, ResponseT]):
     The classes of `srvgen generate` and `srvgen stubs` fit. The name is rclpy's.
     """
 
-    # A protocol cannot match names nested in a class, such as `Request: TypeAlias`. The type
-    # variables are both taken and returned, so that no checker widens them to a common base.
+    # A protocol cannot match names nested in a class, such as `Request: TypeAlias`. Each type
+    # variable is a parameter and a result, so that no checker widens it to a common base.
     def _types(self, request: RequestT, response: ResponseT) -> tuple[RequestT, ResponseT]: ...
 
 
 def service_type(srv_type: Any) -> Any:
-    """The same, if it is a service's. Raises TypeError."""
+    """Return the class if it is a service type. Raises TypeError."""
     if not (hasattr(srv_type, "Request") and hasattr(srv_type, "_HASH")):
         kind = f"the class {srv_type.__name__}" if isinstance(srv_type, type) else repr(srv_type)
         raise TypeError(
@@ -52,7 +52,7 @@ def service_type(srv_type: Any) -> Any:
 
 
 def message_type(msg_type: Any) -> Any:
-    """The same, if it is a message's. Raises TypeError."""
+    """Return the class if it is a message type. Raises TypeError."""
     if hasattr(msg_type, "Request") or not hasattr(msg_type, "_HASH"):
         kind = f"the class {msg_type.__name__}" if isinstance(msg_type, type) else repr(msg_type)
         raise TypeError(

@@ -88,7 +88,7 @@ def check_unexpanded(name: str, kind: str = "service name") -> None:
 
 
 def check_absolute(name: str, kind: str = "service name") -> None:
-    """Raise `InvalidName` for what is no absolute name, with everything expanded."""
+    """Raise `InvalidName` if a name is not absolute and fully expanded."""
     _refuse_if(not name, name, 0, kind, "topic name must not be empty string")
     problem = "topic name must be absolute, it must lead with a '/'"
     _refuse_if(not name.startswith("/"), name, 0, kind, problem)
@@ -96,17 +96,17 @@ def check_absolute(name: str, kind: str = "service name") -> None:
 
 
 def is_hidden(name: str) -> bool:
-    """Whether a token of the name starts with `_`, so that listings leave it out."""
+    """Return whether a token of the name starts with `_`, so that lists omit the name."""
     return "/_" in name or name.startswith("_")
 
 
 def fully_qualified(namespace: str, node: str) -> str:
-    """`/robot1/server` from a namespace and a node's name."""
+    """Return `/robot1/server` for the namespace `/robot1` and the node's name `server`."""
     return f"{namespace.rstrip('/')}/{node}"
 
 
 def _broken_at(name: str, index: int) -> tuple[int, str]:
-    """Where exactly the name breaks a rule from `index` on, and which."""
+    """Return the position at or after `index` where the name breaks a rule, and the rule."""
     if name[index] != "{":
         return index, _CHARACTER_PROBLEMS.get(name[index], _OTHER_CHARACTER)
     end = _end_of(_OPEN_SUBSTITUTION, name, index)

@@ -1,7 +1,7 @@
-"""Spans for OpenTelemetry: one for each call that a node answers, one for each that it makes.
+"""Spans for OpenTelemetry: one for each call that a node serves, and one for each that it makes.
 
-Needs the extra `otel`. A request carries its caller's span, so that the server's lies below
-it, where both sides have such an observer.
+Needs the extra `otel`. If both sides have such an observer, the request carries the caller's span,
+and the server's span is its child.
 """
 
 from __future__ import annotations
@@ -21,27 +21,28 @@ from taskrpc.observer import Observer, Outgoing
 class Tracing(Observer):
     """An observer that makes spans: `Node(observer=Tracing())`.
 
-    It takes the tracer of `provider`, by default the one that the program has set.
+    It uses the tracer of `provider`; by default that of the program's own provider.
     """
 
     def __init__(self, provider: trace.TracerProvider | None = None) -> None:
         self._tracer = trace.get_tracer("taskrpc", tracer_provider=provider)
         self._open: dict[tuple[str, int], trace.Span] = {}
+        """The spans of running calls, by service and number."""
 
     def in_call(self) -> AbstractContextManager[trace.Span]:
-        """Makes the running call's span the current one: `with tracing.in_call():`.
+        """Make the running call's span the current one: `with tracing.in_call():`.
 
-        What the callback does in this block, spans of its own and calls to others, is below it.
+        Spans that the callback starts in this block, and its own calls, become children of it.
 
         Raises LookupError outside a callback of a node that has this observer.
         """
         call = current_call()
         return trace.use_span(self._open[call.service, call.number])
 
-    # What an observer is told
+    # The methods of an observer
 
     def call_began(self, call: CallInfo) -> None:
-        """A call arrived: its span begins."""
+        """Start the span of a call that arrived."""
         attributes: dict[str, AttributeValue] = {
             "taskrpc.call": call.number,
             "taskrpc.caller": call.caller,
@@ -50,13 +51,13 @@ class Tracing(Observer):
         self._open[call.service, call.number] = span
 
     def call_ended(self, call: CallInfo, code: Code, seconds: float) -> None:
-        """A call has its answer: its span ends."""
+        """End the span of a call that has ended."""
         span = self._open.pop((call.service, call.number), None)
-        if span is not None:  # None where the request could not be decoded
+        if span is not None:  # None if the request could not be decoded
             _end(span, code)
 
     def request_began(self, service: str) -> Outgoing:
-        """A client makes a call: its span, below the current one, begins."""
+        """Start the span of a client's call, as a child of the current span."""
         now = time.time_ns()
         return _Sent(self._span(service, trace.SpanKind.CLIENT, {}, None, now), now)
 
@@ -91,7 +92,7 @@ class _Sent:
 
 
 def _caller(span: bytes) -> Context | None:
-    """The context of a call whose caller told its span; None where it told none."""
+    """Return the context with the caller's span as parent; None if the caller sent no span."""
     if not span:
         return None
     parent = trace.SpanContext(

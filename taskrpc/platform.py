@@ -1,4 +1,4 @@
-"""The one place that knows how Linux, macOS and Windows differ, but for the options of TCP."""
+"""The differences between Linux, macOS and Windows, except the socket options of TCP."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ from functools import cache
 
 from taskrpc.errors import TaskRpcError
 
-# Every command asks for a function or two of these; together, what they need would take most of
-# the time of `taskrpc --help`. Hence the imports inside.
+# Every command needs only one or two of these functions. Importing the modules for all of them
+# would take most of the time of `taskrpc --help`, so the functions import them.
 TYPE_CHECKING = False
 if TYPE_CHECKING:
     import socket
@@ -21,20 +21,20 @@ if TYPE_CHECKING:
     from typing import Any
 
 _LOCK_OFFSET = 0x7FFF_0000  # far behind the contents: Windows forbids reading locked bytes
-_LONGEST_HOLD, _LOCK_RETRY = 10.0, 0.002  # seconds; tries for a Windows lock
-_HELD = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)  # what systems say of a lock held by another
+_LONGEST_HOLD, _LOCK_RETRY = 10.0, 0.002  # seconds; how long and how often to try a Windows lock
+_HELD = (errno.EAGAIN, errno.EACCES, errno.EDEADLK)  # errors for a lock that another process has
 _NO_LIMIT = 2**20
-_LONGEST_TEXT = 16 * 2**20
+_LONGEST_TEXT = 16 * 2**20  # bytes
 _NO_SUCH_PROCESS = 87  # Windows' ERROR_INVALID_PARAMETER: no process has this id
 _REFUSED = 1225  # Windows' ERROR_CONNECTION_REFUSED, from asyncio's proactor
 _SOL_LOCAL, _LOCAL_PEERCRED = 0, 1  # macOS: the user at the other end of a unix socket
-_XUCRED = 76  # bytes of the answer: version, user id, groups
+_XUCRED = 76  # bytes of its value: version, user id, groups
 
 
 def runtime_dir() -> Path:
-    """The folder for what lives as long as its process; made if need be, open to this user only.
+    """Return the folder for files that last as long as their process; creates it if necessary.
 
-    Raises TaskRpcError when the folder is not ours alone.
+    Only this user can enter it. Raises TaskRpcError if others can, or own it.
     """
     from pathlib import Path
 
@@ -57,16 +57,16 @@ def _temporary() -> str:
 
 
 def state_dir() -> Path:
-    """The folder for what outlives its process, such as the task server's database; made if need
-    be, open to this user only.
+    """Return the folder for files that outlast their process; creates it if necessary.
 
-    Raises TaskRpcError when the folder is not ours alone.
+    The task server's database is there. Only this user can enter the folder. Raises TaskRpcError
+    if others can, or own it.
     """
     return private_dir(find_state_dir())
 
 
 def find_state_dir() -> Path:
-    """Where `state_dir` is, without making it."""
+    """Return the path of `state_dir`, without creating the folder."""
     from pathlib import Path
 
     if xdg := os.environ.get("XDG_STATE_HOME"):
@@ -96,9 +96,9 @@ def private_dir(path: Path) -> Path:
 
 
 def check_private_dir(path: Path) -> None:
-    """Make a folder that only this user can enter, or check that one is; nothing is changed of it.
+    """Create a folder that only this user can enter, or check an existing one without changing it.
 
-    Raises TaskRpcError with what to do about it, or OSError.
+    Raises TaskRpcError with the remedy, or OSError.
     """
     path.mkdir(mode=0o700, parents=True, exist_ok=True)
     found = path.lstat()
@@ -113,7 +113,7 @@ def check_private_dir(path: Path) -> None:
 
 
 def peer_user(sock: socket.socket) -> int | None:
-    """The user id of the program at the other end of a unix socket; None where nobody says."""
+    """Return the user id of the program at the other end of a Unix socket, None if unknown."""
     import socket
     import struct
 
@@ -135,10 +135,10 @@ def _check_owner(path: Path, found: os.stat_result) -> None:
 
 
 def is_this_user(uid: int) -> bool:
-    """Whether a user id is that of this program's user.
+    """Return whether a user id is that of this program's user.
 
-    Always true on Windows, whose files have no user id: there, the user's profile folder keeps
-    other users out.
+    Always true on Windows, where files have no user id. There, other users cannot enter the user's
+    profile folder.
     """
     if sys.platform == "win32":
         return True
@@ -147,7 +147,7 @@ def is_this_user(uid: int) -> bool:
 
 
 def is_ours_or_roots(found: os.stat_result) -> bool:
-    """Whether this program's user or root owns a file."""
+    """Return whether this program's user or root owns a file."""
     return found.st_uid == 0 or is_this_user(found.st_uid)
 
 
@@ -158,18 +158,19 @@ def open_private(path: Path, *, must_be_new: bool = False) -> int:
 
 
 def check_private(descriptor: int, path: object) -> None:
-    """Check that nobody but this user, or root, can read or write a file with secrets.
+    """Check that only this user, or root, can read or write a file with secrets.
 
-    Raises TaskRpcError with what to do about it.
+    Raises TaskRpcError with the remedy.
     """
     if problem := why_not_private(descriptor, path):
         raise TaskRpcError(problem)
 
 
 def why_not_private(descriptor: int, path: object, *, is_key: bool = False) -> str:
-    """Who else than this user, or root, can read or write a file, and what to do; "" for nobody.
+    """Return why other users can read or write a file, and the remedy; "" if they cannot.
 
-    A TLS key of root's may be readable for a group, as systems give it to their servers.
+    Root does not count. A group may read a TLS key that root owns: systems give keys to servers in
+    this way.
     """
     found = os.fstat(descriptor)
     if not is_ours_or_roots(found):
@@ -185,17 +186,17 @@ def why_not_private(descriptor: int, path: object, *, is_key: bool = False) -> s
 
 
 def is_writable_by_all(folder: Path) -> bool:
-    """Whether every user of the machine may create files in a folder; False if unknown."""
-    try:  # on Windows, the mode says nothing, and a user's folders are closed to others by default
+    """Return whether every user of the machine may create files in a folder; False if unknown."""
+    try:  # Windows has no such mode; there, a user's folders are closed to others by default
         return sys.platform != "win32" and bool(os.stat(folder).st_mode & stat.S_IWOTH)
     except OSError:
         return False
 
 
 def is_written_by_us_only(descriptor: int) -> bool:
-    """Whether only this user or root can have written a file; others may be able to read it.
+    """Return whether only this user or root can write a file; others may be able to read it.
 
-    Always true on Windows, whose file modes say nothing of other users.
+    Always true on Windows, where file modes do not mention other users.
     """
     found = os.fstat(descriptor)
     return sys.platform == "win32" or (is_ours_or_roots(found) and not found.st_mode & 0o022)
@@ -204,7 +205,7 @@ def is_written_by_us_only(descriptor: int) -> bool:
 def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
     """Write a file that only this user can read; a reader sees the old or the new file, complete.
 
-    Without `sync` it does not wait for the disk, and may be lost when the machine fails.
+    Without `sync` it does not wait for the disk, so a failure of the machine may lose the file.
     """
     new = path.with_name(f"{path.name}.{os.getpid()}.new")
     new.unlink(missing_ok=True)  # the user that made it may be able to read it
@@ -222,9 +223,9 @@ def write_private(path: Path, content: bytes, *, sync: bool = True) -> None:
 
 
 def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:
-    """The text of a file that a user has written, of at most 16 MiB; line ends as `\\n`.
+    """Return the text of a user's file of at most 16 MiB, with `\\n` as line breaks.
 
-    It may be a pipe, such as a shell's `<(command)`. Raises OSError, and UnicodeDecodeError.
+    The file may be a pipe, such as a shell's `<(command)`. Raises OSError, and UnicodeDecodeError.
     """
     import io
 
@@ -236,7 +237,7 @@ def read_text(path: str | os.PathLike[str], encoding: str = "utf-8") -> str:
 
 
 def write_at(descriptor: int, data: bytes, place: int) -> None:
-    """Write into the middle of an open file, whose position is nobody's business."""
+    """Write into the middle of an open file; the file's position afterwards is undefined."""
     if sys.platform == "win32":
         os.lseek(descriptor, place, os.SEEK_SET)
         os.write(descriptor, data)
@@ -245,7 +246,7 @@ def write_at(descriptor: int, data: bytes, place: int) -> None:
 
 
 def is_same_file(path: Path, known: os.stat_result) -> bool:
-    """Whether a path still leads to a file that was looked at before, and that is open."""
+    """Return whether a path still leads to a known file, which must be open."""
     try:  # on Windows an open file cannot be removed or replaced
         return sys.platform == "win32" or os.path.samestat(os.stat(path), known)
     except OSError:
@@ -253,14 +254,14 @@ def is_same_file(path: Path, known: os.stat_result) -> bool:
 
 
 def lock(descriptor: int) -> None:
-    """Take the file's lock, waiting for it; the system frees it when the process ends."""
+    """Wait for the file's lock and take it; the system releases it when the process ends."""
     _lock(descriptor, wait=True)
 
 
 def try_lock(descriptor: int) -> bool:
-    """Take the file's lock if nobody holds it; the system frees it when the process ends.
+    """Take the file's lock if it is free; returns whether it was.
 
-    Raises OSError where the file system has no locks.
+    The system releases it when the process ends. Raises OSError if the file system has no locks.
     """
     try:
         _lock(descriptor, wait=False)
@@ -273,7 +274,7 @@ def try_lock(descriptor: int) -> bool:
 
 @contextlib.contextmanager
 def locked(path: Path) -> Iterator[None]:
-    """Hold a lock file while the block runs; waits its turn."""
+    """Wait for the lock of a lock file, and hold it while the block runs."""
     descriptor = open_private(path)
     try:
         _lock(descriptor, wait=True)
@@ -286,7 +287,7 @@ if sys.platform == "win32":
     import msvcrt
 
     def _lock(descriptor: int, *, wait: bool) -> None:
-        # Not LK_LOCK: it sleeps a whole second between two tries.
+        # Do not use LK_LOCK: it sleeps a whole second between two attempts.
         import time
 
         give_up = time.monotonic() + _LONGEST_HOLD if wait else 0.0
@@ -299,7 +300,7 @@ if sys.platform == "win32":
             time.sleep(_LOCK_RETRY)
 
     def _locking(descriptor: int, mode: int) -> None:
-        # Windows locks from the current position on, from which the caller means to read.
+        # Windows locks at the current position; the caller reads from the beginning afterwards.
         os.lseek(descriptor, _LOCK_OFFSET, os.SEEK_SET)
         try:
             msvcrt.locking(descriptor, mode, 1)
@@ -332,19 +333,20 @@ else:
 
 @cache
 def keep_freed_memory(size: int) -> None:
-    """Let Linux's allocator keep what messages of up to `size` bytes free, for the next ones.
+    """Let Linux's allocator keep the freed memory of messages of up to `size` bytes.
 
-    It gives the top of its heap back to the system whenever more than 128 KiB of it are free, and
-    asks for it again a moment later: most of the time of a message of 1 MiB. Having once freed a
-    block as large as this, which costs nothing since nobody writes to it, it keeps twice as much.
-    Source: M_MMAP_THRESHOLD in mallopt(3). Other systems' allocators need no such hint.
+    Normally the allocator returns the top of its heap to the system when more than 128 KiB are
+    free, and requests it again a moment later; for a message of 1 MiB, that takes most of the time.
+    After it has once freed a block of this size, it keeps twice as much. The block costs nothing,
+    because nothing is written to it. Source: M_MMAP_THRESHOLD in mallopt(3). Other systems'
+    allocators need no such hint.
     """
     if sys.platform == "linux":
         bytes(size)
 
 
 def descriptor_limit() -> int:
-    """How many files and sockets this process may have open at a time."""
+    """Return how many files and sockets this process may have open at a time."""
     if sys.platform == "win32":
         return _NO_LIMIT
     else:
@@ -358,8 +360,9 @@ def descriptor_limit() -> int:
 def stop_signals(stop: Callable[[int], object]) -> Iterator[None]:
     """Call `stop(signal number)` at Ctrl-C, SIGTERM and Windows' Ctrl-Break.
 
-    It is called on the main thread, between any two of its steps; threads other than that one
-    cannot change signals, there nothing happens. Blocks may overlap: each one's `stop` is called.
+    `stop` runs on the main thread, between any two of its steps. Only the main thread can change
+    signal handlers: in other threads, this does nothing. Blocks may overlap; the `stop` of each is
+    called.
     """
     import signal
     import threading
@@ -380,7 +383,9 @@ def stop_signals(stop: Callable[[int], object]) -> Iterator[None]:
 
 
 _stops: list[Callable[[int], object]] = []
+"""The functions of all open `stop_signals` blocks."""
 _before: dict[int, Any] = {}
+"""The program's own signal handlers, to restore after the last block."""
 
 
 def _stop_all(number: int, _: object) -> None:
@@ -396,33 +401,34 @@ def _stop_signals() -> list[int]:
 
 
 def reason_of(error: OSError) -> str:
-    """The system's text for an error; frequent errors have the same text on all systems."""
+    """Return the system's text for an error; frequent errors have the same text everywhere."""
     if sys.platform == "win32":
         if error.winerror == _REFUSED or error.errno == errno.ECONNREFUSED:
             return "Connection refused"
         if error.errno == errno.EADDRINUSE:
             return "Address already in use"
         return error.strerror or str(error)
-    else:  # asyncio puts sentences of its own into `strerror`
+    else:  # asyncio puts its own sentences into `strerror`
         return os.strerror(error.errno) if error.errno else str(error)
 
 
 def prepare_output() -> None:
-    """Let stdout and stderr take any character, whatever the terminal's code page is."""
+    """Let stdout and stderr accept any character, even if the terminal cannot show it."""
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
 
 
 def end_process(pid: int, *, at_once: bool = False) -> None:
-    """Ask a process to end; `at_once` does not ask.
+    """Send a process the signal to end; with `at_once`, kill it.
 
-    Raises ProcessLookupError when there is none.
+    Raises ProcessLookupError if there is no such process.
     """
     import signal
 
     if sys.platform == "win32":
-        # There SIGTERM is TerminateProcess; only Ctrl-Break can be asked for, and only of groups.
+        # On Windows, SIGTERM is TerminateProcess. Only Ctrl-Break would let the process end
+        # gracefully, and it can only be sent to groups.
         try:
             os.kill(pid, signal.SIGTERM)
         except OSError as error:
@@ -431,12 +437,12 @@ def end_process(pid: int, *, at_once: bool = False) -> None:
             raise
     else:
         os.kill(pid, signal.SIGKILL if at_once else signal.SIGTERM)
-        # One that was stopped by Ctrl-Z hears of nothing before it goes on.
+        # A process stopped by Ctrl-Z handles signals only after it continues.
         os.kill(pid, signal.SIGCONT)
 
 
 def is_stopped(pid: int) -> bool:
-    """Whether a process is stopped, as by Ctrl-Z, until it gets SIGCONT."""
+    """Return whether a process is stopped, for example by Ctrl-Z, until it gets SIGCONT."""
     status = f"/proc/{pid}/stat"
     with contextlib.suppress(OSError):  # it may have just ended
         if os.path.exists(status):

@@ -1,4 +1,4 @@
-"""How a topic's messages are passed on: how many are kept, and what must not be lost."""
+"""Quality of service of topics: how many messages are kept, and which may be lost."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ MAX_DEPTH = 2**31
 
 
 class QoS(msgspec.Struct, frozen=True):
-    """What a publisher offers or a subscription asks for, by ROS 2's names.
+    """The quality that a publisher offers or a subscription requests, with ROS 2's names.
 
-    A publisher and a subscription match unless the subscription asks for more: `reliable` of a
-    `best_effort` publisher, or `transient_local` of a `volatile` one.
+    A publisher and a subscription match unless the subscription requests more than the publisher
+    offers: `reliable` from `best_effort`, or `transient_local` from `volatile`.
 
-    Raises ValueError for anything else than what the fields say.
+    Raises ValueError for an invalid field.
     """
 
     depth: int = 10
-    """How many messages are kept for a reader that is behind, and of `transient_local` publishers
-    for those who come later; the oldest go first."""
+    """How many messages are kept for a subscription that has fallen behind, and by a
+    `transient_local` publisher for later subscriptions; the oldest are dropped first."""
     reliability: Reliability = "reliable"
+    """`best_effort` messages may be lost on the way."""
     durability: Durability = "volatile"
-    """`transient_local` publishers give those who come later the last `depth` messages."""
+    """A `transient_local` publisher sends the last `depth` messages to later subscriptions."""
 
     def __post_init__(self) -> None:
         depth: object = self.depth
@@ -37,17 +38,20 @@ class QoS(msgspec.Struct, frozen=True):
 
     @property
     def is_reliable(self) -> bool:
-        """Whether it is more than best effort."""
+        """Whether messages must not be lost on the way."""
         return self.reliability == "reliable"
 
     @property
     def is_latched(self) -> bool:
-        """Whether it is about messages from before, too."""
+        """Whether later subscriptions get earlier messages too."""
         return self.durability == "transient_local"
 
 
 def qos_of(qos: QoS | int) -> QoS:
-    """A depth alone stands for reliable, volatile messages, as in ROS. Raises ValueError."""
+    """Return the QoS; a number means reliable, volatile messages with this depth, as in ROS.
+
+    Raises ValueError.
+    """
     return qos if isinstance(qos, QoS) else QoS(qos)
 
 

@@ -1,4 +1,4 @@
-"""When to try again, and how long to wait before: plain arithmetic, chance passed in."""
+"""Decides when to retry and how long to wait; pure: the caller passes the time and the chance."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ _BUDGET_FLOOR = 3.0  # retries a second that an empty budget still allows
 
 
 class RetryPolicy(msgspec.Struct, frozen=True):
-    """How a client repeats a call that failed and may safely be repeated.
+    """How a client retries a failed call, if a retry is safe.
 
     The wait before retry n (from 0) is `min(wait_max, wait_initial * wait_exp_base**n)` seconds, of
-    which the share `wait_jitter` (0 to 1) is drawn at random. `attempts` counts the first call too;
-    None repeats until the call's deadline.
+    which the fraction `wait_jitter` (0 to 1) is random. `attempts` includes the first one; None:
+    retry until the call's deadline.
     """
 
     attempts: int | None = None
@@ -35,11 +35,14 @@ class RetryPolicy(msgspec.Struct, frozen=True):
         _check("wait_jitter", self.wait_jitter, 0, 1, "a share from 0 to 1")
 
     def allows(self, attempt: int) -> bool:
-        """Whether attempt number `attempt` (the first is 1) may still be made."""
+        """Return whether attempt number `attempt` (the first is 1) is allowed."""
         return self.attempts is None or attempt <= self.attempts
 
     def wait(self, retry: int, chance: float) -> float:
-        """Seconds to wait before retry number `retry` (from 0); `chance` is drawn from [0, 1)."""
+        """Return the seconds to wait before retry number `retry` (from 0).
+
+        `chance` is a random number in [0, 1).
+        """
         try:
             whole = min(self.wait_max, self.wait_initial * float(self.wait_exp_base) ** retry)
         except OverflowError:
@@ -48,26 +51,27 @@ class RetryPolicy(msgspec.Struct, frozen=True):
 
 
 class RetryBudget:
-    """Keeps retries from multiplying an outage: each costs a token, each success earns a tenth.
+    """Limits retries during an outage: each costs a token, each successful call earns a tenth.
 
-    An empty budget does not forbid a retry, it spaces them to three a second.
+    An empty budget does not forbid retries; it allows three a second.
     """
 
     def __init__(self) -> None:
         self.booked = 0
         """How many retries there were."""
         self.spent = 0.0
-        """How many tokens are missing; without any there is nothing to `earn`."""
+        """How many tokens are missing; at 0.0 the budget is full, and `earn` does nothing."""
         self._next_floor = float("-inf")
+        """The instant of the last retry that was booked on an empty budget."""
 
     def earn(self) -> None:
-        """A call succeeded."""
+        """Earn a tenth of a token: a call succeeded."""
         self.spent = max(0.0, self.spent - _BUDGET_GAIN)
 
     def book(self, now: float, wait: float, latest: float) -> float | None:
-        """Book one retry for `wait` seconds after `now`, or later when the budget is empty.
+        """Book one retry for `wait` seconds after `now`, or for later if the budget is empty.
 
-        Returns the seconds that it must wait; None, and books nothing, when that would not be
+        Returns the seconds to wait. Returns None, and books nothing, if the retry could not begin
         before the instant `latest`.
         """
         if now + wait >= latest:
@@ -78,16 +82,16 @@ class RetryBudget:
             return wait
         place = max(now, self._next_floor) + 1 / _BUDGET_FLOOR
         if place >= latest:
-            return None  # booked all the same, it would be lost to those who can wait
+            return None  # do not book it: calls with a later deadline can use this place
         self._next_floor = place
         self.booked += 1
         return max(wait, place - now)
 
 
 def reconnect_delay(failures: int, chance: float) -> float:
-    """Seconds before dialling again after `failures` failed attempts in a row.
+    """Return the seconds to wait before connecting again, after `failures` failures in a row.
 
-    `rand(0.5, 1) * min(5 s, 0.05 s * 1.6**n)`: quick at first, spread out when many wait.
+    `rand(0.5, 1) * min(5 s, 0.05 s * 1.6**n)`: short at first, and different for each client.
     """
     return float((0.5 + chance / 2) * min(5.0, 0.05 * 1.6 ** min(failures, 64)))
 

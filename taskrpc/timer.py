@@ -35,7 +35,9 @@ class Timer:
         )
         self._forget = forget
         self._due = 0.0
+        """When the next call is due, on the loop's clock."""
         self._handle: asyncio.TimerHandle | None = None
+        """The loop's timer for that call; None while the timer is stopped."""
         self._destroyed = False
         self.reset()
 

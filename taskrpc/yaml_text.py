@@ -27,9 +27,9 @@ _PYTHON_ERRORS = (ArithmeticError, AttributeError, LookupError, TypeError, Value
 
 
 class Loader(yaml.SafeLoader):
-    """Reads one YAML text: `get_single_node`, then `construct_object` for its nodes.
+    """Reads one YAML text: call `get_single_node`, then `construct_object` for its nodes.
 
-    These, the constructor and `flatten_mapping` raise only `yaml.YAMLError`.
+    These methods, the constructor and `flatten_mapping` raise only `yaml.YAMLError`.
     """
 
     def __init__(self, text: str) -> None:
@@ -89,7 +89,7 @@ class Loader(yaml.SafeLoader):
         return node
 
     def construct_object(self, node: Any, deep: bool = False) -> Any:
-        """The value of a node, by YAML's own rules."""
+        """Return the value of a node, by YAML's own rules."""
         try:
             return super().construct_object(node, deep)
         except _PYTHON_ERRORS:
@@ -100,7 +100,7 @@ class Loader(yaml.SafeLoader):
             self._fail("nested too deeply", node.start_mark)
 
     def construct_yaml_int(self, node: Any) -> int:
-        """An integer; called by PyYAML."""
+        """Return an integer; called by PyYAML."""
         number = super().construct_yaml_int(node)
         if number.bit_length() > MAX_INTEGER_BITS:
             raise ValueError
@@ -118,13 +118,13 @@ Loader.add_constructor("tag:yaml.org,2002:int", Loader.construct_yaml_int)
 
 
 def compose(text: str) -> yaml.Node | None:
-    """The node of a YAML text; None where it is empty. Raises yaml.YAMLError."""
+    """Return the node of a YAML text, None if the text is empty. Raises yaml.YAMLError."""
     node: yaml.Node | None = Loader(text).get_single_node()
     return node
 
 
 def compose_all(text: str) -> list[yaml.Node]:
-    """The nodes of the documents of a YAML text. Raises yaml.YAMLError."""
+    """Return the nodes of the documents of a YAML text. Raises yaml.YAMLError."""
     loader = Loader(text)
     found: list[Any] = []
     while loader.check_node():
@@ -133,14 +133,14 @@ def compose_all(text: str) -> list[yaml.Node]:
 
 
 def load(text: str) -> Any:
-    """The value of a YAML text by YAML's own rules. Raises yaml.YAMLError."""
+    """Return the value of a YAML text, by YAML's own rules. Raises yaml.YAMLError."""
     loader = Loader(text)
     node = loader.get_single_node()
     return None if node is None else loader.construct_object(node, deep=True)
 
 
 def message(error: yaml.YAMLError) -> str:
-    """An error in one line, without its place."""
+    """Return an error as one line, without its place."""
     problem: str = getattr(error, "problem", None) or str(error).partition("\n")[0]
     context = getattr(error, "context", None)
     return f"{context}, {problem}" if problem.startswith("but ") and context else problem

@@ -1,9 +1,9 @@
 """The upper half of exactly-once: executes each request once, and answers each repetition of it.
 
-Start with `deduplicator`: it asks the ledger about each request and then executes it, attaches it
-to its execution, or answers it from the store. `executions` holds one running request and its
-callers, `store_state` what the services of a store share, `stores` and `completions` what is
-stored. Request ids and the ledger, which the transport also needs, are the lower half:
+Start with `deduplicator`: it looks up each request in the ledger, and then executes it, attaches it
+to its execution, or answers it from the store. `executions` contains one running request and its
+callers, `store_state` the state that the services of a store share, `stores` and `completions` the
+stored data. Request ids and the ledger, which the transport also needs, are the lower half:
 `taskrpc.request_ids`.
 """
 

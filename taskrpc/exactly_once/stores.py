@@ -1,4 +1,4 @@
-"""Ready-made stores for exactly-once services: in memory, and in an SQLite file."""
+"""Two stores for exactly-once services: in memory, and in an SQLite file."""
 
 from __future__ import annotations
 
@@ -39,13 +39,14 @@ _ENDS_TRANSACTIONS = re.compile(
 
 
 class MemoryCompletions:
-    """Keeps what an exactly-once service has done for as long as the object itself lasts.
+    """Keeps completions and effects in memory, as long as the object itself lasts.
 
-    It takes the effects of `SqliteCompletions`, for tables in memory, so that a test can replace
-    one by the other. An effect may also be a function without arguments, which is called once.
+    It accepts the effects of `SqliteCompletions` and applies them to tables in memory, so that a
+    test can replace one store by the other. An effect may also be a function without arguments,
+    which is called once.
 
     Args:
-        schema: statements that make the service's own tables, as for `SqliteCompletions`.
+        schema: statements that create the service's own tables, as for `SqliteCompletions`.
     """
 
     def __init__(self, schema: Sequence[str] = ()) -> None:
@@ -56,7 +57,7 @@ class MemoryCompletions:
         self._tables: MemoryDatabase | None = None
 
     async def recall(self) -> StoredCompletions:
-        """Return what is remembered."""
+        """Return the store's id and its completions."""
         return StoredCompletions(self._store_id, self._index.all())
 
     def complete(
@@ -65,11 +66,10 @@ class MemoryCompletions:
         effect: Callable[[], object] | Sequence[Statement] | None = None,
         forgotten: Sequence[ClientKey] = (),
     ) -> None:
-        """Apply the effect, remember its completion and forget clients.
+        """Apply an effect, store its completion and forget clients.
 
         Raises:
-            StoreError: the effect failed; nothing is remembered, forgotten or changed in the
-                tables.
+            StoreError: the effect failed; nothing was changed.
         """
         if effect is not None:
             self._apply(effect)
@@ -80,7 +80,7 @@ class MemoryCompletions:
         return self._opened().read(lambda found: self._guard.look_up(found, sql, parameters))
 
     async def close(self) -> None:
-        """Do nothing: this store has nothing to close, but `SqliteCompletions` has."""
+        """Do nothing; for compatibility with `SqliteCompletions`."""
 
     def _apply(self, effect: Callable[[], object] | Sequence[Statement]) -> None:
         try:
@@ -104,17 +104,17 @@ class MemoryCompletions:
 
 
 class SqliteCompletions:
-    """Keeps what an exactly-once service has done in an SQLite file, beside the service's tables.
+    """Keeps completions in an SQLite file, together with the service's own tables.
 
-    An effect is a sequence of `(sql, parameters)`, done in the transaction that remembers the
-    request. The file is the store's for writing, from the first use until `close`; to look
-    something up, a service uses `query`, or reads the file through a connection of its own.
+    An effect is a sequence of `(sql, parameters)`. The store runs it in the transaction that stores
+    the completion. Only the store may write to the file, from its first use until `close`. To read,
+    a service uses `query`, or its own connection to the file.
 
     Args:
-        path: the database file; made if it is not there. A file `<path>.lock` beside it says
-            which process uses it. `:memory:` makes no file; all is forgotten at `close`.
-        schema: statements that make the service's own tables where they lack, such as
-            `CREATE TABLE IF NOT EXISTS …`; done whenever the file is opened.
+        path: the database file; created if it does not exist. A file `<path>.lock` beside it says
+            which process uses it. `:memory:` creates no file, and `close` deletes everything.
+        schema: statements that create the service's own tables, such as
+            `CREATE TABLE IF NOT EXISTS …`; they run each time the file is opened.
     """
 
     def __init__(self, path: str | os.PathLike[str], schema: Sequence[str] = ()) -> None:
@@ -124,10 +124,10 @@ class SqliteCompletions:
         self._writer: Writer[_Done] = Writer(self._open_file, self._write)
 
     async def recall(self) -> StoredCompletions:
-        """Return what is remembered; a file that broke is opened anew.
+        """Return the store's id and its completions; a broken file is opened again.
 
         Raises:
-            StoreError: it cannot be read, or another process uses it.
+            StoreError: the file cannot be read, or another process uses it.
         """
         await self._writer.reopen()
         return await self._writer.read(_read)
@@ -138,11 +138,11 @@ class SqliteCompletions:
         effect: Sequence[Statement] | None = None,
         forgotten: Sequence[ClientKey] = (),
     ) -> None:
-        """Do an effect, remember its completion and forget clients, on disk when it returns.
+        """Apply an effect, store its completion and forget clients; on the disk when it returns.
 
         Raises:
             StoreError: nothing was changed.
-            OutcomeUnknown: nobody knows whether it was, before `recall`.
+            OutcomeUnknown: the change may have been made; `recall` shows whether it was.
         """
         await self._writer.change(_Done(completion, _statements(effect), forgotten))
 
@@ -152,11 +152,11 @@ class SqliteCompletions:
 
     @property
     def transactions(self) -> Mapping[int, int]:
-        """How many transactions there were, by how many calls shared one."""
+        """The number of transactions for each number of calls that shared one."""
         return self._writer.transactions
 
     async def close(self) -> None:
-        """Write everything into the one file and let others use it."""
+        """Write everything into the one file and release its lock."""
         await self._writer.close()
 
     def _open_file(self) -> Database | MemoryDatabase:
@@ -182,7 +182,7 @@ class SqliteCompletions:
 
 
 class _Done:
-    """One request's effect and what is remembered of it."""
+    """One request's effect, its completion, and the clients to forget."""
 
     __slots__ = ("completion", "effect", "forgotten")
 
@@ -198,7 +198,7 @@ class _Done:
 class _Guard:
     """Runs a service's statements, and refuses every statement that would end the transaction.
 
-    One that ended it would leave behind the effects of others without their completions.
+    If a statement ended it, the effects of other requests would be stored without completions.
     """
 
     _FORBIDDEN = frozenset(
@@ -215,7 +215,7 @@ class _Guard:
         self._is_on = False
 
     def watch(self, connection: sqlite3.Connection) -> None:
-        """Be asked about each statement that the connection compiles."""
+        """Check each statement that the connection compiles."""
         connection.set_authorizer(self._may)
 
     def carry_out(self, connection: sqlite3.Connection, effect: Sequence[Statement]) -> None:
@@ -235,7 +235,7 @@ class _Guard:
         connection.text_factory, before = str, connection.text_factory
         self._is_on = True
         try:
-            with _about_statements("the query failed"):
+            with _statement_errors("the query failed"):
                 return connection.execute(sql, parameters).fetchall()
         finally:
             self._is_on = False
@@ -262,14 +262,14 @@ def _statements(effect: Any) -> list[Statement]:
 
 
 def _make_own_tables(connection: sqlite3.Connection, schema: Sequence[str]) -> None:
-    with _about_statements("the service's own tables cannot be made"):
+    with _statement_errors("the service's own tables cannot be created"):
         for statement in schema:
             connection.execute(statement)
 
 
 @contextlib.contextmanager
-def _about_statements(problem: str) -> Iterator[None]:
-    """Raise StoreError for what is wrong with a service's statements; the file is not to blame."""
+def _statement_errors(problem: str) -> Iterator[None]:
+    """Raise StoreError for errors of a service's own statements; errors of the file pass."""
     try:
         yield
     except sqlite3.Error as error:

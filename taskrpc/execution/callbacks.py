@@ -1,4 +1,4 @@
-"""Runs callbacks: those of subscriptions and timers, one call at a time, and threads for them."""
+"""Runs the callbacks of subscriptions and timers, one call at a time, and provides threads."""
 
 from __future__ import annotations
 
@@ -52,11 +52,12 @@ class CallbackRunner:
         self._starter = EagerStarter(self._loop, self._held)
         self._threads = DaemonThreads(1, f"taskrpc {description}") if threaded else None
         self._job: asyncio.Future[Any] | None = None
-        """The call that runs, where it outlasts `run`."""
+        """The call that runs, if it outlasts `run`."""
         self._warned = False
+        """Whether the log has the warning about a slow callback."""
 
     def run(self, *arguments: Any) -> None:
-        """Call the callback; must not be called while it is busy."""
+        """Call the callback; only allowed while `busy` is False."""
         self.busy = True
         if self._threads is not None:
             callback = self._callback
@@ -82,7 +83,7 @@ class CallbackRunner:
         self.busy = False
 
     def close(self) -> None:
-        """Cancel the call that runs, unless that call calls this; there will be no other."""
+        """Cancel the running call, unless that call itself calls `close`; allow no further call."""
         if self._job is not None and self._job is not asyncio.current_task():
             self._job.cancel()
         self._starter.close()
@@ -102,7 +103,7 @@ class CallbackRunner:
 
     def _raised(self, error: BaseException) -> None:
         if isinstance(error, SystemExit | KeyboardInterrupt):
-            # From an iteration of its own: uvloop swallows what a protocol raises.
+            # In a separate iteration of the loop: uvloop ignores exceptions in a protocol.
             self._loop.call_soon(end_program, error)
         else:
             log.error("%s failed:", self._description, exc_info=error)

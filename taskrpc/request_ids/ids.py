@@ -1,8 +1,8 @@
 """Request ids of exactly-once services, and the records that their stores keep.
 
 A client numbers its requests to one store. With each request it reports the first sequence number
-for which it still waits; nobody repeats a request below that. An id belongs to the client and the
-store, not to a connection: it means the same after a reconnect, and to another server of the same
+for which it still waits; it repeats no request below that. An id belongs to the client and the
+store, not to a connection: it stays valid after a reconnect, and for another server of the same
 store.
 """
 
@@ -22,11 +22,11 @@ OPEN_PER_CLIENT = 1024
 """Requests of one client that it has not yet reported as settled."""
 
 _LONGEST_GAP = OPEN_PER_CLIENT // 2
-"""Sequence numbers between a client's first open request and its next one. Beyond that the client
-counts on under a new id, or one request that waits long would keep all later ones in the store."""
+"""The largest gap between a client's first open request and its next one. After that the client
+takes a new client id. Otherwise one slow request would keep all later ones in the store."""
 
 _SHORT = 16
-"""Bytes of a message that is its own fingerprint: hashing it would cost a tenth of the rest."""
+"""A message of at most so many bytes is its own fingerprint, because hashing it is too slow."""
 
 _HEAD = struct.Struct("<16sQQ")
 _HEAD_SIZE = _HEAD.size
@@ -144,14 +144,15 @@ class CompletionStore(Protocol):
     ) -> Awaitable[None] | None:
         """Apply an effect, keep its completion and forget clients: all of it or nothing.
 
-        May be `async`; a plain function has done it when it returns. A request without a request id
-        has an effect, but no completion.
-        The store also forgets what the same client completed below `completion.first_incomplete`.
-        Afterwards all this survives whatever the store promises to survive. `effect` is the
-        handler's `Effect.effect`, None where it returned none.
+        May be `async`; a plain function must be done when it returns. A request without a request
+        id has an effect, but no completion. `effect` is the handler's `Effect.effect`, None if the
+        handler returned no `Effect`.
+
+        The store also forgets the completions of the same client below
+        `completion.first_incomplete`. Afterwards all this is as durable as the store promises.
 
         Raises:
-            OutcomeUnknown: the store cannot tell whether it was done; `recall` tells.
+            OutcomeUnknown: the change may have been made; `recall` shows whether it was.
             TaskRpcError: nothing was changed.
         """
 

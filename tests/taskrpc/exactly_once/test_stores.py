@@ -133,7 +133,7 @@ async def test_the_path_memory_makes_no_file(tmp_path, monkeypatch):
 
 async def test_schema_with_a_mistake_is_refused_in_memory_too():
     store = SqliteCompletions(":memory:", ["CREATE TABEL stock (part)"])
-    with pytest.raises(StoreError, match=r"own tables cannot be made: .*syntax error"):
+    with pytest.raises(StoreError, match=r"own tables cannot be created: .*syntax error"):
         await store.recall()
     await store.close()
 
