@@ -51,19 +51,20 @@ class Node:
     Use it as `async with taskrpc.Node("name") as node:`. All nodes of one program and event loop
     share one listening socket and its connections.
 
-    Arguments:
-        name, namespace: by ROS's naming rules. Without a namespace it is the root, or the one that
-            this user has in the lab that was joined (`taskrpc join`), where the lab is called.
+    Args:
+        name: follows ROS's naming rules.
+        namespace: follows ROS's naming rules. The default is the root, or this user's namespace in
+            the joined lab (`taskrpc join`), if the node calls the lab.
         transport: `tcp`, or `memory` for nodes of this event loop only (tests, demos).
-        listen: `HOST:PORT` to take calls at, or `unix:/path` (`unix:` alone: in the runtime
-            folder); by default any free loopback port.
+        listen: `HOST:PORT` to listen at, or `unix:/path` (`unix:` alone: in the runtime folder);
+            by default any free loopback port.
         peers: `HOST:PORT` (or `unix:/path`) of processes to call, instead of this machine's
             registry (`TASKRPC_PEERS` if not given).
-        tls: certificates, for nodes that are reached from, or call, other machines.
+        tls: certificates, for connections to and from other machines.
         token: the secret that callers and peers on other machines must know
             (`TASKRPC_TOKEN` if not given); processes of one user and machine need none.
-        accounts: the other users that may call, with their roles; `Accounts`, or a file of them
-            (JSON, TOML) that is read again when it changes. Without them, the token allows
+        accounts: the other users that may call, with their roles: `Accounts`, or the path of a file
+            (JSON, TOML) that is read again when it changes. Without accounts, the token allows
             everything.
         keepalive: when to give up on a silent peer: `default` (8 s) or `robot` (2 s);
             `TASKRPC_KEEPALIVE` if not given.
@@ -74,7 +75,7 @@ class Node:
     """Whether threads other than the event loop's use the node."""
 
     domain: int | None = None
-    """Its domain if that is not `ROS_DOMAIN_ID`; to be set before `start`."""
+    """The node's domain if it is not `ROS_DOMAIN_ID`; set it before `start`."""
 
     def __init__(
         self,
@@ -95,13 +96,20 @@ class Node:
         in_lab = "" if namespace else lab_namespace(transport, peers)
         self._namespace = names.check_namespace(namespace or in_lab)
         self._is_in_lab = bool(in_lab)
-        self._transport_name = transport
-        self._listen, self._peers, self._tls = listen, peers, tls
-        self._token = token or os.environ.get("TASKRPC_TOKEN")
-        self._accounts = accounts
-        self._keepalive = keepalive
+        self._open_transport = partial(
+            shared_transport,
+            transport,
+            listen=listen,
+            peers=peers,
+            token=token or os.environ.get("TASKRPC_TOKEN"),
+            accounts=accounts,
+            keepalive=keepalive,
+            tls=tls,
+            threads=self._threads,
+        )
         self._observer = observer
         self._transport: Transport | None = None
+        """None before `start` and after `destroy`."""
         # Ordered sets: thousands may come and go.
         self._services: dict[Service | DeferredService, None] = {}
         self._clients: dict[Client[Any, Any], None] = {}
@@ -129,7 +137,7 @@ class Node:
         return names.fully_qualified(self._namespace, self._name)
 
     def resolve_service_name(self, srv_name: str) -> str:
-        """The absolute name that a service name means for this node."""
+        """Return the absolute name that a service name means for this node."""
         return names.expand(srv_name, namespace=self._namespace, node=self._name)
 
     @property
@@ -166,29 +174,19 @@ class Node:
     async def start(self) -> None:
         """Join the network; `async with` does it."""
         if self._transport is None:
-            self._transport = shared_transport(
-                self._transport_name,
-                listen=self._listen,
-                peers=self._peers,
-                token=self._token,
-                accounts=self._accounts,
-                keepalive=self._keepalive,
-                tls=self._tls,
-                threads=self._threads,
-                domain=self.domain,
-            )
+            self._transport = self._open_transport(domain=self.domain)
             self._transport.add_node(self.get_fully_qualified_name())
-            self._tell(lambda observer: observer.node_started(self))
+            self._notify(lambda observer: observer.node_started(self))
 
     async def destroy(self) -> None:
-        """Withdraw its services and topics and leave the network; `async with` does it.
+        """Withdraw the node's services and topics and leave the network; `async with` does it.
 
-        It does not wait: callers of calls that still run get OutcomeUnknown. Call `drain` first to
+        It does not wait: callers whose calls still run get OutcomeUnknown. Call `drain` first to
         let those calls finish.
         """
         if self._transport is None:
             return
-        self._tell(lambda observer: observer.node_ended(self))
+        self._notify(lambda observer: observer.node_ended(self))
         for service in self._services:
             service.abandon()
         for client in list(self._clients):
@@ -213,9 +211,9 @@ class Node:
                 await self.drain()
 
     async def drain(self, grace: float = DRAIN_GRACE) -> None:
-        """Withdraw the services; wait until calls in flight are answered, at most `grace` seconds.
+        """Withdraw the services and wait for calls in flight, at most `grace` seconds.
 
-        Later calls go to another server of the name, where there is one.
+        Later calls go to another server of the same service, if there is one.
         """
         for service in self._services:
             service.destroy()
@@ -239,17 +237,24 @@ class Node:
     ) -> Service:
         """Offer a service: `callback(request, response)` is called for each request.
 
-        It returns the response. It may be async. A plain one runs on the event loop and must be
-        quick; `threaded=True` runs it in a thread instead. `concurrency` calls run at a time,
-        later ones wait their turn: 1 unless said. `idempotent=True` tells clients that repeating a
-        call does no harm. With `exactly_once=store` a repeated call is not run again but answered
-        as before, also by a later server of the same store; the callback may return an `Effect`.
-        As many calls run at a time then as a caller may have in flight, each until its effect is
-        stored; with `concurrency=1` a call sees what those before it have stored. `join=True`
-        allows other processes to offer the same name. `role` is the least that the caller's account
-        must have, where the node has accounts.
+        The callback returns the response.
 
-        Raises NameInUse, InvalidName, CannotListen; StoreError where another loop uses the store.
+        Args:
+            srv_type: the class of the service.
+            srv_name: the name of the service.
+            callback: it may be async. A plain callback runs on the event loop and must be quick.
+            concurrency: how many calls run at a time; later calls wait. The default is 1. With
+                `exactly_once` it is the number of calls that a caller may have in flight; with
+                `concurrency=1`, each call sees the stored effects of the calls before it.
+            threaded: whether a plain callback runs in a thread instead of on the event loop.
+            idempotent: whether clients may repeat a call, because repeating it does no harm.
+            exactly_once: a store. A repeated call does not run again but gets the stored response,
+                also from a later server of the same store. The callback may return an `Effect`;
+                then a call runs until the effect is stored.
+            join: whether other processes may offer a service with the same name.
+            role: the least role that the caller's account must have, if the node has accounts.
+
+        Raises NameInUse, InvalidName, CannotListen; StoreError if another loop uses the store.
         """
         from taskrpc.service import Service  # with threads for callbacks; clients need none
 
@@ -279,11 +284,11 @@ class Node:
         join: bool = False,
         role: Role = Role.SUBMIT,
     ) -> DeferredService:
-        """Offer a service whose calls are answered later, from any thread.
+        """Offer a service to whose calls the program responds later, from any thread.
 
-        `take(call)` is called on the event loop for each `DeferredCall` and returns at once; then
-        `call.reply(response)` or `call.fail(error)` ends the call, whenever and in whatever order
-        the program likes. Nothing limits how many are open.
+        `take(call)` is called on the event loop for each `DeferredCall`, and must return at once.
+        The program ends each call with `call.reply(response)` or `call.fail(error)`, at any time
+        and in any order. The number of open calls is not limited.
 
         Raises InvalidName; NameInUse, unless it joins a server of the same name.
         """
@@ -310,7 +315,7 @@ class Node:
         timeout: float | None = DEFAULT_TIMEOUT,
         retry: RetryPolicy | None = None,
     ) -> Client[RequestT, ResponseT]:
-        """A client of a service; `timeout` (seconds) and `retry` hold for all its calls."""
+        """Return a client of a service; `timeout` (seconds) and `retry` apply to all its calls."""
         client = self._client_maker()(
             self._started(),
             service_type(srv_type),
@@ -339,9 +344,10 @@ class Node:
     ) -> Publisher[MsgT]:
         """Publish messages of a type on a topic; a number as `qos` is the depth.
 
-        `role` is the least that a subscriber's account must have, where the node has accounts.
+        `role` is the least role that a subscriber's account must have, if the node has accounts.
         For a subscription that does not match, the node logs a warning, or calls
-        `on_mismatch(what)` on the event loop: `TYPE`, `RELIABILITY` or `DURABILITY`.
+        `on_mismatch(reason)` on the event loop; the reason is `TYPE`, `RELIABILITY` or
+        `DURABILITY`.
 
         Raises InvalidName, CannotListen.
         """
@@ -372,10 +378,10 @@ class Node:
     ) -> Subscription[MsgT]:
         """Call `callback(message)` for each message of a topic; a number as `qos` is the depth.
 
-        The callback may be async. A plain one runs on the event loop and must be quick;
-        `threaded=True` runs it in a thread instead. One call at a time; while it runs, the last
-        `depth` messages wait. Publishers of the topic are found whenever they appear; for one that
-        does not match, `on_mismatch` is called as in `create_publisher`.
+        The callback may be async. A plain callback runs on the event loop and must be quick;
+        `threaded=True` runs it in a thread instead. One call runs at a time; meanwhile, the last
+        `depth` messages wait. The node finds publishers whenever they appear. For a publisher that
+        does not match, it calls `on_mismatch` as in `create_publisher`.
 
         Raises InvalidName.
         """
@@ -401,8 +407,8 @@ class Node:
     ) -> Timer:
         """Call `callback()` every `period` seconds, first after one period.
 
-        The callback may be async; a plain one runs on the event loop unless `threaded=True`. Calls
-        that are due while a call runs are skipped.
+        The callback may be async; a plain callback runs on the event loop unless `threaded=True`.
+        Calls that are due while a call runs are skipped.
         """
         from taskrpc.timer import Timer  # few programs need it
 
@@ -419,7 +425,7 @@ class Node:
         The topic is `SERVICE/_service_event`; `taskrpc service echo` shows it. With `metadata` an
         event says that a request arrived or its response was sent, when, and who called; with
         `contents` it also has the messages; `off` ends it. If the node has accounts, subscribers
-        need the role operate. A service without introspection pays nothing for it.
+        need the role operate. Services without introspection have no extra cost.
 
         Raises CannotListen.
         """
@@ -434,7 +440,7 @@ class Node:
         return await self._started().graph()
 
     async def definition(self, srv_name: str) -> tuple[str, str]:
-        """A service's type name and the full text of its definition, as its server reports them.
+        """Return a service's type name and the text of its definition, as its server reports them.
 
         Raises ServiceUnavailable if no server offers it.
         """
@@ -472,11 +478,11 @@ class Node:
             return ""
         return names.expand(name, node=self._name)
 
-    def _tell(self, tell: Callable[[Observer], None]) -> None:
+    def _notify(self, method: Callable[[Observer], None]) -> None:
         if self._observer is not None:
             from taskrpc.observer import call_observer
 
-            call_observer(tell, self._observer)
+            call_observer(method, self._observer)
 
     def _client_maker(self) -> Callable[..., Client[Any, Any]]:
         if self._observer is None:
@@ -500,13 +506,13 @@ class Node:
         if client in self._clients:
             del self._clients[client]
             name = client.service_name
-            if client.retries:  # only those: a program may call thousands of services once
+            if client.retries:  # not for every client: a program may call thousands of services
                 self._retries[name] = self._retries.get(name, 0) + client.retries
 
     def _started(self) -> Transport:
         if self._transport is None:
-            way = "async with taskrpc.Node(...) as node:` or call `await node.start()"
+            advice = "async with taskrpc.Node(...) as node:` or call `await node.start()"
             if self._threads:
-                way = "with taskrpc.sync.Node(...) as node:` or call `node.start()"
-            raise TaskRpcError(f"the node {self._name} has not started; write `{way}`")
+                advice = "with taskrpc.sync.Node(...) as node:` or call `node.start()"
+            raise TaskRpcError(f"the node {self._name} has not started; write `{advice}`")
         return self._transport

@@ -17,7 +17,7 @@ from taskrpc.program import fast_loop
 _Result = TypeVar("_Result")
 
 SLICE = 0.1
-"""Seconds of one wait on a lock: on Windows Ctrl-C does not reach a longer one before its end."""
+"""Seconds of one wait on a lock: on Windows, Ctrl-C does not interrupt a wait on a lock."""
 
 _ENDED = 0
 """Takes the place of the process id once the loop is stopping."""
@@ -39,7 +39,7 @@ class LoopThread:
 
     @classmethod
     def shared(cls) -> LoopThread:
-        """The process's loop thread, started for the first who asks (again after a fork)."""
+        """Return the process's loop thread; the first call, also after a fork, starts it."""
         with cls._guard:
             if cls._instance is None or cls._instance._pid != os.getpid():
                 cls._instance = cls()
@@ -67,36 +67,36 @@ class LoopThread:
         self._loop.call_soon_threadsafe(action)
 
     def settle(self, turns: int, patience: float) -> None:
-        """Let the loop go round so often, for `patience` seconds at most.
+        """Wait until the loop has made so many iterations, at most `patience` seconds.
 
-        What is under way inside this process has arrived then.
+        Messages between nodes of this process have then arrived.
         """
-        there = threading.Lock()
-        there.acquire()
+        done = threading.Lock()
+        done.acquire()
 
         def turn(left: int) -> None:
             if left:
                 self._loop.call_soon(turn, left - 1)
             else:
-                there.release()
+                done.release()
 
         if self._pid == os.getpid() and threading.current_thread() is not self._thread:
             self._loop.call_soon_threadsafe(turn, turns)
-            there.acquire(timeout=patience)
+            done.acquire(timeout=patience)
 
     def refuse_without_loop(self, what: str) -> None:
-        """Raise WouldDeadlock where nobody would answer: after a fork, and at the program's end."""
+        """Raise WouldDeadlock if no loop runs: after a fork, and at the program's end."""
         if self._pid == _ENDED:
             raise WouldDeadlock(
                 f"{what} would wait for ever: the program is ending, its event loop has stopped;"
-                " what atexit is to call must be registered after the first node was made"
+                " register functions with atexit only after the first node was made"
             )
         if self._pid != os.getpid():
             raise WouldDeadlock(f"{what}: this node belongs to the parent process; make one here")
 
     def refuse_own_thread(self, what: str) -> None:
         """Raise WouldDeadlock on the loop's own thread, which would wait for itself."""
-        if self._pid != os.getpid():  # asked first: this is on every call's path
+        if self._pid != os.getpid():  # compare here: every call uses this method
             self.refuse_without_loop(what)
         if threading.current_thread() is self._thread:
             raise WouldDeadlock(
@@ -119,7 +119,7 @@ class LoopThread:
 
 
 def wait(future: Future[_Result]) -> _Result:
-    """Wait for a future's result, which is cancelled where Ctrl-C ends the waiting."""
+    """Wait for a future's result; if Ctrl-C interrupts the wait, cancel the future."""
     try:
         while True:
             try:

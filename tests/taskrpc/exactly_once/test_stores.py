@@ -151,12 +151,12 @@ async def test_sql_text_is_not_for_callers(tables, effect):
 async def test_sql_text_of_a_schema_is_not_for_callers(tmp_path, kind):
     schema = ["INSERT INTO secrets VALUES (1)"]
     if kind == "MemoryCompletions":
-        asked = MemoryCompletions(schema).query("SELECT 1")
+        opening = MemoryCompletions(schema).query("SELECT 1")
     else:
         path = ":memory:" if kind == "memory" else tmp_path / "stock.db"
-        asked = SqliteCompletions(path, schema).recall()
-    with pytest.raises(StoreError, match="tables cannot be made: no such table: secrets") as caught:
-        await asked
+        opening = SqliteCompletions(path, schema).recall()
+    with pytest.raises(StoreError, match="be created: no such table: secrets") as caught:
+        await opening
     assert text_for_callers(caught.value) == "nothing was stored; the server's log says why"
 
 
