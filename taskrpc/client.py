@@ -42,7 +42,7 @@ class Client(Generic[RequestT, ResponseT]):
     """Calls one service; made by `Node.create_client`.
 
     `timeout` (seconds, None for no deadline) and `retry` are the defaults of its calls. `forget`
-    learns of its end. The service `otherwise` is called where nobody offers the first one.
+    learns of its end. The service `otherwise` is called where no server offers the first one.
     """
 
     def __init__(
@@ -99,7 +99,7 @@ class Client(Generic[RequestT, ResponseT]):
         request under the same name runs once even if another program sends it again.
 
         Raises:
-            ServiceUnavailable: nobody offers the service (with `retry`: until the deadline).
+            ServiceUnavailable: no server offers the service (with `retry`: until the deadline).
             DeadlineExceeded: no answer in time; the server was told that nobody waits.
             InvalidRequest: a value does not fit its field.
             TypeMismatch, ServerBusy, HandlerFailed, OutcomeUnknown, …: see `taskrpc.errors`.

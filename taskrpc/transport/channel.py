@@ -258,7 +258,7 @@ class RemoteChannel:
         self._mark = self._endpoint.availability.mark()
         addresses = self._locate()
         self._somebody = bool(addresses)
-        problem = ServiceUnavailable(f"nobody offers {self._shown}")
+        problem = ServiceUnavailable(f"no server offers {self._shown}")
         refusal: TaskRpcError | None = None
         for name, address in addresses:
             try:

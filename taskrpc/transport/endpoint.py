@@ -203,7 +203,7 @@ class Endpoint(ThreadHandoff):
         Raises ServiceUnavailable if no process offers it, or the error with which asking failed.
         """
         deadline = self.loop.time() + READY_TIMEOUT
-        problem: TaskRpcError = ServiceUnavailable(f"nobody offers {name}")
+        problem: TaskRpcError = ServiceUnavailable(f"no server offers {name}")
         for address in self.network.locate(name):
             try:
                 connection = await self.dialler.connection(address, deadline)

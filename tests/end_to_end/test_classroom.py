@@ -130,7 +130,7 @@ def test_laptop_joins_calls_and_is_revoked(lecturer, strings, laptop):
     assert "the account may be revoked or" in laptop.run("taskrpc", "doctor", code=1)
 
     laptop.run("taskrpc", "join", "--leave")
-    assert "nobody offers" in submit(laptop, code=4)
+    assert "no server offers" in submit(laptop, code=4)
 
 
 def test_mistyped_invitation_is_refused_and_changes_nothing(strings, laptop):

@@ -316,7 +316,7 @@ def test_server_exits_with_130_after_ctrl_c_and_drain(start):
 def test_exit_code_without_a_server_is_4_with_a_hint(task):
     code, out, err = task("list", "--timeout", 0.2)
     assert (code, out) == (4, "")
-    assert "nobody offers /robot_task (waited 0.2 s)" in err
+    assert "no server offers /robot_task (waited 0.2 s)" in err
     assert "start one, for example taskrpc-server" in err
     code, _, err = task("list", "--timeout", 0.2, "--json")
     assert (code, json.loads(err)["error"]) == (4, "ServiceUnavailable")

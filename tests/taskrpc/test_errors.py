@@ -18,7 +18,7 @@ EXAMPLES = [
     TaskRpcError("something", not_executed=True),
     errors.DeadlineExceeded("no answer by the deadline"),
     errors.DeadlineExceeded("never sent", not_executed=True),
-    errors.ServiceUnavailable("nobody offers /x"),
+    errors.ServiceUnavailable("no server offers /x"),
     errors.ConnectionLost("gone", not_executed=True),
     errors.OutcomeUnknown("gone"),
     errors.TypeMismatch("differs"),

@@ -49,7 +49,7 @@ def raising(error):
         (taskrpc.InvalidRequest("a", "expected int64, got 'x'"), 1),
         (taskrpc.DeadlineExceeded("no answer"), 3),
         (taskrpc.DeadlineExceeded("not sent", not_executed=True), 4),
-        (taskrpc.ServiceUnavailable("nobody offers /add"), 4),
+        (taskrpc.ServiceUnavailable("no server offers /add"), 4),
         (taskrpc.ServerBusy("full"), 4),
         (taskrpc.ConnectionLost("not sent", not_executed=True), 4),
         (taskrpc.OutcomeUnknown("lost"), 5),
@@ -83,9 +83,9 @@ def test_a_group_with_an_error_of_the_script_keeps_its_traceback(ended):
 
 
 def test_hints_are_part_of_the_message(ended):
-    error = taskrpc.ServiceUnavailable("nobody offers /add")
+    error = taskrpc.ServiceUnavailable("no server offers /add")
     error.add_note("start it")
-    assert ended(raising(error))[1].endswith("nobody offers /add\n  hint: start it\n")
+    assert ended(raising(error))[1].endswith("no server offers /add\n  hint: start it\n")
 
 
 def test_a_definition_with_a_mistake_is_one_message(ended):
@@ -214,5 +214,5 @@ def test_a_script_ends_with_the_status_of_the_table(tmp_path):
     done = subprocess.run(
         [sys.executable, script], capture_output=True, text=True, cwd=tmp_path, timeout=60
     )
-    said = "caller.py:4: ServiceUnavailable: nobody offers /nobody\n"
+    said = "caller.py:4: ServiceUnavailable: no server offers /nobody\n"
     assert (done.returncode, done.stdout, done.stderr) == (4, "", said)

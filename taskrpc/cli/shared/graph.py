@@ -113,7 +113,7 @@ async def why_unavailable(
     if lost:
         return _out_of_reach(place, lost, waited)
     hint = unknown_service_hint(service, entries, place)
-    return hinted(ServiceUnavailable(f"nobody offers {service} {waited}"), hint)
+    return hinted(ServiceUnavailable(f"no server offers {service} {waited}"), hint)
 
 
 def _out_of_reach(place: str, lost: TaskRpcError, waited: str) -> ServiceUnavailable:

@@ -184,7 +184,7 @@ class TaskServices:
         waited = f"(waited {self._timeout:g} s)"
         error = await why_unavailable(self.service, self._place, self._node, waited, lost)
         (hint,) = error.__notes__
-        if str(error).startswith("nobody offers") and "taskrpc-server" not in hint:
+        if str(error).startswith("no server offers") and "taskrpc-server" not in hint:
             error.__notes__ = [f"start the task server: taskrpc-server ({hint})"]
         return error
 

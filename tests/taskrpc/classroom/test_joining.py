@@ -131,15 +131,15 @@ async def test_a_relative_name_is_the_students_own_service_else_the_labs(joined,
             absolute = node.create_client(Add, "/add", timeout=5)
             assert (await absolute.call(ask(2, 3))).sum == 5
         nobody = await outcome(node.create_client(Add, "nothing").call(ask()))
-        assert str(nobody) == "nobody offers /ada/nothing or /nothing"
+        assert str(nobody) == "no server offers /ada/nothing or /nothing"
         private = await outcome(node.create_client(Add, "~/add").call(ask()))
-        assert str(private) == "nobody offers /ada/turtle/add"
+        assert str(private) == "no server offers /ada/turtle/add"
 
 
 async def test_who_says_a_namespace_means_it(joined):
     async with taskrpc.Node("turtle", namespace="/own") as node:
         error = await outcome(node.create_client(Add, "add").call(ask()))
-        assert str(error) == "nobody offers /own/add"
+        assert str(error) == "no server offers /own/add"
 
 
 async def test_peers_go_before_the_lab(invitation, monkeypatch):

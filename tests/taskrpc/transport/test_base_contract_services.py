@@ -28,7 +28,7 @@ async def test_a_service_withdrawn_and_offered_again_is_found_by_the_same_client
     for _ in range(3):
         service = list(server._services)[-1]
         service.destroy()
-        with pytest.raises(taskrpc.ServiceUnavailable, match="nobody offers /add"):
+        with pytest.raises(taskrpc.ServiceUnavailable, match="no server offers /add"):
             await client.call(ask())
         await until(lambda: not client.service_is_ready())
         assert not await client.wait_for_service(0.1)
@@ -311,7 +311,7 @@ async def test_the_graph_and_definitions_are_told(net):
     type_name, text = await node.definition("add")
     assert type_name == Add._TYPE
     assert "int64 a" in text
-    with pytest.raises(taskrpc.ServiceUnavailable, match="nobody offers /nobody"):
+    with pytest.raises(taskrpc.ServiceUnavailable, match="no server offers /nobody"):
         await node.definition("nobody")
     assert isinstance(client, Client)
     await server.destroy()

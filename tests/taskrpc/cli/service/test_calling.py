@@ -124,7 +124,7 @@ async def test_a_service_that_comes_later_is_waited_for_and_this_is_said_once(se
 
 async def test_a_service_that_never_comes_ends_the_wait_at_the_deadline(capsys):
     with pytest.raises(
-        ServiceUnavailable, match=r"nobody offers /add_two_ints \(waited 10 s\)"
+        ServiceUnavailable, match=r"no server offers /add_two_ints \(waited 10 s\)"
     ) as e:
         await perform(plan("a=2"))
     assert exit_code(e.value) is Exit.NOT_RUN

@@ -118,7 +118,7 @@ def test_an_unknown_service_is_exit_4_and_names_what_is_near(server, run):
     assert (code, out) == (4, "")
     assert err == (
         "waiting for service to become available...\n"
-        "nobody offers /ad_two_ints (waited 0.1 s)\n"
+        "no server offers /ad_two_ints (waited 0.1 s)\n"
         "  hint: did you mean /add_two_ints?\n"
     )
 

@@ -1,4 +1,4 @@
-"""Whoever asks for a service that nobody offers is told what is there, and why theirs is not."""
+"""Whoever asks for a service that no server offers is told what is there, and why theirs is not."""
 
 from __future__ import annotations
 
