@@ -15,7 +15,12 @@ from pathlib import Path
 
 import pytest
 
-grimp = pytest.importorskip("grimp", exc_type=ImportError, reason="grimp cannot be loaded in Wine")
+try:
+    import grimp
+except ImportError:
+    if sys.platform != "win32":
+        raise
+    pytest.skip("grimp cannot be loaded in Wine", allow_module_level=True)
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("srvgen", "taskrpc")
@@ -324,7 +329,4 @@ def test_tests_mirror_the_packages():
 
 
 def test_large_modules_have_a_test_file_of_their_name():
-    """Only their number is held: a merge or a new name would change a list without need."""
-    found, allowed = sorted(untested_modules()), LEFT["untested_modules"]
-    assert len(found) <= allowed, f"some of these modules need a test file of their name: {found}"
-    assert len(found) >= allowed, f"well done: lower untested_modules to {len(found)}"
+    assert sorted(untested_modules()) == [], "move or write tests for these modules"
