@@ -1,8 +1,8 @@
-"""Who may see a page: decided from a request's head alone.
+"""Decides from the head of a request whether to answer it.
 
-A browser on the robot's own machine is the danger: a page from anywhere may make it ask us, under
-a name of its own that it has let point here (DNS rebinding). So the name asked for must be one of
-ours, and a page from elsewhere gets nothing.
+The hazard is a browser on the robot's own machine: any web page can make it send requests here,
+under a host name that resolves to this machine (DNS rebinding). So the Host header must contain one
+of the server's own names, and pages of other servers get no answer.
 """
 
 from __future__ import annotations
@@ -15,27 +15,27 @@ LOOPBACK = ("127.0.0.1", "localhost", "::1")
 
 
 class Head(msgspec.Struct, frozen=True):
-    """What counts of a request; a header that came several times has several values."""
+    """The relevant parts of a request; a repeated header has several values."""
 
     method: str
     hosts: Sequence[str]
     local: str = ""
-    """The address, with its port, at which it arrived: one of ours, whatever its name is."""
+    """The local address of the connection, with its port; as a Host header it is always valid."""
     origins: Sequence[str] = ()
     authorizations: Sequence[str] = ()
 
 
 class Refusal(msgspec.Struct, frozen=True):
-    """A status of HTTP, and a sentence."""
+    """An HTTP status and the reason as a sentence."""
 
     status: int
     reason: str
 
 
 class Guard:
-    """Lets requests in that name one of `names` (each with its port), and prove what they must.
+    """Accepts requests for one of `names` (each with its port) that have a valid token.
 
-    `may_look` says whether a bearer token is good enough; without it none is asked for.
+    `may_look` returns whether a bearer token is valid; without it, no token is needed.
     """
 
     def __init__(
@@ -52,23 +52,23 @@ class Guard:
         self._may_look = may_look
 
     def refusal(self, head: Head) -> Refusal | None:
-        """Why a request is refused, None if it is not."""
+        """Return why a request is refused, None if it is accepted."""
         if head.method not in ("GET", "HEAD"):
             return Refusal(405, "only GET and HEAD are answered here")
         if len(head.hosts) != 1:
             return Refusal(400, f"expected one Host header, got {len(head.hosts)}")
         host = head.hosts[0].lower()
         if not host or (host not in self._names and host != head.local):
-            return Refusal(421, "this server has no such name; ask for it by its own address")
+            return Refusal(421, "this server does not have this name; use its address")
         if any(origin.lower() != f"{self._scheme}://{host}" for origin in head.origins):
-            return Refusal(403, "pages from elsewhere may not ask here")
+            return Refusal(403, "requests from pages of other servers are refused")
         if self._may_look is not None and not self._may_look(_bearer(head.authorizations)):
             return Refusal(401, "expected the server's secret: Authorization: Bearer SECRET")
         return None
 
 
 def own_names(listened: str, port: int, *, machine: str) -> list[str]:
-    """Under which `host:port` a server may be asked that listens at a host of a machine."""
+    """Return the valid Host headers for a server that listens at an address of a machine."""
     hosts = [*LOOPBACK]
     if not listened.startswith("127.") and listened not in ("::1", "localhost"):
         hosts += [listened, machine, f"{machine}.local"]

@@ -1,18 +1,21 @@
-"""Serves pages over HTTP to those who may see them; the only importer of aiohttp."""
+"""Serves the pages of a task server over HTTP; the only module that imports aiohttp."""
 
 from __future__ import annotations
 
 import asyncio
 import contextlib
+import json
 import logging
 import socket
 import ssl
-from collections.abc import Awaitable, Callable, Iterator
-from typing import Any, Self, cast
+from collections.abc import Awaitable, Callable, Iterator, Mapping
+from typing import TYPE_CHECKING, Any, Self, TypeAlias, cast
 
+import msgspec
 from aiohttp import web
 
 from taskrpc.errors import CannotListen
+from taskrpc.metrics.prometheus import CONTENT_TYPE
 from taskrpc.security.tls import ServerTls, Tls
 from taskrpc.transport.connection.connection import shown
 from taskrpc.transport.limits.log_throttling import ThrottledLog
@@ -20,13 +23,16 @@ from taskrpc.transport.network import Factory
 from taskrpc.transport.tcp.listening import Listener
 from taskrpc.transport.tcp.tcp_network import bound, is_loopback, join_place, split_place
 from taskrpc.web.guard import Guard, Head, own_names
-from taskrpc.web.pages import Page, Pages
+
+if TYPE_CHECKING:
+    from taskrpc.metrics import Metrics
+    from taskrpc.tasks import TaskServer
 
 log = logging.getLogger("taskrpc.web")
 
 MAX_CONNECTIONS = 64
-"""Open connections; one more closes the oldest one whose request is unfinished."""
-PATIENCE = 10.0
+"""Most open connections; a further one closes the oldest whose request is unfinished."""
+REQUEST_TIMEOUT = 10.0
 """Seconds for one request and its response; then the connection is closed."""
 
 _HEADERS = {
@@ -37,11 +43,37 @@ _HEADERS = {
 }
 
 
-class WebServer:
-    """Shows pages, and changes nothing: `async with WebServer(pages, listen="127.0.0.1:8080"):`.
+class Page(msgspec.Struct, frozen=True):
+    """One HTTP response."""
 
-    Programs of this machine may read them. Elsewhere than at this machine's own addresses it
-    needs `tls` and `may_look`, which says whether a bearer token is good enough.
+    body: str
+    content_type: str = "text/plain; charset=utf-8"
+    status: int = 200
+
+
+Pages: TypeAlias = Mapping[str, Callable[[], Awaitable[Page]]]
+"""The functions that make the page of each path, such as `/health`."""
+
+
+def task_pages(server: TaskServer, metrics: Metrics) -> Pages:
+    """Return the pages `/health` (503 while no tasks are accepted) and `/metrics`."""
+
+    async def health() -> Page:
+        answer = await server.health()
+        body = json.dumps({"ready": answer.success, "message": answer.message})
+        return Page(f"{body}\n", "application/json", 200 if answer.success else 503)
+
+    async def measured() -> Page:
+        return Page(metrics.text(), CONTENT_TYPE)
+
+    return {"/health": health, "/metrics": measured}
+
+
+class WebServer:
+    """Serves read-only pages: `async with WebServer(pages, listen="127.0.0.1:8080"):`.
+
+    All programs of this machine may read them. To listen at any other address, it needs `tls` and
+    `may_look`, which returns whether a bearer token is valid.
     """
 
     def __init__(
@@ -53,7 +85,7 @@ class WebServer:
         may_look: Callable[[str], bool] | None = None,
     ) -> None:
         self.url = ""
-        """Where the pages are, once it has started."""
+        """The address of the pages; "" before the start."""
         self._pages = pages
         self._host, self._port = split_place(listen)
         self._tls = ServerTls(tls) if tls is not None and tls.cert is not None else None
@@ -87,7 +119,7 @@ class WebServer:
         self._listener = Listener(sock, factory, self._tls_context)
 
     async def close(self) -> None:
-        """Cut everybody off."""
+        """Close the server and all connections."""
         if self._listener is not None and self._server is not None:
             listener, self._listener = self._listener, None
             await listener.close()
@@ -146,7 +178,7 @@ def _response(page: Page) -> web.Response:
 
 
 class _Places:
-    """The connections of one server: bounded, and unfinished requests keep no others out."""
+    """The limited set of a server's connections; unfinished requests make room for new ones."""
 
     def __init__(self) -> None:
         self._open: dict[web.RequestHandler, asyncio.Transport] = {}
@@ -177,7 +209,7 @@ class _Places:
 
 
 class _Connection(web.RequestHandler):
-    """A connection of aiohttp that is closed after `PATIENCE` and logs no tracebacks."""
+    """A connection of aiohttp that is closed after `REQUEST_TIMEOUT` and logs no tracebacks."""
 
     __slots__ = ("_places", "_timer")
 
@@ -190,8 +222,8 @@ class _Connection(web.RequestHandler):
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         super().connection_made(transport)
         writing = cast("asyncio.Transport", transport)
-        # Abort, not close: a peer that does not read would keep its place during a close.
-        self._timer = asyncio.get_running_loop().call_later(PATIENCE, writing.abort)
+        # Abort, not close: with close, a peer that does not read would keep its connection.
+        self._timer = asyncio.get_running_loop().call_later(REQUEST_TIMEOUT, writing.abort)
         self._places.take(self, writing)
 
     def connection_lost(self, exc: BaseException | None) -> None:

@@ -97,7 +97,7 @@ async def test_a_page_that_fails_shows_nothing_of_the_inside(caplog):
 
 
 async def test_who_says_nothing_loses_his_place(web, monkeypatch):
-    monkeypatch.setattr(server, "PATIENCE", 0.1)
+    monkeypatch.setattr(server, "REQUEST_TIMEOUT", 0.1)
     assert await raw(web, b"GET /hello HTTP/1.1\r\nHo") == b""
 
 
@@ -110,7 +110,7 @@ async def test_who_says_nothing_loses_his_place(web, monkeypatch):
     ],
 )
 async def test_hundreds_of_unfinished_requests_keep_no_page_waiting(web, unfinished, monkeypatch):
-    monkeypatch.setattr(server, "PATIENCE", 1_000)
+    monkeypatch.setattr(server, "REQUEST_TIMEOUT", 1_000)
     host, _, port = web.url.rpartition("/")[2].rpartition(":")
     unfinished_ones = []
     for _ in range(4 * server.MAX_CONNECTIONS):
