@@ -1,4 +1,4 @@
-"""Who of a class has called, and when last: noted by the server, read by the roster."""
+"""The time of each account's last call; the server writes it, the roster reads it."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from taskrpc.callinfo import CallInfo
 from taskrpc.observer import Observer
 
 WRITE_EVERY = 5.0
-"""Seconds from one note on the disk to the next."""
+"""Seconds between two writes to the disk."""
 
 
 class Attendance(Observer):
-    """Notes in a file when each account last called."""
+    """Records in a file when each account last called."""
 
     def __init__(self, path: Path, wall_clock: Callable[[], float] = time.time) -> None:
         self._path = path
@@ -26,7 +26,7 @@ class Attendance(Observer):
         self._written = float("-inf")
 
     def call_began(self, call: CallInfo) -> None:
-        """Note the caller."""
+        """Record the caller."""
         if not call.principal:
             return
         now, is_new = self._wall_clock(), call.principal not in self._seen
@@ -35,7 +35,7 @@ class Attendance(Observer):
             self._write(now)
 
     def node_ended(self, node: object) -> None:
-        """Write down what has not been yet."""
+        """Write the calls that are not yet in the file."""
         if self._seen:
             self._write(self._wall_clock())
 
@@ -45,7 +45,7 @@ class Attendance(Observer):
 
 
 def last_calls(path: Path) -> dict[str, float]:
-    """When each account last called, in seconds since 1970; empty where nobody knows."""
+    """Return each account's last call in seconds since 1970; empty without a readable file."""
     try:
         return msgspec.json.decode(path.read_bytes(), type=dict[str, float])
     except (OSError, msgspec.MsgspecError):

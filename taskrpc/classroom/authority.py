@@ -20,14 +20,14 @@ if TYPE_CHECKING:
     from cryptography import x509
     from cryptography.hazmat.primitives.asymmetric.ec import EllipticCurvePrivateKey
 
-_AUTHORITY_DAYS = 3650
-_SERVER_DAYS = 825
+_AUTHORITY_DAYS = 3650  # validity of the authority's certificate
+_SERVER_DAYS = 825  # validity of the server's certificate
 _CLOCKS_DIFFER = datetime.timedelta(days=2)
-"""A laptop whose clock is so much late can join all the same."""
+"""A laptop whose clock is late by up to this much can still join."""
 
 
 class Certificates(msgspec.Struct, frozen=True):
-    """The files of a lab (PEM); the keys can be read by this user only."""
+    """The certificate files of a lab (PEM); only this user can read the keys."""
 
     ca: Path
     ca_key: Path
@@ -36,7 +36,7 @@ class Certificates(msgspec.Struct, frozen=True):
 
     @property
     def fingerprint(self) -> bytes:
-        """SHA-256 of the server's certificate. Raises TaskRpcError where it is none."""
+        """SHA-256 of the server's certificate. Raises TaskRpcError for any other file."""
         try:
             return fingerprint(self.cert.read_text(encoding="ascii"))
         except (OSError, ValueError):
@@ -44,23 +44,21 @@ class Certificates(msgspec.Struct, frozen=True):
 
 
 def fingerprint(pem: str) -> bytes:
-    """SHA-256 of a certificate, the first one of the text. Raises ValueError where it is none."""
+    """Return the SHA-256 of the first certificate in a text. Raises ValueError without one."""
     return hashlib.sha256(ssl.PEM_cert_to_DER_cert(first_certificate(pem))).digest()
 
 
 def files_in(folder: Path) -> Certificates:
-    """Where a lab's certificates are."""
+    """Return the paths of a lab's certificates."""
     return Certificates(
         folder / "ca.pem", folder / "ca.key", folder / "server.pem", folder / "server.key"
     )
 
 
 def make_certificates(folder: Path, names: Sequence[str], now: datetime.datetime) -> Certificates:
-    """Make the authority, where there is none yet, and a new certificate for the server.
+    """Make the authority if it does not exist yet, and a new certificate for the server.
 
-    `names` are its host names and addresses.
-
-    Raises TaskRpcError without the extra `tls`.
+    `names` are the server's host names and addresses. Raises TaskRpcError without the extra `tls`.
     """
     _require_cryptography()
     made = files_in(folder)
@@ -78,7 +76,7 @@ def make_certificates(folder: Path, names: Sequence[str], now: datetime.datetime
 
 def _require_cryptography() -> None:
     try:
-        import cryptography  # noqa: F401 - only whether it is there
+        import cryptography  # noqa: F401 - only checks whether it is installed
     except ImportError:
         raise TaskRpcError(
             "making certificates needs the library cryptography: pip install cryptography"

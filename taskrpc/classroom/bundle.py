@@ -1,4 +1,4 @@
-"""The offline installation for a class: a folder of wheels, and a text that says how to use it."""
+"""The offline installation for a class: a folder of wheels, and instructions for students."""
 
 from __future__ import annotations
 

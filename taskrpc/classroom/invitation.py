@@ -1,4 +1,4 @@
-"""The join string: one line with all that a laptop must know of the lab, and a checksum."""
+"""The join string: one line with everything that a laptop needs to call a lab, and a checksum."""
 
 from __future__ import annotations
 
@@ -15,14 +15,15 @@ from taskrpc.errors import TaskRpcError
 PREFIX = "taskrpc-join1."
 _FAMILY = "taskrpc-join"
 _ALPHABET = string.ascii_letters + string.digits + "-_"
-_CHECKSUM = 4
+_CHECKSUM = 4  # bytes
 _LONGEST = 8192
 """Characters; more than the longest fields need."""
 _LONGEST_TO_MEND = 1000
-"""Characters up to which a mistyped one is searched, in about a second; most strings have 200."""
+"""Characters; in longer strings no mistyped one is searched. Searching 1000 takes about a second;
+most strings have 200."""
 
 
-# Whoever made a string may be anybody: what is in it is printed, called and remembered.
+# Anybody can make a join string, and a laptop prints, calls and stores its fields: check them.
 _Place = Annotated[
     str,
     Meta(
@@ -38,36 +39,36 @@ _LATEST = 32_503_680_000
 
 
 class Invitation(msgspec.Struct, array_like=True, frozen=True):
-    """What a join string says."""
+    """The contents of a join string."""
 
     places: Annotated[tuple[_Place, ...], Meta(min_length=1, max_length=16)]
-    """`HOST:PORT`, the likeliest first."""
+    """`HOST:PORT`, the most probable one first."""
     fingerprint: Annotated[bytes, Meta(min_length=32, max_length=32)]
     """SHA-256 of the server's certificate (DER)."""
     token: _Token
     """`NAME.SECRET`."""
     namespace: _Namespace
-    """Of the student's own nodes."""
+    """The namespace of the student's own nodes."""
     expires: Annotated[int, Meta(ge=0, le=_LATEST)]
-    """Seconds since 1970 from when on it is refused, 0 for never."""
+    """When the string expires, in seconds since 1970; 0 for never."""
     domain: Annotated[int, Meta(ge=0, le=232)]
     """The server's `ROS_DOMAIN_ID`."""
 
     def __repr__(self) -> str:
-        # Without the token: what is printed ends in logs.
+        # Without the token, because printed texts end up in logs.
         return f"Invitation({', '.join(self.places)}, {self.namespace})"
 
 
 def to_join_string(invitation: Invitation) -> str:
-    """The one line that says this."""
+    """Return the join string of an invitation."""
     body = msgspec.msgpack.encode(invitation)
     return PREFIX + base64.urlsafe_b64encode(_checksum(body) + body).decode().rstrip("=")
 
 
 def from_join_string(text: str) -> Invitation:
-    """What a join string says; blanks and line breaks in it, as mails have them, do no harm.
+    """Return the contents of a join string; spaces and line breaks in it are ignored.
 
-    Raises TaskRpcError that tells what is wrong with it, a mistyped character with its place.
+    Raises TaskRpcError for an invalid string; the text gives the place of a mistyped character.
     """
     if len(text) > _LONGEST:
         problem = f"expected a join string of at most {_LONGEST} characters, got {len(text)}"
@@ -78,14 +79,16 @@ def from_join_string(text: str) -> Invitation:
     letters = joined.removeprefix(PREFIX)
     for index, letter in enumerate(letters, len(PREFIX) + 1):
         if letter not in _ALPHABET:
-            raise TaskRpcError(f"the join string has {letter!r} at place {index}, which none has")
+            raise TaskRpcError(
+                f"the join string has {letter!r} at place {index}, which is never valid"
+            )
     body = _body(letters)
     if body is None:
         raise TaskRpcError(_damage(letters))
     try:
         return msgspec.msgpack.decode(body, type=Invitation)
     except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
-        raise TaskRpcError(f"this is no join string of this version: {error}") from None
+        raise TaskRpcError(f"expected a join string of this version: {error}") from None
 
 
 def _foreign(joined: str) -> str:
@@ -97,7 +100,7 @@ def _foreign(joined: str) -> str:
 
 
 def _damage(letters: str) -> str:
-    """What is wrong with a string whose checksum is: one character, if one would mend it."""
+    """Describe a string with a wrong checksum; names a single mistyped character."""
     for index, letter in enumerate(letters if len(letters) <= _LONGEST_TO_MEND else ""):
         before, after = letters[:index], letters[index + 1 :]
         if any(_body(before + other + after) is not None for other in _ALPHABET):
@@ -107,7 +110,7 @@ def _damage(letters: str) -> str:
 
 
 def _body(letters: str) -> bytes | None:
-    """What follows a right checksum; None behind a wrong one."""
+    """Return the data after the checksum; None if the checksum is wrong."""
     try:
         data = base64.urlsafe_b64decode(letters + "=" * (-len(letters) % 4))
     except binascii.Error:

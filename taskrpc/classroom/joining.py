@@ -1,4 +1,4 @@
-"""What a laptop does with a join string: find the server, pin its certificate, knock."""
+"""Joins a lab with a join string: finds the server, pins its certificate, connects."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from taskrpc.transport.endpoint import Endpoint
 from taskrpc.transport.tcp.tcp_network import TcpNetwork, split_place
 from taskrpc.wire.messages import Listing, Resolve
 
-PATIENCE = 4.0
+TIMEOUT = 4.0
 """Seconds for each address of a join string."""
 
 
 def find_lab(invitation: Invitation) -> Lab:
-    """The lab that a join string leads to; nothing secret is sent to anybody else.
+    """Find the lab of a join string; sends no secret to any other server.
 
     Raises:
         AuthenticationFailed: the string has expired, or its server shows another certificate.
-        ServiceUnavailable: nobody answers at any of its addresses.
+        ServiceUnavailable: no server answers at any of its addresses.
     """
     expires = invitation.expires
     if 0 < expires <= time.time():
@@ -41,14 +41,14 @@ def find_lab(invitation: Invitation) -> Lab:
 
 
 async def visit(lab: Lab) -> Listing:
-    """Shake hands with a lab's server; returns what it offers.
+    """Connect to a lab's server; returns its services.
 
-    Raises AuthenticationFailed where the token is not accepted (any more), ConnectionLost where
-    nobody answers.
+    Raises AuthenticationFailed if the server rejects the token, and ConnectionLost if no server
+    answers.
     """
     endpoint = Endpoint(TcpNetwork(domain=lab.domain, peers=[lab.place], lab=lab))
     try:
-        deadline = endpoint.loop.time() + PATIENCE
+        deadline = endpoint.loop.time() + TIMEOUT
         connection = await endpoint.dialler.connection(endpoint.network.peers()[0], deadline)
         found: Listing = await connection.resolve(Resolve(""), deadline).future
         return found
@@ -62,13 +62,13 @@ def visit_now(lab: Lab) -> Listing:
 
 
 def _shown(invitation: Invitation) -> tuple[str, str]:
-    """The first address that shows the right certificate, and that certificate."""
+    """Return the first address that shows the expected certificate, and the certificate."""
     silent: list[str] = []
     others: list[str] = []
     for place in invitation.places:
         try:
-            certificate = ssl.get_server_certificate(split_place(place), timeout=PATIENCE)
-        except OSError as error:  # TLS errors and timeouts are such, too
+            certificate = ssl.get_server_certificate(split_place(place), timeout=TIMEOUT)
+        except OSError as error:  # includes TLS errors and timeouts
             silent.append(f"{place}: {_reason(error)}")
             continue
         if fingerprint(certificate) == invitation.fingerprint:
@@ -80,7 +80,7 @@ def _shown(invitation: Invitation) -> tuple[str, str]:
 def _impostor(place: str) -> TaskRpcError:
     return AuthenticationFailed(
         f"{place} shows another certificate than the join string says: it is another server, or"
-        " the lab's has a new one; ask for a new join string"
+        " the lab's server has a new one; ask for a new join string"
     )
 
 
@@ -94,7 +94,7 @@ def _unreachable(silent: list[str]) -> TaskRpcError:
 
 def _reason(error: OSError) -> str:
     if isinstance(error, TimeoutError):
-        return f"no answer within {PATIENCE:g} s"
+        return f"no answer within {TIMEOUT:g} s"
     if isinstance(error, ssl.SSLError):
-        return "something else than a lab's server listens there"
+        return "another program than a lab's server listens there"
     return error.strerror or str(error)

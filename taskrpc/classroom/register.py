@@ -1,10 +1,13 @@
-"""The class's register: its accounts and where its server is, in a folder of the lecturer's."""
+"""The register of a class: its accounts, and the addresses of its server."""
 
 from __future__ import annotations
 
+import contextlib
+import ipaddress
 import itertools
 import re
 import secrets
+import socket
 import unicodedata
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -22,16 +25,16 @@ _SECRET_BYTES = 18
 
 
 class Place(msgspec.Struct, frozen=True):
-    """Where laptops reach the class's server."""
+    """The addresses at which laptops reach the class's server."""
 
     hosts: tuple[str, ...]
-    """Names or addresses, the likeliest first."""
+    """Names or addresses, the most probable one first."""
     port: int
     domain: int = 0
 
     @property
     def addresses(self) -> tuple[str, ...]:
-        """`HOST:PORT`, with brackets where IPv6 wants them."""
+        """`HOST:PORT`, with brackets around IPv6 addresses."""
         shown = (f"[{host}]" if ":" in host else host for host in self.hosts)
         return tuple(f"{host}:{self.port}" for host in shown)
 
@@ -43,7 +46,7 @@ class _Row(msgspec.Struct):
     revoked: bool = False
 
     def __repr__(self) -> str:
-        return f"_Row({self.role})"  # without the secret: what is printed ends in logs
+        return f"_Row({self.role})"  # without the secret, because printed texts end up in logs
 
 
 class _File(msgspec.Struct):
@@ -51,7 +54,7 @@ class _File(msgspec.Struct):
 
 
 class Register:
-    """The files of a class in one folder, which is made if need be."""
+    """The files of a class in one folder, which is created if it is missing."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = platform.private_dir(folder)
@@ -66,18 +69,18 @@ class Register:
         return [_account(name, row) for name, row in self._read().accounts.items()]
 
     def add(self, names: Iterable[str], expires: float) -> list[Account]:
-        """Accounts for students of these names until `expires` (seconds since 1970).
+        """Add accounts for students until `expires` (seconds since 1970); returns them.
 
-        A name that no account can have, such as José, gets an account that is derived from it; the
-        same name gets the same account again. Old ones keep their secret and their role. A revoked
-        one may be used again, as if it were new.
+        A name that is not valid for an account, such as José, gets an account that is derived from
+        it; the same name always gets the same account. An existing account keeps its secret and its
+        role. A revoked account is replaced by a new one.
 
-        Raises TaskRpcError, and adds none, for what is no name, and where two accounts would have
-        one namespace.
+        Raises TaskRpcError, and adds no account, for an invalid name, or if two accounts would have
+        the same namespace.
         """
         students = [cleaned(name) for name in names]
         for student in students:
-            if problem := why_no_student(student):
+            if problem := student_name_problem(student):
                 raise TaskRpcError(problem)
         wanted: list[str] = []
 
@@ -100,7 +103,7 @@ class Register:
         return [account for account in self.accounts() if account.name in wanted]
 
     def revoke(self, name: str) -> None:
-        """Refuse an account from now on, named by itself or by its student.
+        """Revoke an account, given its name or its student's name.
 
         Raises TaskRpcError if there is no such account.
         """
@@ -117,7 +120,7 @@ class Register:
         self._edit(change)
 
     def names(self) -> dict[str, str]:
-        """The students' names as they were written, by account, where the two differ."""
+        """Return the students' names by account, for accounts with a derived name."""
         try:
             return msgspec.json.decode(self._names_file.read_bytes(), type=dict[str, str])
         except FileNotFoundError:
@@ -127,7 +130,7 @@ class Register:
 
     @property
     def place(self) -> Place:
-        """Where the server is. Raises TaskRpcError before `place` was set."""
+        """The server's addresses. Reading raises TaskRpcError before the first assignment."""
         try:
             return msgspec.json.decode(self._place_file.read_bytes(), type=Place)
         except FileNotFoundError:
@@ -140,9 +143,9 @@ class Register:
         platform.write_private(self._place_file, msgspec.json.encode(place))
 
     def join_string(self, account: Account) -> str:
-        """The line with which the laptop of this account joins.
+        """Return the join string of an account.
 
-        Raises TaskRpcError where another account has its namespace.
+        Raises TaskRpcError if another account has the same namespace.
         """
         _check_namespace(account.name, self._read().accounts)
         place = self.place
@@ -180,7 +183,7 @@ def _account(name: str, row: _Row) -> Account:
 
 
 def _account_of(student: str, accounts: set[str], written: dict[str, str]) -> str:
-    """The account of a student; a new account is derived from the name and added to `written`."""
+    """Return the account of a student; adds a new derived account to `written`."""
     for account, name in written.items():
         if name == student:
             return account
@@ -193,7 +196,7 @@ def _account_of(student: str, accounts: set[str], written: dict[str, str]) -> st
 
 
 def _check_namespace(name: str, rows: dict[str, _Row]) -> None:
-    """Refuse a name whose namespace another account has; different names may give the same one."""
+    """Raise TaskRpcError if another account has the namespace of this name."""
     namespace = namespace_of(name)
     for other, row in rows.items():
         if other != name and not row.revoked and namespace_of(other) == namespace:
@@ -213,7 +216,7 @@ def _free_name(name: str, rows: dict[str, _Row]) -> str:
 
 
 def namespace_of(name: str) -> str:
-    """The namespace for services of an account's own: `/ada`, `/s_7` for `7`."""
+    """Return the namespace of an account's own services: `/ada`, `/s_7` for `7`."""
     word = re.sub(r"\W", "_", name, flags=re.ASCII)
     return f"/s_{word}" if word[0].isdigit() or word[0] == "_" else f"/{word}"
 
@@ -221,7 +224,7 @@ def namespace_of(name: str) -> str:
 _MOST = 100
 _LONGEST_ACCOUNT = 40
 _MARKS = " .,'\N{RIGHT SINGLE QUOTATION MARK}·_@+-()"
-"""Characters that names may have beside letters and digits."""
+"""The characters of names besides letters and digits."""
 _JOINERS = "\N{ZERO WIDTH NON-JOINER}\N{ZERO WIDTH JOINER}"
 """Invisible parts of Persian and Indic names; other invisible characters could disguise a name."""
 _SPELLINGS = dict(
@@ -236,12 +239,12 @@ _NUMBERED = "student"
 
 
 def cleaned(name: str) -> str:
-    """A name with single spaces, and each letter in one form however it was typed."""
+    """Return a name with single spaces and in Unicode's composed form (NFC)."""
     return unicodedata.normalize("NFC", " ".join(name.split()))
 
 
-def why_no_student(name: str) -> str:
-    """Why a cleaned name is not valid for a student, "" if it is."""
+def student_name_problem(name: str) -> str:
+    """Return why a cleaned name is not valid for a student, "" if it is valid."""
     # L, M, N: letters, marks and numbers.
     kinds = [unicodedata.category(letter) for letter in name]
     is_right = all(
@@ -257,7 +260,7 @@ def why_no_student(name: str) -> str:
 
 
 def account_for(name: str, is_free: Callable[[str], bool]) -> str:
-    """A free account for a student's name: `Jose` for José, `student1` for 小明."""
+    """Return a free account name for a student: `Jose` for José, `student1` for 小明."""
     plain = unicodedata.normalize("NFKD", name.translate(_SPELLINGS))
     letters = plain.encode("ascii", "ignore").decode()
     base = re.sub(r"[^A-Za-z0-9]+", "_", letters).strip("_")[:_LONGEST_ACCOUNT]
@@ -267,3 +270,58 @@ def account_for(name: str, is_free: Callable[[str], bool]) -> str:
     while not is_free(account := f"{base or _NUMBERED}{number}"):
         number += 1
     return account
+
+
+# The names and addresses of this machine
+
+_HOST_NAME = re.compile(r"[A-Za-z0-9]([A-Za-z0-9.-]{0,251}[A-Za-z0-9])?").fullmatch
+
+# A UDP socket that connects to one of these gets the address from which this machine would send; no
+# packet is sent. The first stands for the internet, the others for the ranges of private networks,
+# which may have another route.
+_ELSEWHERE = ("192.0.2.1", "192.168.255.254", "10.255.255.254", "172.31.255.254")
+
+
+def own_addresses() -> list[str]:
+    """Return this machine's IPv4 addresses, the most probable one first; may be empty."""
+    found = [*_outgoing(), *_of_host_name()]
+    return [each for each in dict.fromkeys(found) if _is_reachable(each)]
+
+
+def own_names() -> list[str]:
+    """Return the names of this machine for the certificate, in addition to `own_addresses`."""
+    name = socket.gethostname()
+    return [*([name] if is_host(name) else []), "localhost", "127.0.0.1", "::1"]
+
+
+def is_host(text: str) -> bool:
+    """Whether a text is an address, or a host name that certificates can contain; no port."""
+    try:
+        ipaddress.ip_address(text)
+    except ValueError:
+        return bool(_HOST_NAME(text))
+    return True
+
+
+def _outgoing() -> list[str]:
+    found = []
+    for elsewhere in _ELSEWHERE:
+        with (
+            contextlib.suppress(OSError),
+            socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe,
+        ):
+            probe.connect((elsewhere, 9))
+            found.append(str(probe.getsockname()[0]))
+    return found
+
+
+def _of_host_name() -> list[str]:
+    try:
+        return socket.gethostbyname_ex(socket.gethostname())[2]
+    except (OSError, UnicodeError):
+        return []
+
+
+def _is_reachable(address: str) -> bool:
+    parsed = ipaddress.ip_address(address)
+    return not (parsed.is_loopback or parsed.is_unspecified or parsed.is_link_local)

@@ -21,9 +21,9 @@ if TYPE_CHECKING:
 _PORT = 7450
 _DAYS = 180
 _MOST_DAYS = 36_500
-_SHARE = 20
+_SHARE = 20  # queued tasks of one laptop
 _DAY = 86_400
-_CLASS = "class"
+_CLASS = "class"  # the account of a class without --students
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -65,7 +65,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def _host(text: str) -> str:
-    from taskrpc.classroom.addresses import is_host
+    from taskrpc.classroom.register import is_host
 
     if not is_host(text):
         raise argparse.ArgumentTypeError(f"expected a host name or an address, got {text!r}")
@@ -103,7 +103,8 @@ def _make(options: argparse.Namespace) -> Exit:
         print("start the server: taskrpc classroom --serve", file=sys.stderr)
         print("for laptops without taskrpc: taskrpc classroom bundle DIR", file=sys.stderr)
         return Exit.DONE
-    # In class this is seen by everybody, and each student's line is a secret.
+    # Students may see this screen in class, and each student's string is a secret. So print only
+    # new strings and the string that all students share.
     if options.students or len(accounts) == 1:
         _print_strings(register, accounts)
     return _serve(register, place, options)
@@ -117,8 +118,7 @@ def _register() -> Register:
 
 
 def _place(options: argparse.Namespace, register: Register) -> Place:
-    from taskrpc.classroom.addresses import own_addresses
-    from taskrpc.classroom.register import Place
+    from taskrpc.classroom.register import Place, own_addresses
     from taskrpc.transport.tcp.tcp_network import domain_id
 
     hosts = options.address or own_addresses()
@@ -131,8 +131,8 @@ def _place(options: argparse.Namespace, register: Register) -> Place:
 
 
 def _make_certificates(register: Register, place: Place) -> None:
-    from taskrpc.classroom.addresses import own_names
     from taskrpc.classroom.authority import make_certificates
+    from taskrpc.classroom.register import own_names
 
     names = list(dict.fromkeys([*place.hosts, *own_names()]))
     make_certificates(register.folder, names, datetime.datetime.now(datetime.UTC))
@@ -140,14 +140,14 @@ def _make_certificates(register: Register, place: Place) -> None:
 
 
 def _students(given: str) -> list[str]:
-    """Names from a file, or made up for so many."""
+    """Return the names in a file, or generated names for a number of students."""
     if given.isdecimal():
         count = whole(1)(given) if int(given) else 0
         if not count:
             raise TaskRpcError("--students: expected at least one")
         return [f"student{number:0{len(given)}}" for number in range(1, count + 1)]
     from taskrpc import platform
-    from taskrpc.classroom.register import cleaned, why_no_student
+    from taskrpc.classroom.register import cleaned, student_name_problem
 
     try:
         lines = platform.read_text(given, "utf-8-sig").splitlines()
@@ -159,7 +159,7 @@ def _students(given: str) -> list[str]:
         if not (name := cleaned(line)):
             continue
         where = f"--students {given}, line {number}"
-        if problem := why_no_student(name):
+        if problem := student_name_problem(name):
             raise TaskRpcError(f"{where}: {problem}")
         if name in names:
             raise TaskRpcError(f"{where}: {name!r} appears twice; give each student another name")
@@ -170,7 +170,7 @@ def _students(given: str) -> list[str]:
 
 
 def _print_strings(register: Register, accounts: Sequence[Account]) -> None:
-    """One line each: the string alone, or behind the name where there are several."""
+    """Print one line per valid account: the string, after the name if there are several."""
     usable = [account for account in accounts if not account.refusal(time.time())]
     print("on each laptop: taskrpc join STRING", file=sys.stderr)
     written = register.names()
@@ -197,7 +197,7 @@ def _serve(register: Register, place: Place, options: argparse.Namespace) -> Exi
 
 def _add(options: argparse.Namespace) -> Exit:
     register = _register()
-    assert register.place  # raises where there is no class
+    assert register.place  # raises TaskRpcError if there is no class
     accounts = register.add(options.names, time.time() + options.days * _DAY)
     _print_strings(register, accounts)
     return Exit.DONE

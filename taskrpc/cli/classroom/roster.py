@@ -16,7 +16,7 @@ from taskrpc.cli.task.view import aligned
 from taskrpc.errors import TaskRpcError
 from taskrpc.security.roles import Account
 
-_PATIENCE = 2.0
+_TIMEOUT = 2.0  # seconds for a call of the task server
 _HEADINGS = "NAME", "STATE", "LAST CALL", "WAITING", "UNTIL"
 
 
@@ -38,10 +38,10 @@ def show(register: Register, *, as_json: bool) -> Exit:
 
 
 async def _waiting() -> list[str] | None:
-    """Whose tasks wait, as the server names them; None where there is no server."""
+    """Return the client of each queued task, as the server names it; None without a server."""
     async with HERE.node() as node:
         try:
-            tasks: list[Any] = await TaskServices(node, timeout=_PATIENCE).tasks()
+            tasks: list[Any] = await TaskServices(node, timeout=_TIMEOUT).tasks()
         except TaskRpcError:
             return None
     return [task.client for task in tasks if task.state == task.QUEUED]
@@ -79,6 +79,6 @@ def _shown(value: Any) -> str:
     if isinstance(value, float):
         try:
             return time.strftime("%Y-%m-%d %H:%M", time.localtime(value))
-        except (OverflowError, OSError, ValueError):  # later than the system can think of
+        except (OverflowError, OSError, ValueError):  # later than the system can represent
             return "-"
     return "-" if value is None else str(value)

@@ -209,7 +209,7 @@ def test_something_else_at_the_address_is_told(made):
         threading.Thread(target=_babble, args=[sock], daemon=True).start()
         place = f"127.0.0.1:{sock.getsockname()[1]}"
         lost = Invitation((place,), made.fingerprint, TOKEN, "/ada", 0, 0)
-        with pytest.raises(taskrpc.ServiceUnavailable, match="something else than a lab's server"):
+        with pytest.raises(taskrpc.ServiceUnavailable, match="another program than a lab's server"):
             find_lab(lost)
 
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from taskrpc.classroom.register import account_for, cleaned, why_no_student
+from taskrpc.classroom.register import account_for, cleaned, student_name_problem
 from taskrpc.security.roles import account_name_problem
 
 
@@ -25,7 +25,7 @@ from taskrpc.security.roles import account_name_problem
 )
 def test_an_account_is_derived_from_a_name(name, account):
     name = cleaned(name)
-    assert why_no_student(name) == ""
+    assert student_name_problem(name) == ""
     assert account_for(name, lambda _: True) == account
     assert account_name_problem(account) == ""
 
@@ -40,7 +40,7 @@ def test_a_taken_account_is_numbered():
     "name", ["", "---", "a;b", "<b>", "x\x1b[31m", "\N{RIGHT-TO-LEFT OVERRIDE}abc", "a" * 101]
 )
 def test_invalid_student_name_is_refused(name):
-    assert "a student's name: expected 1 to 100 letters" in why_no_student(name)
+    assert "a student's name: expected 1 to 100 letters" in student_name_problem(name)
 
 
 def test_blanks_are_single():

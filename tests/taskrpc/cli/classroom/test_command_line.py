@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from taskrpc.classroom import addresses
+from taskrpc.classroom import register
 from taskrpc.classroom.attendance import Attendance
 from taskrpc.classroom.invitation import from_join_string
 from taskrpc.cli.classroom import command_line
@@ -120,15 +120,15 @@ def test_one_who_comes_later_and_one_who_goes(make, say):
 
 
 def test_the_addresses_of_this_machine_are_found(say, monkeypatch):
-    monkeypatch.setattr(addresses, "_outgoing", lambda: ["10.1.2.3", "127.0.0.1"])
-    monkeypatch.setattr(addresses, "_named", lambda: ["127.0.1.1", "10.1.2.3", "192.168.5.6"])
+    monkeypatch.setattr(register, "_outgoing", lambda: ["10.1.2.3", "127.0.0.1"])
+    monkeypatch.setattr(register, "_of_host_name", lambda: ["127.0.1.1", "10.1.2.3", "192.168.5.6"])
     found = from_join_string(say("classroom"))
     assert found.places == ("10.1.2.3:7450", "192.168.5.6:7450")
 
 
 def test_a_machine_without_a_network_is_told(say, monkeypatch):
-    monkeypatch.setattr(addresses, "_outgoing", list)
-    monkeypatch.setattr(addresses, "_named", lambda: ["127.0.1.1"])
+    monkeypatch.setattr(register, "_outgoing", list)
+    monkeypatch.setattr(register, "_of_host_name", lambda: ["127.0.1.1"])
     said = say("classroom", code=1)
     assert "no address in a network" in said
     assert "--address HOST" in said
