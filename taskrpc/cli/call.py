@@ -44,7 +44,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Make the calls that the options ask for."""
+    """Make the calls that the options describe; returns the exit code."""
     from taskrpc.cli.shared import values
 
     type_name, request = values.split_type(options.request)
@@ -132,14 +132,14 @@ def _add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def _time_limit(text: str) -> float | None:
-    """Seconds, or None for 0 and `inf`: wait as ros2 does, for as long as it takes."""
+    """Return a timeout in seconds, or None (no limit, as in ros2) for 0 and `inf`."""
     from argparse import ArgumentTypeError
 
     try:
         seconds = float(text)
     except ValueError:
         seconds = math.nan
-    if not seconds >= 0:  # what is no number is neither
+    if not seconds >= 0:  # also true for NaN
         expected = "seconds, or 0 or inf for no limit"
         raise ArgumentTypeError(f"expected {expected}, got {text!r}")
     return seconds if 0 < seconds < math.inf else None

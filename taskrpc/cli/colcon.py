@@ -1,4 +1,4 @@
-"""`taskrpc colcon`: answers to colcon's lines in tutorials; packages run here without a build."""
+"""`taskrpc colcon`: the colcon commands of tutorials; packages run here without a build."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _NOTE = "taskrpc: nothing was built: packages run from their sources here"
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
-    """Give a parser the commands of colcon that tutorials have."""
+    """Give a parser the colcon commands that tutorials use."""
     commands = add_group(parser)
     purpose = "Check the definitions of a workspace's packages; nothing needs to be built"
     build = add_command(commands, "build", purpose)
@@ -60,7 +60,7 @@ def _build(options: argparse.Namespace) -> int:
 
 
 def _build_one(name: str) -> bool:
-    """Check a package, telling of it as colcon does."""
+    """Check a package and print the lines that colcon prints; returns whether it is valid."""
     print(f"Starting >>> {name}", flush=True)
     began = time.monotonic()
     problems = list(_problems(name))
@@ -72,7 +72,7 @@ def _build_one(name: str) -> bool:
 
 
 def _problems(package: str) -> list[str]:
-    """What is wrong with a package's definitions."""
+    """Return the errors in a package's definitions."""
     import srvgen
     from taskrpc.cli.shared import definitions
 
@@ -95,9 +95,9 @@ def _packages() -> dict[str, Path]:
 
 
 def _make_setup(folder: Path) -> None:
-    """Files that tutorials source after a build: they let the shell know `ros2`."""
+    """Write the files that tutorials source after a build; they define `ros2` in the shell."""
     if (folder / ".colcon_install_layout").exists():
-        return  # a real colcon's
+        return  # a real colcon made this folder
     folder.mkdir(exist_ok=True)
     (folder / "COLCON_IGNORE").touch()
     texts = {

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def complete(parser: ArgumentParser) -> NoReturn:
-    """Print what may stand at the cursor, and exit."""
+    """Print the completions for the word at the cursor, and exit."""
     completion.complete(parser, _FINDERS)
 
 
@@ -44,18 +44,18 @@ def _interfaces(kind: str) -> Iterable[str]:
 
 
 def _type_of_service(options: Namespace) -> Iterable[str]:
-    """The type of the service before it, or every type if no program offers that service."""
+    """Complete the type of the service named before it; every type if no program offers it."""
     service = getattr(options, "service_name", "")
     return graph.services(_entries(), hidden=True).get(service) or _interfaces("srv")
 
 
 def _request(options: Namespace) -> Iterable[str]:
-    """The type, before the values."""
+    """Complete the type of a request; the values that follow it are not completed."""
     return [] if options.request else _type_of_service(options)
 
 
 def _type_of_topic(options: Namespace) -> Iterable[str]:
-    """The type of the topic before it, or every type if no program has that topic."""
+    """Complete the type of the topic named before it; every type if no program has that topic."""
     known = topics(_entries(), hidden=True).get(options.topic_name)
     return known.types if known else _interfaces("msg")
 
@@ -69,7 +69,7 @@ def _packages(_: Namespace) -> Iterable[str]:
 
 
 def _programs(options: Namespace) -> Iterable[str]:
-    """Packages of the workspace here, then the executables of the package."""
+    """Complete a package of this workspace, then one of the package's executables."""
     from pathlib import Path
 
     from taskrpc.ros import installed, workspace

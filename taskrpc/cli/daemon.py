@@ -1,4 +1,4 @@
-"""`taskrpc daemon`: answers to ros2's commands about its daemon, which is not needed here."""
+"""`taskrpc daemon`: ros2's commands for its daemon; taskrpc needs no daemon."""
 
 from __future__ import annotations
 

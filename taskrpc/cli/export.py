@@ -1,4 +1,4 @@
-"""`taskrpc export`: what a real robot's tools build, made of programs and definitions here."""
+"""`taskrpc export`: makes a workspace for a real robot from programs and definitions."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ def _colcon(options: argparse.Namespace) -> int:
 
 
 def _last(done: Exported) -> str:
-    """A command that shows that the workspace is built."""
+    """Return a command that succeeds after the workspace is built."""
     from taskrpc.ros.installed import executables
 
     for package, folder in done.folders.items():

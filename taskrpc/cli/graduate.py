@@ -1,4 +1,4 @@
-"""`taskrpc graduate`: what a program would do differently on a real ROS 2."""
+"""`taskrpc graduate`: finds what a program would do differently on a real ROS 2."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def _graduate(options: argparse.Namespace) -> int:
 
 
 def _differs(path: Path, options: argparse.Namespace) -> bool:
-    """Run the program with both; whether they differ."""
+    """Run the program with taskrpc and with ROS 2; print whether and how they differ."""
     from taskrpc.graduation.comparison import differences, real_python
 
     python = real_python()

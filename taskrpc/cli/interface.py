@@ -1,4 +1,4 @@
-"""`taskrpc interface`: show, list, package, packages and proto, as `ros2 interface` has them."""
+"""`taskrpc interface`: show, list, package, packages and proto, as in `ros2 interface`."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def _add_packages(commands: Commands) -> None:
 def _add_proto(commands: Commands) -> None:
     parser = add_command(commands, "proto", "Output an interface prototype")
     parser.add_argument("type", help="Type to show (e.g. 'example_interfaces/srv/AddTwoInts')")
-    what = "If true output has no outer quotes"
+    what = "Output without the outer quotes"
     parser.add_argument("--no-quotes", action="store_true", help=what)
     _add_json(parser)
     parser.set_defaults(run=_proto)
@@ -60,7 +60,7 @@ def _add_show(commands: Commands) -> None:
     what = "Type to show (e.g. 'example_interfaces/srv/AddTwoInts'); - reads it from standard input"
     parser.add_argument("type", help=what)
     which = parser.add_mutually_exclusive_group()
-    what = "Show all comments, those of nested types too"
+    what = "Show all comments, also those of nested types"
     which.add_argument("--all-comments", action="store_true", help=what)
     what = "Show no comments and no blank lines"
     which.add_argument("--no-comments", action="store_true", help=what)
@@ -85,7 +85,7 @@ def _add_kinds(parser: argparse.ArgumentParser, what: str) -> None:
 
 
 def _kinds(options: argparse.Namespace) -> list[str]:
-    """The kinds that the options of `_add_kinds` select, in ros2's order."""
+    """Return the kinds that the options of `_add_kinds` select, in ros2's order."""
     return [kind for kind in _HEADINGS if kind in (options.kinds or _HEADINGS)]
 
 
@@ -162,7 +162,9 @@ def _show(options: argparse.Namespace) -> int:
 
 
 def _piped() -> str:
-    """A type that another command tells, such as `taskrpc topic type /chatter`."""
+    """Read a type from standard input, for example from `taskrpc topic type /chatter`."""
     if sys.stdin is not None and sys.stdin.isatty():
-        raise UsageError("expected a type on standard input, as of taskrpc topic type NAME | …")
+        raise UsageError(
+            "expected a type on standard input, for example: taskrpc topic type NAME | …"
+        )
     return standard_input().strip().partition("\n")[0].strip()

@@ -47,13 +47,13 @@ def _join(text: str) -> Exit:
     from taskrpc.classroom.invitation import from_join_string
     from taskrpc.classroom.joining import find_lab
 
-    # What is typed on a command line is seen by all users of the machine; hence also from stdin.
+    # All users of the machine can see a command line, so the secret may also come from stdin.
     lab = find_lab(from_join_string(standard_input() if text == "-" else text))
-    listing = _visited(lab)
+    listing = _listing(lab)
     remember_lab(lab)
     print(f"You have joined the lab at {lab.place} as {_account(lab)}{_until(lab)}.")
     print(_offers(lab, listing))
-    print(*_greeted(lab), sep="\n")
+    print(*_health(lab), sep="\n")
     if lab.namespace != "/":
         print(f"Your own services are in {lab.namespace}: `greet` is {lab.namespace}/greet.")
     _warn_of_peers()
@@ -61,17 +61,17 @@ def _join(text: str) -> Exit:
     return Exit.DONE
 
 
-def _greeted(lab: Lab) -> list[str]:
-    """The server's facts; this first call also enters the student in the roster."""
+def _health(lab: Lab) -> list[str]:
+    """Call the server's health services; this first call also enters the student in the roster."""
     import asyncio
 
     from taskrpc.cli.doctor import checks
     from taskrpc.cli.shared.remote import Remote
 
-    async def ask() -> list[str]:
-        return [finding.text async for finding in checks.ask_health(Remote(lab.place))]
+    async def call() -> list[str]:
+        return [finding.text async for finding in checks.check_health(Remote(lab.place))]
 
-    return asyncio.run(ask())
+    return asyncio.run(call())
 
 
 def _status() -> Exit:
@@ -80,7 +80,7 @@ def _status() -> Exit:
         raise NotFound("you have not joined a lab: `taskrpc join STRING` joins one")
     print(f"joined: the lab at {lab.place} as {_account(lab)}{_until(lab)}")
     print(f"namespace: {lab.namespace}")
-    print(_offers(lab, _visited(lab)))
+    print(_offers(lab, _listing(lab)))
     _warn_of_peers()
     return Exit.DONE
 
@@ -92,7 +92,7 @@ def _leave() -> Exit:
     return Exit.DONE
 
 
-def _visited(lab: Lab) -> Listing:
+def _listing(lab: Lab) -> Listing:
     from taskrpc.classroom.joining import visit_now
 
     return visit_now(lab)

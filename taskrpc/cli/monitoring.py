@@ -45,24 +45,24 @@ class Monitoring:
         """Return the web server with the pages of a task server. Raises CannotListen."""
         self.metrics.add(lambda: task_families(server.manager))
         pages = task_pages(server, self.metrics)
-        some = self._token or self._accounts is not None
-        may_look = self._may_look if some else None
-        shown = WebServer(pages, listen=self._place, tls=self._tls, may_look=may_look)
+        has_secrets = self._token or self._accounts is not None
+        may_look = self._may_look if has_secrets else None
+        web = WebServer(pages, listen=self._place, tls=self._tls, may_look=may_look)
         host, _ = split_place(self._place)
         if not is_loopback(host):
             known = self._accounts.current if self._accounts is not None else None
             check_listen_policy(host, certificate=True, token=self._token, accounts=known, ca=False)
-        return shown
+        return web
 
     def _may_look(self, given: str) -> bool:
-        """Whether a bearer token is that of the server or of an account; each may see the pages."""
-        said = given.encode(errors="replace")
-        if self._token and hmac.compare_digest(said, self._token.encode()):
+        """Whether a bearer token is the server's or an account's; both may see the pages."""
+        token = given.encode(errors="replace")
+        if self._token and hmac.compare_digest(token, self._token.encode()):
             return True
         if self._accounts is None:
             return False
         self._accounts.refresh()
-        account = self._accounts.current.find(account_of(said), time.time())
+        account = self._accounts.current.find(account_of(token), time.time())
         # Compare in every case: the time of the response must not reveal which accounts exist.
-        expected = said[::-1] + b"-" if account is None else account.token.encode()
-        return hmac.compare_digest(said, expected)
+        expected = token[::-1] + b"-" if account is None else account.token.encode()
+        return hmac.compare_digest(token, expected)

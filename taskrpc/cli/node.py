@@ -1,4 +1,4 @@
-"""`taskrpc node`: list and info, as `ros2 node` has them."""
+"""`taskrpc node`: list and info, as in `ros2 node`."""
 
 from __future__ import annotations
 
@@ -82,7 +82,7 @@ def _info(options: argparse.Namespace) -> int:
 def _of_node(
     node: str, groups: Iterable[Iterable[ServiceEndpoint | TopicEndpoint]], hidden: bool
 ) -> dict[str, str]:
-    """Names and types of what a node has, sorted."""
+    """Return the names and types of a node's endpoints, sorted by name."""
     found = {each.name: each.type_name for group in groups for each in group if each.node == node}
     return {name: found[name] for name in sorted(found) if hidden or not names.is_hidden(name)}
 

@@ -1,4 +1,4 @@
-"""`taskrpc ps`: which taskrpc programs of this user run, and what they offer."""
+"""`taskrpc ps`: lists the running taskrpc programs of this user, and their services."""
 
 from __future__ import annotations
 
@@ -48,11 +48,11 @@ def _row(process: Process) -> Sequence[str]:
         str(process.domain),
         process.script,
         process.folder,
-        _what(process),
+        _services(process),
     )
 
 
-def _what(process: Process) -> str:
+def _services(process: Process) -> str:
     state, services = _state(process), " ".join(process.services) or "-"
     return services if state == "running" else f"{services} ({state})"
 

@@ -1,4 +1,4 @@
-"""`taskrpc ros`: have `import rclpy` work in plain `python`, an editor, pytest and notebooks."""
+"""`taskrpc ros`: makes `import rclpy` work in plain `python`, an editor, pytest and notebooks."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`taskrpc run`: a ROS 2 program as it is, without ROS."""
+"""`taskrpc run`: runs an unmodified ROS 2 program without ROS."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def _run(options: Namespace) -> int:
 
 
 def _run_behind(options: Namespace) -> int:
-    """Run the same in a process that another command starts."""
+    """Run the program through the command of `--prefix`, in a new process."""
     import shlex
     import subprocess
     import sys
@@ -71,7 +71,7 @@ def _run_behind(options: Namespace) -> int:
     lexer = shlex.shlex(options.prefix, posix=True, punctuation_chars=False)
     lexer.whitespace_split, lexer.commenters = True, ""
     if sys.platform == "win32":
-        lexer.escape = ""  # there the backslash stands between folders
+        lexer.escape = ""  # on Windows the backslash separates folders
     try:
         prefix = list(lexer)
     except ValueError as error:
@@ -87,7 +87,7 @@ def _run_behind(options: Namespace) -> int:
             try:
                 status = child.wait()
                 return process.end_by_signal(-status) if status < 0 else status
-            except KeyboardInterrupt:  # the process got it as well, and says how it ends
+            except KeyboardInterrupt:  # the process gets Ctrl-C too; wait for its exit status
                 continue
 
 

@@ -1,4 +1,4 @@
-"""`taskrpc-server`: the lecture's task server, with a simulated robot or one's own."""
+"""`taskrpc-server`: the lecture's task server, with a simulated robot or the user's own robot."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from srvgen.cli import process
 from taskrpc import logs, platform
 from taskrpc.cli.shared import remote
-from taskrpc.cli.shared.command import Exit, UsageError, goes_on, run_main
+from taskrpc.cli.shared.command import Exit, UsageError, run_main, tune_for_long_run
 from taskrpc.cli.shared.parsing import Parser, number, whole
 from taskrpc.errors import TaskRpcError
 
@@ -34,18 +34,18 @@ if TYPE_CHECKING:
 _Result = TypeVar("_Result")
 
 DRAIN_GRACE = 1.0
-"""Seconds that calls in flight get when the server is told to end."""
+"""Seconds that calls in flight get after SIGTERM or Ctrl-C."""
 
 _STANDBY_TIMEOUT = 5.0
 """Seconds in which a server that has closed its database must free its addresses and names."""
 _STANDBY_POLL = 0.05
-"""Seconds between two attempts to use them."""
+"""Seconds between two attempts of a standby server to get these addresses and names."""
 
 _ROBOT_MEMBERS = "speed task_types plan pose execute remaining pause resume stop".split()
 
 
 def main(argv: Sequence[str] | None = None) -> int:
-    """Run the task server until it is told to end; returns the exit code."""
+    """Run the task server until SIGTERM or Ctrl-C; returns the exit code."""
     return run_main(_run, argv, sigterm_is_success=True)
 
 
@@ -64,9 +64,9 @@ def _run(arguments: list[str]) -> Exit:
     from taskrpc.program import run
 
     process.start_work()
-    # Not on the loop: there Ctrl-C would have to wait until the map is read.
+    # Before the event loop starts: on the loop, Ctrl-C would wait until the map is read.
     robot = _robot(options)
-    if not options.standby:  # else the server before still has what it may be connected to
+    if not options.standby:  # a standby makes it later: the first server still uses the hardware
         made = robot()
         robot = lambda: made  # noqa: E731
     signal_number = run(_serve(options, robot))
@@ -145,7 +145,7 @@ def _add_security_options(parser: argparse.ArgumentParser) -> None:
 
 
 async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int:
-    """Serve until a signal comes; returns its number."""
+    """Serve until the process gets a signal; returns the signal's number."""
     from taskrpc.node import Node
     from taskrpc.program import stop_requested
     from taskrpc.tasks import SqliteStore, TaskServer
@@ -154,7 +154,7 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
     monitoring = _monitoring(options, access)
     node = Node(
         "task_server",
-        namespace="/",  # in a lab too: /robot_task is where everybody looks for it
+        namespace="/",  # in a lab too: clients call /robot_task
         listen=options.listen,
         tls=access.tls,
         token=access.token,
@@ -179,7 +179,7 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
             join=options.join,
             introspection=options.introspection,
         )
-        if monitoring is not None:  # before the start: monitors shall see that it takes its time
+        if monitoring is not None:  # before the start, so that monitors can watch a slow start
             pages = monitoring.web(server)
             web = await started(lambda: stack.enter_async_context(pages))
             _say(options, f"/health and /metrics at {web.url}")
@@ -187,7 +187,7 @@ async def _serve(options: argparse.Namespace, robot: Callable[[], Robot]) -> int
         _say(options, f"{resumed}")
         what = "/robot_task [my_robot_interfaces/srv/RobotTask]"
         _print(options, f"taskrpc-server ready: {what} at {node.address}")
-        goes_on()
+        tune_for_long_run()
         number = await stopped
         await _shut_down(node, server)
     return number
@@ -206,7 +206,7 @@ def _observer(options: argparse.Namespace, monitoring: Monitoring | None) -> Obs
 def _monitoring(options: argparse.Namespace, access: remote.Remote) -> Monitoring | None:
     if not options.web:
         return None
-    from taskrpc.cli.monitoring import Monitoring  # most servers show no pages
+    from taskrpc.cli.monitoring import Monitoring  # slow to import; most servers show no pages
 
     return Monitoring(options.web, access, options.accounts)
 
@@ -270,9 +270,10 @@ def _print(options: argparse.Namespace, text: str) -> None:
 
 
 async def _shut_down(node: Node, server: TaskServer) -> None:
-    """No new calls; answer those in flight; then halt the robot and store what ran."""
+    """Accept no new calls, answer those in flight, halt the robot, store the running task."""
     drained = asyncio.ensure_future(node.drain(DRAIN_GRACE))
-    # Watchers wait for changes that will not come; one turn later nobody can become one any more.
+    # Watching calls wait for changes that will not come. After one loop turn the drain has begun,
+    # so no new watching call can arrive.
     await asyncio.sleep(0)
     server.dismiss_watchers()
     await drained
@@ -296,7 +297,10 @@ def _default_file() -> Path:
 
 
 def _robot(options: argparse.Namespace) -> Callable[[], Robot]:
-    """Makes the robot; all that can be known to be wrong before is told now."""
+    """Return the function that makes the robot; reads the map and imports the class at once.
+
+    So mistakes in these options are reported before the server starts. Raises TaskRpcError.
+    """
     from taskrpc.robot import KinematicRobot, default_world, read_map
 
     world = read_map(options.map) if options.map else default_world()
@@ -307,7 +311,7 @@ def _robot(options: argparse.Namespace) -> Callable[[], Robot]:
 
 
 def _own_robot(spec: str, make: Callable[..., Any], offered: dict[str, Any]) -> Robot:
-    """Make a user's robot; its constructor gets `world` and `speed` if it asks for them."""
+    """Make a user's robot; its constructor gets `world` and `speed` if it has these parameters."""
     try:
         wanted = inspect.signature(make).parameters
         robot = make(**{name: value for name, value in offered.items() if name in wanted})

@@ -1,4 +1,4 @@
-"""`taskrpc shell`: define `ros2` in a shell, so that lines of ROS tutorials can be pasted."""
+"""`taskrpc shell`: defines `ros2` in a shell, so that users can paste lines of ROS tutorials."""
 
 from __future__ import annotations
 

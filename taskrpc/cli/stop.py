@@ -1,4 +1,4 @@
-"""`taskrpc stop`: end taskrpc programs of this user, and only those."""
+"""`taskrpc stop`: ends taskrpc programs of this user, and no other programs."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from taskrpc.cli.shared import quoting
 from taskrpc.cli.shared.command import Exit, NotFound, UsageError, hinted
 from taskrpc.cli.shared.processes import Process, listing, processes
 
-PATIENCE = 5.0
+END_TIMEOUT = 5.0
 """Seconds that a process gets to end."""
 
-_POLL = 0.05
+_POLL = 0.05  # seconds between two looks at the registry
 
 
 def configure(parser: argparse.ArgumentParser) -> None:
@@ -35,7 +35,7 @@ def _run(options: argparse.Namespace) -> int:
     if not chosen:
         print("no taskrpc program is running")
     for process in chosen:
-        # Between our look and this call it may have ended by itself.
+        # The process may have ended by itself since the look at the registry.
         with contextlib.suppress(ProcessLookupError):
             platform.end_process(process.pid, at_once=options.force)
     remaining = _wait_for_end(chosen)
@@ -48,7 +48,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 def _chosen(name: str | None) -> Sequence[Process]:
-    """The one process that a name means, or the only one that runs."""
+    """Return the one process that a name means, or without a name the only one that runs."""
     running = processes()
     found = [each for each in running if name is None or each.is_meant_by(name)]
     if len(found) == 1 or (name is None and not found):
@@ -62,9 +62,9 @@ def _chosen(name: str | None) -> Sequence[Process]:
 
 
 def _wait_for_end(chosen: Sequence[Process]) -> set[int]:
-    """The pids of those that still run after a while."""
+    """Wait up to `END_TIMEOUT`; returns the pids of the processes that still run."""
     wanted = {process.pid for process in chosen}
-    deadline = time.monotonic() + PATIENCE
+    deadline = time.monotonic() + END_TIMEOUT
     while (left := wanted & {process.pid for process in processes()}) and (
         time.monotonic() < deadline
     ):
@@ -73,14 +73,14 @@ def _wait_for_end(chosen: Sequence[Process]) -> set[int]:
 
 
 def _still_running(left: Sequence[Process]) -> NotFound:
-    error = NotFound(f"still running after {PATIENCE:g} s: {listing(left)}")
+    error = NotFound(f"still running after {END_TIMEOUT:g} s: {listing(left)}")
     for process in left:
         error = hinted(error, f"{process} {_why(process)}")
     return error
 
 
 def _why(process: Process) -> str:
-    """Why a process that was told to end still runs; it was looked up before it was told."""
+    """Return why a process still runs; `process` is its entry from before the signal."""
     now = next((each for each in processes() if each.pid == process.pid), process)
     if now.is_ending:
         return "still answers calls and then ends; --force does not wait for them"

@@ -1,5 +1,5 @@
 """`taskrpc demo`: a task server, three clients and a robot in one process, on screen.
 
-Start with `command_line`; `story` runs the programs, `screen` and `map_view` draw, `accounts`
-keeps what is drawn. Nothing here touches the network or the disk.
+Start with `command_line`. `story` runs the programs, `screen` and `map_view` draw them, `estimates`
+checks the estimates at the end. Nothing here uses the network or the disk.
 """

@@ -1,4 +1,4 @@
-"""`taskrpc demo`: the lecture's picture alive, in one process, in memory, in twelve seconds."""
+"""`taskrpc demo`: shows the lecture's system in one process, in memory, in twelve seconds."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
     from taskrpc.cli.demo.story import Line
 
-_SPEEDS = (0.5, 20.0)  # slower is dull; faster, a millisecond of the computer's is too many metres
+_SPEEDS = (0.5, 20.0)  # below: dull; above: the robot drives too far in a millisecond
 
 _NEXT = """
 Next, in two terminals:
@@ -35,14 +35,14 @@ def configure(parser: ArgumentParser) -> None:
 
 
 def run(options: Namespace) -> Exit:
-    """Perform the demo; ERROR if an estimate turns out to be wrong."""
+    """Perform the demo; returns ERROR if an estimate was wrong."""
     import asyncio
 
-    from taskrpc.cli.demo.accounts import accounts, are_right, summary
+    from taskrpc.cli.demo.estimates import are_right, check_estimates, summary
 
     console = None if options.plain else _terminal()
     tasks = asyncio.run(_perform(options.speed, console))
-    rows = accounts(tasks, options.speed)
+    rows = check_estimates(tasks, options.speed)
     print("\n".join(["", *summary(rows), _NEXT]))
     return Exit.DONE if are_right(rows) else Exit.ERROR
 
@@ -61,7 +61,7 @@ async def _perform(speed: float, console: Console | None) -> list[Any]:
 
 
 def _terminal() -> Console | None:
-    """The terminal on stdout, if there is one that can hold a picture."""
+    """Return the terminal on stdout; None if there is none, or it is too small for a picture."""
     if not sys.stdout.isatty():
         return None
     from rich.console import Console

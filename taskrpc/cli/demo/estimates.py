@@ -1,4 +1,4 @@
-"""What the demo's tasks were promised and what became of it, computed from the server's records."""
+"""Compares the estimates of the demo's tasks with their actual times, from the server's records."""
 
 from __future__ import annotations
 
@@ -6,73 +6,76 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from taskrpc.cli.task.view import aligned, change, instant, what
+from taskrpc.cli.task.view import aligned, change, instant, work_of
 
-_SHARE = 0.01
-_BUSY_SHARE = 0.05
-_LEAST = 0.01  # robot seconds
-_NAMED = 0.3  # robot seconds of a change that is worth a line
+_SHARE = 0.01  # of the actual time: the largest difference of a correct estimate
+_BUSY_SHARE = 0.05  # the same on a busy computer, whose timers are late
+_LEAST = 0.01  # robot seconds: a smaller difference never counts
+_NAMED = 0.3  # robot seconds: smaller changes get no line
 
 
 @dataclass(frozen=True, slots=True)
-class Account:
-    """One task's promise and its real time, in robot seconds from its acceptance to its end."""
+class EstimateCheck:
+    """One task's estimate and actual time, in robot seconds from its acceptance to its end."""
 
     task: Any
     """The TaskInfo message."""
     turn: int
-    """The how manieth it ran; 0 if it never did."""
+    """Its place in the order in which the tasks ran, from 1; 0 if it never ran."""
     actual: float
+    """The actual time."""
 
     @property
     def changes(self) -> float:
-        """By how much later it was to be done because somebody changed the queue.
+        """The delay by later changes of the queue, such as a new task with a higher priority.
 
-        That a task took longer than planned is no reason for a wrong estimate, but one.
+        A task that took longer than planned does not count: then the estimate was wrong.
         """
         return float(sum(each.seconds for each in self.task.estimate_changes if _explains(each)))
 
     @property
     def difference(self) -> float:
-        """By how much later it was done than promised, the named changes added."""
+        """How much later than its estimate and the changes it ended; negative if earlier."""
         return float(self.actual - self.task.accepted_estimate - self.changes)
 
     @property
     def share(self) -> float:
-        """The difference as a share of the real time."""
+        """The difference as a share of the actual time."""
         return self.difference / self.actual if self.actual else 0.0
 
     @property
     def is_right(self) -> bool:
-        """Whether promise and changes are its real time, within 1 % or 10 ms."""
+        """Whether estimate and changes add up to the actual time, within 1 % or 10 ms."""
         return abs(self.difference) <= max(_LEAST, _SHARE * self.actual)
 
     @property
     def is_wrong(self) -> bool:
-        """Whether it is off by more than a busy computer's late timers explain."""
+        """Whether the difference is larger than late timers of a busy computer explain."""
         return abs(self.difference) > max(_LEAST, _BUSY_SHARE * self.actual)
 
 
-def accounts(tasks: Iterable[Any], speed: float) -> list[Account]:
-    """The accounts of ended tasks, by the order in which they ran, then those that never did.
+def check_estimates(tasks: Iterable[Any], speed: float) -> list[EstimateCheck]:
+    """Check the estimates of ended tasks, in the order of their start; tasks without a start last.
 
-    `speed` is in robot seconds a second.
+    `speed` is in robot seconds per second.
     """
     ended = sorted(tasks, key=lambda task: instant(task.started) or float("inf"))
     turns = {task.task_id: n for n, task in enumerate(ended, 1) if instant(task.started)}
-    return [Account(task, turns.get(task.task_id, 0), _lasted(task) * speed) for task in ended]
+    return [
+        EstimateCheck(task, turns.get(task.task_id, 0), _lasted(task) * speed) for task in ended
+    ]
 
 
-def are_right(rows: Sequence[Account]) -> bool:
-    """Whether every task SUCCEEDED that ran, and none of their estimates was wrong."""
+def are_right(rows: Sequence[EstimateCheck]) -> bool:
+    """Whether all tasks that ran SUCCEEDED, and none of their estimates was wrong."""
     ran = [row for row in rows if row.turn]
     return bool(ran) and not any(
         row.task.state != row.task.SUCCEEDED or row.is_wrong for row in ran
     )
 
 
-def summary(rows: Sequence[Account]) -> list[str]:
-    """The accounts as a table, the reasons below it, and the verdict."""
+def summary(rows: Sequence[EstimateCheck]) -> list[str]:
+    """Return the checks as a table, the reasons for changes, and the verdict."""
     head = ("ran", "task", "client", "priority", "promised", "changes", "actual", "off by")
     lines = aligned([head, *map(_row, rows)], right={0, 3, 4, 5, 6, 7})
     return [*lines, "", *_reasons(rows), "", *_verdict(rows)]
@@ -90,9 +93,9 @@ def _lasted(task: Any) -> float:
     return (instant(task.ended) or 0.0) - (instant(task.submitted) or 0.0)
 
 
-def _row(row: Account) -> tuple[str, ...]:
+def _row(row: EstimateCheck) -> tuple[str, ...]:
     task = row.task
-    head = (f"{task.task_id} {what(task)}", task.client.lstrip("/"), str(task.priority))
+    head = (f"{task.task_id} {work_of(task)}", task.client.lstrip("/"), str(task.priority))
     promised = f"{task.accepted_estimate:.1f} s"
     if not row.turn:
         return ("-", *head, promised, "", task.state, "")
@@ -100,8 +103,8 @@ def _row(row: Account) -> tuple[str, ...]:
     return (str(row.turn), *head, promised, *figures)
 
 
-def _reasons(rows: Iterable[Account]) -> list[str]:
-    """Each change that was worth a word, with the tasks that it moved."""
+def _reasons(rows: Iterable[EstimateCheck]) -> list[str]:
+    """Return a line for each large change, with the tasks that it moved."""
     moved: dict[str, list[str]] = {}
     for row in rows:
         for each in row.task.estimate_changes if row.turn else ():
@@ -112,7 +115,7 @@ def _reasons(rows: Iterable[Account]) -> list[str]:
     ]
 
 
-def _verdict(rows: Sequence[Account]) -> list[str]:
+def _verdict(rows: Sequence[EstimateCheck]) -> list[str]:
     ran = [row for row in rows if row.turn]
     wrong = [row for row in ran if row.is_wrong]
     failed = [row for row in ran if row.task.state != row.task.SUCCEEDED]

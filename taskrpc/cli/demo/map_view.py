@@ -1,7 +1,7 @@
 """A robot's map drawn with characters: walls, named places, the robot and its trail.
 
-With half blocks a character is two square dots, one above the other; where a terminal knows only
-ASCII, one sign stands for both.
+With half blocks, a character shows two square dots, one above the other. On a terminal with only
+ASCII, one character stands for both.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Signs(NamedTuple):
     """The characters of a picture."""
 
     blocks: str
-    """Of nothing, the lower dot, the upper dot, both."""
+    """For no dot, the lower dot, the upper dot, both dots."""
     place: str
     trail: str
     arrows: str
@@ -43,7 +43,7 @@ _BLANK = Cell(" ", FLOOR)
 
 
 def fitting(world: World, columns: int, rows: int) -> tuple[int, int]:
-    """The largest picture in the map's proportions that fits; a character is twice as high."""
+    """Return the largest size with the map's proportions; a character is twice as high as wide."""
     width, height = world.size
     scale = min(columns / width, 2 * rows / height)
     return max(1, math.floor(scale * width)), max(1, round(scale * height / 2))
@@ -55,7 +55,7 @@ class FloorPlan:
     Args:
         world: the map.
         columns, rows: the picture's size in characters.
-        signs: what it is drawn with.
+        signs: the characters to draw with.
     """
 
     def __init__(self, world: World, columns: int, rows: int, signs: Signs = UNICODE) -> None:
@@ -70,7 +70,7 @@ class FloorPlan:
             self._label(name, place)
 
     def picture(self, pose: Pose, trail: Iterable[Point] = ()) -> list[list[Cell]]:
-        """The map with the robot on it, rows from the top, and where it has been."""
+        """Return the map with the robot and its trail, as rows from the top."""
         cells = [row.copy() for row in self._floor]
         for point in trail:
             x, y = self._cell(point)
@@ -82,13 +82,13 @@ class FloorPlan:
         return cells
 
     def _cell(self, point: Point) -> tuple[int, int]:
-        """The column and the row, from the top, in which a point lies."""
+        """Return the column and the row of a point, rows counted from the top."""
         x = min(max(int(point[0] * self._scale[0]), 0), self._columns - 1)
         y = min(max(int(point[1] * self._scale[1]), 0), self._rows - 1)
         return x, self._rows - 1 - y
 
     def _dots(self, box: Box) -> Iterable[tuple[int, int]]:
-        """The half characters that a box covers: columns, and twice as many rows from below."""
+        """Return the dots that a box covers: column and half row, rows counted from the bottom."""
         step = 0.5 / max(self._scale[0], 2 * self._scale[1])
         for u in _samples(box.half_length, step):
             for v in _samples(box.half_width, step):
@@ -125,6 +125,6 @@ class FloorPlan:
 
 
 def _samples(half: float, step: float) -> Sequence[float]:
-    """Points from -half to half, ends included but for what belongs to the next dot."""
+    """Return points from -half to half; slightly inside, so that no end falls on the next dot."""
     count = max(1, math.ceil(2 * half / step))
     return [0.0] if not half else [(2 * i / count - 1) * half * 0.999 for i in range(count + 1)]

@@ -1,4 +1,4 @@
-"""The demo's picture on a terminal: clients, queue, robot on its map, what happens."""
+"""The demo's picture on a terminal: clients, queue, robot on its map, events."""
 
 from __future__ import annotations
 
@@ -18,19 +18,19 @@ from rich.text import Text
 from taskrpc.cli.demo import map_view
 from taskrpc.cli.demo.map_view import FloorPlan, fitting
 from taskrpc.cli.demo.story import CLIENTS, Stage
-from taskrpc.cli.task.view import what
+from taskrpc.cli.task.view import work_of
 from taskrpc.robot.kinematics import Point
 
 SMALLEST = (40, 20)
 """Columns and rows that a picture needs."""
 
 _PERIOD = 1 / 12  # seconds between two pictures
-_QUIET = 0.1  # seconds before the end of a task in which nothing is drawn, see `_is_due`
+_QUIET = 0.1  # seconds before the end of a task without drawing, see `_is_task_ending`
 _TRAIL = 400  # points
 _SIDE = 37  # columns beside the map
-_WIDE = 76  # columns from which on there is room beside the map
-_NEWS = 6  # rows below the map, borders included
-_QUEUE = 10  # rows of the queue where it stands below the map
+_WIDE = 76  # columns of a terminal that has room beside the map
+_EVENTS = 6  # rows below the map, including borders
+_QUEUE = 10  # rows of the queue if it is below the map
 _STYLES = {
     map_view.WALL: "blue",
     map_view.PLACE: "yellow",
@@ -53,7 +53,7 @@ class Picture:
 
     Args:
         console: the terminal.
-        stage: what is to be seen.
+        stage: the clients, tasks and robot to draw.
     """
 
     def __init__(self, console: Console, stage: Stage) -> None:
@@ -78,12 +78,12 @@ class Picture:
         while True:
             pose = self._stage.robot.pose()
             self._trail.append((pose.x, pose.y))
-            if not self._is_due():
+            if not self._is_task_ending():
                 live.update(self.frame(), refresh=True)
             await asyncio.sleep(_PERIOD)
 
-    def _is_due(self) -> bool:
-        """Whether a task is about to end: a picture takes time and would delay the news of it."""
+    def _is_task_ending(self) -> bool:
+        """Whether a task is about to end: drawing takes time and would delay its end."""
         robot = self._stage.robot
         return 0.0 < robot.remaining() < _QUIET * robot.speed
 
@@ -92,18 +92,18 @@ class Picture:
         columns, rows = self._console.size
         layout = Layout()
         if columns >= _WIDE:
-            wide, high = fitting(self._stage.robot.world, columns - _SIDE - 2, rows - _NEWS - 2)
+            wide, high = fitting(self._stage.robot.world, columns - _SIDE - 2, rows - _EVENTS - 2)
             side = Layout()
             side.split_column(Layout(self._clients(), size=len(CLIENTS) + 2), Layout(self._queue()))
             top = Layout(size=high + 2)
             top.split_row(Layout(self._map(wide, high), size=wide + 2), side)
-            layout.split_column(top, Layout(self._news(rows - high - 4)))
+            layout.split_column(top, Layout(self._events(rows - high - 4)))
         else:
             wide, high = fitting(self._stage.robot.world, columns - 2, rows - _QUEUE - 5)
             layout.split_column(
                 Layout(self._map(wide, high), size=high + 2),
                 Layout(self._queue(), size=_QUEUE),
-                Layout(self._news(rows - high - 2 - _QUEUE - 2)),
+                Layout(self._events(rows - high - 2 - _QUEUE - 2)),
             )
         return layout
 
@@ -120,7 +120,7 @@ class Picture:
 
     def _clients(self) -> Panel:
         lines = [
-            Text.assemble((name, _WHO[name]), " ", self._stage.said.get(name, ""))
+            Text.assemble((name, _WHO[name]), " ", self._stage.requests.get(name, ""))
             for name in CLIENTS
         ]
         return _boxed("three clients", lines)
@@ -142,7 +142,7 @@ class Picture:
             table.add_row(*_row(task), style=_STATES.get(task.state, ""))
         return Panel(table, title="task server: priority queue", padding=(0, 1))
 
-    def _news(self, rows: int) -> Panel:
+    def _events(self, rows: int) -> Panel:
         lines = [
             Text.assemble(
                 (f"{line.at:5.1f} ", "dim"), (f"{line.who:<9}", _WHO.get(line.who, "")), line.text
@@ -166,4 +166,4 @@ def _row(task: Any) -> tuple[str, ...]:
         outlook = f"{task.progress:4.0%} {task.estimated_time:4.1f} s"
     else:
         outlook = f"{task.estimated_time:4.1f} s"
-    return str(task.task_id), what(task), str(task.priority), outlook
+    return str(task.task_id), work_of(task), str(task.priority), outlook

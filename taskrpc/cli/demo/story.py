@@ -1,6 +1,6 @@
-"""The demo's story: three clients, a task server and a robot, in memory and seen by nobody else.
+"""The demo's story: three clients, a task server and a robot, in memory and invisible to others.
 
-The clients follow a script; a spectator follows the server's own services and tells what happens.
+The clients follow a script. A spectator watches the server through its services and reports events.
 All times are robot seconds since the story began.
 """
 
@@ -12,18 +12,18 @@ from contextlib import AsyncExitStack, aclosing, asynccontextmanager
 from typing import Any, NamedTuple, TypeAlias
 
 from taskrpc.cli.task.task_services import TaskRefused, TaskServices
-from taskrpc.cli.task.view import result, what
+from taskrpc.cli.task.view import result, work_of
 from taskrpc.node import Node
 from taskrpc.robot import KinematicRobot, default_world
 from taskrpc.tasks import MemoryStore, TaskServer
 
 SPEED = 4.5
-"""Robot seconds a second at which the story takes about twelve seconds."""
+"""Robot seconds per second; the story then takes about twelve seconds."""
 
 CLIENTS = ("client_1", "client_2", "client_3")
 
 _SPECTATOR = "spectator"
-_TOLD = 0.05  # seconds by which an estimate must move to be told
+_LEAST_DELAY = 0.05  # robot seconds; smaller changes of an estimate are not reported
 
 
 class Submit(NamedTuple):
@@ -37,7 +37,7 @@ class Submit(NamedTuple):
 
 
 class Cancel(NamedTuple):
-    """A client calls off the task that it submitted last."""
+    """A client cancels the task that it submitted last."""
 
     at: float
     client: str
@@ -56,11 +56,11 @@ SCRIPT: Sequence[Act] = (
     Submit(8.5, "client_2", "scan", "central", 10),
     Cancel(21.0, "client_1"),
 )
-"""What the clients do, in the order of time."""
+"""The actions of the clients, in the order of time."""
 
 
 class Line(NamedTuple):
-    """Something that happened."""
+    """An event of the story."""
 
     at: float
     who: str
@@ -68,20 +68,20 @@ class Line(NamedTuple):
 
 
 class Stage:
-    """What can be seen of the story while it goes on.
+    """The visible state of the story while it runs.
 
     Args:
         robot: the robot, on its map.
-        on_line: is told each line.
+        on_line: gets each new line.
     """
 
     def __init__(self, robot: KinematicRobot, on_line: Callable[[Line], None]) -> None:
         self.robot = robot
         self.tasks: list[Any] = []
-        """TaskInfo messages: what runs, the queue in the order of run, what has ended."""
+        """TaskInfo messages: the running task, the queue in order, the ended tasks."""
         self.lines: list[Line] = []
-        self.said: dict[str, str] = {}
-        """What each client asked last, and the answer."""
+        self.requests: dict[str, str] = {}
+        """The last request of each client, with the response, as short text."""
         self._on_line = on_line
         self._began = asyncio.get_running_loop().time()
 
@@ -89,12 +89,12 @@ class Stage:
         """Robot seconds since the story began."""
         return (asyncio.get_running_loop().time() - self._began) * self.robot.speed
 
-    def tell(self, who: str, text: str, brief: str = "") -> None:
-        """Say what happened; `brief` is what a client's own few columns show of it."""
+    def report(self, who: str, text: str, brief: str = "") -> None:
+        """Add a line; `brief` is the short text for the panel of the clients."""
         line = Line(self.now(), who, text)
         self.lines.append(line)
         if brief:
-            self.said[who] = brief
+            self.requests[who] = brief
         self._on_line(line)
 
     async def until(self, at: float) -> None:
@@ -106,7 +106,7 @@ class Stage:
 async def open_stage(
     *, speed: float = SPEED, on_line: Callable[[Line], None] = lambda _: None
 ) -> AsyncIterator[Stage]:
-    """A task server with its robot, ready for `perform`."""
+    """Run a task server with its robot; yields the stage for `perform`."""
     loop = asyncio.get_running_loop()
     robot = KinematicRobot(default_world(), speed=speed)
     async with (
@@ -123,8 +123,8 @@ async def perform(stage: Stage, script: Sequence[Act] = SCRIPT) -> list[Any]:
         spectator = _Spectator(stage, crew[_SPECTATOR])
         playing = asyncio.create_task(_play(stage, script, crew, spectator))
         stack.callback(playing.cancel)
-        news = await stack.enter_async_context(aclosing(spectator.services.follow(seconds=0.5)))
-        async for update in news:
+        updates = await stack.enter_async_context(aclosing(spectator.services.follow(seconds=0.5)))
+        async for update in updates:
             await spectator.look(update.tasks)
             if playing.done() and spectator.seen_to_end >= playing.result():
                 break
@@ -132,7 +132,7 @@ async def perform(stage: Stage, script: Sequence[Act] = SCRIPT) -> list[Any]:
 
 
 async def _joined(name: str, stack: AsyncExitStack) -> TaskServices:
-    # A token of its own gives each client a connection of its own, as if it were a program.
+    # With different tokens, each client gets a separate connection, as a separate program would.
     node = await stack.enter_async_context(Node(name, transport="memory", token=name))
     return TaskServices(node)
 
@@ -140,7 +140,7 @@ async def _joined(name: str, stack: AsyncExitStack) -> TaskServices:
 async def _play(
     stage: Stage, script: Sequence[Act], crew: dict[str, TaskServices], spectator: _Spectator
 ) -> set[int]:
-    """Let the clients do what the script says; returns the numbers of their tasks."""
+    """Let the clients act as in the script; returns the numbers of their tasks."""
     newest: dict[str, int] = {}
     accepted: set[int] = set()
     for act in script:
@@ -152,52 +152,55 @@ async def _play(
                 accepted.add(task_id)
         else:
             await _cancel(stage, act, crew[act.client], newest[act.client])
-        await spectator.tell_changes()
+        await spectator.report_changes()
     return accepted
 
 
 async def _submit(stage: Stage, act: Submit, services: TaskServices) -> int:
     """Submit a task; returns its number, 0 if it was refused."""
-    asked = f"{act.task_type} {act.target} {act.priority}"
+    request = f"{act.task_type} {act.target} {act.priority}"
     try:
-        answer = await services.submit(act.task_type, act.target, act.priority)
+        response = await services.submit(act.task_type, act.target, act.priority)
     except TaskRefused as refusal:
         brief = str(refusal).partition(" (")[0]
-        stage.tell(act.client, f"{asked} -> {refusal}", brief)
+        stage.report(act.client, f"{request} -> {refusal}", brief)
         return 0
-    told = f"{answer.message} (task {answer.task_id}, done in {answer.estimated_time:.1f} s)"
-    brief = f"{asked} -> task {answer.task_id}"
-    stage.tell(act.client, f"{asked} -> {told}", brief)
-    return int(answer.task_id)
+    estimate = f"task {response.task_id}, done in {response.estimated_time:.1f} s"
+    brief = f"{request} -> task {response.task_id}"
+    stage.report(act.client, f"{request} -> {response.message} ({estimate})", brief)
+    return int(response.task_id)
 
 
 async def _cancel(stage: Stage, act: Cancel, services: TaskServices, task_id: int) -> None:
-    answer = await services.ask("/cancel", task_id=task_id)
-    stage.tell(act.client, f"cancel task {task_id} -> {answer.message}", f"cancel task {task_id}")
+    response = await services.request("/cancel", task_id=task_id)
+    brief = f"cancel task {task_id}"
+    stage.report(act.client, f"{brief} -> {response.message}", brief)
 
 
 class _Spectator:
-    """Watches the server through its services and tells what becomes of the tasks."""
+    """Watches the server through its services and reports what happens to the tasks."""
 
     def __init__(self, stage: Stage, services: TaskServices) -> None:
         self.services = services
         self.seen_to_end: set[int] = set()
+        """The numbers of the tasks that have ended."""
         self._stage = stage
         self._states: dict[int, str] = {}
-        self._delays: dict[tuple[int, str], float] = {}  # of a task, by cause, as told
+        self._delays: dict[tuple[int, str], float] = {}
+        """The reported delays in robot seconds, by task number and cause."""
 
     async def look(self, changed: Iterable[Any]) -> None:
-        """Take in what changed, and the whole list for the picture."""
+        """Report the changed tasks, and read the list of all tasks for the picture."""
         for task in changed:
             if task.state != self._states.get(task.task_id):
                 self._states[task.task_id] = task.state
-                await self._tell_state(task)
+                await self._report_state(task)
             if task.ended.sec:
                 self.seen_to_end.add(task.task_id)
         self._stage.tasks = await self.services.tasks(ended=True)
 
-    async def tell_changes(self) -> None:
-        """Tell whose estimates have moved, and why."""
+    async def report_changes(self) -> None:
+        """Report which estimates have changed, and why."""
         moved: dict[tuple[str, str], list[int]] = {}
         for task in await self.services.tasks():
             for cause, delay in await self._new_delays(task.task_id):
@@ -205,7 +208,7 @@ class _Spectator:
         for (cause, seconds), task_ids in moved.items():
             numbers = " ".join(str(task_id) for task_id in task_ids)
             plural = "s" if len(task_ids) > 1 else ""
-            self._stage.tell("server", f"task{plural} {numbers} {seconds}: {cause}")
+            self._stage.report("server", f"task{plural} {numbers} {seconds}: {cause}")
 
     async def _new_delays(self, task_id: int) -> list[tuple[str, float]]:
         changes = (await self.services.show(task_id)).estimate_changes
@@ -215,21 +218,21 @@ class _Spectator:
         new = []
         for cause, seconds in totals.items():
             delay = seconds - self._delays.get((task_id, cause), 0.0)
-            if abs(delay) >= _TOLD:
+            if abs(delay) >= _LEAST_DELAY:
                 self._delays[task_id, cause] = seconds
                 new.append((cause, delay))
         return new
 
-    async def _tell_state(self, task: Any) -> None:
+    async def _report_state(self, task: Any) -> None:
         if task.state == task.RUNNING:
-            self._stage.tell("robot", f"task {task.task_id} begins: {what(task)}")
+            self._stage.report("robot", f"task {task.task_id} begins: {work_of(task)}")
         elif task.ended.sec:
-            found = _found(result(await self.services.show(task.task_id)))
-            self._stage.tell("robot", f"task {task.task_id} {task.state}{found}")
+            found = _summary(result(await self.services.show(task.task_id)))
+            self._stage.report("robot", f"task {task.task_id} {task.state}{found}")
 
 
-def _found(found: dict[str, Any] | None) -> str:
-    """What the robot brought home, in a few words."""
+def _summary(found: dict[str, Any] | None) -> str:
+    """Return the result of a task in a few words."""
     if found is None:
         return ""
     if "ranges" in found:

@@ -1,5 +1,5 @@
 """`taskrpc doctor`: find out why a program does not reach another.
 
-Start with `command_line`; `checks` looks at this machine, `probe` tries an address step by step,
-and `encryption` compares certificates. The doctor only reports: it changes nothing.
+Start with `command_line`. `checks` examines this machine, `probe` tries an address step by step,
+`encryption` checks certificates. The doctor only reports and changes nothing.
 """

@@ -1,4 +1,4 @@
-"""What `taskrpc doctor` looks at on this machine."""
+"""The checks of `taskrpc doctor` on this machine."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pathlib import Path
 import srvgen
 from taskrpc import platform
 from taskrpc.cli.shared import graph
-from taskrpc.cli.shared.remote import HERE, PATIENCE, Remote
+from taskrpc.cli.shared.remote import HERE, LISTING_TIMEOUT, Remote
 from taskrpc.errors import ServiceUnavailable, TaskRpcError
 from taskrpc.node import Node
 from taskrpc.security.lab import remembered_lab
@@ -33,26 +33,26 @@ class Finding:
     """`ok`, `note` or `problem`."""
     text: str
     advice: str = ""
-    """What to do, where something is to be done."""
+    """What the user should do, "" for nothing."""
 
 
 def ok(text: str) -> Finding:
-    """All is well with this."""
+    """Return a finding that reports no problem."""
     return Finding("ok", text)
 
 
 def note(text: str, advice: str = "") -> Finding:
-    """Nothing is wrong, but it may explain something."""
+    """Return a finding that is no problem, but may explain one."""
     return Finding("note", text, advice)
 
 
 def problem(text: str, advice: str) -> Finding:
-    """This will not work until something is done."""
+    """Return a finding that the user must act on."""
     return Finding("problem", text, advice)
 
 
 def software() -> Iterator[Finding]:
-    """Python and the packages."""
+    """Check Python and the installed packages."""
     yield ok(f"Python {machine.python_version()} on {machine.system()}: {sys.executable}")
     for package in ("taskrpc", "msgspec", "PyYAML", "rich"):
         try:
@@ -64,8 +64,8 @@ def software() -> Iterator[Finding]:
                 yield problem(f"{package} is not installed", f"{sys.executable} -m pip install .")
 
 
-def places() -> Iterator[Finding]:
-    """The folders that processes meet in, and whether files in them can be locked."""
+def folders() -> Iterator[Finding]:
+    """Check the folder of the registry, and whether files in it can be locked."""
     try:
         folder = platform.runtime_dir()
         locks = _locks_work(folder)
@@ -81,7 +81,7 @@ def places() -> Iterator[Finding]:
 
 
 def environment() -> Iterator[Finding]:
-    """The variables that change what a program sees."""
+    """Check the environment variables that affect programs."""
     try:
         where = "ROS_DOMAIN_ID" if os.environ.get("ROS_DOMAIN_ID") else "ROS_DOMAIN_ID is not set"
         yield ok(f"domain {domain_id()} ({where})")
@@ -114,7 +114,7 @@ def environment() -> Iterator[Finding]:
 
 
 async def programs() -> AsyncIterator[Finding]:
-    """The programs of this machine: whether they answer, and whether they agree on types."""
+    """Check whether the programs of this machine respond, and whether their types agree."""
     here = graph.domains().get(domain_id(), [])
     serving = [entry for entry in here if entry.services]
     if not serving:
@@ -122,7 +122,7 @@ async def programs() -> AsyncIterator[Finding]:
         yield note(f"no program offers a service in domain {domain_id()}", advice)
     for entry in here:
         if entry.address and not entry.services:
-            yield note(f"{_who(entry)} offers no services any more: it is ending")
+            yield note(f"{_program(entry)} offers no services any more: it is ending")
     for entry in serving:
         yield await _reach(entry)
     for finding in _disagreements(serving):
@@ -139,34 +139,33 @@ async def _reach(entry: RegistryEntry) -> Finding:
     except TaskRpcError as error:
         return _silent(entry, error)
     listed = ", ".join(graph.services([entry])) or "hidden services"
-    return ok(f"{_who(entry)} at {entry.address} offers {listed}")
+    return ok(f"{_program(entry)} at {entry.address} offers {listed}")
 
 
 def _silent(entry: RegistryEntry, error: TaskRpcError) -> Finding:
-    """Why a program does not answer that the registry knows, and so still lives."""
+    """Return why a program does not respond, although its registry entry shows that it runs."""
     if platform.is_stopped(entry.pid):
         return problem(
-            f"{_who(entry)} does not answer: it is stopped, as by Ctrl-Z",
+            f"{_program(entry)} does not answer: it is stopped, as by Ctrl-Z",
             f"`fg` in its terminal or `kill -CONT {entry.pid}` continues it; `taskrpc stop"
             f" {entry.pid}` ends it",
         )
     advice = (
-        "a callback may hold its event loop (its log names it), or it is stuck: end it with"
-        f" `taskrpc stop {entry.pid}`, with --force where that does not help"
+        "a callback may block its event loop (its log names the callback), or the program hangs:"
+        f" end it with `taskrpc stop {entry.pid}`, and if that does not help, with --force"
     )
     if entry.certificate:
-        advice = f"`taskrpc doctor {entry.address} --tls-ca FILE` looks at its certificate; or " + (
-            advice
-        )
-    return problem(f"{_who(entry)} does not answer: {error}", advice)
+        check = f"`taskrpc doctor {entry.address} --tls-ca FILE` checks its certificate"
+        advice = f"{check}; or {advice}"
+    return problem(f"{_program(entry)} does not answer: {error}", advice)
 
 
-def _who(entry: RegistryEntry) -> str:
+def _program(entry: RegistryEntry) -> str:
     return f"{entry.script} (pid {entry.pid}, in {entry.folder})"
 
 
 def _disagreements(serving: Sequence[RegistryEntry]) -> Iterator[Finding]:
-    """Services whose definition is not the same everywhere."""
+    """Report services whose definitions differ between programs."""
     first: dict[str, tuple[ServiceEndpoint, RegistryEntry]] = {}
     for entry in serving:
         for service in entry.services:
@@ -177,9 +176,8 @@ def _disagreements(serving: Sequence[RegistryEntry]) -> Iterator[Finding]:
                     f" {entry.script} as {service.type_name}, whose definitions differ",
                     f"end one of them: taskrpc stop {entry.pid}",
                 )
-        for type_name, type_hash in {
-            each.type_name: each.type_hash for each in entry.services
-        }.items():
+        hashes = {each.type_name: each.type_hash for each in entry.services}
+        for type_name, type_hash in hashes.items():
             yield from _differs_here(type_name, type_hash, entry)
 
 
@@ -191,8 +189,7 @@ def _differs_here(type_name: str, type_hash: str, entry: RegistryEntry) -> Itera
         return
     if local != type_hash:
         yield problem(
-            f"{entry.script} has another definition of {type_name} than the one found from"
-            " this folder",
+            f"{entry.script} has another definition of {type_name} than this folder has",
             f"compare the .srv files, then start {entry.script} again",
         )
 
@@ -213,12 +210,12 @@ def _locks_work(folder: Path) -> bool:
 _HEALTH_TYPE = "std_srvs/srv/Trigger"
 
 
-async def ask_health(remote: Remote) -> AsyncIterator[Finding]:
-    """How the servers of this machine are, or those at HOST:PORT; none where nobody answers."""
+async def check_health(remote: Remote) -> AsyncIterator[Finding]:
+    """Call the health services of this machine, or of HOST:PORT; nothing if none responds."""
     try:
         names = _health_services(await _services(remote))
     except TaskRpcError:
-        return  # why, has been told by whoever looked before
+        return  # an earlier check has reported the reason
     async with remote.node() as node:
         for finding in await asyncio.gather(*(_health_of(node, name) for name in names)):
             if finding is not None:
@@ -233,18 +230,19 @@ async def _services(remote: Remote) -> Iterable[ServiceEndpoint]:
 
 
 def _health_services(services: Iterable[ServiceEndpoint]) -> list[str]:
-    asked = {each.name for each in services if each.type_name == _HEALTH_TYPE}
-    return sorted(name for name in asked if name.endswith("/health"))
+    triggers = {each.name for each in services if each.type_name == _HEALTH_TYPE}
+    return sorted(name for name in triggers if name.endswith("/health"))
 
 
 async def _health_of(node: Node, name: str) -> Finding | None:
     trigger = srvgen.load(_HEALTH_TYPE)
     try:
-        answer = await node.create_client(trigger, name).call(trigger.Request(), timeout=PATIENCE)
+        client = node.create_client(trigger, name)
+        response = await client.call(trigger.Request(), timeout=LISTING_TIMEOUT)
     except ServiceUnavailable:
-        return None  # its server answers nothing at all, as was told before
+        return None  # its server responds to nothing, which an earlier check has reported
     except TaskRpcError as error:
         return problem(f"{name} does not answer: {error}", "read the log of its server")
-    if answer.success:
-        return ok(f"{name}: {answer.message}")
-    return problem(f"{name}: {answer.message}", "wait a moment, or read the log of its server")
+    if response.success:
+        return ok(f"{name}: {response.message}")
+    return problem(f"{name}: {response.message}", "wait a moment, or read the log of its server")

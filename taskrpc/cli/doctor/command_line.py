@@ -1,4 +1,4 @@
-"""`taskrpc doctor`: find out why something does not work, here or on the way to a place."""
+"""`taskrpc doctor`: finds out why something does not work, here or at another address."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def configure(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("connect", nargs="?", metavar="HOST:PORT", type=_place, help=what)
     add_secrets(parser)
     parser.add_argument("--json", action="store_true", help="Print a JSON array of findings")
-    # The report has everything that these options of ros2 ask for.
+    # The report always contains what these options of ros2 add.
     add_ignored(parser, "-r", "--report", action="store_true")
     add_ignored(parser, "-rf", "--report-failed", action="store_true")
     add_ignored(parser, "-iw", "--include-warnings", action="store_true")
@@ -48,7 +48,7 @@ def _run(options: argparse.Namespace) -> int:
 
 
 async def _report(remote: Remote, *, as_text: bool) -> list[Finding]:
-    """All findings, printed as they come since some take seconds."""
+    """Return all findings; prints each at once, because some checks take seconds."""
     found = []
     async for finding in _findings(remote):
         found.append(finding)
@@ -58,7 +58,7 @@ async def _report(remote: Remote, *, as_text: bool) -> list[Finding]:
 
 
 async def _findings(remote: Remote) -> AsyncIterator[Finding]:
-    for check in (checks.software, checks.places, checks.environment):
+    for check in (checks.software, checks.folders, checks.environment):
         for finding in check():
             yield finding
     try:
@@ -69,16 +69,16 @@ async def _findings(remote: Remote) -> AsyncIterator[Finding]:
             async for finding in probe.examine(remote):
                 yield finding
                 if finding.state == "problem":
-                    return  # nobody there can be asked how they are
-        async for finding in checks.ask_health(remote):
+                    return  # its health services cannot be called either
+        async for finding in checks.check_health(remote):
             yield finding
     except TaskRpcError as error:
-        # The folder or the domain is wrong, which an earlier line has said what to do about.
+        # The folder or the domain is wrong; an earlier line says what to do.
         yield problem(f"cannot look for the programs of this machine: {error}", "see above")
 
 
 def _lab_of(remote: Remote) -> Remote:
-    """The lab that was joined, where programs call it."""
+    """Return the joined lab if programs call it, otherwise `remote`."""
     lab = remembered_lab()
     if lab is None or environment_peers():
         return remote

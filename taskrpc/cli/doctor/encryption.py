@@ -1,4 +1,4 @@
-"""Whether a certificate, or that one side encrypts and the other does not, is what is wrong."""
+"""Checks whether a connection fails because of a certificate, or because one side lacks TLS."""
 
 from __future__ import annotations
 
@@ -18,29 +18,32 @@ _UNKNOWN_AUTHORITY = frozenset({2, 18, 19, 20, 21})
 _OTHER_NAME = frozenset({62, 64})
 
 
-async def fault(remote: Remote, patience: float) -> Finding | None:
-    """What stands in the way of an encrypted connection; None where that is not the matter."""
+async def fault(remote: Remote, timeout: float) -> Finding | None:
+    """Return the problem with TLS at an address; None if TLS is not the problem.
+
+    `timeout` is in seconds, for each step.
+    """
     place, lab = remote.place, remembered_lab()
     if is_unix(place):
         return None
     if lab is not None and lab.place != place:
         lab = None
-    shown = await _shown_certificate(place, patience)
+    shown = await _shown_certificate(place, timeout)
     wants_tls = remote.tls is not None or lab is not None
     if not shown:
         return _plain(place) if wants_tls else None
     if not wants_tls:
         return problem(
             f"{place} accepts only encrypted connections",
-            "join with the lecturer's string (taskrpc join), or give the certificate that signed"
-            " that server's with --tls-ca",
+            "join with the lecturer's string (taskrpc join), or use --tls-ca with the certificate"
+            " of the authority that signed the server's certificate",
         )
     if lab is not None and shown != lab.certificate:
         return problem(
             f"{place} has another certificate than when this laptop joined",
             "it is another server, or its certificate is new: ask the lecturer for a new string",
         )
-    return await _refused(remote, lab, patience)
+    return await _refused(remote, lab, timeout)
 
 
 def _plain(place: str) -> Finding:
@@ -51,8 +54,8 @@ def _plain(place: str) -> Finding:
     )
 
 
-async def _refused(remote: Remote, lab: Lab | None, patience: float) -> Finding | None:
-    """What this machine has against the server's certificate."""
+async def _refused(remote: Remote, lab: Lab | None, timeout: float) -> Finding | None:
+    """Return why this machine rejects the server's certificate; None if it does not."""
     host, port = split_place(remote.place)
     if lab is not None:
         context = pinned_context(lab.certificate, remote.tls)
@@ -60,7 +63,7 @@ async def _refused(remote: Remote, lab: Lab | None, patience: float) -> Finding 
         assert remote.tls is not None
         context = remote.tls.client_context()
     try:
-        async with asyncio.timeout(patience):
+        async with asyncio.timeout(timeout):
             _, writer = await asyncio.open_connection(host, port, ssl=context)
     except ssl.SSLCertVerificationError as error:
         return _explained(remote.place, host, error)
@@ -88,11 +91,11 @@ def _explained(place: str, host: str, error: ssl.SSLCertVerificationError) -> Fi
     return problem(text, advice)
 
 
-async def _shown_certificate(place: str, patience: float) -> str:
-    """The certificate that a server shows (PEM), "" where it speaks no TLS. Nothing is sent."""
+async def _shown_certificate(place: str, timeout: float) -> str:
+    """Return a server's certificate (PEM), "" if it has no TLS. Sends no secret."""
 
     def look() -> str:
-        return ssl.get_server_certificate(split_place(place), timeout=patience)
+        return ssl.get_server_certificate(split_place(place), timeout=timeout)
 
     try:
         return await asyncio.to_thread(look)

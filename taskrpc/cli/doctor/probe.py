@@ -1,4 +1,4 @@
-"""Is anyone there, and is it taskrpc: what `taskrpc doctor` finds out about one place."""
+"""Examines one address for `taskrpc doctor`: name, route, port, socket, and taskrpc itself."""
 
 from __future__ import annotations
 
@@ -21,29 +21,29 @@ from taskrpc.transport.connection.dialling import STOPPED, placed
 from taskrpc.transport.tcp.tcp_network import split_place
 from taskrpc.transport.tcp.unix_sockets import is_unix, path_of
 
-PATIENCE = 4.0
+STEP_TIMEOUT = 4.0
 """Seconds for each step."""
 
-_OF_THE_SILENT = (
-    "the server there is stuck or was stopped (`taskrpc ps` on that machine says which), or"
+_NO_RESPONSE = (
+    "the server there hangs or was stopped (`taskrpc ps` on that machine shows which), or"
     " another program than taskrpc listens"
 )
-# POSIX's numbers, then those of Windows, which asyncio gives as they are.
+# The error numbers of POSIX, then those of Windows, which asyncio does not translate.
 _NO_SUCH_NETWORK = frozenset({errno.ENETUNREACH, errno.ENETDOWN, 1231, 10051, 10050})
 _NO_SUCH_HOST = frozenset({errno.EHOSTUNREACH, errno.EHOSTDOWN, 1232, 10065, 10064})
 
 
 async def examine(remote: Remote) -> AsyncIterator[Finding]:
-    """What happens at each step on the way to the services of a place; ends where it fails."""
+    """Check each step of a connection to an address; ends at the first step that fails."""
     if is_unix(remote.place):
-        found = await reach_socket(remote.place, PATIENCE)
+        found = await reach_socket(remote.place, STEP_TIMEOUT)
         yield found
         if found.state != "problem":
-            yield await _ask(remote)
+            yield await _list_services(remote)
         return
     host, port = split_place(remote.place)
     try:
-        addresses = await resolve(host, port, PATIENCE)
+        addresses = await resolve(host, port, STEP_TIMEOUT)
     except OSError as error:
         yield problem(
             f"the name {host} is unknown: {_reason(error)}",
@@ -55,11 +55,11 @@ async def examine(remote: Remote) -> AsyncIterator[Finding]:
     reached, finding = await _connect(addresses, port)
     yield finding
     if reached:
-        yield await _ask(remote)
+        yield await _list_services(remote)
 
 
 async def resolve(host: str, port: int, timeout: float) -> list[str]:
-    """The addresses of a host. Raises OSError, also when there is no answer in time."""
+    """Return the addresses of a host. Raises OSError, also if there is no answer in time."""
     loop = asyncio.get_running_loop()
     answer: asyncio.Future[list[str]] = loop.create_future()
 
@@ -71,10 +71,11 @@ async def resolve(host: str, port: int, timeout: float) -> list[str]:
             settle = partial(answer.set_result, addresses)
         except OSError as error:
             settle = partial(answer.set_exception, error)
-        with contextlib.suppress(RuntimeError):  # nobody waits any more: the loop is closed
+        with contextlib.suppress(RuntimeError):  # the command has ended: the loop is closed
             loop.call_soon_threadsafe(lambda: None if answer.done() else settle())
 
-    # The system's resolver knows no deadline, and a loop's own threads are waited for at its end.
+    # The system's resolver has no timeout. A daemon thread, because asyncio would wait for a thread
+    # of its own before the command can end.
     threading.Thread(target=look_up, daemon=True).start()
     try:
         async with asyncio.timeout(timeout):
@@ -84,11 +85,11 @@ async def resolve(host: str, port: int, timeout: float) -> list[str]:
 
 
 async def _connect(addresses: Sequence[str], port: int) -> tuple[str, Finding]:
-    """The first address that takes a connection ("" if none does), and what was found."""
+    """Return the first address that accepts a connection ("" if none does), and the finding."""
     finding = problem("the name has no address", "check its spelling")
     for address in addresses:
         try:
-            async with asyncio.timeout(PATIENCE):
+            async with asyncio.timeout(STEP_TIMEOUT):
                 _, writer = await asyncio.open_connection(address, port)
         except OSError as error:
             finding = no_connection(error, address, port)
@@ -99,11 +100,11 @@ async def _connect(addresses: Sequence[str], port: int) -> tuple[str, Finding]:
 
 
 def no_connection(error: OSError, address: str, port: int) -> Finding:
-    """Why a connection to an address did not come about, and what to do."""
+    """Return why a connection to an address failed, and what to do."""
     if isinstance(error, ConnectionRefusedError):
         return problem(
             f"no program listens at {address} port {port}",
-            f"start the server there with --listen HOST:{port}, HOST being its address",
+            f"start the server there with --listen HOST:{port}, where HOST is its address",
         )
     if _is_one_of(error, _NO_SUCH_NETWORK):
         return problem(
@@ -113,49 +114,51 @@ def no_connection(error: OSError, address: str, port: int) -> Finding:
     if _is_one_of(error, _NO_SUCH_HOST):
         return problem(
             f"no machine answers at {address}: {_reason(error)}",
-            "check that it is on and still has this address. A Wi-Fi with client isolation (it"
-            " separates its guests) has the same effect: use the lecturer's hotspot or a cable",
+            "check that the machine is on and still has this address. A Wi-Fi with client isolation"
+            " (guests cannot reach each other) has the same effect: use the lecturer's hotspot or a"
+            " cable",
         )
     if isinstance(error, PermissionError):
         return problem(
             f"a firewall of this machine or a router forbids {address}: {_reason(error)}",
             f"allow TCP port {port} there",
         )
-    # Without an answer in our time or in the system's: both are TimeoutErrors.
+    # Our timeout and the system's timeout both raise TimeoutError.
     if isinstance(error, TimeoutError):
         return problem(
-            f"{address} did not answer at port {port} within {PATIENCE:g} s",
-            f"a firewall there may drop connections: allow Python or TCP port {port}; if others"
-            " cannot connect either, the Wi-Fi may separate its guests (client isolation):"
-            " use the lecturer's hotspot, or a cable",
+            f"{address} did not answer at port {port} within {STEP_TIMEOUT:g} s",
+            f"a firewall there may drop connections: allow Python or TCP port {port}; if other"
+            " machines cannot connect either, the Wi-Fi may have client isolation (guests cannot"
+            " reach each other): use the lecturer's hotspot, or a cable",
         )
     return problem(
         f"{address} cannot be reached: {_reason(error)}", "check the network of both machines"
     )
 
 
-async def _ask(remote: Remote) -> Finding:
+async def _list_services(remote: Remote) -> Finding:
     place = remote.place
     try:
         listing = await remote.listing(place)
     except AuthenticationFailed as error:
-        return await encryption.fault(remote, PATIENCE) or problem(
+        return await encryption.fault(remote, STEP_TIMEOUT) or problem(
             f"{place} is taskrpc, but: {_without(place, error)}",
-            "join again if the lecturer's string was for it (the account may be revoked or"
-            " expired), or give the server's secret with --token-file or TASKRPC_TOKEN",
+            "if you joined this server with the lecturer's string, join again (the account may be"
+            " revoked or expired); otherwise give its secret with --token-file or TASKRPC_TOKEN",
         )
     except (ConnectionLost, ProtocolError) as error:
         if advice := _advice(str(error)):
             return problem(placed(place, error), advice)
         if STOPPED in str(error):
             return problem(*str(error).split("; ", 1))
-        waits = "within" in str(error) or "did not answer" in str(error)
-        advice = _OF_THE_SILENT if waits else "another program than taskrpc listens there"
-        return await encryption.fault(remote, PATIENCE) or problem(placed(place, error), advice)
+        is_silent = "within" in str(error) or "did not answer" in str(error)
+        advice = _NO_RESPONSE if is_silent else "another program than taskrpc listens there"
+        fault = await encryption.fault(remote, STEP_TIMEOUT)
+        return fault or problem(placed(place, error), advice)
     except TaskRpcError as error:
         return problem(
             placed(place, error),
-            "check the files of the --tls options; if they are right, read the log of the server",
+            "check the files of the --tls options; if they are correct, read the server's log",
         )
     names = ", ".join(service.name for service in listing.services) or "no service"
     return ok(f"{place} offers {names}")
@@ -184,17 +187,17 @@ def _reason(error: OSError) -> str:
 _OTHERS = "only programs of the same user can call it: log in as that user, or listen at a port"
 
 
-async def reach_socket(place: str, patience: float) -> Finding:
-    """Whether a program accepts connections at a socket's file, or why not."""
+async def reach_socket(place: str, timeout: float) -> Finding:
+    """Check whether a program accepts connections at a Unix socket, or why not."""
     path = path_of(place)
     if found := _wrong_socket_file(path, place):
         return found
-    if sys.platform != "win32":  # where `path_of` has refused the place
+    if sys.platform != "win32":  # on Windows `path_of` has refused the address
         try:
-            async with asyncio.timeout(patience):
+            async with asyncio.timeout(timeout):
                 _, writer = await asyncio.open_unix_connection(path)
         except OSError as error:
-            return _no_socket_connection(error, path, place, patience)
+            return _no_socket_connection(error, path, place, timeout)
         writer.close()
     return ok(f"a program listens at {path}")
 
@@ -214,7 +217,7 @@ def _wrong_socket_file(path: str, place: str) -> Finding | None:
     return None
 
 
-def _no_socket_connection(error: OSError, path: str, place: str, patience: float) -> Finding:
+def _no_socket_connection(error: OSError, path: str, place: str, timeout: float) -> Finding:
     if isinstance(error, ConnectionRefusedError):
         return problem(
             f"no program listens at {path}: the server that created it has ended",
@@ -224,7 +227,7 @@ def _no_socket_connection(error: OSError, path: str, place: str, patience: float
         return problem(f"the socket {path} belongs to another user", _OTHERS)
     if isinstance(error, TimeoutError):
         return problem(
-            f"the server at {path} accepted no connection within {patience:g} s",
+            f"the server at {path} accepted no connection within {timeout:g} s",
             "see its log; if it hangs, end it with `taskrpc stop`",
         )
     return problem(f"{path} cannot be reached: {error.strerror or error}", "check the path")

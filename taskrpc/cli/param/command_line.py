@@ -1,4 +1,4 @@
-"""`taskrpc param`: a node's parameters, as `ros2 param` has them."""
+"""`taskrpc param`: reads and sets the parameters of nodes, as in `ros2 param`."""
 
 from __future__ import annotations
 
@@ -20,10 +20,10 @@ if TYPE_CHECKING:
 
     Action: TypeAlias = Callable[[argparse.Namespace, ParamServices], Awaitable[Exit]]
 
-PATIENCE = 5.0
-"""Seconds that a node gets to answer."""
+RESPONSE_TIMEOUT = 5.0
+"""Seconds that a node gets to respond."""
 
-_LOOK = 0.1
+_POLL = 0.1  # seconds between two looks for a node
 _KINDS = {
     1: "Boolean value is:",
     2: "Integer value is:",
@@ -96,9 +96,9 @@ def _add(commands: Commands, verb: str, purpose: str, action: Action) -> Parser:
     at_least = number("from 0 on", lambda seconds: seconds >= 0)
     what = "Seconds to wait until the node is available (0)"
     command.add_argument("--timeout", metavar="N", type=at_least, default=0.0, help=what)
-    what = f"Seconds to wait for the response of the node ({PATIENCE:g})"
+    what = f"Seconds to wait for the response of the node ({RESPONSE_TIMEOUT:g})"
     command.add_argument(
-        "--service-timeout", metavar="N", type=at_least, default=PATIENCE, help=what
+        "--service-timeout", metavar="N", type=at_least, default=RESPONSE_TIMEOUT, help=what
     )
     add_connect(command)
     add_discovery(command)
@@ -126,15 +126,15 @@ async def _with_node(options: argparse.Namespace) -> Exit:
     remote = remote_of(options)
     options.node_name = expanded(options.node_name, kind="node name")
     async with remote.node() as node:
-        ends = asyncio.get_running_loop().time() + options.timeout
+        deadline = asyncio.get_running_loop().time() + options.timeout
         while True:
             try:
                 checked_owner(options.node_name, await entries_of(remote, node))
                 break
             except NotFound:
-                if asyncio.get_running_loop().time() >= ends:
+                if asyncio.get_running_loop().time() >= deadline:
                     raise
-            await asyncio.sleep(_LOOK)
+            await asyncio.sleep(_POLL)
         action: Action = options.action
         services = ParamServices(node, options.node_name, options.service_timeout)
         return await action(options, services)
@@ -162,7 +162,7 @@ async def _list_all(options: argparse.Namespace) -> Exit:
             hidden = options.include_hidden_nodes
             found = [name for name in owners(entries) if hidden or not names.is_hidden(name)]
         for owner in found:
-            lines = await _lines(ParamServices(node, owner, PATIENCE), options)
+            lines = await _lines(ParamServices(node, owner, RESPONSE_TIMEOUT), options)
             if not options.node_name and lines:
                 print(f"{owner}:")
             print("".join(f"  {line}\n" for line in lines), end="", flush=True)
@@ -209,18 +209,18 @@ async def _set(options: argparse.Namespace, services: ParamServices) -> Exit:
             "Set parameters atomically successful",
             "Setting parameters atomically failed",
         )
-        return _tell(result, done, failed)
+        return _report(result, done, failed)
     results = await services.set(wanted)
     several = [f"{name}: " for name in names] if len(names) > 1 else [""]
     codes = [
-        _tell(result, f"{name}Set parameter successful", f"{name}Setting parameter failed")
+        _report(result, f"{name}Set parameter successful", f"{name}Setting parameter failed")
         for name, result in zip(several, results, strict=True)
     ]
     return max(codes)
 
 
-def _tell(result: Any, done: str, failed: str) -> Exit:
-    """Say what became of a change."""
+def _report(result: Any, done: str, failed: str) -> Exit:
+    """Print whether a change succeeded; returns the exit code."""
     reason = f": {result.reason}" if result.reason else ""
     if result.successful:
         print(f"{done}{reason}")
@@ -247,7 +247,7 @@ async def _delete(options: argparse.Namespace, services: ParamServices) -> Exit:
 
     nothing = srvgen.load("rcl_interfaces/msg/ParameterValue")()
     result = (await services.set([_message(options.parameter_name, nothing)]))[0]
-    return _tell(result, "Deleted parameter successfully", "Deleting parameter failed")
+    return _report(result, "Deleted parameter successfully", "Deleting parameter failed")
 
 
 async def _dump(options: argparse.Namespace, services: ParamServices) -> Exit:
@@ -290,7 +290,7 @@ async def _load(options: argparse.Namespace, services: ParamServices) -> Exit:
         raise TaskRpcError(str(error)) from None
     results = await services.set(list(found.values()))
     codes = [
-        _tell(result, f"Set parameter {name} successful", f"Set parameter {name} failed")
+        _report(result, f"Set parameter {name} successful", f"Set parameter {name} failed")
         for name, result in zip(found, results, strict=True)
     ]
     return max(codes, default=Exit.DONE)

@@ -1,4 +1,4 @@
-"""A node's parameters, as commands ask for them: calls of its six parameter services."""
+"""Calls the parameter services of a node for commands."""
 
 from __future__ import annotations
 
@@ -14,33 +14,33 @@ from taskrpc.transport.discovery.entries import RegistryEntry
 class ParamServices:
     """Calls the parameter services of one node (its fully qualified name)."""
 
-    def __init__(self, node: Node, owner: str, patience: float) -> None:
+    def __init__(self, node: Node, owner: str, timeout: float) -> None:
         self._node = node
         self._owner = owner
-        self._patience = patience
+        self._timeout = timeout  # seconds for each call
 
     async def names(self, prefixes: Iterable[str] = ()) -> list[str]:
-        """The names of all parameters, or of those below the prefixes, sorted."""
+        """Return the names of all parameters, or of those below the prefixes, sorted."""
         answer = await self._call("ListParameters", "list_parameters", prefixes=list(prefixes))
         return sorted(answer.result.names)
 
     async def values(self, names: list[str]) -> list[Any]:
-        """The values of parameters, as ParameterValue messages."""
+        """Return the values of parameters, as ParameterValue messages."""
         answer = await self._call("GetParameters", "get_parameters", names=names)
         return list(answer.values)
 
     async def descriptors(self, names: list[str]) -> list[Any]:
-        """What is told of parameters, as ParameterDescriptor messages."""
+        """Return the descriptions of parameters, as ParameterDescriptor messages."""
         answer = await self._call("DescribeParameters", "describe_parameters", names=names)
         return list(answer.descriptors)
 
     async def set(self, parameters: list[Any]) -> list[Any]:
-        """Set parameters, each by itself; SetParametersResult messages."""
+        """Set parameters one by one; returns SetParametersResult messages."""
         answer = await self._call("SetParameters", "set_parameters", parameters=parameters)
         return list(answer.results)
 
     async def set_together(self, parameters: list[Any]) -> Any:
-        """Set all parameters or none; a SetParametersResult message."""
+        """Set all parameters or none; returns a SetParametersResult message."""
         answer = await self._call(
             "SetParametersAtomically", "set_parameters_atomically", parameters=parameters
         )
@@ -48,7 +48,7 @@ class ParamServices:
 
     async def _call(self, type_name: str, verb: str, **fields: Any) -> Any:
         srv_type = srvgen.load(f"rcl_interfaces/srv/{type_name}")
-        client = self._node.create_client(srv_type, f"{self._owner}/{verb}", timeout=self._patience)
+        client = self._node.create_client(srv_type, f"{self._owner}/{verb}", timeout=self._timeout)
         try:
             return await client.call(srv_type.Request(**fields))
         finally:
@@ -56,14 +56,14 @@ class ParamServices:
 
 
 def owners(entries: Iterable[RegistryEntry]) -> list[str]:
-    """The nodes that have parameters, sorted."""
+    """Return the nodes that have parameters, sorted."""
     end = "/list_parameters"
     names = (service.name for entry in entries for service in entry.services)
     return sorted(name.removesuffix(end) for name in names if name.endswith(end))
 
 
 def checked_owner(name: str, entries: Iterable[RegistryEntry]) -> str:
-    """The node that is meant. Raises NotFound."""
+    """Return the name of a running node. Raises NotFound if no such node runs."""
     from srvgen.definitions.names import did_you_mean
 
     known = {node for entry in entries for node in entry.nodes}

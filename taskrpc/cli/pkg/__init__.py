@@ -1,5 +1,5 @@
-"""`taskrpc pkg`: find packages and create them, as `ros2 pkg` does.
+"""`taskrpc pkg`: finds and creates packages, as `ros2 pkg` does.
 
-Start with `command_line`; `create` writes a new package. What the files contain is decided in
-`taskrpc.colcon`.
+Start with `command_line`; `create` writes a new package. `taskrpc.colcon` determines the contents
+of its files.
 """

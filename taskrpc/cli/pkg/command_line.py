@@ -1,4 +1,4 @@
-"""`taskrpc pkg`: create, list, executables, prefix and xml, as `ros2 pkg` has them."""
+"""`taskrpc pkg`: create, list, executables, prefix and xml, as in `ros2 pkg`."""
 
 from __future__ import annotations
 

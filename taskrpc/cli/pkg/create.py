@@ -1,4 +1,4 @@
-"""`taskrpc pkg create`: writes a new package, and says so as `ros2 pkg create` does."""
+"""`taskrpc pkg create`: writes a new package, and prints the lines of `ros2 pkg create`."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 def create(options: Namespace) -> Exit:
-    """Write the package that the options say; raises TaskRpcError where it cannot be."""
+    """Write the package that the options describe. Raises TaskRpcError if that fails."""
     if options.license == "?":
         print("Supported licenses:\n" + "\n".join(LICENSES))
         return Exit.DONE
@@ -37,7 +37,7 @@ def create(options: Namespace) -> Exit:
         node = f"{node}_node"
         print("[WARNING] node name can not be equal to the library name", file=sys.stderr)
         print(f"[WARNING] renaming node to {node}", file=sys.stderr)
-    _tell(package, options, node, library)
+    _print_facts(package, options, node, library)
     if package.build_type == "ament_python":
         _write_python(package, folder, node, library)
     else:
@@ -66,8 +66,8 @@ def _manifest(options: Namespace) -> Manifest:
             raise TaskRpcError(f"expected names of packages as --dependencies, got {name!r}")
     if options.build_type == "ament_python" and options.package_name == "test":
         raise TaskRpcError(
-            "Aborted since 'ament_python' packages can't be named 'test': its folder of tests"
-            " has that name; choose a different package name"
+            "Aborted since 'ament_python' packages can't be named 'test': the folder of its tests"
+            " has this name; choose a different package name"
         )
     name, email = maintainer()
     return Manifest(
@@ -89,7 +89,7 @@ def _checked_word(option: str, name: str) -> str:
     return name
 
 
-def _tell(package: Manifest, options: Namespace, node: str, library: str) -> None:
+def _print_facts(package: Manifest, options: Namespace, node: str, library: str) -> None:
     print("going to create a new package")
     print(f"package name: {package.name}")
     print(f"destination directory: {os.path.abspath(options.destination_directory)}")

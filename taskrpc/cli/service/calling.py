@@ -1,4 +1,4 @@
-"""What a call does once its command line is read: find the service, ask it, print the answer."""
+"""Makes the calls of a command line: finds the service, calls it, prints the response."""
 
 from __future__ import annotations
 
@@ -32,25 +32,25 @@ from taskrpc.retry import RetryPolicy
 from taskrpc.transport.connection.dialling import placed
 
 POLL = 0.05
-"""Seconds between two looks for a service that is not there yet."""
+"""Seconds between two looks for a service that is not available yet."""
 
 
 class Plan(msgspec.Struct, frozen=True):
-    """What a command line asks for."""
+    """The calls that a command line describes."""
 
     service: str
     type_name: str = ""
-    """Empty where the server is to tell it."""
+    """The type on the command line; "" to use the type that the server reports."""
     values: tuple[str, ...] = ()
     timeout: float | None = 10.0
-    """Seconds of one call, waiting for the service included; None for no limit."""
+    """Seconds for one call, including the wait for the service; None for no limit."""
     retries: int = 0
     request_id: str = ""
-    """The user's name for the request, "" for none."""
+    """The id that the user gave the request, "" for none."""
     rate: float | None = None
-    """Calls a second; None: one after the other."""
+    """Calls per second; None for no pause between them."""
     count: int = 1
-    """Calls; 0 for no end."""
+    """The number of calls; 0 for no limit."""
     as_json: bool = False
     remote: Remote = HERE
     transport: str = "tcp"
@@ -78,9 +78,9 @@ class _Caller:
         self._client: Client[Any, Any] | None = None
         self._request: Callable[[], Any] = lambda: None
         """Makes the request of each call; `now` and `auto` become the time of the call."""
-        self._said_waiting = False
+        self._reported_waiting = False
         self._lost: TaskRpcError | None = None
-        """Why the last connection was not made."""
+        """The error of the last failed connection; None if the last one succeeded."""
 
     async def run(self) -> None:
         began = self._loop.time()
@@ -118,7 +118,7 @@ class _Caller:
         self._print(f"response:\n{response!r}\n")
 
     async def _reach(self, deadline: float | None) -> Client[Any, Any]:
-        """A client, and the request that fits it; both as the server defines them."""
+        """Wait for the service; set `_request` and return a client, both with its definition."""
         type_name, text = await self._definition(deadline)
         given = self._plan.type_name
         if given and service_type_name(given) != type_name:
@@ -135,7 +135,7 @@ class _Caller:
         return self._node.create_client(cls, self._service)
 
     async def _definition(self, deadline: float | None) -> tuple[str, str]:
-        """What the server says of the service's type, as soon as there is one."""
+        """Wait for a server; returns the type of its service, and the text of the definition."""
         while True:
             try:
                 async with asyncio.timeout_at(deadline):
@@ -147,29 +147,29 @@ class _Caller:
             except (AuthenticationFailed, ProtocolError):
                 if not self._plan.remote.places:
                     raise
-            await self._say_waiting(deadline)
+            await self._report_waiting(deadline)
             left = math.inf if deadline is None else deadline - self._loop.time()
             if left <= 0:
-                raise await self._unknown()
+                raise await self._unavailable()
             await asyncio.sleep(min(POLL, left))
 
-    async def _say_waiting(self, deadline: float | None) -> None:
-        """Say once that we wait, unless what was typed cannot succeed in any case."""
-        if self._said_waiting:
+    async def _report_waiting(self, deadline: float | None) -> None:
+        """Report once that the command waits; raise if the call cannot succeed in any case."""
+        if self._reported_waiting:
             return
-        self._said_waiting = True
+        self._reported_waiting = True
         if self._plan.type_name:
             _requests(local_service_type(self._plan.type_name).Request, self._plan.values)
-        await self._ask_places(deadline)
+        await self._check_places(deadline)
         if not self._plan.as_json:
             print("waiting for service to become available...", file=sys.stderr, flush=True)
             if self._lost:
                 print(f"({self._lost})", file=sys.stderr, flush=True)
 
-    async def _ask_places(self, deadline: float | None) -> None:
-        """Find out why a program elsewhere does not tell of the service.
+    async def _check_places(self, deadline: float | None) -> None:
+        """Find out why a remote program does not list the service.
 
-        Raises AuthenticationFailed: waiting would not help.
+        Raises AuthenticationFailed, because waiting would not help.
         """
         for place in self._plan.remote.places:
             try:
@@ -181,7 +181,7 @@ class _Caller:
             except TimeoutError:
                 self._lost = self._lost or ConnectionLost(f"{place} did not answer in time")
 
-    async def _unknown(self) -> ServiceUnavailable:
+    async def _unavailable(self) -> ServiceUnavailable:
         from taskrpc.cli.shared.graph import why_unavailable  # only where a call fails
 
         waited, place = f"(waited {self._plan.timeout:g} s)", self._plan.remote.place
@@ -208,7 +208,7 @@ def _requests(cls: Any, values: Sequence[str]) -> Callable[[], Any]:
 
 
 def _without_nan(value: Any) -> Any:
-    """The value with null where JSON has no number for it."""
+    """Return a value with None in place of NaN and infinity, which JSON does not have."""
     if isinstance(value, float):
         return value if math.isfinite(value) else None
     if isinstance(value, list):

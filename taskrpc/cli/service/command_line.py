@@ -1,4 +1,4 @@
-"""`taskrpc service`: call, echo, find, info, list and type, as `ros2 service` has them."""
+"""`taskrpc service`: call, echo, find, info, list and type, as in `ros2 service`."""
 
 from __future__ import annotations
 
@@ -92,7 +92,7 @@ def _add_with_name(commands: Commands, name: str, purpose: str) -> argparse.Argu
 def _add_list_options(parser: argparse.ArgumentParser) -> None:
     what = "Only display the number of services discovered"
     parser.add_argument("-c", "--count-services", "--count", action="store_true", help=what)
-    # Without a default of its own, so that it does not undo the group's option of this name.
+    # No default here: it would overwrite the option of the same name before the subcommand.
     parser.add_argument(
         "--include-hidden-services",
         action="store_true",
@@ -160,18 +160,18 @@ def _info(options: argparse.Namespace) -> int:
     if not found:
         raise _unknown(options, name, entries)
     types = sorted({str(facts["Service type"]) for facts in found})
-    ends = {
+    endpoints = {
         "Clients count": [each for each in found if each["Endpoint type"] == "CLIENT"],
         "Services count": [each for each in found if each["Endpoint type"] == "SERVER"],
     }
     if options.json:
         import json
 
-        counts = {label: len(group) for label, group in ends.items()}
+        counts = {label: len(group) for label, group in endpoints.items()}
         print(json.dumps({"Type": ", ".join(types), **counts, "Endpoints": found}))
         return Exit.DONE
     print(f"Type: {types[0] if len(types) == 1 else types}")
-    for label, group in ends.items():
+    for label, group in endpoints.items():
         print(f"{label}: {len(group)}")
         if options.verbose:
             print()
@@ -182,7 +182,7 @@ def _info(options: argparse.Namespace) -> int:
 
 
 def _facts(kind: str, endpoint: ServiceEndpoint, entry: RegistryEntry) -> dict[str, str | int]:
-    """What is known of one end of a service, under the names that are printed."""
+    """Return the facts about a server or client of a service, by the labels to print."""
     from taskrpc.cli.shared import graph
 
     namespace, _, node = endpoint.node.rpartition("/")

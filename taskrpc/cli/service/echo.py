@@ -1,4 +1,4 @@
-"""`taskrpc service echo`: each step of a service's calls, told on the topic of its events."""
+"""`taskrpc service echo`: prints the introspection events of a service."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import yaml
 
 import srvgen
 from taskrpc.cli.shared import definitions, graph, quoting
-from taskrpc.cli.shared.command import Exit, NotFound, goes_on, hinted
+from taskrpc.cli.shared.command import Exit, NotFound, hinted, tune_for_long_run
 from taskrpc.cli.shared.definitions import service_type_name
 from taskrpc.cli.shared.remote import remote_of
 from taskrpc.cli.topic.reading import Feed
@@ -34,7 +34,10 @@ def echo(options: argparse.Namespace) -> Exit:
 
 
 def event_text(event: Any, cut: Cut, *, flow: bool = False) -> str:
-    """An event as ros2 prints it: YAML that ends in a line break; `flow` for arrays in one line."""
+    """Return an event as ros2 prints it: YAML with a line break at the end.
+
+    `flow` puts each array on one line.
+    """
     shown = plain(event, cut)
     kind = shown["info"]["event_type"]
     steps = ("REQUEST_SENT", "REQUEST_RECEIVED", "RESPONSE_SENT", "RESPONSE_RECEIVED")
@@ -51,7 +54,7 @@ def event_text(event: Any, cut: Cut, *, flow: bool = False) -> str:
 
 
 class _FlowDumper(yaml.SafeDumper):
-    """Writes lists, and what is in them, in one line."""
+    """Writes lists, with their contents, on one line."""
 
 
 _FlowDumper.add_representer(
@@ -76,15 +79,15 @@ async def _echo(options: argparse.Namespace) -> None:
     async with remote.node() as node:
         entries = await graph.entries_of(remote, node)
         cls = _service_type(options.service_type, name, entries)
-        told = topics(entries, hidden=True).get(topic)
-        publishers = [each for each, _ in told.publishers] if told else []
+        events = topics(entries, hidden=True).get(topic)
+        publishers = [each for each, _ in events.publishers] if events else []
         if not publishers:
-            print(_silent(name), file=sys.stderr, flush=True)
+            print(_no_events(name), file=sys.stderr, flush=True)
         reliable = bool(publishers) and all(each.reliable for each in publishers)
         qos = QoS(_DEPTH, "reliable" if reliable else "best_effort", "volatile")
         feed = Feed(show)
         node.create_subscription(cls.Event, topic, feed.take, qos)
-        goes_on()
+        tune_for_long_run()
         await feed.wait()
 
 
@@ -104,7 +107,7 @@ def _service_type(given: str, name: str, entries: Iterable[RegistryEntry]) -> An
     return found
 
 
-def _silent(name: str) -> str:
+def _no_events(name: str) -> str:
     return (
         f"note: no program publishes the calls of {name} yet. Its server needs"
         ' node.configure_introspection(service, "contents"); taskrpc-server needs --introspection'

@@ -1,5 +1,5 @@
 """Helpers of several commands: exit codes, options, requests, and the graph of running programs.
 
-Start with `command`, which runs every command and prints its errors. `parsing` and `remote` have
-the options, `values` reads requests, `graph` looks for programs. No command is defined here.
+Start with `command`, which runs every command and prints its errors. `parsing` and `remote` define
+the options, `values` reads requests, `graph` finds running programs. No command is defined here.
 """

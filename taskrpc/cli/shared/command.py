@@ -19,18 +19,18 @@ if TYPE_CHECKING:
 
     Mistake = TypeVar("Mistake", bound=Exception)
 
-_GARBAGE = 100_000
-"""Objects to make before Python looks for garbage: more than a short command makes."""
+_GC_THRESHOLD = 100_000
+"""New objects until a garbage collection: more than a short command makes."""
 
-_GARBAGE_LATER = (10_000, 50, 100)
-"""The same for a command that goes on. Of 100,000 objects many are new tasks by then, and looking
-through them halted the server for 40 ms, on a busy machine for 250; of 10,000 for 3 ms. Python's
-own 700 took twice the time of all. Our own calls leave no cycles behind, so that the older ones
-need not be looked through often: for them it takes as long as there are tasks."""
+_GC_THRESHOLDS_LONG_RUN = (10_000, 50, 100)
+"""The thresholds of a command that runs for long. With 100,000 objects, many of them new tasks, one
+collection halted the server for 40 ms, on a busy machine for 250 ms; with 10,000 objects for 3 ms.
+Python's default of 700 doubled the total time of collections. Older generations are collected
+rarely: that takes longer the more tasks exist, and calls leave no reference cycles behind."""
 
 
 _INPUT_LIMIT = 16 * 2**20
-"""Most bytes read from standard input: far more than the YAML of any request."""
+"""Most bytes that are read from standard input: far more than the YAML of any request."""
 
 
 class Exit(IntEnum):
@@ -38,19 +38,19 @@ class Exit(IntEnum):
 
     DONE = 0
     ERROR = 1
-    """An error answer, an invalid definition or request, a look-up that found nothing."""
+    """An error response, an invalid definition or request, a lookup that found nothing."""
     USAGE = 2
     DEADLINE = 3
-    """No answer by the deadline, after the call was sent."""
+    """The deadline was exceeded after the call was sent."""
     NOT_RUN = 4
     """The call certainly did not run."""
     UNKNOWN = 5
-    """The connection was lost in mid-call."""
+    """The connection was lost during the call; it is unknown whether the call ran."""
     INTERRUPTED = 130
 
 
 class NotFound(TaskRpcError):
-    """What was asked for is not there."""
+    """The thing that the user named does not exist."""
 
 
 class OutputLost(TaskRpcError):
@@ -58,7 +58,7 @@ class OutputLost(TaskRpcError):
 
 
 class UsageError(TaskRpcError):
-    """The command line cannot be understood; `usage` is printed before the message."""
+    """The command line is wrong; `usage` is printed before the message."""
 
     def __init__(self, message: str, usage: str = "") -> None:
         self.usage = usage
@@ -78,28 +78,28 @@ def run_main(
     if argv is not None:
         return guarded(action, list(argv))
     process.begin(sigterm_is_success=sigterm_is_success)
-    # A command is short: looking for garbage, at the end once more, would cost it a tenth.
-    gc.set_threshold(_GARBAGE)
+    # A command is short: garbage collections, one more at the end, would take a tenth of its time.
+    gc.set_threshold(_GC_THRESHOLD)
     try:
         code = guarded(action, sys.argv[1:])
-    except KeyboardInterrupt:  # once more, while a message was printed
+    except KeyboardInterrupt:  # a second Ctrl-C, while a message was printed
         code = Exit.INTERRUPTED
     finally:
         gc.freeze()
     return process.end(code)
 
 
-def goes_on() -> None:
-    """Say that a command has started, and is going to run for long."""
-    if gc.get_threshold()[0] == _GARBAGE:  # else the process is not ours, and nor is its garbage
-        gc.freeze()  # what is imported stays: to look through it takes 20 ms each time
-        gc.set_threshold(*_GARBAGE_LATER)
+def tune_for_long_run() -> None:
+    """Set the garbage collector for a command that has started and runs for long."""
+    if gc.get_threshold()[0] == _GC_THRESHOLD:  # otherwise `run_main` did not start this process
+        gc.freeze()  # imported objects stay for ever, and each collection of them takes 20 ms
+        gc.set_threshold(*_GC_THRESHOLDS_LONG_RUN)
 
 
 def guarded(action: Callable[[list[str]], int], argv: list[str]) -> int:
-    """Run a command's action and return its exit code, whatever happens.
+    """Run a command's action and return its exit code.
 
-    A user's mistake becomes one message on stderr; one line of JSON where `argv` has `--json`.
+    A user's mistake becomes one message on stderr; one line of JSON if `argv` has `--json`.
     """
     from taskrpc import platform
 
@@ -123,9 +123,9 @@ def guarded(action: Callable[[list[str]], int], argv: list[str]) -> int:
 
 
 def standard_input() -> str:
-    """All of standard input: UTF-8, or the UTF-16 that some Windows tools write.
+    """Read all of standard input: UTF-8, or the UTF-16 that some Windows tools write.
 
-    Raises UsageError where it is closed, cannot be read or has no end.
+    Raises UsageError if it is closed, cannot be read or is larger than 16 MiB.
     """
     if sys.stdin is None:
         raise UsageError("expected text on standard input, but it is closed")
@@ -141,19 +141,19 @@ def standard_input() -> str:
 
 
 def exit_code(error: Exception) -> Exit:
-    """The exit code that says what became of the call."""
+    """Return the exit code for an error."""
     if isinstance(error, UsageError):
         return Exit.USAGE
     return Exit(exit_status(error))
 
 
 def is_mistake(error: Exception) -> bool:
-    """Whether an error is told in a sentence; any other is a defect and shows its traceback."""
+    """Whether an error is shown as one message; any other is a defect and shows its traceback."""
     return isinstance(error, OSError) or is_ours(error)
 
 
 def hinted(error: Mistake, hint: str) -> Mistake:
-    """The error, with a hint to print on a line of its own where there is one."""
+    """Return the error with a hint, which is printed on its own line; "" adds none."""
     if hint:
         error.add_note(hint)
     return error

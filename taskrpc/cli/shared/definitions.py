@@ -1,4 +1,4 @@
-"""Definitions as commands look for them: in the workspace around the working directory first."""
+"""Finds definitions for commands, first in the workspace around the working directory."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from srvgen.files.search import Search
 
 
 def search() -> Search:
-    """Looks in the packages of the workspace here before it looks elsewhere."""
+    """Return a search that begins with the packages of this workspace."""
     return Search(_roots())
 
 
 def load(type_name: str) -> Any:
-    """The class of a type. Raises DefinitionError."""
+    """Return the class of a type. Raises DefinitionError."""
     search_first(_roots())
     return srvgen.load(type_name)
 
@@ -28,15 +28,15 @@ def _roots() -> list[Path]:
 
 
 def service_type_name(text: str) -> str:
-    """The full name of a service's type; `pkg/Name` means `pkg/srv/Name`."""
+    """Return the full name of a service's type; `pkg/Name` means `pkg/srv/Name`."""
     package, *rest = text.split("/")
     return f"{package}/srv/{rest[0]}" if len(rest) == 1 else text
 
 
 def local_service_type(text: str) -> Any:
-    """The class of a service type that this machine has a definition of.
+    """Return the class of a service type that is defined on this machine.
 
-    Raises DefinitionError, in ros2's words, when there is none.
+    Raises DefinitionError, with ros2's text, if there is none.
     """
     try:
         found = load(service_type_name(text))
@@ -52,7 +52,7 @@ def local_service_type(text: str) -> Any:
 
 
 def differs_here(cls: Any) -> bool:
-    """Whether this machine has another definition of a type than its server."""
+    """Whether this machine's definition of a type differs from the server's."""
     try:
         return bool(load(cls._TYPE)._HASH != cls._HASH)
     except srvgen.DefinitionError:

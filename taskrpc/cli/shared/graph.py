@@ -1,4 +1,4 @@
-"""Who is there, as the commands see it: themselves left out, hidden names left out unless asked."""
+"""The running programs, without the command itself; hidden names only on request."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from taskrpc.transport.discovery.registry import Registry
 from taskrpc.transport.tcp.tcp_network import domain_id, environment_peers
 from taskrpc.wire.messages import ServiceEndpoint, TopicEndpoint
 
-_SHOWN = 5
+_SHOWN = 5  # most services that a hint names
 _OF_EVERY_NODE = {
     "describe_parameters",
     "get_parameter_types",
@@ -31,7 +31,10 @@ _OF_EVERY_NODE = {
 
 
 def look(remote: Remote) -> list[RegistryEntry]:
-    """Every process in this domain, or the one elsewhere; never the one that asks."""
+    """Return the entries of all processes in this domain, or of the one at `remote.place`.
+
+    The entry of this process is left out.
+    """
     return asyncio.run(_look(remote))
 
 
@@ -41,19 +44,19 @@ async def _look(remote: Remote) -> list[RegistryEntry]:
 
 
 async def entries_of(remote: Remote, node: Node) -> list[RegistryEntry]:
-    """The same for a command that has a node already."""
+    """Return the same as `look`, for a command that already has a node."""
     if remote.place:
         return [entry_of(remote.place, await remote.listing(remote.place))]
     return others(await node.graph())
 
 
 def others(entries: Iterable[RegistryEntry]) -> list[RegistryEntry]:
-    """The entries of all processes but this one."""
+    """Return the entries of all processes except this one."""
     return [entry for entry in entries if entry.pid != os.getpid()]
 
 
 def services(entries: Iterable[RegistryEntry], *, hidden: bool = False) -> dict[str, list[str]]:
-    """Each service that is offered, by name, with its type; several where servers disagree."""
+    """Return the offered services with their types; several types if servers disagree."""
     found: dict[str, set[str]] = {}
     for entry in entries:
         for service in entry.services:
@@ -63,7 +66,7 @@ def services(entries: Iterable[RegistryEntry], *, hidden: bool = False) -> dict[
 
 
 def gid(entry: RegistryEntry, endpoint: ServiceEndpoint | TopicEndpoint, kind: int) -> str:
-    """The GID of an endpoint as ros2 prints it; rclpy programs see the same GID.
+    """Return the GID of an endpoint as ros2 prints it; rclpy programs see the same GID.
 
     `kind` is the value of rclpy's `EndpointTypeEnum`.
     """
@@ -74,7 +77,7 @@ def gid(entry: RegistryEntry, endpoint: ServiceEndpoint | TopicEndpoint, kind: i
 
 
 def qos_lines(*, reliable: bool = True, depth: int = 10, latched: bool = False) -> list[str]:
-    """A QoS profile as ros2 prints it; by default that of services."""
+    """Return a QoS profile as ros2 prints it; by default the profile of services."""
     return [
         "QoS profile:",
         f"  Reliability: {'RELIABLE' if reliable else 'BEST_EFFORT'}",
@@ -88,7 +91,7 @@ def qos_lines(*, reliable: bool = True, depth: int = 10, latched: bool = False) 
 
 
 def domains() -> dict[int, list[RegistryEntry]]:
-    """Every taskrpc process of this user on this machine, by domain."""
+    """Return all taskrpc processes of this user on this machine, by domain."""
     found = {}
     for folder in sorted(platform.runtime_dir().glob("domain_*")):
         number = folder.name.removeprefix("domain_")
@@ -100,12 +103,12 @@ def domains() -> dict[int, list[RegistryEntry]]:
 async def why_unavailable(
     service: str, place: str, node: Node, waited: str, lost: TaskRpcError | None
 ) -> ServiceUnavailable:
-    """The error for a service that did not become available, with a hint.
+    """Return the error for a service that did not become available, with a hint.
 
-    `place` is the address that the command names, "" for none; `lost` says why a connection
-    failed, None if every program answered.
+    `place` is the address on the command line, "" for none. `lost` is the error of a failed
+    connection, None if every program answered.
     """
-    # A place that did not answer is not asked again.
+    # Do not connect again to a place that did not answer.
     entries = domains().get(domain_id(), []) if lost else others(await node.graph())
     for entry in entries:
         if entry.offers(service):
@@ -125,22 +128,22 @@ def _out_of_reach(place: str, lost: TaskRpcError, waited: str) -> ServiceUnavail
 
 
 def _silent(entry: RegistryEntry, service: str, waited: str) -> ServiceUnavailable:
-    """The error for a running process that offers a service and does not answer."""
-    who = f"{entry.script} (pid {entry.pid})"
+    """Return the error for a running process that offers a service and does not answer."""
+    program = f"{entry.script} (pid {entry.pid})"
     if platform.is_stopped(entry.pid):
         return hinted(
-            ServiceUnavailable(f"{who} offers {service}, but {STOPPED} {waited}"),
+            ServiceUnavailable(f"{program} offers {service}, but {STOPPED} {waited}"),
             f"`fg` in its terminal or `kill -CONT {entry.pid}` continues it, `taskrpc stop"
             f" {entry.pid}` ends it",
         )
     return hinted(
-        ServiceUnavailable(f"{who} offers {service} but does not answer {waited}"),
+        ServiceUnavailable(f"{program} offers {service} but does not answer {waited}"),
         f"find out why: taskrpc doctor {entry.address}",
     )
 
 
 def unknown_service_hint(service: str, entries: Iterable[RegistryEntry], place: str = "") -> str:
-    """A hint for the user of a service that no program offers."""
+    """Return a hint for a user who named a service that no program offers."""
     from srvgen.definitions.names import similar_names
 
     known = services(entries, hidden=True)
@@ -151,7 +154,7 @@ def unknown_service_hint(service: str, entries: Iterable[RegistryEntry], place: 
         if domain != domain_id() and service in services(elsewhere, hidden=True):
             return f"it is offered in domain {domain}; set ROS_DOMAIN_ID={domain}"
     plain = [name for name in known if not names.is_hidden(name)]
-    # Every node of a ROS program has the same seven beside its own.
+    # Every node of a ROS program has these seven services besides its own.
     shown = [name for name in plain if name.rpartition("/")[2] not in _OF_EVERY_NODE] or plain
     if shown:
         more = ", …" if len(shown) > _SHOWN else ""

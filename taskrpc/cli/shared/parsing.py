@@ -1,4 +1,4 @@
-"""Command lines as argparse has them, with ros2cli's manners: groups, help, usage."""
+"""Command lines for argparse that behave like ros2cli: groups, help, usage."""
 
 from __future__ import annotations
 
@@ -19,20 +19,18 @@ Commands: TypeAlias = "argparse._SubParsersAction[Parser]"
 
 
 class Parser(argparse.ArgumentParser):
-    """An argument parser that raises UsageError where argparse would exit.
-
-    Set `mixed` where options may stand between any two positional arguments.
-    """
+    """An argument parser that raises UsageError where argparse would exit."""
 
     mixed = False
+    """Whether options may stand between any two positional arguments."""
 
     def parse_known_args(  # type: ignore[override]
         self, args: Sequence[str] | None = None, namespace: Any = None
     ) -> tuple[Any, list[str]]:
-        """Parse what this parser knows; the rest comes second."""
-        if not self.mixed or "_ARGCOMPLETE" in os.environ:  # completion follows the plain order
+        """Parse the known arguments; the second value has the unknown ones."""
+        if not self.mixed or "_ARGCOMPLETE" in os.environ:  # argcomplete needs the plain order
             return super().parse_known_args(args, namespace)
-        # argparse mixes only in a method of its own, which calls this one in turn.
+        # argparse mixes only in a separate method, which calls this one again.
         self.mixed = False
         try:
             return self.parse_known_intermixed_args(args, namespace)
@@ -40,12 +38,12 @@ class Parser(argparse.ArgumentParser):
             self.mixed = True
 
     def exit(self, status: int = 0, message: str | None = None) -> NoReturn:
-        """End the command; the caller reports a help text that cannot be written."""
+        """End the command. Raises OSError if the help text cannot be written."""
         process.check_output()
         super().exit(status, message)
 
     def error(self, message: str) -> NoReturn:
-        """Refuse a command line, showing how it should look."""
+        """Raise UsageError with the usage, and a hint if the command is misspelt."""
         hint = ""
         if message.startswith("argument Call `"):
             from srvgen.definitions.names import did_you_mean  # only a mistake needs it
@@ -57,14 +55,14 @@ class Parser(argparse.ArgumentParser):
 
 
 def add_group(parser: argparse.ArgumentParser) -> Commands:
-    """Let a command have commands of its own; without one it prints its help, as ros2 does."""
+    """Give a command subcommands; called without one, it prints its help, as ros2 does."""
     parser.set_defaults(run=lambda _: print_help(parser))
     more = f"Call `{parser.prog} <command> -h` for more detailed usage."
     return parser.add_subparsers(title="Commands", metavar=more, parser_class=Parser)
 
 
 def add_command(commands: Commands, name: str, purpose: str) -> Parser:
-    """A parser for one command of a group; give it a `run` default."""
+    """Return a parser for one command of a group; the caller sets its `run` default."""
     return commands.add_parser(name, help=purpose, description=purpose)
 
 
@@ -74,7 +72,7 @@ def add_ignored(parser: argparse.ArgumentParser, *names: str, **settings: Any) -
 
 
 def number(rule: str, allowed: Callable[[float], bool]) -> Callable[[str], float]:
-    """The `type` of an option that takes a number; `rule` goes on after "expected a number"."""
+    """Return the `type` of an option for a number; errors say "expected a number", then `rule`."""
 
     def parse(text: str) -> float:
         try:
@@ -89,11 +87,11 @@ def number(rule: str, allowed: Callable[[float], bool]) -> Callable[[str], float
 
 
 def whole(least: int, most: int | None = None) -> Callable[[str], int]:
-    """The `type` of an option that takes a whole number."""
+    """Return the `type` of an option for a whole number."""
     rule = f"from {least} on" if most is None else f"from {least} to {most}"
 
     def parse(text: str) -> int:
-        # Longer ones Python itself refuses to read.
+        # Python refuses to read very long numbers.
         value = int(text) if text.isdecimal() and len(text) < 20 else -1
         if value < least or (most is not None and value > most):
             raise argparse.ArgumentTypeError(f"expected a whole number {rule}, got {text!r}")

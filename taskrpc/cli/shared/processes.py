@@ -14,7 +14,7 @@ from taskrpc.transport.discovery.entries import RegistryEntry
 
 @dataclass(frozen=True, slots=True)
 class Process:
-    """A process and what it has; one of several domains or event loops has several entries."""
+    """A process; it has several entries if it uses several domains or event loops."""
 
     domain: int
     entries: tuple[RegistryEntry, ...]
@@ -36,17 +36,17 @@ class Process:
 
     @property
     def since(self) -> float:
-        """When it joined, in seconds since the epoch."""
+        """When its first node started, in seconds since 1970."""
         return min(entry.since for entry in self.entries)
 
     @property
     def services(self) -> list[str]:
-        """The services that it offers, hidden ones left out."""
+        """The services that it offers, without hidden ones."""
         return list(graph.services(self.entries))
 
     @property
     def is_ending(self) -> bool:
-        """Whether it has withdrawn all services, and only answers what had come before."""
+        """Whether it has withdrawn all services, and only answers earlier calls."""
         listens = any(entry.address for entry in self.entries)
         return listens and not any(entry.services for entry in self.entries)
 
@@ -63,14 +63,14 @@ class Process:
 
 
 def _is_tail(name: str, script: Path) -> bool:
-    """Whether a name is the last part of a script's path, or all of it; `.py` may be left out."""
+    """Whether a name is the end of a script's path, or all of it; `.py` may be missing."""
     wanted = Path(name).parts
     ends = (script.parts, script.with_suffix("").parts if script.suffix == ".py" else ())
     return bool(wanted) and any(parts[-len(wanted) :] == wanted for parts in ends)
 
 
 def processes() -> list[Process]:
-    """All processes but this one, oldest first."""
+    """Return all processes except this one, oldest first."""
     found: dict[int, list[tuple[int, RegistryEntry]]] = {}
     for domain, entries in graph.domains().items():
         for entry in entries:
@@ -84,17 +84,17 @@ def processes() -> list[Process]:
 
 
 def clock_time(since: float) -> str:
-    """A moment as a person reads it: the time of today, or the date."""
+    """Return an instant as text: the time if it is today, otherwise the date."""
     moment = time.localtime(since)
     today = moment[:3] == time.localtime()[:3]
     return time.strftime("%H:%M:%S" if today else "%Y-%m-%d", moment)
 
 
 def listing(found: Iterable[Process]) -> str:
-    """Processes in one line."""
+    """Return processes in one line."""
     return ", ".join(str(process) for process in found)
 
 
 def _is_command(entry: RegistryEntry) -> bool:
-    # A command that only looks, such as `service list`, is not what a user started to run.
+    # Users want their own programs in a list, not a running command such as `service list`.
     return bool(entry.nodes) and not entry.services and all(map(names.is_hidden, entry.nodes))

@@ -1,8 +1,8 @@
-"""What shells do to a request on its way to us, and how to type it so that it arrives whole.
+"""Hints for requests that a shell has changed.
 
-bash and PowerShell take quotes away; cmd keeps single ones and splits at the spaces inside;
-PowerShell 5.1 drops the double quotes inside single ones; bash turns `{a:1,b:2}` into two words;
-Git Bash turns what begins with a slash into a Windows path.
+bash and PowerShell remove quotes. cmd keeps single quotes and splits at the spaces inside them.
+PowerShell 5.1 drops double quotes inside single quotes. bash turns `{a:1,b:2}` into two words.
+Git Bash turns an argument that begins with a slash into a Windows path.
 """
 
 from __future__ import annotations
@@ -27,12 +27,12 @@ class NotAMapping(InvalidRequest):
 
 
 def not_populated(problem: object) -> InvalidRequest:
-    """The error for a request that does not fit its type, in ros2's words."""
+    """Return the error for a request that does not fit its type, with ros2's text."""
     return InvalidRequest("", f"Failed to populate field: {problem}")
 
 
 def name_hint(name: str) -> str:
-    """What became of a name that is a Windows path now, or ""."""
+    """Return a hint for a name that Git Bash turned into a Windows path, or ""."""
     found = _WINDOWS_PATH.fullmatch(name)
     if found is None:
         return ""
@@ -43,7 +43,7 @@ def name_hint(name: str) -> str:
 
 
 def expanded(name: str, *, kind: str = "service name") -> str:
-    """The absolute name that is meant. Raises InvalidName, with what a shell did to it."""
+    """Return the absolute name. Raises InvalidName, with a hint if a shell changed the name."""
     try:
         return names.expand(name, kind=kind)
     except InvalidName as error:
@@ -51,7 +51,7 @@ def expanded(name: str, *, kind: str = "service name") -> str:
 
 
 def request_hint(values: Sequence[str]) -> str:
-    """What became of a request that no shell delivers unless something went wrong, or ""."""
+    """Return a hint for a request that a shell has changed, or ""."""
     if any(begins_curly(value) for value in values):
         return "replace the curly quotation marks (of a word processor) with straight ones"
     if found := _COLON_EQUALS.match(values[0]):
@@ -62,27 +62,27 @@ def request_hint(values: Sequence[str]) -> str:
     if all(_NO_SPACE.fullmatch(value) for value in values):
         return missing_space_hint(values[0])
     if len(values) > 1 and "=" in values[0]:
-        return f'a value with spaces stands in double quotes, "{" ".join(values[:2])}"'
+        return f'put a value with spaces in double quotes, "{" ".join(values[:2])}"'
     return ONE_ARGUMENT if len(values) > 1 else ""
 
 
 def field_hint(key: str) -> str:
-    """Why a mapping may have a key without a value, or ""."""
+    """Return a hint for a key without a value."""
     if _NO_SPACE.fullmatch(key):
         return missing_space_hint(key)
     return (
-        f"{key} stands where a field was expected; a value with a comma needs quotes, and"
-        " PowerShell 5.1 takes those inside others away: write it as FIELD=VALUE"
+        f"expected a field, got {key}; a value with a comma needs quotes, and PowerShell 5.1"
+        " removes quotes inside other quotes: write it as FIELD=VALUE"
     )
 
 
 def missing_space_hint(text: str) -> str:
-    """How `a:2` is written."""
+    """Return a hint for a text such as `a:2`, which lacks a space after the colon."""
     found = _NO_SPACE.fullmatch(text)
     example = f"{found['name']}: {found['value']}" if found else "a: 2"
     return f"write a space after the colon, {{{example}}}"
 
 
 def begins_curly(text: str) -> bool:
-    """Whether a value begins with a quotation mark that no shell and no YAML knows."""
+    """Whether a value begins with a curly quotation mark, which shells and YAML do not know."""
     return text.lstrip()[:1] in tuple(_CURLY)

@@ -1,4 +1,4 @@
-"""Whom a command speaks to: the programs of this machine, or one elsewhere (`--connect`)."""
+"""The programs that a command calls: those of this machine, or a remote one (`--connect`)."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ if TYPE_CHECKING:
     from taskrpc.security.tls import Tls
     from taskrpc.wire.messages import Listing
 
-PATIENCE = 4.0
-"""Seconds that a program gets to say what it has."""
+LISTING_TIMEOUT = 4.0
+"""Seconds that a program gets to list its services."""
 
 
 class Remote:
-    """Where to call, and with what; by default the programs of this machine.
+    """The address to call, and the secrets for it; by default the programs of this machine.
 
     Attributes:
-        place: `host:port`, or empty.
+        place: `host:port` or `unix:/path`; "" for the programs of this machine.
         tls, token: as `Node` takes them.
     """
 
@@ -36,7 +36,7 @@ class Remote:
 
     @property
     def places(self) -> list[str]:
-        """Every `host:port` to call beside those that the registry of this machine names."""
+        """The addresses to call in addition to those in the registry of this machine."""
         from taskrpc.security.lab import remembered_lab
         from taskrpc.transport.tcp.tcp_network import environment_peers
 
@@ -46,13 +46,13 @@ class Remote:
         return environment_peers() or ([] if lab is None else [lab.place])
 
     def node(self, *, transport: str = "tcp", name: str = "") -> Node:
-        """A node for a command, whose name listings hide unless it has one."""
+        """Return a node for a command; without a `name` it gets a hidden one."""
         from taskrpc.node import Node
 
         peers = [self.place] if self.place else None
         return Node(
             name or f"_taskrpc_cli_{os.getpid()}",
-            namespace="/",  # names on a command line are those of listings
+            namespace="/",  # on a command line, names are absolute as in listings
             transport=transport,
             peers=peers,
             tls=self.tls,
@@ -60,9 +60,9 @@ class Remote:
         )
 
     async def listing(self, place: str) -> Listing:
-        """What the program at HOST:PORT has.
+        """Return the services and topics of the program at HOST:PORT.
 
-        Raises AuthenticationFailed, ProtocolError, ConnectionLost or what else the program said.
+        Raises AuthenticationFailed, ProtocolError, ConnectionLost, or the program's own error.
         """
         from taskrpc.security.lab import remembered_lab
         from taskrpc.transport.endpoint import Endpoint
@@ -74,7 +74,7 @@ class Remote:
         network = TcpNetwork(domain=domain_id(), peers=[place], token=secret, tls=self.tls, lab=lab)
         endpoint = Endpoint(network)
         try:
-            deadline = endpoint.loop.time() + PATIENCE
+            deadline = endpoint.loop.time() + LISTING_TIMEOUT
             connection = await endpoint.dialler.connection(network.peers()[0], deadline)
             found: Listing = await connection.resolve(Resolve(""), deadline).future
             return found
@@ -91,7 +91,7 @@ HERE = Remote()
 
 
 def add_connect(parser: argparse.ArgumentParser) -> None:
-    """Give a command `--connect` and what goes with it."""
+    """Give a command `--connect`, and the options for the secrets."""
     group = parser.add_argument_group("a program on another machine")
     what = "use the program there (or at unix:/path), not those of this machine"
     group.add_argument("--connect", metavar="HOST:PORT", type=any_place, help=what)
@@ -99,10 +99,10 @@ def add_connect(parser: argparse.ArgumentParser) -> None:
 
 
 def add_discovery(parser: argparse.ArgumentParser, sim_time: str = "") -> None:
-    """Accept ros2's options about its daemon and about simulated time.
+    """Accept ros2's options for its daemon and for simulated time.
 
-    `sim_time` is the help text of `--use-sim-time`, for a command that measures time; elsewhere
-    the option does nothing.
+    `sim_time` is the help text of `--use-sim-time`, for a command that measures time. For other
+    commands the option does nothing.
     """
     from taskrpc.cli.shared.parsing import add_ignored
 
@@ -115,7 +115,7 @@ def add_discovery(parser: argparse.ArgumentParser, sim_time: str = "") -> None:
 
 
 def place(text: str) -> str:
-    """A `HOST:PORT` argument. Raises argparse's ArgumentTypeError."""
+    """Return a valid `HOST:PORT` argument. Raises argparse's ArgumentTypeError."""
     from argparse import ArgumentTypeError
 
     from taskrpc.transport.tcp.tcp_network import split_place
@@ -128,7 +128,7 @@ def place(text: str) -> str:
 
 
 def any_place(text: str) -> str:
-    """A `HOST:PORT` or `unix:/path` argument. Raises argparse's ArgumentTypeError."""
+    """Return a valid `HOST:PORT` or `unix:/path`. Raises argparse's ArgumentTypeError."""
     if not text.startswith("unix:"):
         return place(text)
     from argparse import ArgumentTypeError
@@ -142,7 +142,7 @@ def any_place(text: str) -> str:
 
 
 def add_secrets(group: argparse._ActionsContainer) -> None:
-    """Give a command the options with which it gets in elsewhere."""
+    """Give a command the options for the token and the certificates."""
     what = "a file with the token of that program (or set TASKRPC_TOKEN)"
     group.add_argument("--token-file", metavar="FILE", help=what)
     what = "the certificate of the authority that signed that program's certificate (PEM)"
@@ -152,8 +152,11 @@ def add_secrets(group: argparse._ActionsContainer) -> None:
 
 
 def remote_of(options: argparse.Namespace) -> Remote:
-    """Where the options say to call. Raises TaskRpcError for a secret that cannot be read."""
-    place = getattr(options, "connect", None) or ""  # a server's options have none
+    """Return the address and secrets in the options.
+
+    Raises TaskRpcError for a file that cannot be read.
+    """
+    place = getattr(options, "connect", None) or ""  # taskrpc-server has no --connect
     return Remote(place, _tls(options), _token(options.token_file))
 
 

@@ -1,7 +1,7 @@
-"""The request of a call, from YAML or FIELD=VALUE: read with the types of its fields at hand.
+"""Reads the request of a call from YAML or FIELD=VALUE, using the types of its fields.
 
-Since the types are known, a string field takes the text as it stands: `target=3,4`, `{mode: on}`
-and `{id: 007}` need no quotes. What an integer cannot hold is refused, never cut off.
+Because the types are known, a string field takes the text unchanged: `target=3,4`, `{mode: on}`
+and `{id: 007}` need no quotes. A number that an integer field cannot hold is refused.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ _SIMPLE = re.compile(
 
 
 def split_type(arguments: Sequence[str]) -> tuple[str, list[str]]:
-    """The type that a command line names ("" where it does not), and the request after it."""
+    """Return the type that a command line names ("" if none), and the request after it."""
     if arguments and _TYPE.fullmatch(arguments[0]):
         return arguments[0], list(arguments[1:])
     return "", list(arguments)
 
 
 def build_request(cls: Any, values: Sequence[str]) -> Any:
-    """A request of this class from one YAML text or from any number of FIELD=VALUE.
+    """Make a request of this class from one YAML text or from any number of FIELD=VALUE.
 
     Raises InvalidRequest.
     """
@@ -39,15 +39,15 @@ def build_request(cls: Any, values: Sequence[str]) -> Any:
 
 
 def from_fields(cls: Any, fields: dict[str, Any]) -> Any:
-    """A message of this class with these fields. Raises InvalidRequest."""
+    """Make a message of this class with these fields. Raises InvalidRequest."""
     try:
         return from_builtins(cls, fields)
     except FieldError as error:
-        raise _stray(cls, fields) or not_populated(error) from None
+        raise _unknown_field(cls, fields) or not_populated(error) from None
 
 
-def _stray(cls: Any, fields: dict[str, Any]) -> InvalidRequest | None:
-    """The error of the first field that is not there, in ros2's words; None where all are."""
+def _unknown_field(cls: Any, fields: dict[str, Any]) -> InvalidRequest | None:
+    """Return the error for the first unknown field, with ros2's text; None if all are known."""
     from srvgen.definitions.names import did_you_mean
 
     known = [name for name, _ in cls._FIELDS]
@@ -58,13 +58,14 @@ def _stray(cls: Any, fields: dict[str, Any]) -> InvalidRequest | None:
             similar = did_you_mean(name, known)
             return hinted(not_populated(problem), f"{has}; {similar}" if similar else has)
         nested = cls._NESTED.get(name)
-        if nested is not None and isinstance(value, dict) and (error := _stray(nested, value)):
+        is_mapping = nested is not None and isinstance(value, dict)
+        if is_mapping and (error := _unknown_field(nested, value)):
             return error
     return None
 
 
 def read_fields(cls: Any, values: Sequence[str]) -> dict[str, Any]:
-    """What a command line says of the fields of a message. Raises InvalidRequest."""
+    """Read the fields of a message from a command line. Raises InvalidRequest."""
     try:
         return _read(cls, values)
     except FieldError as error:
@@ -78,21 +79,21 @@ def _read(cls: Any, values: Sequence[str]) -> dict[str, Any]:
     if all(_ASSIGNMENT.fullmatch(value) for value in values):
         return _Assignments(cls).read(values)
     hint = quoting.request_hint(values)
-    stray = next(each for each in values if not _ASSIGNMENT.fullmatch(each))
-    if len(values) > 1 or quoting.begins_curly(stray):
-        what = f"expected one YAML text, or only FIELD=VALUE; got {stray!r}"
-        raise hinted(InvalidRequest("", what), hint)
-    fields = simple_mapping(cls, stray)
+    text = next(each for each in values if not _ASSIGNMENT.fullmatch(each))
+    if len(values) > 1 or quoting.begins_curly(text):
+        problem = f"expected one YAML text, or only FIELD=VALUE; got {text!r}"
+        raise hinted(InvalidRequest("", problem), hint)
+    fields = simple_mapping(cls, text)
     if fields is None:
-        # To load YAML takes longer than all the rest of a call.
+        # Importing PyYAML takes longer than the rest of a call.
         from taskrpc.cli.shared.yaml_values import read_mapping
 
-        fields = read_mapping(cls, stray, hint)
+        fields = read_mapping(cls, text, hint)
     return fields
 
 
 def _refuse_commas(cls: Any, values: Sequence[str]) -> None:
-    """Refuse `a=1, b=2`: a string field would take the comma, or all the rest."""
+    """Refuse `a=1, b=2`: the comma, or all of the rest, would become part of a string field."""
     names = "|".join(re.escape(name) for name, _ in cls._FIELDS)
     text = " ".join(values)
     if not names:
@@ -104,7 +105,7 @@ def _refuse_commas(cls: Any, values: Sequence[str]) -> None:
 
 
 def simple_mapping(cls: Any, text: str) -> dict[str, Any] | None:
-    """The fields of a plain `{name: value, …}`, or None where that is for YAML to say."""
+    """Return the fields of a simple `{name: value, …}`, or None if only YAML can read the text."""
     if not (text.startswith("{") and text.endswith("}")):
         return None
     types = dict(cls._FIELDS)
@@ -119,7 +120,7 @@ def simple_mapping(cls: Any, text: str) -> dict[str, Any] | None:
 
 
 def simple_value(text: str, type_: str) -> Any:
-    """What a number or a word means for a field as well in YAML, or None where YAML is to say."""
+    """Return the value of a simple number or word, as YAML reads it; None if only YAML can."""
     found = _SIMPLE.fullmatch(text)
     if found is None or not type_ or "[" in type_:
         return None
@@ -131,14 +132,14 @@ def simple_value(text: str, type_: str) -> Any:
 
 
 class _Assignments:
-    """FIELD=VALUE arguments, put together to the fields of one message."""
+    """Collects FIELD=VALUE arguments into the fields of one message."""
 
     def __init__(self, cls: Any) -> None:
         self._cls = cls
         self._values: dict[str, Any] = {}
 
     def read(self, values: Sequence[str]) -> dict[str, Any]:
-        """What the arguments say, as one nested dict."""
+        """Return the fields as one nested dict."""
         for argument in values:
             path, _, text = argument.partition("=")
             self._set(path, self._value(path, text))
@@ -175,7 +176,7 @@ class _Assignments:
         return reader.value(reader.node, type_, nested)
 
     def _type_of(self, path: str) -> tuple[str, Any]:
-        """A field's type and message class; "" and None where there is no such field."""
+        """Return a field's type and message class; "" and None if there is no such field."""
         cls, type_ = self._cls, ""
         for name in path.split("."):
             if cls is None or "[" in type_:

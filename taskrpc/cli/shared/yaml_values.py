@@ -1,4 +1,4 @@
-"""A request of a call as YAML text, read with the types of its fields at hand."""
+"""Reads the request of a call from YAML text, using the types of its fields."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _TYPE_SLIP = re.compile(r"[A-Za-z]\w*(?:(?:\.|::)\w+){1,2}|[A-Z]\w*")
 
 
 def read_mapping(cls: Any, text: str, hint: str) -> dict[str, Any]:
-    """The fields of a request from the text of a mapping. Raises FieldError, InvalidRequest."""
+    """Read the fields of a request from a YAML mapping. Raises FieldError, InvalidRequest."""
     reader = Reader(text, hint)
     node = reader.node
     if node is None:
@@ -34,7 +34,7 @@ def read_mapping(cls: Any, text: str, hint: str) -> dict[str, Any]:
 
 
 def _shape(cls: Any, text: str) -> str:
-    """How a request of this class is written."""
+    """Return a hint: how a request of this class is written."""
     if _TYPE_SLIP.fullmatch(text):
         return "a type is written as example_interfaces/srv/AddTwoInts"
     names = [name for name, _ in cls._FIELDS]
@@ -44,7 +44,7 @@ def _shape(cls: Any, text: str) -> str:
 
 
 class Reader:
-    """One YAML text and what its nodes mean for fields of known types."""
+    """Reads one YAML text; `node` is its root, None for an empty text."""
 
     def __init__(self, text: str, hint: str = "") -> None:
         self._text = text
@@ -56,14 +56,14 @@ class Reader:
             raise self._invalid(error) from None
 
     def plain(self, node: yaml.Node) -> Any:
-        """A node by YAML's own rules."""
+        """Return the value of a node by YAML's own rules."""
         try:
             return self._loader.construct_object(node, deep=True)
         except yaml.YAMLError as error:
             raise self._invalid(error) from None
 
     def value(self, node: yaml.Node, type_: str, nested: Any) -> Any:
-        """A node as the value of a field; `nested` is the field's message class or None."""
+        """Return a node as the value of a field; `nested` is the field's message class or None."""
         element, bracket, _ = type_.partition("[")
         if bracket and isinstance(node, yaml.SequenceNode):
             return [self.value(each, element, nested) for each in node.value]
@@ -74,7 +74,7 @@ class Reader:
         return self.plain(node)
 
     def message(self, node: yaml.MappingNode, cls: Any) -> dict[str, Any]:
-        """A mapping as the fields of a message."""
+        """Return a mapping as the fields of a message."""
         types = dict(cls._FIELDS)
         values: dict[str, Any] = {}
         merged = self._flatten(node)
@@ -83,12 +83,12 @@ class Reader:
             if name in values and not merged:
                 raise FieldError(name, "given twice")
             if name not in types:
-                self._refuse_stray(name, value)
+                self._refuse_key_without_value(name, value)
             values[name] = self.value(value, types.get(name, ""), cls._NESTED.get(name))
         return values
 
     def _flatten(self, node: yaml.MappingNode) -> bool:
-        """Put what `<<` merges before the mapping's own fields, which override it."""
+        """Merge the mappings of `<<`, which the node's own fields override; return whether any."""
         if not any(key.tag == _MERGE for key, _ in node.value):
             return False
         try:
@@ -97,8 +97,8 @@ class Reader:
             raise self._invalid(error) from None
         return True
 
-    def _refuse_stray(self, name: str, value: yaml.Node) -> None:
-        """Say what a key without a value, which is no field either, was meant to be."""
+    def _refuse_key_without_value(self, name: str, value: yaml.Node) -> None:
+        """Raise InvalidRequest with a hint if an unknown key has no value."""
         if isinstance(value, yaml.ScalarNode) and not value.value and value.style is None:
             problem = f"{name!r} is not a field and has no value"
             raise hinted(not_populated(problem), quoting.field_hint(name))
@@ -125,12 +125,12 @@ class Reader:
             lines += ["    " + " " * mark.column + "^"]
         hint = self._hint
         if not hint and "mapping values are not allowed" in problem:
-            hint = f"several fields in one line stand in braces: {quoting.ONE_ARGUMENT}"
+            hint = f"put several fields on one line in braces: {quoting.ONE_ARGUMENT}"
         return hinted(InvalidRequest("", "\n".join(lines)), hint)
 
 
 def _float(text: str) -> Any:
-    """`1e3` and `nan`, which YAML takes for strings, as numbers; anything else as it is."""
+    """Return `1e3` and `nan`, which YAML reads as strings, as numbers; any other text unchanged."""
     try:
         return float(text)
     except ValueError:

@@ -99,9 +99,9 @@ def _run(options: Namespace) -> Exit:
 
 
 async def perform(options: Namespace) -> Exit:
-    """Connect to the task server and do what the options say.
+    """Connect to the task server and perform the command.
 
-    Raises TaskRefused, NotFound, TypeMismatch, ServiceUnavailable and what else calls raise.
+    Raises TaskRefused, NotFound, TypeMismatch, ServiceUnavailable and the other errors of calls.
     """
     from taskrpc.cli.shared.remote import remote_of
     from taskrpc.cli.task.task_services import TaskServices
@@ -124,20 +124,21 @@ async def perform(options: Namespace) -> Exit:
 
 
 async def _submit(options: Namespace, services: TaskServices) -> Exit:
-    answer = await services.submit(options.task_type, options.target, options.priority)
+    response = await services.submit(options.task_type, options.target, options.priority)
+    task_id = response.task_id
     if not options.wait:
-        message = f"{answer.message} (task {answer.task_id}, done in {answer.estimated_time:.1f} s)"
-        done = f"task {answer.task_id} was submitted"
-        _report(_answer(answer) if options.json else message, done)
+        message = f"{response.message} (task {task_id}, done in {response.estimated_time:.1f} s)"
+        done = f"task {task_id} was submitted"
+        _report(_as_json(response) if options.json else message, done)
         return Exit.DONE
-    return await _wait(answer.task_id, options, services)
+    return await _wait(task_id, options, services)
 
 
 async def _wait(task_id: int, options: Namespace, services: TaskServices) -> Exit:
     """Follow a task to its end."""
     import asyncio
 
-    from taskrpc.cli.task.view import news, whole_object
+    from taskrpc.cli.task.view import status_line, whole_object
 
     try:
         await _follow_to_end(task_id, services)
@@ -145,7 +146,8 @@ async def _wait(task_id: int, options: Namespace, services: TaskServices) -> Exi
         _note(f"task {task_id} continues; to cancel it: taskrpc task cancel {task_id}")
         raise
     task = await services.show(task_id)
-    _report(whole_object(task) if options.json else news(task), news(task))
+    line = status_line(task)
+    _report(whole_object(task) if options.json else line, line)
     return Exit.DONE if task.state == task.SUCCEEDED else Exit.ERROR
 
 
@@ -193,26 +195,29 @@ async def _watch(options: Namespace, services: TaskServices) -> Exit:
 
 async def _order(options: Namespace, services: TaskServices) -> Exit:
     """Cancel, requeue or drop each of the tasks."""
-    return await _ask_for_each(f"/{options.verb}", options, services)
+    return await _request_each(f"/{options.verb}", options, services)
 
 
 async def _resume(options: Namespace, services: TaskServices) -> Exit:
     if options.task_ids:
-        return await _ask_for_each("/requeue", options, services, resume=True)
-    _say(await services.ask("/resume"), options)
+        return await _request_each("/requeue", options, services, resume=True)
+    _print_response(await services.request("/resume"), options)
     return Exit.DONE
 
 
-async def _ask_for_each(
+async def _request_each(
     verb: str, options: Namespace, services: TaskServices, **fields: object
 ) -> Exit:
-    """Ask a service about each of the tasks, whatever becomes of the others."""
+    """Call a service for each of the tasks, even if it refuses some of them.
+
+    Raises TaskRefused or OutputLost at the end.
+    """
     from taskrpc.cli.task.task_services import TaskRefused
 
     failures: list[TaskRefused | OutputLost] = []
     for task_id in options.task_ids:
         try:
-            _say(await services.ask(verb, task_id=task_id, **fields), options)
+            _print_response(await services.request(verb, task_id=task_id, **fields), options)
         except (TaskRefused, OutputLost) as failure:
             failures.append(failure)
     if failures:
@@ -221,29 +226,30 @@ async def _ask_for_each(
 
 
 async def _halt(options: Namespace, services: TaskServices) -> Exit:
-    _say(await services.ask(f"/{options.verb}"), options)
+    _print_response(await services.request(f"/{options.verb}"), options)
     return Exit.DONE
 
 
 async def _reprioritise(options: Namespace, services: TaskServices) -> Exit:
     fields = {"task_id": options.task_id, "priority": options.priority}
-    _say(await services.ask("/reprioritise", **fields), options)
+    _print_response(await services.request("/reprioritise", **fields), options)
     return Exit.DONE
 
 
-# What they print
+# Output
 
 
-def _say(answer: Any, options: Namespace) -> None:
-    seconds = getattr(answer, "estimated_time", 0.0)
-    outlook = f" (done in {seconds:.1f} s)" if seconds else ""
-    _report(_answer(answer) if options.json else answer.message + outlook, answer.message)
+def _print_response(response: Any, options: Namespace) -> None:
+    seconds = getattr(response, "estimated_time", 0.0)
+    estimate = f" (done in {seconds:.1f} s)" if seconds else ""
+    text = _as_json(response) if options.json else response.message + estimate
+    _report(text, response.message)
 
 
-def _answer(answer: Any) -> Any:
+def _as_json(response: Any) -> Any:
     from srvgen import to_builtins
 
-    return to_builtins(answer)
+    return to_builtins(response)
 
 
 def _print(value: Any) -> None:
@@ -254,7 +260,7 @@ def _print(value: Any) -> None:
 
 
 def _report(value: Any, done: str) -> None:
-    """Print what the server has done. Raises OutputLost, which says it too, if that fails."""
+    """Print a result. Raises OutputLost with the text `done` if it cannot be printed."""
     try:
         _print(value)
     except BrokenPipeError:

@@ -1,36 +1,34 @@
-"""How far a task is, on stderr: a bar on a terminal, a line for each new state elsewhere."""
+"""Shows the progress of tasks: a bar on a terminal, otherwise a line for each new state."""
 
 from __future__ import annotations
 
+import json
 import sys
 from contextlib import AbstractContextManager
+from datetime import datetime
 from typing import TYPE_CHECKING, Any, Protocol, Self
 
-from taskrpc.cli.task.view import in_seconds, news, what
+from taskrpc.cli.task.task_services import Update
+from taskrpc.cli.task.view import as_object, in_seconds, status_line, work_of
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-
-import json
-from datetime import datetime
-
-from taskrpc.cli.task.task_services import Update
-from taskrpc.cli.task.view import as_object
-
 _WIDE = 72
-"""Columns that the bar and the task's work need beside its state."""
+"""Columns of a terminal that has room for the bar and the description of the work."""
+
+_STEPS = 4  # lines of progress while a task runs
 
 
 class Progress(AbstractContextManager[Any], Protocol):
-    """Shows one task from here to its end."""
+    """Shows one task until its end."""
 
     def show(self, task: Any, *, paused: bool) -> None:
-        """Show the task as it is now; `paused`: the queue stands still."""
+        """Show the task's current state; `paused` means that the queue is paused."""
 
 
 def progress() -> Progress:
-    """What this program's stderr can show."""
+    """Return a bar if stderr is a terminal, otherwise lines."""
     if sys.stderr.isatty():
         from rich.console import Console
 
@@ -58,11 +56,11 @@ class ProgressLines:
             return
         self._shown = task.state, paused
         note = "  (the queue is paused: taskrpc task resume)" if paused else ""
-        print(f"{news(task)}{note}", file=sys.stderr, flush=True)
+        print(f"{status_line(task)}{note}", file=sys.stderr, flush=True)
 
 
 class ProgressBar:
-    """A bar that fills while the task runs and says what is left while it waits."""
+    """A bar that fills while the task runs, with the time until its end."""
 
     def __init__(self, console: Console) -> None:
         from rich.progress import BarColumn, TextColumn
@@ -87,10 +85,10 @@ class ProgressBar:
         self._bars.stop()
 
     def show(self, task: Any, *, paused: bool) -> None:
-        """Draw the task as it is now."""
+        """Draw the task's current state."""
         from rich.markup import escape
 
-        work = "" if self._is_narrow else f"{escape(what(task))}  "
+        work = "" if self._is_narrow else f"{escape(work_of(task))}  "
         self._bars.update(
             self._bar,
             description=f"task {task.task_id}  {work}{task.state}",
@@ -99,14 +97,11 @@ class ProgressBar:
         )
 
 
-_STEPS = 4  # lines of progress in a task's run
-
-
 class ChangePrinter:
-    """Prints what is new in each update to stdout.
+    """Prints the changes in each update to stdout.
 
     Args:
-        as_json: one object a line, and every step of progress.
+        as_json: print one object per line, for every step of progress.
     """
 
     def __init__(self, *, as_json: bool) -> None:
@@ -115,7 +110,7 @@ class ChangePrinter:
         self._paused = False
 
     def show(self, update: Update) -> None:
-        """Print what is new."""
+        """Print the changes."""
         if update.paused != self._paused:
             self._paused = update.paused
             self._print_pause()
@@ -123,11 +118,13 @@ class ChangePrinter:
             shown = self._essence(task)
             if self._shown.get(task.task_id) != shown:
                 self._shown[task.task_id] = shown
-                self._print(json.dumps(as_object(task)) if self._as_json else _timed(news(task)))
+                self._print(
+                    json.dumps(as_object(task)) if self._as_json else _timed(status_line(task))
+                )
         sys.stdout.flush()
 
     def _essence(self, task: Any) -> Any:
-        """What of a task makes a new line when it changes."""
+        """Return the facts about a task whose change causes a new line."""
         progress = task.progress if self._as_json else int(task.progress * _STEPS)
         return task.state, task.priority, progress, task.submitted.sec
 

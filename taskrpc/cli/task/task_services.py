@@ -1,4 +1,4 @@
-"""The task server's services, as commands call them; and its news, for those who follow it."""
+"""Calls the services of a task server, and follows its change feed."""
 
 from __future__ import annotations
 
@@ -39,33 +39,33 @@ _TYPES = {
     "/drop": "taskrpc_interfaces/srv/DropTask",
     "/stop": "taskrpc_interfaces/srv/StopRobot",
 }
-_WATCH_SECONDS = 20.0  # how long the server may keep a watcher waiting; it hears of an end at once
+_WATCH_SECONDS = 20.0  # longest wait of one watch call; the server responds at once when it ends
 _ENDING = 0.5
-"""Seconds in which a server that said it ends may still answer: not asked again before."""
+"""Seconds until the next call after a server has ended: until then it may still respond."""
 
 
 class TaskRefused(TaskRpcError):
-    """The task server refused what was asked; the text is its own."""
+    """The task server refused a request; the text is the server's."""
 
 
 class Update(NamedTuple):
-    """News of the task server."""
+    """Changes that the task server has reported."""
 
     tasks: list[Any]
     """The tasks that changed, as TaskInfo messages."""
     paused: bool
-    """Whether the queue stands still."""
+    """Whether the queue is paused."""
 
 
 class TaskServices:
     """Calls the services of one task server.
 
     Args:
-        node: a started node; it stays the caller's.
-        service: the name of the service that takes tasks.
-        timeout: seconds of one call, waiting for the server included.
-        place: the `host:port` that the node calls, empty for the programs of this machine.
-        note: is told, in a sentence, that we wait for the server.
+        node: a started node; the caller closes it.
+        service: the name of the service that accepts tasks.
+        timeout: seconds for one call, including the wait for the server.
+        place: the `host:port` that the node calls, "" for the programs of this machine.
+        note: gets a sentence when a method waits for the server.
     """
 
     def __init__(
@@ -87,7 +87,7 @@ class TaskServices:
     async def reach(self) -> None:
         """Wait for the server.
 
-        Raises ServiceUnavailable when none came within the timeout, TypeMismatch.
+        Raises ServiceUnavailable if there is none within the timeout, and TypeMismatch.
         """
         try:
             type_name, _ = await self._node.definition(self.service)
@@ -95,92 +95,96 @@ class TaskServices:
             lost = error if isinstance(error, ConnectionLost) else None
             self._note(f"waiting for {self.service} to become available; taskrpc-server offers it")
             if not await self._client("").wait_for_service(self._timeout):
-                raise await self._nobody(lost) from None
+                raise await self._unavailable(lost) from None
             return
         if type_name != _TYPES[""]:
             raise TypeMismatch(f"{self.service} is offered as {type_name}, not as {_TYPES['']}")
 
     async def submit(self, task_type: str, target: str, priority: int) -> Any:
-        """Queue a task and return the answer; raises TaskRefused."""
-        return await self.ask("", task_type=task_type, target=target, priority=priority)
+        """Queue a task and return the response. Raises TaskRefused."""
+        return await self.request("", task_type=task_type, target=target, priority=priority)
 
-    async def ask(self, verb: str, **fields: Any) -> Any:
-        """Call the service of a verb such as `/cancel`; raises TaskRefused and what calls raise."""
+    async def request(self, verb: str, **fields: Any) -> Any:
+        """Call the service of a verb such as `/cancel`; returns the response.
+
+        Raises TaskRefused and the errors of calls.
+        """
         response = await self._call(verb, self._timeout, fields)
         if not response.success:
             raise TaskRefused(response.message)
         return response
 
     async def show(self, task_id: int) -> Any:
-        """Everything about one task, as a TaskInfo message; raises NotFound."""
+        """Return everything about one task, as a TaskInfo message. Raises NotFound."""
         response = await self._call("/show", self._timeout, {"task_id": task_id})
         if not response.success:
             raise NotFound(response.message)
         return response.task
 
     async def tasks(self, *, ended: bool = False) -> list[Any]:
-        """All tasks, page by page: what runs, the queue in the order of run, what has ended."""
+        """Return all tasks: the running task, the queue in order, with `ended` the ended tasks."""
         found: list[Any] = []
         page = ""
         while True:
-            answer = await self._call("/list", self._timeout, {"all": ended, "page": page})
-            found += answer.tasks
-            page = answer.next_page
+            response = await self._call("/list", self._timeout, {"all": ended, "page": page})
+            found += response.tasks
+            page = response.next_page
             if not page:
                 return found
 
     async def follow(
         self, task_id: int = 0, *, seconds: float = _WATCH_SECONDS, persist: bool = True
     ) -> AsyncGenerator[Update, None]:
-        """Yield what changes, the present state first; at least one update every `seconds`.
+        """Yield the current state, then each change; at least one update every `seconds`.
 
-        Where a task is named, every update has that task and no other. A server that goes is
-        waited for, for ever or (without `persist`) for the timeout; what ended meanwhile is
-        yielded when it is back.
+        With a `task_id`, every update contains only this task. If the server ends, this waits for
+        its next start: for ever, or without `persist` for the timeout. It then yields the tasks
+        that have ended since.
 
-        Raises NotFound when there is no such task, ServiceUnavailable.
+        Raises NotFound if there is no such task, and OutcomeUnknown if the server does not start
+        again within the timeout.
         """
         revision, open_ids = 0, set[int]()
         request = {"task_id": task_id, "timeout": seconds}
         while True:
             try:
-                news = await self._call(
+                changes = await self._call(
                     "/watch", seconds + self._timeout, {"revision": revision, **request}
                 )
-                if not news.success:
-                    raise NotFound(news.message)
-                tasks = news.tasks if news.complete else await self._afresh(open_ids)
+                if not changes.success:
+                    raise NotFound(changes.message)
+                tasks = changes.tasks if changes.complete else await self._read_all(open_ids)
                 if task_id and not tasks:
                     tasks = [await self.show(task_id)]
             except (ServiceUnavailable, ConnectionLost):
                 await self._wait_for_return(persist)
                 continue
-            revision = news.revision
+            revision = changes.revision
             for task in tasks:
                 (open_ids.discard if task.ended.sec else open_ids.add)(task.task_id)
-            yield Update(tasks, news.paused)
+            yield Update(tasks, changes.paused)
 
-    async def _afresh(self, open_ids: set[int]) -> list[Any]:
-        """The tasks that run or wait, and those that did when we last looked."""
+    async def _read_all(self, open_ids: set[int]) -> list[Any]:
+        """Return the running and queued tasks, and the `open_ids` that have ended since."""
         tasks = await self.tasks()
         gone = open_ids.difference(task.task_id for task in tasks)
         for task_id in sorted(gone):
             response = await self._call("/show", self._timeout, {"task_id": task_id})
-            if response.success:  # else it was forgotten
+            if response.success:  # otherwise the server has forgotten the task
                 tasks.append(response.task)
         return tasks
 
     async def _wait_for_return(self, persist: bool) -> None:
         self._note("the task server has ended; waiting for its next start...")
         await asyncio.sleep(_ENDING)
-        patience = None if persist else self._timeout
-        if not await self._client("/watch").wait_for_service(patience):
-            gone = f"{self.service} did not come back within {patience:g} s"
+        timeout = None if persist else self._timeout
+        if not await self._client("/watch").wait_for_service(timeout):
+            gone = f"{self.service} did not come back within {timeout:g} s"
             stored = "it has stored the tasks that it accepted, and continues with them"
             raise OutcomeUnknown(f"{gone}; {stored}")
         self._note("the task server is back")
 
-    async def _nobody(self, lost: TaskRpcError | None) -> ServiceUnavailable:
+    async def _unavailable(self, lost: TaskRpcError | None) -> ServiceUnavailable:
         waited = f"(waited {self._timeout:g} s)"
         error = await why_unavailable(self.service, self._place, self._node, waited, lost)
         (hint,) = error.__notes__
@@ -196,7 +200,7 @@ class TaskServices:
             problem = f"no answer from {client.service_name} within {timeout:g} s"
             raise DeadlineExceeded(problem, not_executed=error.not_executed) from None
         except HandlerFailed as error:
-            if error.code is Code.UNAVAILABLE:  # it is ending, and has not done it
+            if error.code is Code.UNAVAILABLE:  # the server is ending and did not run the call
                 raise ServiceUnavailable(f"{client.service_name}: {error}") from None
             raise
 

@@ -1,4 +1,4 @@
-"""Tasks as text and as JSON values; the words that `taskrpc task` prints."""
+"""Tasks as text and as JSON values, as `taskrpc task` prints them."""
 
 from __future__ import annotations
 
@@ -8,13 +8,13 @@ from datetime import datetime
 from typing import Any
 
 _NOTEWORTHY = 0.05  # seconds of a change; less would be shown as 0.0
-_LONG = 8  # values of a list beyond which only their range is shown
+_LONG = 8  # longest list whose values are all shown; of others only the range
 
 
 def table(tasks: Iterable[Any]) -> list[str]:
-    """Tasks as aligned lines under a heading; no lines at all for no tasks."""
+    """Return tasks as aligned lines under a heading; no lines if there are no tasks."""
     rows = [
-        (str(t.task_id), what(t), str(t.priority), t.state, _outlook(t), printable(t.client))
+        (str(t.task_id), work_of(t), str(t.priority), t.state, _outlook(t), printable(t.client))
         for t in tasks
     ]
     if not rows:
@@ -25,7 +25,7 @@ def table(tasks: Iterable[Any]) -> list[str]:
 
 
 def aligned(rows: Sequence[Sequence[str]], *, right: Iterable[int] = ()) -> list[str]:
-    """Rows as lines whose columns stand below each other; those of `right` end at one place."""
+    """Return rows as lines with aligned columns; the columns in `right` are right-aligned."""
     widths = [max(len(row[i]) for row in rows) for i in range(len(rows[0]))]
     cells = (
         (cell.rjust(width) if i in right else cell.ljust(width))
@@ -35,14 +35,14 @@ def aligned(rows: Sequence[Sequence[str]], *, right: Iterable[int] = ()) -> list
     return ["  ".join(next(cells) for _ in widths).rstrip() for _ in rows]
 
 
-def what(task: Any) -> str:
-    """What a task is to do, such as `move warehouse`."""
+def work_of(task: Any) -> str:
+    """Return the work of a task, such as `move warehouse`."""
     return printable(f"{task.task_type} {task.target}")
 
 
-def news(task: Any) -> str:
-    """A task's present state in one line."""
-    words = [f"task {task.task_id}", what(task), f"priority {task.priority}", task.state]
+def status_line(task: Any) -> str:
+    """Return a task's current state in one line."""
+    words = [f"task {task.task_id}", work_of(task), f"priority {task.priority}", task.state]
     if outlook := _outlook(task):
         words.append(f"done in {outlook}")
     if task.message:
@@ -51,8 +51,8 @@ def news(task: Any) -> str:
 
 
 def details(task: Any) -> list[str]:
-    """Everything about a task; each change of its estimate is a line."""
-    lines = [f"task {task.task_id}: {what(task)}, priority {task.priority}"]
+    """Return everything about a task; each change of its estimate is a line."""
+    lines = [f"task {task.task_id}: {work_of(task)}, priority {task.priority}"]
     facts = [
         ("state", f"{task.state}, {_percent(task)} done" if _is_begun(task) else task.state),
         ("message", printable(task.message)),
@@ -72,17 +72,17 @@ def details(task: Any) -> list[str]:
 
 
 def change(estimate_change: Any) -> str:
-    """Why a task is done later or earlier: `+12.4 s: task 17, priority 10, went ahead`."""
+    """Return why a task ends later or earlier: `+12.4 s: task 17, priority 10, went ahead`."""
     return f"{estimate_change.seconds:+.1f} s: {printable(estimate_change.cause)}"
 
 
 def result(task: Any) -> Any:
-    """What the robot found, as JSON values; None where there is nothing, or not yet."""
+    """Return a task's result as JSON values; None if it has none (yet)."""
     return json.loads(task.result) if task.result else None
 
 
 def as_object(task: Any) -> dict[str, Any]:
-    """A task as a list shows it, in JSON values; instants are seconds since 1970, null if none."""
+    """Return a task as `list --json` shows it; instants are seconds since 1970 or None."""
     return {
         "task_id": task.task_id,
         "task_type": task.task_type,
@@ -101,18 +101,18 @@ def as_object(task: Any) -> dict[str, Any]:
 
 
 def whole_object(task: Any) -> dict[str, Any]:
-    """Everything about a task in JSON values."""
+    """Return everything about a task as JSON values."""
     changes = [{"seconds": each.seconds, "cause": each.cause} for each in task.estimate_changes]
     return {**as_object(task), "result": result(task), "estimate_changes": changes}
 
 
 def instant(stamp: Any) -> float | None:
-    """A Time message as seconds since 1970, None where it is not set."""
+    """Return a Time message as seconds since 1970, None if it is not set."""
     return stamp.sec + stamp.nanosec / 1e9 if stamp.sec or stamp.nanosec else None
 
 
 def printable(text: str) -> str:
-    """Another user's text, made safe for one line of a terminal."""
+    """Return another user's text without characters that could control a terminal."""
     return "".join(letter if letter.isprintable() else "?" for letter in text)
 
 
@@ -128,7 +128,7 @@ def _outlook(task: Any) -> str:
 
 
 def in_seconds(estimate: float) -> str:
-    """An estimate as text; a negative one is shown as `0.0 s`."""
+    """Return an estimate as text; a negative one as `0.0 s`."""
     return f"{max(0.0, estimate):.1f} s"
 
 
@@ -144,7 +144,7 @@ def _clock(stamp: Any) -> str:
 
 
 def _brief(value: Any) -> str:
-    """A value of a result in one line; a long list by its range."""
+    """Return a value of a result in one line; for a long list, its range."""
     if isinstance(value, list) and len(value) > _LONG and all(map(_is_number, value)):
         return f"{len(value)} values from {min(value):g} to {max(value):g}"
     if isinstance(value, dict) and all(map(_is_number, value.values())):

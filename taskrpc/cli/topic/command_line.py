@@ -1,4 +1,4 @@
-"""`taskrpc topic`: list, type, find, info, echo, pub, hz, bw, delay, as `ros2 topic` has them."""
+"""`taskrpc topic`: list, type, find, info, echo, pub, hz, bw, delay, as in `ros2 topic`."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from importlib import import_module
 
 from taskrpc.cli.shared.parsing import Commands, Parser, add_command, add_group, number, whole
 
-_LOOKING = "taskrpc.cli.topic.topic_graph"
+_GRAPH = "taskrpc.cli.topic.topic_graph"
 _ECHO = "taskrpc.cli.topic.echo"
 _MEASURES = "taskrpc.cli.topic.measures"
 
@@ -26,13 +26,13 @@ def configure(parser: argparse.ArgumentParser) -> None:
     _add_info(commands)
     _add_list(commands)
     _add_pub(commands)
-    _add(commands, "type", "Print a topic's type", _LOOKING, "print_type")
+    _add(commands, "type", "Print a topic's type", _GRAPH, "print_type")
 
 
 def _add(
     commands: Commands, name: str, purpose: str, home: str, action: str, *, topic: str = "Name"
 ) -> Parser:
-    """A command whose action is imported only when it runs."""
+    """Add a command; the module `home` of its action is imported when the command runs."""
     from taskrpc.cli.shared.remote import add_connect, add_discovery
 
     parser = add_command(commands, name, purpose)
@@ -47,7 +47,7 @@ def _add(
 
 def _add_list(commands: Commands) -> None:
     what = "Output a list of available topics"
-    parser = _add(commands, "list", what, _LOOKING, "print_list", topic="")
+    parser = _add(commands, "list", what, _GRAPH, "print_list", topic="")
     what = "Additionally show the topic type"
     parser.add_argument("-t", "--show-types", action="store_true", help=what)
     _add_listing(parser, "-a", "--all")
@@ -57,7 +57,7 @@ def _add_list(commands: Commands) -> None:
 
 def _add_find(commands: Commands) -> None:
     what = "Output a list of available topics of a given type"
-    parser = _add(commands, "find", what, _LOOKING, "print_found", topic="")
+    parser = _add(commands, "find", what, _GRAPH, "print_found", topic="")
     what = "Name of the topic type to filter for (e.g. 'std_msgs/msg/String')"
     parser.add_argument("topic_type", help=what)
     _add_listing(parser)
@@ -66,7 +66,7 @@ def _add_find(commands: Commands) -> None:
 def _add_listing(parser: Parser, *names: str) -> None:
     what = "Only display the number of topics discovered"
     parser.add_argument("-c", "--count-topics", "--count", action="store_true", help=what)
-    # Without a default of its own, so that it does not undo the group's option of this name.
+    # No default here: it would overwrite the option of the same name before the subcommand.
     parser.add_argument(
         *("--include-hidden-topics", *names),
         action="store_true",
@@ -77,7 +77,7 @@ def _add_listing(parser: Parser, *names: str) -> None:
 
 
 def _add_info(commands: Commands) -> None:
-    parser = _add(commands, "info", "Print information about a topic", _LOOKING, "print_info")
+    parser = _add(commands, "info", "Print information about a topic", _GRAPH, "print_info")
     what = "Print each publisher and subscription: node, type, QoS, process"
     parser.add_argument("-v", "--verbose", action="store_true", help=what)
     parser.add_argument("--json", action="store_true", help="Print JSON")

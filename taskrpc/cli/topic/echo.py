@@ -8,7 +8,7 @@ import time
 from typing import TYPE_CHECKING, Any
 
 import srvgen
-from taskrpc.cli.shared.command import Exit, NotFound, UsageError, goes_on
+from taskrpc.cli.shared.command import Exit, NotFound, UsageError, tune_for_long_run
 from taskrpc.cli.shared.remote import remote_of
 from taskrpc.cli.topic.reading import Feed, condition, subscribed
 from taskrpc.errors import InvalidRequest
@@ -34,7 +34,7 @@ async def _echo(options: argparse.Namespace) -> int:
             options, node, options.topic_name, printer.feed.take, wait=False
         )
         printer.subscription = subscription
-        goes_on()
+        tune_for_long_run()
         if not await printer.feed.wait(options.timeout) and options.once:
             topic = subscription.topic_name
             raise NotFound(f"no message on {topic} within {options.timeout:g} s")
@@ -49,13 +49,13 @@ class _Printer:
         self._cut = Cut(length, arrays=not options.no_arr, texts=not options.no_str)
         self._options = options
         self._holds = condition(options.filter)
-        self._lost = 0
-        self._numbers = itertools.count(1)
+        self._lost = 0  # the reported number of lost messages
+        self._numbers = itertools.count(1)  # of the messages, for --include-message-info
         self.subscription: Subscription[Any] | None = None
         self.feed = Feed(self._print)
 
     def _print(self, message: Any) -> None:
-        self._tell_losses()
+        self._report_losses()
         number = next(self._numbers)
         value = _field(message, self._options.field or "")
         if not self._holds(value):
@@ -76,7 +76,7 @@ class _Printer:
         text = yaml_of(value, self._cut, flow=self._options.flow_style)
         return [*_lines(info), f"{text}---"]
 
-    def _tell_losses(self) -> None:
+    def _report_losses(self) -> None:
         if self.subscription is None or self._options.no_lost_messages:
             return
         lost = self.subscription.lost + self.subscription.dropped
@@ -87,7 +87,7 @@ class _Printer:
 
 
 def _info(number: int) -> dict[str, int]:
-    """What is known of a message beside its content; it came when it was sent, as far as known."""
+    """Return the facts about a message; its source time is unknown, so it is the arrival time."""
     now = time.time_ns()
     return {
         "publication_sequence_number": number,
@@ -102,7 +102,7 @@ def _lines(info: dict[str, int]) -> list[str]:
 
 
 def _field(message: Any, path: str) -> Any:
-    """A field of a message by `a.b` or `a[0].b`. Raises InvalidRequest."""
+    """Return a field of a message by a path such as `a.b` or `a[0].b`. Raises InvalidRequest."""
     value = message
     names = path.replace("[", ".").replace("]", "").split(".")
     for name in filter(None, names):

@@ -1,4 +1,4 @@
-"""`taskrpc topic hz`, `bw` and `delay`: measure topics, and say so once a second."""
+"""`taskrpc topic hz`, `bw` and `delay`: measure topics and print the results once a second."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, TypeAlias
 
 import srvgen
 from taskrpc.cli.shared import graph
-from taskrpc.cli.shared.command import Exit, NotFound, UsageError, goes_on
+from taskrpc.cli.shared.command import Exit, NotFound, UsageError, tune_for_long_run
 from taskrpc.cli.shared.remote import remote_of
 from taskrpc.cli.topic.reading import Feed, condition, subscribed
 from taskrpc.cli.topic.topic_graph import topics
@@ -28,15 +28,15 @@ if TYPE_CHECKING:
 
 _ALIGNMENT = 4
 """DDS pads messages to a multiple of this many bytes, and `ros2 topic bw` counts the padding."""
-_TELL = 1.0
-"""Seconds between two lines."""
+_PRINT_PERIOD = 1.0
+"""Seconds between two results."""
 
 Now: TypeAlias = Callable[[], "float | None"]
-"""Gives the time in seconds; None while it is unknown."""
+"""Returns the time in seconds; None while it is unknown."""
 
 
 def hz(options: argparse.Namespace) -> int:
-    """Print how often messages come."""
+    """Print the rate at which messages arrive."""
     clock = _clock(options, time.monotonic)
     holds = condition(options.filter)
     _check_names(options)
@@ -44,14 +44,14 @@ def hz(options: argparse.Namespace) -> int:
 
 
 def bw(options: argparse.Namespace) -> int:
-    """Print how many bytes they are."""
+    """Print the bandwidth of messages."""
     clock = _clock(options, time.monotonic)
     _check_names(options)
     return asyncio.run(_measure(options, lambda: Bandwidth(options.window, clock), clock))
 
 
 def delay(options: argparse.Namespace) -> int:
-    """Print how old they are when they come."""
+    """Print the age of messages at their arrival."""
     clock = _clock(options, time.time)
     return asyncio.run(_measure(options, lambda: Delay(options.window, clock), clock))
 
@@ -63,7 +63,7 @@ class SimulatedTime:
         self._now: float | None = None
 
     def __call__(self) -> float | None:
-        """The latest time, in seconds."""
+        """Return the latest time, in seconds."""
         return self._now
 
     def take(self, message: Any) -> None:
@@ -71,7 +71,7 @@ class SimulatedTime:
         self._now = message.clock.sec + message.clock.nanosec * 1e-9
 
     def listen(self, node: Node) -> None:
-        """Follow `/clock` from now on."""
+        """Subscribe to `/clock`."""
         qos = QoS(1, "best_effort")
         node.create_subscription(srvgen.load("rosgraph_msgs/msg/Clock"), "/clock", self.take, qos)
 
@@ -89,7 +89,7 @@ def _check_names(options: argparse.Namespace) -> None:
 
 
 async def _names(options: argparse.Namespace, node: Node) -> list[str]:
-    """The topics to measure: those that were named, or all that there are now."""
+    """Return the topics to measure: those on the command line, or all current topics."""
     if not getattr(options, "all_topics", False):
         return getattr(options, "topic_names", None) or [options.topic_name]
     entries = await graph.entries_of(remote_of(options), node)
@@ -100,7 +100,7 @@ async def _names(options: argparse.Namespace, node: Node) -> list[str]:
 
 
 async def _measure(options: argparse.Namespace, make: Callable[[], Measure], clock: Now) -> int:
-    told: dict[str, Measure] = {}
+    measures: dict[str, Measure] = {}
     async with remote_of(options).node() as node:
         names = await _names(options, node)
         if not names:
@@ -110,7 +110,7 @@ async def _measure(options: argparse.Namespace, make: Callable[[], Measure], clo
         feed = Feed(lambda taken: taken[0](taken[1]))
         for name in names:
             measure = make()
-            take = partial(_hand_over, feed, measure.take)
+            take = partial(_take_at_once, feed, measure.take)
             try:
                 subscription = await subscribed(options, node, name, take, wait=True)
             except (srvgen.DefinitionError, NotFound) as error:
@@ -119,33 +119,33 @@ async def _measure(options: argparse.Namespace, make: Callable[[], Measure], clo
                 problem = f"failed to find message type for topic [{name}]: {error}"
                 print(f"WARNING: {problem}", file=sys.stderr, flush=True)
                 continue
-            told[subscription.topic_name] = measure
+            measures[subscription.topic_name] = measure
             if isinstance(measure, Bandwidth):
                 print(f"Subscribed to [{subscription.topic_name}]", flush=True)
-        if not told:
+        if not measures:
             return Exit.ERROR
-        goes_on()
+        tune_for_long_run()
         is_unknown = False
-        while not await feed.wait(_TELL):
-            if text := _text(told):
+        while not await feed.wait(_PRINT_PERIOD):
+            if text := _text(measures):
                 print(text, flush=True)
             elif clock() is None and not is_unknown:
                 is_unknown = True
                 print("WARNING: waiting for the time on /clock", file=sys.stderr, flush=True)
-    raise AssertionError  # a feed of measures ends by an error only
+    raise AssertionError  # a feed of measures only ends with an error
 
 
-def _hand_over(feed: Feed, take: Callable[[Any], None], message: Any) -> None:
+def _take_at_once(feed: Feed, take: Callable[[Any], None], message: Any) -> None:
     feed.take_at_once((take, message))
 
 
-def _text(told: dict[str, Measure]) -> str:
-    """What there is to say now: in lines for one topic, in a table for several."""
-    if len(told) == 1:
-        (measure,) = told.values()
+def _text(measures: dict[str, Measure]) -> str:
+    """Return the current results: as lines for one topic, as a table for several."""
+    if len(measures) == 1:
+        (measure,) = measures.values()
         return measure.line()
-    rows = [[name, *row] for name, measure in told.items() if (row := measure.row())]
-    columns = next(iter(told.values())).columns
+    rows = [[name, *row] for name, measure in measures.items() if (row := measure.row())]
+    columns = next(iter(measures.values())).columns
     return _table(["topic", *columns], rows) if rows else "no new messages"
 
 
@@ -160,26 +160,26 @@ def _table(header: list[str], rows: list[list[str]]) -> str:
 
 
 class Measure(ABC):
-    """Something that is measured over the last messages."""
+    """A quantity that is measured over the latest messages."""
 
     columns: ClassVar[Sequence[str]] = ()
-    """The titles of a table with several of them."""
+    """The column titles of a table for several topics."""
 
     @abstractmethod
     def take(self, message: Any) -> None:
-        """Take a message into account. Raises InvalidRequest where it cannot be measured."""
+        """Measure a message. Raises InvalidRequest if it cannot be measured."""
 
     @abstractmethod
     def line(self) -> str:
-        """What there is to say now, "" for nothing new."""
+        """Return the current result as text, "" if there is no new message."""
 
     def row(self) -> list[str]:
-        """The same for a table, [] for nothing new."""
+        """Return the current result as the cells of a table, [] if there is no new message."""
         return [self.line()]
 
 
 class Rate(Measure):
-    """How often messages come for which a condition holds."""
+    """The rate of the messages for which a condition holds."""
 
     columns = ("rate", "min_delta", "max_delta", "std_dev", "window")
 
@@ -188,127 +188,133 @@ class Rate(Measure):
         self._now = now
         self._last: float | None = None
         """The time of the latest message."""
-        self._told: float | None = None
-        """The time of the latest message that was printed."""
-        self._spans: deque[float] = deque(maxlen=window)
+        self._printed: float | None = None
+        """The time of the latest message in the last printed result."""
+        self._intervals: deque[float] = deque(maxlen=window)
+        """The seconds between messages."""
 
     def take(self, message: Any) -> None:
-        """Note when a message came."""
+        """Record the arrival time of a message."""
         if not self._holds(message):
             return
         now = self._now()
         if now is None:
             return
         if self._last is not None and now >= self._last:
-            self._spans.append(now - self._last)
+            self._intervals.append(now - self._last)
         elif self._last is not None:  # the simulation has started again
-            self._spans.clear()
+            self._intervals.clear()
         self._last = now
 
     def line(self) -> str:
-        """The rate, and the intervals between messages."""
-        return f"average rate: {self._rate():.3f}\n{_spread(self._spans)}" if self._fresh() else ""
+        """Return the rate, and the intervals between messages."""
+        if not self._is_new():
+            return ""
+        return f"average rate: {self._rate():.3f}\n{_spread(self._intervals)}"
 
     def row(self) -> list[str]:
-        """The same in cells."""
-        if not self._fresh():
+        """Return the same as cells."""
+        if not self._is_new():
             return []
-        least, most, deviation = _extent(self._spans)
+        least, most, deviation = _extent(self._intervals)
         figures = f"{self._rate():.3f}", f"{least:.3f}", f"{most:.3f}", f"{deviation:.5f}"
-        return [*figures, str(len(self._spans))]
+        return [*figures, str(len(self._intervals))]
 
-    def _fresh(self) -> bool:
-        fresh = bool(self._spans) and self._told != self._last
-        self._told = self._last
-        return fresh
+    def _is_new(self) -> bool:
+        is_new = bool(self._intervals) and self._printed != self._last
+        self._printed = self._last
+        return is_new
 
     def _rate(self) -> float:
-        mean = sum(self._spans) / len(self._spans)
+        mean = sum(self._intervals) / len(self._intervals)
         return 1 / mean if mean else 0.0
 
 
 class Delay(Measure):
-    """How old messages are when they come."""
+    """The age of messages at their arrival."""
 
     def __init__(self, window: int, now: Now) -> None:
         self._now = now
-        self._fresh = False
-        self._spans: deque[float] = deque(maxlen=window)
+        self._is_new = False
+        """Whether a message has arrived since the last printed result."""
+        self._ages: deque[float] = deque(maxlen=window)
+        """The ages of messages, in seconds."""
 
     def take(self, message: Any) -> None:
-        """Note the age of a message."""
+        """Record the age of a message."""
         if not hasattr(message, "header"):
             raise InvalidRequest("", "msg does not have header")
         now = self._now()
         if now is None:
             return
         stamp = message.header.stamp
-        self._spans.append(now - stamp.sec - stamp.nanosec * 1e-9)
-        self._fresh = True
+        self._ages.append(now - stamp.sec - stamp.nanosec * 1e-9)
+        self._is_new = True
 
     def line(self) -> str:
-        """The delays."""
-        if not self._spans:
+        """Return the delays."""
+        if not self._ages:
             return ""
-        if not self._fresh:
+        if not self._is_new:
             return "no new messages"
-        self._fresh = False
-        mean = sum(self._spans) / len(self._spans)
-        return f"average delay: {mean:.3f}\n{_spread(self._spans)}"
+        self._is_new = False
+        mean = sum(self._ages) / len(self._ages)
+        return f"average delay: {mean:.3f}\n{_spread(self._ages)}"
 
 
 class Bandwidth(Measure):
-    """How many bytes messages are, as ROS would send them."""
+    """The sizes of messages in bytes, as ROS would send them."""
 
     columns = ("bandwidth", "window", "mean", "min", "max")
 
     def __init__(self, window: int, now: Now) -> None:
         self._now = now
-        self._came: deque[tuple[float, int]] = deque(maxlen=window)
+        self._sizes: deque[tuple[float, int]] = deque(maxlen=window)
+        """The arrival time in seconds and the size in bytes of each message."""
 
     def take(self, message: Any) -> None:
-        """Note the size of a message."""
+        """Record the size of a message."""
         now = self._now()
         if now is None:
             return
-        if self._came and now < self._came[-1][0]:  # the simulation has started again
-            self._came.clear()
+        if self._sizes and now < self._sizes[-1][0]:  # the simulation has started again
+            self._sizes.clear()
         size = len(srvgen.to_cdr(message))
-        self._came.append((now, size + -size % _ALIGNMENT))
+        self._sizes.append((now, size + -size % _ALIGNMENT))
 
     def line(self) -> str:
-        """The bytes a second, and the sizes of messages."""
+        """Return the bytes per second, and the sizes of messages."""
         if not (cells := self.row()):
             return ""
         rate, count, mean, least, most = cells
         return f"{rate} from {count} messages\n\tMessage size mean: {mean} min: {least} max: {most}"
 
     def row(self) -> list[str]:
-        """The same in cells."""
+        """Return the same as cells."""
         now = self._now()
-        if len(self._came) < 2 or now is None or now <= self._came[0][0]:
+        if len(self._sizes) < 2 or now is None or now <= self._sizes[0][0]:
             return []
-        sizes = [size for _, size in self._came]
-        rate = sum(sizes) / (now - self._came[0][0])
+        sizes = [size for _, size in self._sizes]
+        rate = sum(sizes) / (now - self._sizes[0][0])
         figures = rate, sum(sizes) / len(sizes), min(sizes), max(sizes)
         first, *others = (_bytes(each, rate) for each in figures)
         return [f"{first}/s", str(len(sizes)), *others]
 
 
 def _bytes(count: float, rate: float) -> str:
-    """A number of bytes in the unit that suits a rate."""
+    """Return a number of bytes as text, in the unit that suits the rate."""
     if rate < 1000:
         return f"{count:.0f} B"
     return f"{count / 1e3:.2f} KB" if rate < 1_000_000 else f"{count / 1e6:.2f} MB"
 
 
-def _extent(spans: deque[float]) -> tuple[float, float, float]:
-    """The least, the most, and the standard deviation."""
-    mean = sum(spans) / len(spans)
-    deviation = sqrt(sum((each - mean) ** 2 for each in spans) / len(spans))
-    return min(spans), max(spans), deviation
+def _extent(values: deque[float]) -> tuple[float, float, float]:
+    """Return the smallest value, the largest value, and the standard deviation."""
+    mean = sum(values) / len(values)
+    deviation = sqrt(sum((each - mean) ** 2 for each in values) / len(values))
+    return min(values), max(values), deviation
 
 
-def _spread(spans: deque[float]) -> str:
-    least, most, deviation = _extent(spans)
-    return f"\tmin: {least:.3f}s max: {most:.3f}s std dev: {deviation:.5f}s window: {len(spans)}"
+def _spread(values: deque[float]) -> str:
+    least, most, deviation = _extent(values)
+    return f"\tmin: {least:.3f}s max: {most:.3f}s std dev: {deviation:.5f}s window: {len(values)}"

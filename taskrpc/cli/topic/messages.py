@@ -1,4 +1,4 @@
-"""What `taskrpc topic pub` publishes: a message whose time stamps may be those of its sending."""
+"""The messages of `taskrpc topic pub`; their time stamps may be the time of sending."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _TIME = "builtin_interfaces/msg/Time"
 
 
 class Template:
-    """A message as a command line has it: `auto` for a header, `now` for a time."""
+    """A message from a command line; `auto` for a header and `now` for a time become its time."""
 
     def __init__(self, cls: Any, values: Sequence[str]) -> None:
         self.cls = cls
@@ -37,7 +37,7 @@ class Template:
         self._stamps = [_followed(self._message, steps) for steps in stamps]
 
     def message(self) -> Any:
-        """The message, stamped with the present time where it asks for that."""
+        """Return the message with the current time in its `auto` and `now` fields."""
         seconds, nanoseconds = divmod(time.time_ns(), 10**9)
         for stamp in self._stamps:
             stamp.sec, stamp.nanosec = seconds, nanoseconds
@@ -45,7 +45,7 @@ class Template:
 
 
 def documents(path: str) -> list[str]:
-    """The YAML documents of a file, as texts; the empty ones left out. Raises TaskRpcError."""
+    """Return the YAML documents of a file as texts, without empty ones. Raises TaskRpcError."""
     import yaml
 
     from taskrpc import yaml_text
@@ -66,7 +66,7 @@ def documents(path: str) -> list[str]:
 
 
 def _take_stamps(cls: Any, fields: dict[str, Any]) -> Iterator[tuple[Step, ...]]:
-    """Replace `auto` and `now` by empty messages; yields the ways to their time stamps."""
+    """Replace `auto` and `now` by empty messages; yields the path to each time stamp."""
     attributes = dict(zip((name for name, _ in cls._FIELDS), cls.__struct_fields__, strict=True))
     for name, value in fields.items():
         nested = cls._NESTED.get(name)

@@ -1,4 +1,4 @@
-"""`taskrpc topic pub`: publishes one message, again and again or so many times."""
+"""`taskrpc topic pub`: publishes messages, a given number of times or until Ctrl-C."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import srvgen
 from taskrpc.cli.shared import definitions, quoting
-from taskrpc.cli.shared.command import Exit, NotFound, UsageError, goes_on, standard_input
+from taskrpc.cli.shared.command import Exit, NotFound, UsageError, standard_input, tune_for_long_run
 from taskrpc.cli.shared.remote import remote_of
 from taskrpc.cli.topic.messages import Template, documents
 from taskrpc.cli.topic.qos_options import qos_to_publish
@@ -20,13 +20,14 @@ if TYPE_CHECKING:
 
     from taskrpc.topic import Publisher
 
-_LOOK = 0.1
-_TELL = 10
-"""So many looks for subscriptions are told of once."""
+_POLL = 0.1
+"""Seconds between two looks for subscriptions."""
+_POLLS_PER_LINE = 10
+"""Looks for subscriptions for each printed line."""
 
 
 def run(options: argparse.Namespace) -> int:
-    """Publish what the options say."""
+    """Publish the messages that the options describe."""
     cls = message_class(options.message_type)
     templates = [Template(cls, values) for values in _given(options)]
     asyncio.run(_publish(options, templates))
@@ -34,7 +35,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _given(options: argparse.Namespace) -> list[list[str]]:
-    """The values of each message, from wherever the command line says."""
+    """Return the values of each message: from the command line, standard input or a file."""
     if not options.stdin and not options.yaml_file:
         return [options.values]
     if options.values or (options.stdin and options.yaml_file):
@@ -48,7 +49,7 @@ def _given(options: argparse.Namespace) -> list[list[str]]:
 
 
 def message_class(type_name: str) -> Any:
-    """The class of a message type that this machine has a definition of. Raises DefinitionError."""
+    """Return the class of a message type of this machine. Raises DefinitionError."""
     try:
         found = definitions.load(message_type_name(type_name))
     except srvgen.DefinitionError as error:
@@ -66,31 +67,31 @@ async def _publish(options: argparse.Namespace, templates: Sequence[Template]) -
     async with remote.node(name=options.node_name or "") as node:
         publisher = node.create_publisher(templates[0].cls, topic, qos_to_publish(options))
         times = 1 if options.once else options.times
-        await _wait_for_readers(options, publisher, 1 if times else 0)
+        await _wait_for_subscriptions(options, publisher, 1 if times else 0)
         print("publisher: beginning loop", flush=True)
-        goes_on()
+        tune_for_long_run()
         await _loop(options, publisher, templates, times)
         await asyncio.sleep(options.keep_alive)
 
 
-async def _wait_for_readers(
+async def _wait_for_subscriptions(
     options: argparse.Namespace, publisher: Publisher[Any], least: int
 ) -> None:
     if options.wait_matching_subscriptions is not None:
         least = options.wait_matching_subscriptions
     loop = asyncio.get_running_loop()
-    longest = options.max_wait_time_secs
-    ends = None if longest is None else loop.time() + longest
-    for look in itertools.count():
+    timeout = options.max_wait_time_secs
+    deadline = None if timeout is None else loop.time() + timeout
+    for poll in itertools.count():
         if publisher.get_subscription_count() >= least:
             return
-        if ends is not None and loop.time() >= ends:
+        if deadline is not None and loop.time() >= deadline:
             count = publisher.get_subscription_count()
             problem = f"Expected {least} subscribers but only got {count} subscribers"
             raise NotFound(f"Timed out waiting for subscribers: {problem}")
-        if look % _TELL == 0:
+        if poll % _POLLS_PER_LINE == 0:
             print(f"Waiting for at least {least} matching subscription(s)...", flush=True)
-        await asyncio.sleep(_LOOK)
+        await asyncio.sleep(_POLL)
 
 
 async def _loop(

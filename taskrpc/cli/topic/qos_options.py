@@ -1,4 +1,4 @@
-"""The QoS that a command line asks for, in ros2's options; else one that matches who is there."""
+"""The QoS options of ros2; without them, a subscription matches the current publishers."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _PROFILES: dict[str, Profile] = {
 _KEEP_ALL = 2**31 - 1
 _DEFAULT = "system_default"
 _OPEN = (_DEFAULT, "best_available")
-"""What leaves a policy to the profile, or to who is there."""
+"""The values with which the profile or the current publishers determine a policy."""
 
 
 def add_qos(parser: argparse.ArgumentParser) -> None:
@@ -54,12 +54,12 @@ def _add_policy(parser: argparse.ArgumentParser, policy: str, what: str, *choice
 
 
 def qos_to_publish(options: argparse.Namespace) -> QoS:
-    """The options over ros2's own default for publishing."""
+    """Return ros2's default for publishing, changed by the options."""
     return _over(options, _PROFILES["default"])
 
 
 def qos_to_subscribe(options: argparse.Namespace, publishers: Sequence[TopicEndpoint]) -> QoS:
-    """The options over what all publishers can give."""
+    """Return the QoS that matches all publishers, changed by the options."""
     reliable = all(each.reliable for each in publishers)
     latched = bool(publishers) and all(each.latched for each in publishers)
     return _over(

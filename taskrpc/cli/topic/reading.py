@@ -1,4 +1,4 @@
-"""How commands read topics: subscribe by the type that a topic has, and take each message."""
+"""Reads topics for commands: subscribes with the topic's type, and handles each message."""
 
 from __future__ import annotations
 
@@ -21,55 +21,56 @@ if TYPE_CHECKING:
     from taskrpc.node import Node
     from taskrpc.topic import Subscription
 
-_LOOK = 0.1
+_POLL = 0.1  # seconds between two looks for a topic
 
 
 class Feed:
-    """Hands each message to an action, until that says that it is done, or fails."""
+    """Passes each message to an action until `stop` is called or the action fails."""
 
     def __init__(self, action: Callable[[Any], object]) -> None:
         self._action = action
         self._threads = DaemonThreads(1, "taskrpc output")
         self._loop = asyncio.get_running_loop()
         self._done = asyncio.Event()
-        self._over = False
-        self._problem: BaseException | None = None
+        self._is_stopped = False
+        self._error: BaseException | None = None
+        """The error of the action; `wait` raises it."""
 
     async def take(self, message: Any) -> None:
-        """Hand a message over, on a thread: to print waits where the reader is slow."""
+        """Run the action in a thread: printing blocks if the reader of the output is slow."""
         await self._loop.run_in_executor(self._threads, self.take_at_once, message)
 
     def take_at_once(self, message: Any) -> None:
-        """Hand a message over."""
-        if self._over:
+        """Run the action in this thread."""
+        if self._is_stopped:
             return
         try:
             self._action(message)
-        except Exception as error:  # the reader of our output has gone, for example
-            self._problem = error
+        except Exception as error:  # for example, the reader of the output has closed it
+            self._error = error
             self.stop()
 
     def stop(self) -> None:
-        """Want no more messages; from any thread."""
-        self._over = True
+        """Ignore further messages and end `wait`; callable from any thread."""
+        self._is_stopped = True
         self._loop.call_soon_threadsafe(self._done.set)
 
     async def wait(self, timeout: float | None = None) -> bool:
-        """Wait for the end; False where the time is over first. Raises what the action raised."""
+        """Wait for the end; returns False after `timeout` seconds. Raises the action's error."""
         try:
             async with asyncio.timeout(timeout):
                 await self._done.wait()
         except TimeoutError:
             return False
-        if self._problem is not None:
-            raise self._problem
+        if self._error is not None:
+            raise self._error
         return True
 
 
 def condition(text: str | None) -> Callable[[Any], bool]:
-    """What `--filter` says of a message: a Python expression in which it is called `m`.
+    """Return the condition of `--filter`: a Python expression in which `m` is the message.
 
-    Raises UsageError for what is no expression; what is returned raises InvalidRequest.
+    Raises UsageError for an invalid expression. The condition raises InvalidRequest if it fails.
     """
     if text is None:
         return lambda message: True
@@ -96,7 +97,10 @@ async def subscribed(
     *,
     wait: bool,
 ) -> Subscription[Any]:
-    """Subscribe to a topic by the type that was given, or that it has."""
+    """Subscribe to a topic with the type on the command line, or with the topic's own type.
+
+    With `wait`, wait until the topic has a type; otherwise raise NotFound if it has none.
+    """
     topic = quoting.expanded(name, kind="topic name")
     given = getattr(options, "message_type", "")
     remote = remote_of(options)
@@ -107,7 +111,7 @@ async def subscribed(
             problem = NotFound("Could not determine the type for the passed topic")
             raise hinted(problem, f"write the type: taskrpc topic echo {topic} std_msgs/msg/String")
         while not found.types:
-            await asyncio.sleep(_LOOK)
+            await asyncio.sleep(_POLL)
             found = await _found(remote, node, topic)
     if not given and len(found.types) > 1:
         several = f"Cannot echo topic '{topic}', as it contains more than one type"

@@ -1,4 +1,4 @@
-"""Facts about topics without reading them: names, types, publishers and subscriptions."""
+"""Facts about topics without subscribing: names, types, publishers and subscriptions."""
 
 from __future__ import annotations
 
@@ -20,24 +20,24 @@ if TYPE_CHECKING:
 _KINDS = {"PUBLISHER": 1, "SUBSCRIPTION": 2}
 """The kinds of endpoints, with their values in rclpy's `EndpointTypeEnum`."""
 
-Ends: TypeAlias = list[tuple[TopicEndpoint, RegistryEntry]]
+Endpoints: TypeAlias = list[tuple[TopicEndpoint, RegistryEntry]]
 
 
 class Topic:
     """One topic: its publishers and subscriptions, each with its process."""
 
     def __init__(self) -> None:
-        self.publishers: Ends = []
-        self.subscriptions: Ends = []
+        self.publishers: Endpoints = []
+        self.subscriptions: Endpoints = []
 
     @property
     def types(self) -> list[str]:
-        """The names of its types; several where programs disagree."""
+        """The names of its types; several if programs disagree."""
         return sorted({each.type_name for each, _ in self.publishers + self.subscriptions})
 
 
 def topics(entries: Iterable[RegistryEntry], *, hidden: bool = False) -> dict[str, Topic]:
-    """Every topic by its name."""
+    """Return all topics by name."""
     found: dict[str, Topic] = {}
     for entry in entries:
         for each in entry.publishers:
@@ -48,13 +48,13 @@ def topics(entries: Iterable[RegistryEntry], *, hidden: bool = False) -> dict[st
 
 
 def message_type_name(text: str) -> str:
-    """The full name of a message's type; `pkg/Name` means `pkg/msg/Name`."""
+    """Return the full name of a message's type; `pkg/Name` means `pkg/msg/Name`."""
     package, *rest = text.split("/")
     return f"{package}/msg/{rest[0]}" if len(rest) == 1 else text
 
 
 def unknown(topic: str, known: Iterable[str]) -> NotFound:
-    """The error of a topic that nobody has."""
+    """Return the error for a topic that no program has."""
     from srvgen.definitions.names import did_you_mean
 
     return hinted(NotFound(f"Unknown topic '{topic}'"), did_you_mean(topic, known))
@@ -81,10 +81,10 @@ def _verbose(found: dict[str, Topic]) -> Iterator[str]:
     for title, what in ("Published", "publisher"), ("Subscribed", "subscriber"):
         yield f"{title} topics:"
         for name, topic in found.items():
-            ends = topic.publishers if what == "publisher" else topic.subscriptions
-            if ends:
-                plural = "s" if len(ends) > 1 else ""
-                yield f" * {name} [{', '.join(topic.types)}] {len(ends)} {what}{plural}"
+            endpoints = topic.publishers if what == "publisher" else topic.subscriptions
+            if endpoints:
+                plural = "s" if len(endpoints) > 1 else ""
+                yield f" * {name} [{', '.join(topic.types)}] {len(endpoints)} {what}{plural}"
         yield ""
 
 
@@ -102,44 +102,46 @@ def print_type(options: argparse.Namespace) -> int:
 
 
 def print_info(options: argparse.Namespace) -> int:
-    """Print what is known of a topic."""
+    """Print the facts about a topic."""
     name, topic = _topic(options)
     type_ = topic.types[0] if len(topic.types) == 1 else str(topic.types)
     if options.json:
         print(json.dumps(_as_json(name, topic)))
         return Exit.DONE
     print(f"Type: {type_}")
-    for title, kind, ends in (
+    for title, kind, endpoints in (
         ("Publisher", "PUBLISHER", topic.publishers),
         ("Subscription", "SUBSCRIPTION", topic.subscriptions),
     ):
         gap = "\n" if options.verbose else ""
-        print(f"{gap}{title} count: {len(ends)}")
-        for end, entry in ends if options.verbose else ():
-            print("\n" + "\n".join(_end(kind, end, entry)))
+        print(f"{gap}{title} count: {len(endpoints)}")
+        for endpoint, entry in endpoints if options.verbose else ():
+            print("\n" + "\n".join(_lines(kind, endpoint, entry)))
     if options.verbose:
         print()
     return Exit.DONE
 
 
-def _end(kind: str, end: TopicEndpoint, entry: RegistryEntry) -> Iterator[str]:
-    namespace, _, node = end.node.rpartition("/")
+def _lines(kind: str, endpoint: TopicEndpoint, entry: RegistryEntry) -> Iterator[str]:
+    namespace, _, node = endpoint.node.rpartition("/")
     yield f"Node name: {node}"
     yield f"Node namespace: {namespace or '/'}"
-    yield f"Topic type: {end.type_name}"
-    yield f"Topic type hash: {end.type_hash}"
+    yield f"Topic type: {endpoint.type_name}"
+    yield f"Topic type hash: {endpoint.type_hash}"
     yield f"Endpoint type: {kind}"
-    yield f"GID: {graph.gid(entry, end, _KINDS[kind])}"
+    yield f"GID: {graph.gid(entry, endpoint, _KINDS[kind])}"
     if entry.pid:
         yield f"Process: {entry.script} (pid {entry.pid}, in {entry.folder})"
     if entry.address:
         yield f"Address: {entry.address}"
-    yield from graph.qos_lines(reliable=end.reliable, depth=end.depth, latched=end.latched)
+    yield from graph.qos_lines(
+        reliable=endpoint.reliable, depth=endpoint.depth, latched=endpoint.latched
+    )
 
 
 def _as_json(name: str, topic: Topic) -> dict[str, object]:
-    ends = {"PUBLISHER": topic.publishers, "SUBSCRIPTION": topic.subscriptions}
-    told = {
+    endpoints = {"PUBLISHER": topic.publishers, "SUBSCRIPTION": topic.subscriptions}
+    facts = {
         f"{kind.lower()}s": [
             {
                 "node": each.node,
@@ -152,9 +154,9 @@ def _as_json(name: str, topic: Topic) -> dict[str, object]:
             }
             for each, entry in of_kind
         ]
-        for kind, of_kind in ends.items()
+        for kind, of_kind in endpoints.items()
     }
-    return {"name": name, "types": topic.types, **told}
+    return {"name": name, "types": topic.types, **facts}
 
 
 def _topic(options: argparse.Namespace) -> tuple[str, Topic]:

@@ -75,7 +75,7 @@ def test_stop_of_a_stranger_ends_nobody(server, run):
 
 def test_a_program_that_does_not_react_is_reported(server, run, monkeypatch):
     monkeypatch.setattr("taskrpc.platform.end_process", lambda pid, at_once: None)
-    monkeypatch.setattr("taskrpc.cli.stop.PATIENCE", 0.1)
+    monkeypatch.setattr("taskrpc.cli.stop.END_TIMEOUT", 0.1)
     code, _, err = run("stop", "adder")
     assert code == 1
     who = f"adder.py (pid {server.process.pid})"
@@ -103,7 +103,7 @@ taskrpc.run(main())
 def test_a_program_that_still_answers_calls_is_told_from_one_that_is_stuck(
     tmp_path, run, monkeypatch
 ):
-    monkeypatch.setattr("taskrpc.cli.stop.PATIENCE", 1.0)
+    monkeypatch.setattr("taskrpc.cli.stop.END_TIMEOUT", 1.0)
     (tmp_path / "slow.py").write_text(SLOW, encoding="utf-8")
     call = [sys.executable, "-m", "taskrpc.cli.call", "/sleep", "--timeout", "60"]
     with (

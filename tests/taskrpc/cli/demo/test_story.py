@@ -6,7 +6,7 @@ import pytest
 
 import taskrpc
 from taskrpc.cli.demo import story
-from taskrpc.cli.demo.accounts import accounts, are_right
+from taskrpc.cli.demo.estimates import are_right, check_estimates
 from taskrpc.cli.demo.story import Cancel, Submit, open_stage, perform
 from tests.taskrpc.cli.demo.conftest import on_virtual_time
 
@@ -49,14 +49,14 @@ def test_what_happens_is_told_in_the_order_of_time_in_plain_ascii(seen):
 
 
 def test_every_estimate_plus_its_named_changes_is_the_actual_time_within_ten_milliseconds(seen):
-    rows = accounts(seen.tasks, story.SPEED)
+    rows = check_estimates(seen.tasks, story.SPEED)
     assert len([row for row in rows if row.turn]) == 6
     assert all(abs(row.difference) <= 0.010 for row in rows if row.turn)
     assert are_right(rows)
 
 
 def test_the_accounts_agree_with_the_clock_that_the_lines_were_told_by(seen):
-    for row in accounts(seen.tasks, story.SPEED):
+    for row in check_estimates(seen.tasks, story.SPEED):
         number = row.task.task_id
         asked = next(line.at for line in seen.lines if f"(task {number}," in line.text)
         ended = next(
@@ -71,7 +71,7 @@ def test_the_accounts_agree_with_the_clock_that_the_lines_were_told_by(seen):
 def test_estimates_are_right_at_every_speed_that_may_be_chosen(speed):
     async def main():
         async with open_stage(speed=speed) as stage:
-            return accounts(await perform(stage), speed)
+            return check_estimates(await perform(stage), speed)
 
     assert are_right(on_virtual_time(main))
 

@@ -44,7 +44,7 @@ def test_only_triggers_named_health_are_asked(node, capsys):
 
 
 def test_a_server_that_does_not_say_is_a_problem(node, capsys, monkeypatch):
-    monkeypatch.setattr(checks, "PATIENCE", 0.1)
+    monkeypatch.setattr(checks, "LISTING_TIMEOUT", 0.1)
     node.create_service(Trigger, "lab/health", lambda request, response: time.sleep(0.5))
     assert main(["doctor", node.address]) == 1
     assert "/lab/health does not answer: no answer by the deadline" in capsys.readouterr().out

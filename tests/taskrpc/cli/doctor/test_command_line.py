@@ -175,7 +175,7 @@ def test_a_server_that_ctrl_z_stopped_is_named_with_how_it_goes_on(
     own_server, examine, monkeypatch
 ):
     monkeypatch.setattr("taskrpc.transport.connection.connection.HANDSHAKE_TIMEOUT", 0.3)
-    monkeypatch.setattr(probe, "PATIENCE", 0.6)
+    monkeypatch.setattr(probe, "STEP_TIMEOUT", 0.6)
     pid = own_server.process.pid
     os.kill(pid, signal.SIGSTOP)
     os.waitpid(pid, os.WUNTRACED)

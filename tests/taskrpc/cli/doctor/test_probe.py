@@ -163,7 +163,7 @@ def test_a_host_that_swallows_what_comes(diagnose, monkeypatch):
     """A listener whose backlog is full answers no more than one behind a firewall does."""
     if sys.platform != "linux":
         pytest.skip("other systems refuse where the backlog is full")
-    monkeypatch.setattr(probe, "PATIENCE", 0.3)
+    monkeypatch.setattr(probe, "STEP_TIMEOUT", 0.3)
     with socket.create_server(("127.0.0.1", 0), backlog=0) as sock:
         place = sock.getsockname()
         waiting = [socket.socket() for _ in range(4)]
@@ -184,7 +184,7 @@ ip route add unreachable 10.8.0.0/16 && ip route add prohibit 10.7.0.0/16 || exi
 exec "$0" -c '
 from taskrpc.cli.doctor import probe
 from taskrpc.cli.main import main
-probe.PATIENCE = 0.3
+probe.STEP_TIMEOUT = 0.3
 for place in ("10.6.0.1:1", "10.7.0.1:1", "10.8.0.1:1"):
     main(["doctor", place, "--json"])
 '

@@ -120,7 +120,7 @@ async def test_what_is_another_users(path, monkeypatch, place):
             monkeypatch.setattr(asyncio, "open_unix_connection", refuse)
         else:
             monkeypatch.setattr(probe.os, "stat", stat)
-        found = await probe.reach_socket(f"unix:{path}", probe.PATIENCE)
+        found = await probe.reach_socket(f"unix:{path}", probe.STEP_TIMEOUT)
         monkeypatch.undo()
     assert found.state == "problem"
     wanted = (

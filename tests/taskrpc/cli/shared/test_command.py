@@ -164,7 +164,7 @@ def test_a_command_that_goes_on_looks_through_few_objects_at_once_and_not_throug
     program = (
         "import gc; from taskrpc.cli.shared import command\n"
         "def action(_):\n"
-        "    command.goes_on()\n"
+        "    command.tune_for_long_run()\n"
         "    print(gc.get_threshold()[0], gc.get_freeze_count())\n"
         "    return 0\n"
         "command.run_main(action, None)"
@@ -180,7 +180,7 @@ def test_a_command_that_goes_on_looks_through_few_objects_at_once_and_not_throug
 def test_in_a_process_that_is_not_the_commands_garbage_is_none_of_its_business(monkeypatch):
     monkeypatch.setattr(command.gc, "freeze", pytest.fail)
     before = command.gc.get_threshold()
-    command.goes_on()
+    command.tune_for_long_run()
     assert command.gc.get_threshold() == before
 
 

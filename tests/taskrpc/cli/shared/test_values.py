@@ -149,7 +149,7 @@ def test_arrays_are_written_in_brackets_and_strings_in_them_are_literal():
         (ADD, ["7"], "Value '7' is expected to be a dictionary but is a int"),
         (ADD, ["AddTwoInts"], "a type is written as example_interfaces/srv/AddTwoInts"),
         (ADD, ["a=1", "{b: 2}"], "expected one YAML text, or only FIELD=VALUE"),
-        (ADD, ["a: 1, b: 2"], "several fields in one line stand in braces"),
+        (ADD, ["a: 1, b: 2"], "put several fields on one line in braces"),
         (ADD, ["{a: 1}\n---\n{b: 2}"], "expected a single document"),
         (ADD, ["!!python/name:os.system"], "could not determine a constructor"),
         (ADD, ["&x {a: *x}"], "an anchor that contains it"),

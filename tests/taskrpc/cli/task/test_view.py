@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 import srvgen
-from taskrpc.cli.task.view import aligned, as_object, details, news, printable
+from taskrpc.cli.task.view import aligned, as_object, details, printable, status_line
 
 TASK_INFO = srvgen.load("taskrpc_interfaces/msg/TaskInfo")
 
@@ -16,7 +16,7 @@ def info(**fields):
 
 def test_texts_of_others_cannot_steer_the_terminal():
     nasty = info(target="a\x1b[2Jb\n", client="\x07", message="x\ry", state="FAILED")
-    assert all(printable(line) == line for line in [news(nasty), *details(nasty)])
+    assert all(printable(line) == line for line in [status_line(nasty), *details(nasty)])
     assert as_object(nasty)["target"] == "a\x1b[2Jb\n"
 
 

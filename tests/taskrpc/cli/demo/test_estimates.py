@@ -8,17 +8,17 @@ from hypothesis import strategies as st
 
 import srvgen
 from taskrpc.cli.demo import story
-from taskrpc.cli.demo.accounts import Account, accounts, are_right, summary
+from taskrpc.cli.demo.estimates import EstimateCheck, are_right, check_estimates, summary
 
 
 def test_an_estimate_that_is_wrong_is_said_to_be_wrong():
-    rows = accounts([ended(1, promised=10.0, actual=10.6), ended(2)], speed=2)
+    rows = check_estimates([ended(1, promised=10.0, actual=10.6), ended(2)], speed=2)
     assert not are_right(rows)
     assert "These estimates were wrong by more than 5 %: task 1 by +0.60 s." in summary(rows)
 
 
 def test_an_estimate_that_late_timers_spoiled_is_not_called_right():
-    rows = accounts([ended(1, promised=10.0, actual=10.2), ended(2)], speed=2)
+    rows = check_estimates([ended(1, promised=10.0, actual=10.2), ended(2)], speed=2)
     assert are_right(rows), "nobody planned wrongly"
     text = "\n".join(summary(rows))
     assert "Task 1 is off most, by +1.96 %: this computer is busy" in text
@@ -27,38 +27,38 @@ def test_an_estimate_that_late_timers_spoiled_is_not_called_right():
 
 @pytest.mark.parametrize("excuse", ["task 1 took longer than planned", "the task server was late"])
 def test_that_a_task_took_longer_is_no_excuse_for_its_estimate(excuse):
-    rows = accounts([ended(1, promised=10.0, actual=15.0, changes=[(5.0, excuse)])], speed=2)
+    rows = check_estimates([ended(1, promised=10.0, actual=15.0, changes=[(5.0, excuse)])], speed=2)
     assert not are_right(rows)
 
 
 def test_an_estimate_that_moved_without_a_named_cause_is_wrong():
     named = ended(promised=10.0, actual=15.0, changes=[(5.0, "task 2, priority 10, went ahead")])
-    assert are_right(accounts([named], speed=2))
-    assert not are_right(accounts([ended(promised=10.0, actual=15.0)], speed=2))
+    assert are_right(check_estimates([named], speed=2))
+    assert not are_right(check_estimates([ended(promised=10.0, actual=15.0)], speed=2))
 
 
 @given(st.floats(0.1, 1000), st.floats(-0.05, 0.05))
 def test_right_means_within_one_percent_or_ten_milliseconds(actual, share):
-    row = Account(ended(promised=actual * (1 - share)), 1, actual)
+    row = EstimateCheck(ended(promised=actual * (1 - share)), 1, actual)
     off = abs(share) * actual
     if abs(off - max(0.01, 0.01 * actual)) > 1e-6:
         assert row.is_right == (off <= max(0.01, 0.01 * actual))
 
 
 def test_a_task_that_failed_spoils_the_demo():
-    rows = accounts([ended(1), ended(2, state="FAILED")], speed=2)
+    rows = check_estimates([ended(1), ended(2, state="FAILED")], speed=2)
     assert not are_right(rows)
     assert any(line.startswith("Task 2 ended FAILED") for line in summary(rows))
 
 
 def test_without_a_task_that_ran_nothing_is_right():
-    rows = accounts([ended(state="CANCELED", started=0.0)], speed=2)
+    rows = check_estimates([ended(state="CANCELED", started=0.0)], speed=2)
     assert not are_right(rows)
     assert "No task ran." in summary(rows)
 
 
 def test_the_summary_fits_a_terminal_of_eighty_columns(seen):
-    lines = summary(accounts(seen.tasks, story.SPEED))
+    lines = summary(check_estimates(seen.tasks, story.SPEED))
     assert all(len(line) <= 80 and line.isascii() for line in lines)
     assert lines[-2].startswith("All 6 estimates were right")
 
