@@ -67,7 +67,7 @@ def played(request, tmp_path_factory) -> Iterator[dict[Path, Future[None]]]:
 
 @pytest.mark.real_time
 @every_page
-def test_what_a_page_shows_is_what_happens(page, played):
+def test_code_blocks_of_a_page_give_the_output_that_it_shows(page, played):
     if problem := played[page].exception():
         pytest.fail(str(problem), pytrace=False)
 

@@ -174,7 +174,7 @@ class Word(str):
         ("names", {"x": 1}.keys(), ["x"]),
     ],
 )
-def test_values_become_what_a_ros_user_expects(field, given_, held):
+def test_values_are_converted_as_in_ros(field, given_, held):
     value = getattr(checked(**{field: given_}), field)
     assert value == held
     assert type(value) is type(held)
@@ -241,7 +241,7 @@ def test_message_does_not_share_the_list_that_was_set():
     assert message.image == [1, 2]
 
 
-def test_numpy_arrays_and_numbers_are_taken_whatever_their_element_type():
+def test_numpy_arrays_and_numbers_of_any_element_type_are_accepted():
     numpy = pytest.importorskip("numpy")
     for dtype in ("int8", "int32", "int64", "uint16", ">i4", "float32", "float16", "float64"):
         assert checked(ranges=numpy.array([1, 2], dtype)).ranges == [1.0, 2.0]

@@ -69,7 +69,7 @@ async def test_only_the_first_answer_counts(pair, taken):
     assert (await future).sum == 4
 
 
-async def test_nobody_need_work_for_a_caller_who_gave_up(pair, taken):
+async def test_call_whose_caller_gave_up_need_not_be_started(pair, taken):
     futures = await calls(pair, taken, 1, 2)
     futures[0].cancel()
     await asyncio.sleep(0.1)
@@ -98,7 +98,7 @@ async def test_at_the_nodes_end_a_call_that_began_has_an_unknown_outcome(pair, t
     ]
 
 
-async def test_its_status_tells_what_waits_and_what_runs(pair, taken):
+async def test_status_counts_waiting_and_running_calls(pair, taken):
     await calls(pair, taken, 1, 2, 3)
     taken[0].started()
     (status,) = pair[0].status().services

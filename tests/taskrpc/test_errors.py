@@ -90,7 +90,7 @@ def test_a_copy_has_everything(error, duplicate):
     assert again.not_executed is error.not_executed
 
 
-def test_standard_exceptions_catch_what_they_should():
+def test_standard_exceptions_catch_the_matching_errors():
     assert issubclass(errors.DeadlineExceeded, TimeoutError)
     assert issubclass(errors.InvalidName, ValueError)
     assert issubclass(errors.WouldDeadlock, RuntimeError)

@@ -130,7 +130,7 @@ async def test_what_is_switched_often_leaves_nothing_behind(server):
     await until(lambda: not server._introspection._publishers)
 
 
-async def test_the_nodes_own_observer_is_still_told(listener):
+async def test_observer_of_the_node_gets_the_same_events(listener):
     class Counting(taskrpc.Observer):
         began = ended = 0
 
@@ -216,7 +216,7 @@ async def test_the_task_server_tells_of_all_its_services_where_it_is_asked_to(se
         assert "/robot_task/cancel/_service_event" in topics
 
 
-async def test_a_switch_takes_the_service_from_nobodys_sight(server, monkeypatch):
+async def test_switching_introspection_keeps_the_service_visible(server, monkeypatch):
     service = server.create_service(Add, "add", add)
     changes = []
     network = server._transport.network

@@ -122,7 +122,7 @@ def test_what_is_no_control_character_is_written_as_it_is():
     assert text_of("%s", "Küche\t→ 厨房 \xa0✓") == "Küche\t→ 厨房 \xa0✓"
 
 
-def test_a_traceback_cannot_forge_a_line_either_whoever_formats_it_before():
+def test_traceback_that_another_handler_formatted_first_cannot_forge_a_line():
     try:
         raise OSError("no\n[ERROR] it burns\x1b[2J")
     except OSError:
@@ -177,7 +177,7 @@ async def test_a_line_of_a_callback_carries_its_call(said, callback, threaded):
     assert (mine["service"], mine["caller"]) == ("/add", "/client")
 
 
-async def test_what_the_caller_is_told_to_look_for_is_found_by_its_number(said):
+async def test_log_line_of_a_failed_call_has_the_number_that_the_caller_gets(said):
     def fail(request, response):
         raise OSError("no battery")
 

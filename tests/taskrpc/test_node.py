@@ -109,7 +109,7 @@ async def test_the_error_that_ends_the_block_is_the_one_that_is_seen():
         await fail()
 
 
-async def test_spin_that_is_cancelled_answers_what_is_in_flight():
+async def test_cancelled_spin_answers_the_calls_in_flight():
     gate = Gate()
     async with memory("client", token="c") as node:
 
@@ -160,7 +160,7 @@ async def test_nodes_of_equal_settings_share_an_endpoint_until_the_last_has_gone
         assert fourth._transport is not endpoint
 
 
-def test_run_returns_what_its_coroutine_returns_and_leaves_no_loop():
+def test_run_returns_the_result_of_its_coroutine_and_leaves_no_loop():
     async def main():
         async with memory() as node:
             node.create_service(Add, "add", add)

@@ -86,7 +86,7 @@ async def suspending(request, response):
     ("callback", "code"),
     [(add, Code.OK), (suspending, Code.OK), (refuse, Code.NOT_FOUND), (fail, Code.INTERNAL)],
 )
-async def test_both_sides_are_told_the_same_code_once(pair, callback, code):
+async def test_observers_of_both_sides_get_the_same_code_once(pair, callback, code):
     client = pair.offer(callback)
     for _ in range(2):
         try:
@@ -113,7 +113,7 @@ async def test_a_deadline_ends_a_call_once_although_its_callback_answers_later(p
     assert pair.client_log.requests[0][1:] == (Code.DEADLINE_EXCEEDED, pytest.approx(1, abs=0.01))
 
 
-async def test_a_cancelled_call_is_told_to_both_observers(pair):
+async def test_cancelled_call_is_reported_to_both_observers(pair):
     client = pair.offer(Gate())
     call = asyncio.ensure_future(client.call(ask()))
     future = client.call_async(ask())
@@ -142,7 +142,7 @@ async def test_an_observer_that_raises_is_logged_and_harms_no_call(caplog):
     assert "an observer failed" in caplog.text
 
 
-async def test_several_observers_are_told_the_same_whatever_one_of_them_raises(caplog):
+async def test_several_observers_get_the_same_reports_although_one_raises(caplog):
     class Broken(taskrpc.Observer):
         def call_began(self, call):
             raise RuntimeError("broken")
@@ -160,7 +160,7 @@ async def test_several_observers_are_told_the_same_whatever_one_of_them_raises(c
         assert log.nodes == []
 
 
-async def test_an_observer_is_told_of_its_nodes_only():
+async def test_observer_gets_reports_of_its_own_nodes_only():
     log = Log()
     async with taskrpc.Node("watched", transport="memory", observer=log) as watched:
         assert log.nodes == ["/watched"]
@@ -175,7 +175,7 @@ async def test_an_observer_is_told_of_its_nodes_only():
     assert log.requests == []
 
 
-async def test_a_node_says_what_it_has_to_do(pair):
+async def test_status_of_a_node_counts_calls_and_connections(pair):
     gate = Gate()
     client = pair.offer(gate)
     calls = [asyncio.ensure_future(client.call(ask())) for _ in range(3)]
@@ -243,7 +243,7 @@ class Spans(taskrpc.Observer):
 
 
 @pytest.mark.parametrize("once", [False, True])
-async def test_a_server_knows_the_span_of_whoever_called(once):
+async def test_server_knows_the_span_of_the_caller(once):
     ours, theirs = Spans(bytes(range(25))), Spans()
     async with (
         taskrpc.Node("server", transport="memory", token="s", observer=theirs) as server,

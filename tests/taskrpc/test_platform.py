@@ -33,7 +33,7 @@ def test_without_xdg_the_runtime_folder_is_the_users_in_the_temporary_folder(tmp
 
 
 @posix
-def test_a_private_folder_is_closed_to_others_whatever_the_umask(tmp_path):
+def test_private_folder_is_closed_to_other_users_with_any_umask(tmp_path):
     before = os.umask(0)
     try:
         assert stat.S_IMODE(platform.private_dir(tmp_path / "a").stat().st_mode) == 0o700
@@ -77,7 +77,7 @@ def test_what_is_not_a_folder_of_ours_is_refused(tmp_path):
 
 
 @pytest.mark.skipif(sys.platform == "win32", reason="file modes are POSIX's")
-def test_what_is_private_is_so_from_its_first_byte_on_whoever_was_there_before(tmp_path):
+def test_private_file_is_private_from_its_first_byte_also_in_place_of_another(tmp_path):
     path = tmp_path / "secret"
     waiting = tmp_path / f"secret.{os.getpid()}.new"
     waiting.write_text("somebody else's")

@@ -87,7 +87,7 @@ async def test_an_idle_service_finishes_at_once():
     assert made.finished.done()
 
 
-async def test_a_call_that_comes_after_the_end_is_told_to_go_elsewhere():
+async def test_call_after_the_end_of_a_service_is_sent_to_another_server():
     transport, made = service(lambda request, response: response)
     made.destroy()
     call = FakeCall(1)
@@ -154,7 +154,7 @@ async def test_a_call_whose_turn_comes_too_late_leaves_it_to_one_that_has_time()
     assert started[-1] == 102, "nobody else waits: it may try"
 
 
-async def test_abandoned_calls_are_told_apart_by_whether_they_had_begun():
+async def test_abandoned_calls_have_an_unknown_outcome_only_if_they_had_begun():
     async def forever(request, response):
         await asyncio.sleep(1e6)
 
@@ -347,7 +347,7 @@ async def test_a_call_that_is_given_up_cancels_its_future_and_leaves_its_place()
 
 
 @pytest.mark.parametrize("later", [False, True])
-async def test_a_callback_may_deny_its_caller_but_passes_on_nobody_elses_denial(later):
+async def test_callback_may_deny_its_caller_and_does_not_pass_on_a_denial_of_another_service(later):
     """What its own call was denied says nothing about its caller, and it may have done much."""
     errors = [Denied("not yours"), taskrpc.PermissionDenied("the lab's, to the callback")]
 

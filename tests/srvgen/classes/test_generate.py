@@ -170,7 +170,7 @@ def wrong_lines(demo, tmp_path, mypy):
 
 
 @pytest.mark.types
-def test_type_checkers_accept_lists_and_know_what_is_read(wrong_lines):
+def test_type_checkers_accept_lists_and_know_the_type_that_is_read(wrong_lines):
     program = (
         "from demo_interfaces.msg import Awkward, Everything\n"
         "message = Everything(ranges=[1, 2.5], image=b'12', raw=3, names=['a'])\n"

@@ -136,7 +136,7 @@ def test_stub_of_srvgen_exports_every_public_name():
 
 
 @pytest.mark.types
-def test_mypy_knows_what_is_imported_and_what_is_loaded(run, mypy, monkeypatch):
+def test_mypy_knows_imported_and_loaded_classes(run, mypy, monkeypatch):
     run("stubs", "my_msgs", "std_msgs", "example_interfaces")
     Path("user.py").write_text(USER + MISTAKES, encoding="utf-8")
     root = Path(srvgen.__file__).parents[2]

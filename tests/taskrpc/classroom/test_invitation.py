@@ -38,7 +38,7 @@ invitations = st.builds(
 
 
 @given(invitations)
-def test_what_a_string_says_is_what_it_was_made_of(invitation):
+def test_join_string_returns_the_values_that_it_was_made_of(invitation):
     text = to_join_string(invitation)
     assert from_join_string(text) == invitation
     assert re.fullmatch(r"taskrpc-join1\.[A-Za-z0-9_-]+", text)
@@ -53,7 +53,7 @@ def test_blanks_and_line_breaks_do_no_harm(place, blank):
 
 @settings(max_examples=30)
 @given(st.integers(min_value=0), st.sampled_from(LETTERS))
-def test_a_mistyped_character_is_told_with_its_place(place, other):
+def test_mistyped_character_is_reported_with_its_position(place, other):
     text = to_join_string(EXAMPLE)
     # The last character has bits that mean nothing.
     place = len(PREFIX) + place % (len(text) - len(PREFIX) - 1)
@@ -76,7 +76,7 @@ def test_a_mistyped_character_is_told_with_its_place(place, other):
         (PREFIX + "abc!def", "the join string has '!' at place 18, which is never valid"),
     ],
 )
-def test_what_is_no_join_string_is_told_in_a_sentence(text, message):
+def test_text_that_is_no_join_string_gives_one_sentence(text, message):
     with pytest.raises(TaskRpcError, match=re.escape(message)):
         from_join_string(text)
 
@@ -119,7 +119,7 @@ def test_the_token_is_not_printed():
         {"domain": 233},
     ],
 )
-def test_a_string_that_no_lab_would_make_is_refused_whoever_made_it(changes):
+def test_string_with_invalid_values_is_refused(changes):
     """Its parts are printed, called, remembered, and name the nodes of who believes them."""
     wrong = to_join_string(replace(EXAMPLE, **changes))
     with pytest.raises(TaskRpcError, match="expected a join string of this version") as caught:

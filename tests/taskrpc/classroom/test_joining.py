@@ -183,19 +183,19 @@ def taskrpc_lab(joined, certificate):
     return lab.Lab(place=joined.place, token=TOKEN, certificate=certificate, domain=joined.domain)
 
 
-async def test_a_token_that_is_not_accepted_is_told(invitation):
+async def test_refused_token_is_reported(invitation):
     joined = await found(changed(invitation, token="eve.0123456789abcdef"))
     with pytest.raises(taskrpc.AuthenticationFailed):
         await visit(joined)
 
 
-async def test_an_expired_string_is_told_before_anybody_is_asked(invitation):
+async def test_expired_string_is_reported_without_a_connection(invitation):
     late = changed(invitation, expires=1_000_000_000, places=("192.0.2.1:1",))
     with pytest.raises(taskrpc.AuthenticationFailed, match="the join string expired at 2001-09-09"):
         await found(late)
 
 
-def test_nobody_there_is_told_with_what_to_do(made):
+def test_unreachable_lab_is_reported_with_the_remedy(made):
     with socket.create_server(("127.0.0.1", 0)) as unused:
         place = f"127.0.0.1:{unused.getsockname()[1]}"
     lost = Invitation((place,), made.fingerprint, TOKEN, "/ada", 0, 0)
@@ -204,7 +204,7 @@ def test_nobody_there_is_told_with_what_to_do(made):
     assert caught.value.__notes__ == [f"`taskrpc doctor {place}` finds out why"]
 
 
-def test_something_else_at_the_address_is_told(made):
+def test_another_program_at_the_address_is_reported(made):
     with socket.create_server(("127.0.0.1", 0)) as sock:
         threading.Thread(target=_babble, args=[sock], daemon=True).start()
         place = f"127.0.0.1:{sock.getsockname()[1]}"

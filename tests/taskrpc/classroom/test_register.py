@@ -112,13 +112,13 @@ def test_a_file_that_was_damaged_is_named_and_not_its_secrets(register, text):
     assert "canary" not in str(caught.value)
 
 
-def test_revoking_nobody_names_those_who_are_there(register):
+def test_revoking_an_unknown_account_lists_the_known_ones(register):
     register.add(["ada", "bob"], 0)
     with pytest.raises(TaskRpcError, match="there is no account 'eve'; there are: ada, bob"):
         register.revoke("eve")
 
 
-def test_a_wrong_name_adds_nobody(register):
+def test_invalid_name_adds_no_account(register):
     with pytest.raises(TaskRpcError, match="a student's name: expected 1 to 100 letters"):
         register.add(["ada", "b;b"], 0)
     assert register.accounts() == []
@@ -167,7 +167,7 @@ def test_edits_at_the_same_time_lose_nothing(register):
     assert {account.name for account in register.accounts()} == {f"s{n}" for n in range(24)}
 
 
-def test_a_join_string_says_what_the_laptop_needs(register):
+def test_join_string_has_all_that_the_laptop_needs(register):
     make_certificates(register.folder, ["localhost"], datetime.datetime.now(datetime.UTC))
     register.place = Place(("192.168.1.20", "fd00::1"), 7450, 3)
     (ada,) = register.add(["ada"], 1_800_000_000.7)

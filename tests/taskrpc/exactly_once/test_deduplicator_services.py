@@ -164,7 +164,7 @@ async def test_a_repeated_call_attaches_to_the_run_that_its_lost_connection_bega
         assert lab.store.effects == ["1+2"]
 
 
-async def test_a_server_of_the_same_store_answers_what_the_one_before_has_done():
+async def test_next_server_of_a_store_returns_the_stored_answers():
     store, counter = Store(), Counter()
     async with Lab(store, counter) as lab:
         store.gate = asyncio.Event()
@@ -177,7 +177,7 @@ async def test_a_server_of_the_same_store_answers_what_the_one_before_has_done()
         assert store.effects == ["1+2"]
 
 
-async def test_a_server_of_another_store_must_not_run_what_may_have_run():
+async def test_server_of_another_store_does_not_run_a_request_that_may_have_run():
     async with Lab(Store(), Counter()) as lab:
         lab.counter.gate = asyncio.Event()
         call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2)))
@@ -190,7 +190,7 @@ async def test_a_server_of_another_store_must_not_run_what_may_have_run():
         assert lab.store.effects == []
 
 
-async def test_a_call_that_never_left_goes_to_whatever_store_there_is():
+async def test_call_that_was_never_sent_goes_to_the_store_that_is_there():
     async with Lab(Store(), Counter()) as lab:
         await lab.client.call(Add.Request(a=1, b=2))
         await lab.restart(Store(b"T" * 16))
@@ -209,7 +209,7 @@ async def test_a_call_that_crosses_a_withdrawal_goes_to_the_next_server():
         assert lab.store.effects == ["1+2"]
 
 
-async def test_who_was_forgotten_begins_to_count_anew():
+async def test_forgotten_client_begins_with_new_sequence_numbers():
     async with Lab(Store(), Counter()) as lab:
         await lab.client.call(Add.Request(a=1, b=2))
         await lab.restart(Store())  # the same name, and nothing known
@@ -452,7 +452,7 @@ async def test_cancelling_the_only_caller_cancels_the_run_and_it_may_be_sent_aga
         assert lab.store.effects == ["1+2"]
 
 
-async def test_one_of_two_callers_who_gives_up_does_not_take_the_answer_from_the_other():
+async def test_cancel_of_one_of_two_callers_leaves_the_answer_to_the_other():
     async with Lab(Store(), Counter()) as lab:
         lab.counter.gate = asyncio.Event()
         request = Add.Request(a=1, b=2)
@@ -496,7 +496,7 @@ async def test_a_cancel_that_comes_when_the_commit_has_begun_undoes_nothing():
         assert lab.store.effects == ["1+2"]
 
 
-async def test_a_caller_who_is_lost_and_does_not_return_leaves_no_run_behind():
+async def test_lost_caller_that_does_not_return_leaves_no_execution_behind():
     async with Lab(Store(), Counter(), concurrency=1) as lab:
         lab.counter.gate = asyncio.Event()
         call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2), timeout=0.2))
@@ -539,7 +539,7 @@ async def test_the_server_too_leaves_it_open_whether_a_call_has_run(others, monk
         await asyncio.gather(*calls)
 
 
-async def test_who_leaves_the_queue_at_the_deadline_is_told_that_nothing_ran(monkeypatch):
+async def test_caller_whose_call_expires_in_the_queue_learns_that_it_did_not_run(monkeypatch):
     monkeypatch.setattr(OpenCall, "expired", lambda _: None)
     async with Lab(Store(), Counter(), concurrency=1) as lab:
         lab.counter.gate = asyncio.Event()
@@ -553,7 +553,7 @@ async def test_who_leaves_the_queue_at_the_deadline_is_told_that_nothing_ran(mon
         assert lab.counter.ran == 1
 
 
-async def test_nobody_is_told_that_nothing_ran_once_something_may_have_run():
+async def test_call_that_may_have_run_is_never_reported_as_not_run():
     async with Lab(Store(), Counter()) as lab:
         lab.counter.gate = asyncio.Event()
         call = asyncio.ensure_future(lab.client.call(Add.Request(a=1, b=2), timeout=0.5))
@@ -654,7 +654,7 @@ async def test_a_store_that_was_mended_can_be_offered_again():
         assert (await client.call(Add.Request(a=1), timeout=5)).sum == 1
 
 
-async def test_a_drain_waits_for_the_answers_of_what_is_being_stored():
+async def test_drain_waits_for_completions_that_are_being_stored():
     async with Lab(Store(), Counter()) as lab:
         lab.store.gate = asyncio.Event()
         call = lab.client.call_async(Add.Request(a=1, b=2))
@@ -705,7 +705,7 @@ async def test_a_service_that_is_ended_twice_does_not_give_up_the_store_for_anot
 
 
 @pytest.mark.parametrize("kind", ["plain", "async", "threaded"])
-async def test_one_call_at_a_time_sees_what_the_call_before_has_stored(tmp_path, kind):
+async def test_with_one_call_at_a_time_each_call_sees_the_effect_of_the_one_before(tmp_path, kind):
     path = tmp_path / "shop.db"
     store = taskrpc.SqliteCompletions(path, ["CREATE TABLE IF NOT EXISTS sold (seat INTEGER)"])
 
@@ -746,7 +746,7 @@ async def test_many_calls_at_once_each_run_once():
         assert sorted(lab.store.effects) == sorted(f"{n}+0" for n in range(200))
 
 
-async def test_a_forgotten_client_with_a_call_in_doubt_learns_that_nobody_knows():
+async def test_forgotten_client_with_a_call_in_doubt_gets_an_unknown_outcome():
     async with Lab(Store(), Counter()) as lab:
         await lab.client.call(Add.Request(a=1))
         lab.counter.gate = asyncio.Event()
@@ -863,7 +863,7 @@ async def test_a_store_whose_memory_is_full_takes_requests_again_when_leases_end
         assert lab.counter.ran == 3
 
 
-async def test_a_store_that_cannot_forget_keeps_nobody_from_his_answer():
+async def test_store_that_cannot_forget_still_answers_callers():
     class Leased(Store):
         async def complete(self, completion, effect, clients=()):
             if clients:
@@ -913,7 +913,7 @@ async def test_counted_calls_wait_for_their_turn():
         assert [(await call).sum for call in calls] == list(range(250))
 
 
-async def test_a_service_that_is_withdrawn_before_its_store_is_open_leaves_nobody_waiting():
+async def test_service_that_is_withdrawn_before_its_store_is_open_answers_its_callers():
     store = Store()
     store.opened = asyncio.Event()
     async with (

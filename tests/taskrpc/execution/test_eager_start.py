@@ -125,7 +125,7 @@ async def test_a_timeout_begun_in_the_first_step_ends_the_wait(starter, delay):
     assert asyncio.get_running_loop().time() - began == pytest.approx(delay)
 
 
-async def test_a_timeout_that_was_not_needed_harms_nobody(starter):
+async def test_unused_timeout_has_no_effect(starter):
     async def quick():
         async with asyncio.timeout(0.5):
             return 7
@@ -361,7 +361,7 @@ async def test_what_is_prepared_is_seen_by_its_coroutine(starter):
     assert await task == ("prepared", "prepared")
 
 
-async def test_inside_somebodys_task_a_task_is_made(starter):
+async def test_inside_a_task_of_the_program_a_task_is_made(starter):
     async def look():
         return asyncio.current_task(), variable.get()
 

@@ -83,7 +83,7 @@ async def test_running_and_waiting_calls_are_counted(lab):
     assert values(lab.metrics.text(), "taskrpc_calls_waiting") == {"/work": 0}
 
 
-async def test_connections_and_bytes_are_told_and_survive_their_end(lab):
+async def test_counts_of_connections_and_bytes_survive_the_connections(lab):
     await lab.offer(add).call(ask())
     text, theirs = lab.metrics.text(), lab.theirs.text()
     assert values(text, "taskrpc_connections_open") == {"client": 0, "server": 1}
@@ -148,7 +148,7 @@ async def test_a_loop_that_is_held_up_is_late():
     assert metrics._loop_lateness._timer is None
 
 
-async def test_exactly_once_requests_are_counted_by_what_was_known(lab):
+async def test_exactly_once_requests_are_counted_by_the_state_of_the_ledger(lab):
     gate = Gate()
     client = lab.offer(gate, exactly_once=taskrpc.MemoryCompletions())
     first = client.call_async(ask(1), request_id="one")
@@ -199,7 +199,7 @@ async def test_a_file_tells_how_many_changes_were_stored_together(tmp_path):
     assert (told["_bucket/1"], told["_bucket/4"], told["_bucket/8"]) == (1, 1, 3)
 
 
-async def test_a_part_that_cannot_be_told_does_not_take_the_rest_away(lab, caplog):
+async def test_metric_that_fails_does_not_hide_the_others(lab, caplog):
     lab.metrics.add(lambda: [Family("lab_total", Kind.COUNTER, "Lab.", [Sample(1 / 0)])])
     lab.metrics.add(lambda: [Family("cats", Kind.GAUGE, "Cats.", [Sample(2)])])
     assert values(lab.metrics.text(), "cats") == {"": 2}

@@ -35,7 +35,7 @@ async def test_queued_tasks_are_counted_by_priority(manager):
     assert len(told) == 10
 
 
-async def test_tasks_are_told_by_state_and_the_robot_by_its_own(manager):
+async def test_tasks_and_the_robot_are_counted_by_state(manager):
     assert states(manager) == {}
     assert states(manager, "taskrpc_robot_state") == {"idle": 1}
     await manager.submit("move", "3", 5)

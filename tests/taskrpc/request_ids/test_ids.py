@@ -85,7 +85,7 @@ def test_a_client_says_from_which_number_on_it_waits():
 
 
 @pytest.mark.parametrize("first", [b"", b"x" * 16, b"x" * 17, b"x" * 100])
-def test_messages_short_and_long_are_told_apart_and_known_again(first):
+def test_fingerprints_of_short_and_long_messages_differ_and_repeat(first):
     number = RequestId(ME, 1, 1)
     prints = [
         cut_off(with_request_id(number, each))[0].fingerprint for each in (first, first + b"x")

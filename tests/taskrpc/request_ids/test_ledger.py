@@ -61,7 +61,7 @@ def test_what_was_abandoned_may_run():
     assert send(ledger, RequestId(ME, 1, 1)) is Verdict.NEW
 
 
-def test_what_is_abandoned_twice_takes_nobody_elses_place():
+def test_request_that_is_abandoned_twice_frees_only_its_own_place():
     ledger, came = Ledger(), claim(RequestId(ME, 1, 1))
     ledger.decide("", came, 0.0)
     ledger.abandoned("", came)
@@ -70,7 +70,7 @@ def test_what_is_abandoned_twice_takes_nobody_elses_place():
     assert send(ledger, RequestId(ME, 1, 1)) is Verdict.ATTACH
 
 
-def test_what_runs_is_taken_over_whatever_else_is_known_of_its_client():
+def test_running_request_can_be_added_to_any_ledger_of_its_client():
     number = RequestId(ME, 3, 3)
     done = completion(number, answer=b"42")
     for ledger in (Ledger(), Ledger([completion(RequestId(ME, 2, 2))])):
@@ -107,7 +107,7 @@ def test_what_the_client_has_settled_is_forgotten_and_never_run_again():
     assert send(ledger, RequestId(ME, 2, 1)) is Verdict.STALE
 
 
-def test_what_runs_although_nobody_waits_any_more_leaves_nothing_behind():
+def test_execution_without_waiting_callers_leaves_nothing_behind():
     ledger, number = Ledger(open_per_client=2), RequestId(ME, 1, 1)
     send(ledger, number)
     assert send(ledger, RequestId(ME, 2, 2)) is Verdict.NEW
@@ -124,11 +124,11 @@ def test_a_client_may_leap_to_the_last_number_that_there_is():
     assert send(ledger, RequestId(ME, 1, 1)) is Verdict.STALE
 
 
-def test_a_client_that_had_answers_and_is_unknown_now_is_told_so():
+def test_request_of_an_unknown_client_that_had_answers_is_stale():
     assert send(Ledger(), RequestId(ME, 2, 2)) is Verdict.STALE
 
 
-def test_a_restored_ledger_knows_what_was_settled():
+def test_restored_ledger_knows_the_settled_requests():
     ledger = Ledger([completion(RequestId(ME, 5, 4))])
     assert send(ledger, RequestId(ME, 3, 3)) is Verdict.STALE
     assert send(ledger, RequestId(ME, 5, 4)) is Verdict.DONE
@@ -151,7 +151,7 @@ def test_a_lease_lasts_from_the_last_use_also_where_that_came_soon_after_another
     assert ledger.expire(10.5) == [("", ME)]
 
 
-def test_whoever_is_heard_of_again_outlasts_those_who_came_later():
+def test_client_that_calls_again_outlasts_clients_that_came_later():
     ledger = Ledger(lease=1000.0)
     for client, now in ((b"a" * 16, 0.0), (b"b" * 16, 1.0), (b"a" * 16, 500.0)):
         ledger.completed(completion(RequestId(client, 1, 1), at=now))
@@ -160,7 +160,7 @@ def test_whoever_is_heard_of_again_outlasts_those_who_came_later():
     assert ledger.expire(1500.0) == [("", b"a" * 16)]
 
 
-def test_a_lease_lasts_from_the_last_use_and_what_runs_outlasts_it():
+def test_lease_begins_at_the_last_use_and_a_running_request_outlasts_it():
     ledger = Ledger(lease=10.0)
     send(ledger, RequestId(b"a" * 16, 1, 1))
     send(ledger, RequestId(b"b" * 16, 1, 1), now=1.0)

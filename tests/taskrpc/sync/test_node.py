@@ -170,7 +170,7 @@ def test_a_call_at_the_very_end_of_a_program_is_refused_and_does_not_hang_it(tmp
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="this system cannot fork")
 @pytest.mark.filterwarnings("ignore:.*fork:DeprecationWarning")
-def test_a_forked_process_is_told_that_the_node_is_its_parents(node):
+def test_forked_process_gets_an_error_that_the_node_belongs_to_its_parent(node):
     client = node.create_client(AddTwoInts, "nobody")
     told, tell = os.pipe()
     if (child := os.fork()) == 0:

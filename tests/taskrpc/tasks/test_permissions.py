@@ -93,7 +93,7 @@ async def test_submitters_change_their_own_tasks_and_operators_all(people, verb)
             )
 
 
-async def test_task_belongs_to_the_account_whatever_the_node_name(people):
+async def test_task_belongs_to_the_account_with_any_node_name(people):
     await people["submit"].submit("move", "3", 5)
     shown = await people["observe"]("ShowTask", task_id=1)
     assert shown.task.client == "submit"

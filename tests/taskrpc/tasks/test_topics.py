@@ -82,7 +82,7 @@ async def test_latched_message_is_dropped_without_subscribers(server, node):
     assert events[0].running == 1
 
 
-async def test_too_many_changes_at_once_are_told_as_list_them_afresh(server, node):
+async def test_too_many_changes_at_once_ask_the_watcher_for_a_new_list(server, node):
     events = []
     node.create_subscription(TaskEvents, "/robot_task/events", events.append, LATEST)
     await asyncio.sleep(0.1)

@@ -39,7 +39,7 @@ def test_whoever_looks_from_this_machine_is_let_in(host, method):
         "",
     ],
 )
-def test_a_name_that_is_not_ours_is_refused_whoever_let_it_point_here(host):
+def test_request_for_a_foreign_host_name_is_refused(host):
     assert status(asked(host)) == 421
 
 

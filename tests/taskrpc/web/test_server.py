@@ -45,7 +45,7 @@ async def raw(web, data):
         writer.close()
 
 
-async def test_a_page_is_shown_and_kept_by_nobody(web):
+async def test_page_is_shown_and_not_cached(web):
     status, headers, text = await fetch(f"{web.url}/hello")
     assert (status, text) == (200, "hello\n")
     assert headers["Cache-Control"] == "no-store"
@@ -64,7 +64,7 @@ async def test_head_has_the_same_headers_and_no_body(web):
     assert (status, headers["Content-Length"], text) == (200, "6", "")
 
 
-async def test_what_is_not_there_is_said_with_what_is(web):
+async def test_unknown_path_gets_a_list_of_the_pages(web):
     status, _, text = await fetch(f"{web.url}/")
     assert (status, text) == (404, "no such page; there are /hello\n")
 

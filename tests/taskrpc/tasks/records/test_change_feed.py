@@ -67,7 +67,7 @@ async def test_too_many_changes_are_admitted_not_hidden():
     assert feed.changed_since(start + 1) == [2, 3, 4]
 
 
-async def test_a_closed_board_lets_everybody_go():
+async def test_closed_change_feed_ends_all_its_watchers():
     feed = ChangeFeed()
     watchers = [
         asyncio.ensure_future(feed.wait_for_change(feed.revision, 60, task_id=number))
