@@ -1,4 +1,4 @@
-"""Wakes clients that wait for a service; one watcher of the directory serves all of them."""
+"""Wakes clients that wait for a service; one task watches the registry for all of them."""
 
 from __future__ import annotations
 
@@ -7,16 +7,17 @@ from collections.abc import Callable
 from typing import Protocol, TypeAlias
 
 Mark: TypeAlias = tuple[int, object]
+"""The number of notifications, and the directory's own mark."""
 
 
 class Directory(Protocol):
-    """The part of a network that knows which processes there are."""
+    """The part of a network that knows the processes: the registry, or a hub in memory."""
 
     def mark(self) -> object:
-        """The state of the directory now, to compare with later."""
+        """The present state of the directory, for `changed`."""
 
     async def changed(self, mark: object, polls_fast: Callable[[], bool]) -> None:
-        """Return when the directory differs from the mark."""
+        """Return once the directory differs from the mark; look more often if `polls_fast()`."""
 
 
 class Availability:
@@ -24,27 +25,30 @@ class Availability:
 
     def __init__(self, directory: Directory) -> None:
         self._directory = directory
-        self._pulses = 0
+        self._notifications = 0
         self._next: asyncio.Future[None] | None = None
+        """Done at the next notification."""
         self._watcher: asyncio.Task[None] | None = None
+        """Watches the directory; None while no task waits."""
         self._waiting = 0
+        """The number of waiting tasks, and of those that need fast polling."""
         self._fast_polls = 0
 
     def mark(self) -> Mark:
-        """The present state, to compare with in `wait`."""
-        return self._pulses, self._directory.mark()
+        """The present state, for `wait`."""
+        return self._notifications, self._directory.mark()
 
     def notify(self) -> None:
         """Wake all waiting clients: something changed that the directory does not show."""
-        self._pulses += 1
+        self._notifications += 1
         if self._next is not None:
             self._next.set_result(None)
             self._next = None
 
     async def wait(self, mark: Mark, timeout: float | None, *, poll_fast: bool = True) -> bool:
-        """Return True when something changed since the mark, False after `timeout` seconds.
+        """Return True once something has changed since the mark, False after `timeout` seconds.
 
-        `poll_fast=False` is for endless waits: the directory is then polled less often.
+        With `poll_fast=False`, for endless waits, the directory is polled less often.
         """
         if self.mark() != mark:
             return True

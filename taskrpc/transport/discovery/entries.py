@@ -1,4 +1,4 @@
-"""Registry entries: what a process publishes about itself, as a whole and change by change."""
+"""Registry entries: what a process publishes about itself, as a whole or as changes."""
 
 from __future__ import annotations
 
@@ -17,16 +17,18 @@ class RegistryEntry(msgspec.Struct, frozen=True, tag="Entry", dict=True):
     """What one process publishes about itself."""
 
     pid: int
+    """The process id; 0 for a process on another machine."""
     script: str
     folder: str
+    """The working folder of the process."""
     since: float
     """Seconds since the epoch."""
     address: str = ""
-    """`host:port`, empty for a process that only calls."""
+    """`host:port` or `unix:/path`; empty for a process that only calls."""
     token: str = ""
-    """Hexadecimal; what a caller of `address` must prove to know."""
+    """Hexadecimal; the secret that a caller of `address` must prove to know."""
     certificate: str = ""
-    """PEM; what a caller of `address` must be shown, "" where it is a plain connection."""
+    """The certificate of the server at `address` (PEM), "" for plain connections."""
     nodes: tuple[str, ...] = ()
     services: tuple[ServiceEndpoint, ...] = ()
     clients: tuple[ServiceEndpoint, ...] = ()
@@ -34,7 +36,7 @@ class RegistryEntry(msgspec.Struct, frozen=True, tag="Entry", dict=True):
     subscriptions: tuple[TopicEndpoint, ...] = ()
 
     def __repr__(self) -> str:
-        # Without the token: what is printed ends in logs.
+        # Without the token: it must not appear in logs.
         return f"RegistryEntry(pid={self.pid}, script={self.script!r}, address={self.address!r})"
 
     def offers(self, service: str) -> bool:
@@ -47,7 +49,7 @@ class RegistryEntry(msgspec.Struct, frozen=True, tag="Entry", dict=True):
 
 
 def entry_of(place: str, listing: Listing) -> RegistryEntry:
-    """The entry of a process on another machine, from its listing."""
+    """Return the entry of a process on another machine, made from its listing."""
     return RegistryEntry(
         pid=0,
         script=place,
@@ -73,12 +75,12 @@ class EntryChange(msgspec.Struct, frozen=True, tag="Change", omit_defaults=True)
     gone: bool = False
     """Whether it was removed."""
     address: str = ""
-    """From now on the process takes calls here, with this token and certificate."""
+    """Not empty: the process accepts calls at this address now, with this token and certificate."""
     token: str = ""
     certificate: str = ""
 
     def __repr__(self) -> str:
-        # Without the token: what is printed ends in logs.
+        # Without the token: it must not appear in logs.
         return f"EntryChange(node={self.node!r}, service={self.service!r}, client={self.client!r})"
 
 
@@ -87,9 +89,10 @@ class TrackedEntry:
 
     def __init__(self, entry: RegistryEntry) -> None:
         self.about = entry
-        """Who and where the process is; its own lists say what was there at the beginning."""
+        """Process and address; its lists of nodes, services and topics are out of date."""
         self.services: dict[str, ServiceEndpoint] = {}
         """One server of each service, by absolute name."""
+        # Counts, because several nodes of a process can have equal items.
         self._servers: dict[ServiceEndpoint, int] = {}
         self._offered: dict[str, int] = {}
         self._nodes: dict[str, int] = {}
@@ -98,6 +101,7 @@ class TrackedEntry:
         self._subscriptions: dict[TopicEndpoint, int] = {}
         self._topics: dict[str, int] = {}
         self._entry: RegistryEntry | None = entry
+        """The whole entry; None after a change until it is needed."""
         for node in entry.nodes:
             _add(self._nodes, node)
         for service in entry.services:
@@ -110,7 +114,7 @@ class TrackedEntry:
             _add(self._subscriptions, subscription)
 
     def apply(self, change: EntryChange) -> None:
-        """Take note of a change."""
+        """Apply a change."""
         self._entry = None
         if change.address:
             self.about = msgspec.structs.replace(
@@ -133,7 +137,7 @@ class TrackedEntry:
 
     @property
     def first_node(self) -> str:
-        """The oldest of its nodes, "" where it has none."""
+        """The oldest node of the process, "" without nodes."""
         return next(iter(self._nodes), "")
 
     def offers(self, service: str) -> bool:
@@ -145,7 +149,7 @@ class TrackedEntry:
         return topic in self._topics
 
     def entry(self) -> RegistryEntry:
-        """All of it, as it is now."""
+        """The whole entry in its present state."""
         if self._entry is None:
             self._entry = msgspec.structs.replace(
                 self.about,
@@ -167,7 +171,7 @@ class TrackedEntry:
         _drop(self._servers, server)
         _drop(self._offered, name)
         self.services.pop(name, None)
-        if name in self._offered:  # nodes of one program may share a name, but rarely do
+        if name in self._offered:  # another node of the process offers the same name; this is rare
             self.services[name] = next(each for each in self._servers if each.name == name)
 
     def _count_publisher(self, publisher: TopicEndpoint, *, gone: bool) -> None:

@@ -1,8 +1,8 @@
-"""The file in which a process says what it has: a whole entry, then a line for each change.
+"""The file format of a registry entry: the whole entry, then a line for each change.
 
-A line is a checksum, a number and JSON. Numbers count on for as long as the process lives, so a
-reader that believes only the line behind the last one it knows never takes a torn line, or what is
-left of an older one, for the truth. Changes that outgrow the entry are rolled up into a new one.
+A line consists of a checksum, a number and JSON. The numbers increase as long as the process lives.
+A reader accepts a change only if its number follows the last one. So it never accepts an incomplete
+line, or the rest of an old one. When the changes outgrow the entry, a new whole entry replaces all.
 """
 
 from __future__ import annotations
@@ -18,52 +18,56 @@ from taskrpc import platform
 from taskrpc.transport.discovery.entries import EntryChange, RegistryEntry, TrackedEntry
 
 _SLACK = 4096
-"""Bytes of changes that are never worth a new entry."""
+"""Bytes of changes that a file may have besides twice its whole entry."""
 _HEAD = 32
-"""Bytes at the beginning of a file that tell one entry from the next: they hold its number."""
+"""Bytes at the beginning of a file that differ between whole entries: they contain the number."""
 TIME_STEP = 1000
-"""Nanoseconds that every file system can tell apart."""
+"""Nanoseconds; every file system stores times at least this precisely."""
 
 _encode = msgspec.json.Encoder().encode
 _decode = msgspec.json.Decoder(RegistryEntry | EntryChange).decode
 
 
 def line_of(number: int, record: RegistryEntry | EntryChange) -> bytes:
-    """A record as it stands in a journal."""
+    """Return a record as a line of the file."""
     text = b"%d %s" % (number, _encode(record))
     return b"%08x %s\n" % (zlib.crc32(text), text)
 
 
 class Journal:
-    """This process's file, made and locked; one thread at a time may write."""
+    """Creates, locks and writes this process's file; only one thread may write at a time."""
 
     def __init__(self, path: Path) -> None:
         self._path = path
         self._descriptor = platform.open_private(path)
         platform.lock(self._descriptor)
         self._number = 0
+        """The number of the last line."""
         self._size = 0
         self._room = 0
+        """The size in bytes from which a new whole entry is due."""
         self._written = 0
+        """The file's modification time (nanoseconds)."""
 
     def write(self, tracked: TrackedEntry, change: EntryChange) -> None:
-        """Write down a change of what is in a tracked, which takes note of it then."""
+        """Write a change, then apply it to the tracked entry. Raises OSError."""
         if self._size >= self._room:
-            self._roll_up(tracked)
+            self._write_whole(tracked)
         self._append(line_of(self._number + 1, change))
         tracked.apply(change)
-        # Two writes within one tick of the system's clock must still look different.
+        # Two writes within one tick of the system's clock must still differ in their times.
         self._written = max(time.time_ns(), self._written + TIME_STEP)
         os.utime(self._path, ns=(self._written, self._written))
 
     def close(self) -> None:
-        """Close the file, and so give up its lock."""
+        """Close the file, which releases its lock."""
         os.close(self._descriptor)
 
-    def _roll_up(self, tracked: TrackedEntry) -> None:
+    def _write_whole(self, tracked: TrackedEntry) -> None:
         whole = line_of(self._number + 1, tracked.entry())
         old = self._size
-        # Behind all that it replaces at first, so that wherever this ends, one of them is whole.
+        # First behind the old content, then at the beginning: one valid entry remains even if the
+        # process dies between the writes.
         self._append(b"\n" * (len(whole) - old if old else 0) + whole)
         if old:
             self._write_at(0, whole)
@@ -88,17 +92,20 @@ class Journal:
 
 
 class JournalReader:
-    """What the journal of another process says; reads on from where it stopped."""
+    """Reads the file of another process; each `read` continues where the last one stopped."""
 
     def __init__(self) -> None:
         self.tracked: TrackedEntry | None = None
-        """None as long as nothing could be believed."""
+        """None as long as no valid entry was read."""
         self._number = 0
+        """The number of the last valid line."""
         self._head = b""
+        """The file's first bytes; if they change, it has a new whole entry."""
         self._place = 0
+        """The offset behind the last valid line."""
 
     def read(self, descriptor: int) -> None:
-        """Bring the tracked up to date."""
+        """Read the new lines, and update `tracked`."""
         if self._head:
             self._take(_contents(descriptor, self._place))
             if _contents(descriptor, 0, _HEAD) == self._head:
@@ -109,7 +116,7 @@ class JournalReader:
             self._head = data[:_HEAD]
 
     def _take(self, data: bytes) -> int:
-        """Take note of these lines; returns where the newest whole entry among them begins."""
+        """Apply these lines; return the offset of the newest whole entry among them, else -1."""
         began, place = -1, self._place
         for line in data.split(b"\n")[:-1]:
             number, record = _parsed(line)
@@ -137,7 +144,7 @@ def _parsed(line: bytes) -> tuple[int, RegistryEntry | EntryChange | None]:
 
 
 def _contents(descriptor: int, place: int, size: int = -1) -> bytes:
-    """A file's bytes from a place on, at most `size` of them."""
+    """Return a file's bytes from an offset on, at most `size` of them."""
     os.lseek(descriptor, place, os.SEEK_SET)
     if size < 0:
         size = max(0, os.fstat(descriptor).st_size - place)

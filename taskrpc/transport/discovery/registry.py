@@ -1,8 +1,7 @@
-"""Who is where on this machine: one small file a process, in the user's runtime folder.
+"""The registry of this machine: a small file for each process, in the user's runtime folder.
 
 Every process writes what it offers, and holds an operating-system lock on its file while it lives.
-A file without a lock is left over from a process that died: it is never believed, and whoever sees
-it removes it.
+A file without a lock belongs to a dead process: other processes ignore its content and remove it.
 """
 
 from __future__ import annotations
@@ -27,16 +26,20 @@ class Registry:
     def __init__(self, domain: int) -> None:
         self._folder = platform.private_dir(platform.runtime_dir() / f"domain_{domain}")
         self._lock = self._folder / "lock"
+        """Locked during every change; its modification time is the registry's signature."""
         self._path = self._folder / f"{os.getpid()}-{id(self):x}-{time.time_ns():x}.json"
         self._journal: Journal | None = None
+        """This process's file; None before the first change."""
         self._mine: TrackedEntry | None = None
         self._readers: dict[Path, tuple[tuple[int, int], JournalReader]] = {}
+        """A reader for each file, with the modification time and size at its last reading."""
         _open_registries.add(self)
 
     def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
-        """Tell everybody of a change to what this process has; the tracked takes note of it.
+        """Publish a change of this process's entry, and apply it to `tracked`.
 
-        `claim` names a service that nobody else may offer; raises NameInUse when somebody does.
+        `claim` names a service that this process alone may offer. Raises NameInUse, and changes
+        nothing, if another process offers it.
         """
         with platform.locked(self._lock):
             if claim:
@@ -45,15 +48,15 @@ class Registry:
                 self._journal = Journal(self._path)
             self._journal.write(tracked, change)
             self._mine = tracked
-            self._ring()
+            self._touch()
 
     def tracked_entries(self) -> list[TrackedEntry]:
-        """What all living processes have, this one included, oldest first."""
+        """The tracked entries of all living processes, this one included, oldest first."""
         mine = [] if self._mine is None else [self._mine]
         return sorted(mine + self.others(), key=lambda tracked: tracked.about.since)
 
     def others(self) -> list[TrackedEntry]:
-        """What all other living processes have."""
+        """The tracked entries of all other living processes."""
         found: list[TrackedEntry] = []
         unclear = []
         for path in self._others():
@@ -73,14 +76,14 @@ class Registry:
 
     def signature(self) -> int:
         """A value that changes when any entry has changed; cheap enough to poll."""
-        # One look, however many processes there are: who changes anything sets the lock's time.
+        # One file for any number of processes: every change sets the time of the lock file.
         try:
             return os.stat(self._lock).st_mtime_ns
         except OSError:
             return 0
 
-    def _ring(self) -> None:
-        """Let everybody see that something has changed; called under the lock."""
+    def _touch(self) -> None:
+        """Change the signature, so that waiting processes look again; called under the lock."""
         now = max(time.time_ns(), self.signature() + TIME_STEP)
         with contextlib.suppress(OSError):
             os.utime(self._lock, ns=(now, now))
@@ -93,11 +96,11 @@ class Registry:
                     self.abandon()
                 with platform.locked(self._lock):
                     self._path.unlink(missing_ok=True)
-                    self._ring()
+                    self._touch()
             self.abandon()
 
     def abandon(self) -> None:
-        """Close the file without removing it (a forked child's duty: the entry is its parent's)."""
+        """Close the file without removing it: in a forked child, it belongs to the parent."""
         journal, self._journal, self._mine = self._journal, None, None
         if journal is not None:
             journal.close()
@@ -135,15 +138,18 @@ class Registry:
 
     def _read(self, path: Path, descriptor: int) -> TrackedEntry | None:
         status = os.fstat(descriptor)
-        sign = (status.st_mtime_ns, status.st_size)
+        signature = (status.st_mtime_ns, status.st_size)
         known, reader = self._readers.get(path) or (None, JournalReader())
-        if known != sign or reader.tracked is None:
+        if known != signature or reader.tracked is None:
             reader.read(descriptor)
-            self._readers[path] = sign, reader
+            self._readers[path] = signature, reader
         return reader.tracked
 
     def _second_look(self, paths: list[Path]) -> list[TrackedEntry]:
-        """Those that were only just being made or written; the dead ones' files are removed."""
+        """Read again, under the lock, files without a lock or a valid entry; remove dead ones.
+
+        A living process may have been about to lock its file, or to write it.
+        """
         found = []
         with platform.locked(self._lock):
             for path in paths:
@@ -153,7 +159,7 @@ class Registry:
                         tracked = self._read(path, descriptor)
                     if not alive:
                         path.unlink()
-                        self._ring()
+                        self._touch()
                     elif tracked is not None:
                         found.append(tracked)
         return found
@@ -177,29 +183,29 @@ def _abandon_all() -> None:
 
 
 if hasattr(os, "register_at_fork"):
-    # A child that kept the descriptor would hold its dead parent's lock.
+    # If a child kept the descriptor, the lock would outlive the parent.
     os.register_at_fork(after_in_child=_abandon_all)
 
 
 def this_process() -> RegistryEntry:
-    """An entry that has nothing yet."""
+    """Return this process's entry, still without nodes and services."""
     return RegistryEntry(pid=os.getpid(), script=_script(), folder=_folder(), since=time.time())
 
 
 def _script() -> str:
-    """The program as its user knows it: an installed command's name, a script's path."""
+    """Return the program's name for users: a command's name, or a script's path."""
     program = Path(sys.argv[0]) if sys.argv and sys.argv[0] else Path("python")
     name = program.name
     if program.suffix == ".py":
         name = str(program)
         with contextlib.suppress(ValueError, OSError):
             name = str(program.resolve().relative_to(Path.cwd()))
-    # File names need not be text; what travels must be.
+    # A file name need not be valid text, but the entry must be.
     return name.encode(errors="replace").decode()
 
 
 def _folder() -> str:
     try:
         return str(Path.cwd()).encode(errors="replace").decode()
-    except OSError:  # deleted under our feet
+    except OSError:  # the folder was deleted
         return "?"

@@ -30,6 +30,7 @@ MAX_BYTES = 512 * 1024 * 1024
 FREE = Limits(calls=16, bytes=4 * LARGE)
 """What a connection may have in flight without borrowing."""
 RETRY_AFTER = 0.2
+"""Seconds after which a refused caller may try again."""
 
 
 class QuotaConnection(Protocol):
@@ -55,6 +56,7 @@ class CallsInFlight:
         self._calls = FairQuota(MAX_CALLS)
         self._bytes = FairQuota(MAX_BYTES)
         self._lent: set[QuotaConnection] = set()
+        """Connections that may have borrowed quota."""
         self._refused = ThrottledLog(log)
 
     def refusal(self, connection: QuotaConnection) -> ServerBusy | None:
@@ -101,7 +103,7 @@ class CallsInFlight:
 
 
 def _raised(quota: FairQuota, caller: QuotaKey, lent: int, needed: int, most: int) -> int:
-    """The quota after borrowing: twice the need, else the need, else the old quota."""
+    """Borrow twice the need, else the need, else nothing; return the new quota."""
     for wanted in (min(2 * needed, most), needed):
         if lent < wanted and needed <= wanted and quota.take(caller, wanted - lent):
             return wanted

@@ -33,7 +33,7 @@ LINES = 100
 
 
 class LimitedLog:
-    """Up to `LINES` lines in ten seconds, for lines that each say something; more are counted."""
+    """At most `LINES` lines in ten seconds; further lines are only counted."""
 
     def __init__(self, log: logging.Logger) -> None:
         self._log = log
@@ -41,9 +41,9 @@ class LimitedLog:
         self._count = 0
 
     def warning(self, now: float, message: str, *args: object) -> None:
-        """Log a line, unless there were many; `now` is in seconds on any clock."""
+        """Log a line, unless the period has had `LINES`; `now` is in seconds on any clock."""
         if now >= self._until:
-            self._tell_rest()
+            self._log_rest()
             self._until, self._count = now + PERIOD, 0
         self._count += 1
         if self._count <= LINES:
@@ -51,6 +51,6 @@ class LimitedLog:
         elif self._count == LINES + 1:
             self._log.warning("… more such lines within %g s are only counted", PERIOD)
 
-    def _tell_rest(self) -> None:
+    def _log_rest(self) -> None:
         if self._count > LINES:
             self._log.warning("%d more such lines were left out", self._count - LINES)

@@ -1,7 +1,7 @@
-"""Accepts connections at a socket, through whatever strangers and missing descriptors may do.
+"""Accepts connections at a socket, even during floods and without free file descriptors.
 
-asyncio's own servers stop for a second when the process has no descriptor left, log a traceback
-for every place of the backlog, and begin as many TLS handshakes at a time as anybody wants.
+asyncio's own servers are not enough. Without a free descriptor they stop for a second and log a
+traceback for each connection of the backlog. They also run any number of TLS handshakes at once.
 """
 
 from __future__ import annotations
@@ -27,16 +27,16 @@ log = logging.getLogger("taskrpc.transport")
 BACKLOG = 512
 """Connections that the kernel holds until they are accepted."""
 MAX_ARRIVING = 128
-"""Connections that are being established, TLS handshake included; one more closes the oldest one of
+"""Connections that are being established, TLS handshake included. One more closes the oldest one of
 the machine that has the most."""
 MAX_WAITING = 512
-"""Accepted connections that wait for their turn; one more closes the oldest one of the machine that
+"""Accepted connections that wait for their turn. One more closes the oldest one of the machine that
 has the most, unless that is this machine."""
 ACCEPTS_A_TURN = 16
 """Connections accepted from the kernel in one turn of the loop; one of them begins."""
 
 _PAUSE = 0.1
-"""Seconds until the next try, after the system could not accept."""
+"""Seconds until the next attempt after the kernel could not accept a connection."""
 
 _EXHAUSTED = {
     getattr(errno, name, errno.EMFILE)
@@ -53,9 +53,10 @@ class _Accepted(NamedTuple):
 
 
 class Listener:
-    """Gives every connection to a bound, listening socket a protocol of `factory`.
+    """Accepts the connections to a bound, listening socket; `factory` creates their protocols.
 
-    `context` is called for each connection, since certificates may change; None means plain.
+    `context` is called for each connection, because certificates may change. It returns None for a
+    plain connection.
     """
 
     def __init__(
@@ -69,12 +70,15 @@ class Listener:
         self._factory = factory
         self._context = context
         self._reserve: socket.socket | None = _spare()
+        """Holds a descriptor for `_close_waiting`, when all others are in use."""
         self._waiting = HostQueues[_Accepted]()
+        """Accepted connections that wait for their turn."""
         self._arriving = HostQueues[asyncio.Task[None]]()
+        """The tasks that establish connections."""
         self._closing = False
-        self._exhausted = ThrottledLog(log)
-        self._crowded = ThrottledLog(log)
-        self._flooded = ThrottledLog(log)
+        self._exhausted_log = ThrottledLog(log)
+        self._arriving_log = ThrottledLog(log)
+        self._waiting_log = ThrottledLog(log)
         self._refusals = LimitedLog(log)
         self._accepting = self._loop.create_task(self._accept())
         self._accepting.add_done_callback(self._stopped)
@@ -102,14 +106,14 @@ class Listener:
                     self._wait(*await self._loop.sock_accept(self._sock))
             except OSError as error:
                 if error.errno == errno.EINVAL:
-                    return  # shut down
+                    return  # `close` has shut the socket down
                 if error.errno in _EXHAUSTED:
-                    self._turn_away(error)
+                    self._close_waiting(error)
                 await asyncio.sleep(_PAUSE)
             else:
                 self._accept_more()
                 self._begin(self._waiting.pop_next())
-                # One a turn: a flood of connections must not delay the existing ones.
+                # One in each turn: a flood of connections must not delay the existing ones.
                 await asyncio.sleep(0)
 
     def _wait(self, sock: socket.socket, peer: Any) -> None:
@@ -117,34 +121,34 @@ class Listener:
         self._waiting.add(accepted.host, accepted)
 
     def _accept_more(self) -> None:
-        """Empty the kernel's queue, which drops new connections while it is full.
+        """Accept more connections, because the kernel drops new ones while its queue is full.
 
-        So a flood from one machine fills only the places of that machine. Connections of this
-        machine are not closed for others: they wait in the kernel's queue.
+        So a flood from one machine evicts only connections of that machine. Connections of this
+        machine are never evicted: if they are the most, new ones wait in the kernel's queue.
         """
         for _ in range(ACCEPTS_A_TURN):
             is_full = len(self._waiting) >= MAX_WAITING
-            greedy = self._waiting.largest() if is_full else ""
-            if is_full and not greedy:
+            evicted_host = self._waiting.largest() if is_full else ""
+            if is_full and not evicted_host:
                 return
             try:
                 self._wait(*self._sock.accept())
             except OSError:
                 return  # no connection waits; the next `sock_accept` reports any other error
             if is_full:
-                self._close_oldest(greedy)
+                self._close_oldest(evicted_host)
 
     def _close_oldest(self, host: str) -> None:
         self._waiting.pop_oldest(host).sock.close()
         text = "more than %d connections wait; the oldest of %s was closed"
-        self._flooded.warning(self._loop.time(), text, MAX_WAITING, host)
+        self._waiting_log.warning(self._loop.time(), text, MAX_WAITING, host)
 
     def _begin(self, accepted: _Accepted) -> None:
         if len(self._arriving) >= MAX_ARRIVING:
             self._arriving.pop_oldest(self._arriving.largest()).cancel()
-            self._crowded.warning(
+            self._arriving_log.warning(
                 self._loop.time(),
-                "more than %d connections are being made at a time; the oldest was cut off",
+                "more than %d connections are being established; the oldest was closed",
                 MAX_ARRIVING,
             )
         task = self._loop.create_task(self._connect(accepted.sock, accepted.peer))
@@ -167,38 +171,44 @@ class Listener:
             self._refusals.warning(self._loop.time(), text, shown(peer), problem)
         except OSError as error:
             sock.close()  # there may be no transport yet to close it
-            log.debug("the connection from %s was not made: %s", shown(peer), error)
+            log.debug("the connection from %s was not established: %s", shown(peer), error)
         except Exception:
             sock.close()
-            log.exception("the connection from %s could not be taken:", shown(peer))
+            log.exception("the connection from %s failed:", shown(peer))
 
     def _arrived(self, accepted: _Accepted, task: asyncio.Task[None]) -> None:
         self._arriving.remove(accepted.host, task)
         if task.cancelled():
             accepted.sock.close()  # no transport may own it yet
 
-    def _turn_away(self, error: OSError) -> None:
-        """Close whoever waits, with the descriptor kept for this, so that they learn it at once."""
+    def _close_waiting(self, error: OSError) -> None:
+        """Close all connections in the kernel's queue, so that their callers need not wait.
+
+        Accepting needs a descriptor; this uses the one in reserve.
+        """
         count = 0
         if self._reserve is not None:
             self._reserve.close()
-        with contextlib.suppress(OSError):  # nobody waits any more
+        with contextlib.suppress(OSError):  # the queue is empty
             while count < BACKLOG:
                 self._sock.accept()[0].close()
                 count += 1
         self._reserve = _spare()
-        self._exhausted.warning(
+        self._exhausted_log.warning(
             self._loop.time(),
-            "no descriptors are left for connections (%s); %d callers were turned away",
+            "no descriptors are left for connections (%s); closed %d connections",
             error.strerror,
             count,
         )
 
 
 def _shut_down(sock: socket.socket) -> bool:
-    """End the accepting without a cancel, which could lose who just came; Linux can."""
+    """Shut a listening socket down, which ends `sock_accept`; False if the system cannot.
+
+    Cancelling `sock_accept` instead could lose a connection that it has just accepted.
+    """
     if sock.family not in (socket.AF_INET, socket.AF_INET6):
-        return False  # a unix socket may stay readable for ever then
+        return False  # a Unix socket may stay readable for ever after a shutdown
     try:
         sock.shutdown(socket.SHUT_RDWR)
     except OSError:

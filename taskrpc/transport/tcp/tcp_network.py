@@ -1,4 +1,4 @@
-"""The network of real processes: sockets, and the registry of this machine."""
+"""The network of real processes: TCP, TLS and Unix sockets, and the registry of this machine."""
 
 from __future__ import annotations
 
@@ -40,20 +40,21 @@ if TYPE_CHECKING:
 log = logging.getLogger("taskrpc.transport")
 
 POLL = 0.04
-"""Seconds between two looks at the registry, while somebody waits for a change."""
+"""Seconds between two looks at the registry while a client waits for a service."""
 
 SLOW_POLL = 0.1
-"""The same while only subscriptions wait, which always do."""
+"""The same while only subscriptions wait; they wait as long as they exist."""
 
 _MAX_DOMAIN = 232
+"""The largest domain id that ROS 2 allows."""
 
 
 class TcpNetwork:
-    """TCP on this machine's loopback, or wherever `listen` and `peers` say.
+    """TCP on this machine's loopback, or at the addresses of `listen` and `peers`.
 
-    `listen` is `host:port` (port 0: any free one). `peers` are `host:port` of processes on other
-    machines; without them the registry of this machine is asked, and then the `lab`. Either may be
-    `unix:/path`; to listen at `unix:` alone makes a socket in the runtime folder.
+    `listen` is `host:port`; port 0 means any free port. `peers` are `host:port` of processes on
+    other machines. Without peers, the network finds processes in the registry of this machine, then
+    at the `lab`. Both accept `unix:/path`; `listen="unix:"` creates a socket in the runtime folder.
     """
 
     def __init__(
@@ -69,7 +70,7 @@ class TcpNetwork:
     ) -> None:
         self._tls = tls
         self._lab = None if lab is None else _address_of_lab(lab)
-        # A node that has no certificate of its own uses TLS for calling only.
+        # A node without a certificate of its own uses TLS only for its calls.
         unencrypted = tls is None or tls.cert is None or is_unix(listen or "")
         self._server_tls = None if tls is None or unencrypted else ServerTls(tls)
         self.accounts = accounts
@@ -77,15 +78,17 @@ class TcpNetwork:
         self.token = token or os.urandom(32)
         self._peers = [_checked_place(peer) for peer in peers]
         self._peer_token = token
+        """The token that the user gave; None if `token` is a random one."""
         self._listen_at = listen or "127.0.0.1:0"
         self._registry = Registry(domain)
         self._listener: Listener | None = None
         self._remove_socket: Callable[[], object] = lambda: None
         self._seen: object = None
+        """The registry's signature when it was read last, at `_looked` on the loop's clock."""
         self._looked = float("-inf")
 
     def listen(self, factory: Factory) -> str:
-        """Take connections from now on."""
+        """Accept connections from now on; return the address. Raises CannotListen."""
         from taskrpc.transport.tcp.listening import Listener  # many programs only call
 
         if is_unix(self._listen_at):
@@ -106,14 +109,14 @@ class TcpNetwork:
                 ca=self._tls is not None and self._tls.ca is not None,
             )
         tls = self._server_tls
-        # Bound here and now, so that the address can be announced before the loop's next turn;
-        # callers who are quicker than the loop wait in the backlog.
+        # Bound at once, so that the address can be announced before the next turn of the loop.
+        # Connections that arrive earlier wait in the kernel's backlog.
         sock = bound(host, port)
         self._listener = Listener(sock, factory, tls.context if tls else lambda: None)
         return join_place(*sock.getsockname()[:2])
 
     async def dial(self, address: Address, factory: Factory) -> asyncio.BaseProtocol:
-        """Connect."""
+        """Connect. Raises OSError, or AuthenticationFailed for a plain call to another machine."""
         loop = asyncio.get_running_loop()
         if is_unix(address.place):
             path = path_of(address.place)
@@ -121,52 +124,52 @@ class TcpNetwork:
             return protocol
         host, port = split_place(address.place)
         context = self._context(address)
-        _refuse_stranger(address, host, encrypted=context is not None)
+        _refuse_plain_call(address, host, encrypted=context is not None)
         _, protocol = await loop.create_connection(factory, host, port, ssl=context)
         return protocol
 
     @property
     def certificate(self) -> str:
-        """What callers are shown now (PEM), "" where connections are plain."""
+        """The current certificate (PEM), "" for plain connections."""
         if self._server_tls is None:
             return ""
-        self._server_tls.context()  # its files may have changed
+        self._server_tls.context()  # reads the files again if they have changed
         return self._server_tls.certificate
 
     def peer_credentials(
         self, transport: asyncio.BaseTransport, *, serving: bool
     ) -> PeerCredentials | None:
-        """What a connection proves of the other side by itself."""
+        """What a connection itself proves about the peer. Raises PermissionDenied."""
         sock = transport.get_extra_info("socket")
         if sock is not None and sock.family == getattr(socket, "AF_UNIX", None):
             return unix_peer_credentials(
                 sock, serving=serving, has_accounts=self.accounts is not None
             )
         if not serving:
-            # All our contexts check the server; it can check us where we show a certificate.
+            # TLS has checked the server. It can check this client if the client has a certificate.
             encrypted = transport.get_extra_info("ssl_object") is not None
             return PeerCredentials("") if encrypted and self._tls and self._tls.key else None
         certificate = transport.get_extra_info("peercert")
         if not certificate or (self._peer_token and self.accounts is None):
-            return None  # a token that was given must be proved beside the certificate
+            return None  # without accounts, a configured token is required besides a certificate
         return PeerCredentials(common_name(certificate))
 
     def channel_binding(self, transport: asyncio.BaseTransport, *, serving: bool) -> bytes:
-        """The digest of the certificate that the server showed, empty for a plain connection."""
+        """The digest of the server's certificate, b"" for a plain connection."""
         encrypted = transport.get_extra_info("ssl_object")
         if encrypted is None:
             return b""
         if not serving:
             return digest(encrypted.getpeercert(binary_form=True))
-        assert self._server_tls is not None, "only then connections that come are encrypted"
+        assert self._server_tls is not None, "an encrypted connection without server TLS"
         return self._server_tls.shown_with(encrypted.context)
 
     def publish(self, tracked: TrackedEntry, change: EntryChange, *, claim: str = "") -> None:
-        """Tell everybody on this machine of a change to what this process has."""
+        """Publish a change in the registry. Raises NameInUse if another process has the `claim`."""
         self._registry.publish(tracked, change, claim=claim)
 
     def locate(self, service: str) -> list[Address]:
-        """Whom to ask for a service."""
+        """The processes to ask for a service: those in the registry first, then the peers."""
         if self._peers:
             return self.peers()
         here = [
@@ -181,7 +184,7 @@ class TcpNetwork:
         return here + self.peers()
 
     def publishing(self, topics: Collection[str]) -> list[tuple[Address, Collection[str]]]:
-        """Which other processes publish any of these topics, or must be asked."""
+        """Other processes that publish some of these topics, or must be asked; with the topics."""
         found: list[tuple[Address, Collection[str]]] = [(peer, topics) for peer in self.peers()]
         if not self._peers:
             for tracked in self._registry.others():
@@ -191,39 +194,39 @@ class TcpNetwork:
         return found
 
     def entries(self) -> list[RegistryEntry]:
-        """What the registry knows; with peers given, only what is this process's."""
+        """The entries of the registry; with peers configured, only that of this process."""
         entries = self._registry.entries()
         return [each for each in entries if each.pid == os.getpid()] if self._peers else entries
 
     def peers(self) -> list[Address]:
-        """The processes that were named, else the lab."""
+        """The configured peers, else the lab."""
         lab = [] if self._lab is None else [self._lab]
         if not self._peers:
             return lab
-        # A peer on this machine, of this user, is in the registry with all that it wants.
+        # The registry knows token and certificate of a peer of the same user on this machine.
         here = [_address(tracked.about) for tracked in self._registry.tracked_entries()]
         known = {each.place: each for each in [*lab, *here] if each.place}
         given = self._peer_token or b""
-        if account_of(given):  # who gives an account's token wants to be that account
+        if account_of(given):  # with the token of an account, calls are made as this account
             known = {place: replace(each, token=given) for place, each in known.items()}
         return [known.get(place) or Address(place, given) for place in self._peers]
 
     def mark(self) -> object:
-        """What the registry looked like at most a moment ago."""
-        # An older look is a safe mark: at worst it makes somebody look twice.
+        """The state of the registry, at most half a `POLL` old, for `changed`."""
+        # An old mark is safe: at worst, the caller looks at the registry once too often.
         now = asyncio.get_running_loop().time()
         if now - self._looked >= POLL / 2:
             self._seen, self._looked = self._registry.signature(), now
         return self._seen
 
     async def changed(self, mark: object, polls_fast: Callable[[], bool]) -> None:
-        """Return when the registry looks different from the mark."""
-        # A watcher per platform would be quicker, but this runs only while somebody waits.
+        """Return once the registry differs from the mark."""
+        # Polling is simpler than a file watcher for each system, and needed only while waiting.
         while self.mark() == mark:  # noqa: ASYNC110 - other processes set no Event
             await asyncio.sleep(POLL if polls_fast() else SLOW_POLL)
 
     async def stop_listening(self) -> None:
-        """Take no more connections."""
+        """Accept no more connections."""
         if self._listener is not None:
             listener, self._listener = self._listener, None
             await listener.close()
@@ -234,7 +237,7 @@ class TcpNetwork:
         self._registry.close()
 
     def _context(self, address: Address) -> ssl.SSLContext | None:
-        """TLS as the registry says; for peers elsewhere, as this node was told."""
+        """TLS by the registry's certificate; for peers elsewhere, by this node's settings."""
         if address.certificate:
             return pinned_context(address.certificate, self._tls)
         if address.certificate is None and self._tls is not None:
@@ -242,8 +245,8 @@ class TcpNetwork:
         return None
 
 
-def _refuse_stranger(address: Address, host: str, *, encrypted: bool) -> None:
-    """Send nothing in plain where others could read it."""
+def _refuse_plain_call(address: Address, host: str, *, encrypted: bool) -> None:
+    """Raise AuthenticationFailed for a plain connection to another machine."""
     if not encrypted and not is_loopback(host):
         raise AuthenticationFailed(
             f"{address.place} is another machine: calls there need TLS (tls) and its secret"
@@ -251,7 +254,7 @@ def _refuse_stranger(address: Address, host: str, *, encrypted: bool) -> None:
 
 
 def _address(entry: RegistryEntry) -> Address:
-    """Where another process of this machine reaches an entry's."""
+    """The address at which processes of this machine reach the process of an entry."""
     place = entry.address
     for everywhere, here in (("0.0.0.0:", "127.0.0.1:"), ("[::]:", "[::1]:")):
         place = place.replace(everywhere, here) if place.startswith(everywhere) else place
@@ -265,7 +268,7 @@ def _address_of_lab(lab: Lab) -> Address:
 
 
 def domain_id() -> int:
-    """`ROS_DOMAIN_ID`, 0 where it is not set. Raises TaskRpcError for anything but 0 to 232."""
+    """Return `ROS_DOMAIN_ID`, 0 if it is not set. Raises TaskRpcError unless it is 0 to 232."""
     text = os.environ.get("ROS_DOMAIN_ID", "").strip() or "0"
     if not text.isdecimal() or int(text) > _MAX_DOMAIN:
         raise TaskRpcError(
@@ -275,13 +278,13 @@ def domain_id() -> int:
 
 
 def environment_peers() -> list[str]:
-    """`TASKRPC_PEERS`: `host:port`, separated by commas, semicolons or spaces."""
+    """Return the peers in `TASKRPC_PEERS`, separated by commas, semicolons or spaces."""
     text = os.environ.get("TASKRPC_PEERS", "")
     return text.replace(",", " ").replace(";", " ").split()
 
 
 def split_place(place: str) -> tuple[str, int]:
-    """Host and port of `host:port` (IPv6 in brackets). Raises TaskRpcError."""
+    """Return host and port of `host:port` (IPv6 in brackets). Raises TaskRpcError."""
     host, colon, port = place.rpartition(":")
     if not colon or not port.isdecimal() or int(port) > 65535 or not host:
         raise TaskRpcError(f"expected HOST:PORT such as 127.0.0.1:7450, got {place!r}")
@@ -295,7 +298,7 @@ def _checked_place(place: str) -> str:
 
 
 def join_place(host: str, port: int) -> str:
-    """The `host:port` of a host and a port."""
+    """Return `host:port`, with brackets for IPv6."""
     host = "127.0.0.1" if host == "localhost" else host
     return f"[{host}]:{port}" if ":" in host else f"{host}:{port}"
 
@@ -311,12 +314,12 @@ def is_loopback(host: str) -> bool:
 
 
 def bound(host: str, port: int) -> socket.socket:
-    """A listening socket. Raises CannotListen."""
+    """Return a listening socket. Raises CannotListen."""
     from taskrpc.transport.tcp.listening import BACKLOG
 
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    # Said in so many words: without it asyncio leaves Nagle's algorithm on where it accepts, and
-    # a second write in a row waits 40 ms for the peer's acknowledgement.
+    # IPPROTO_TCP must be explicit. Otherwise asyncio leaves Nagle's algorithm on for accepted
+    # connections, and a second write in a row waits 40 ms for the peer's acknowledgement.
     sock = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
         if os.name == "posix":

@@ -1,4 +1,4 @@
-"""Unix sockets: calls that never leave this machine, from programs that the system knows."""
+"""Unix sockets: calls within this machine; the system tells which user a caller is."""
 
 from __future__ import annotations
 
@@ -15,8 +15,8 @@ from taskrpc.wire.handshake import PeerCredentials
 
 PREFIX = "unix:"
 
-_PATIENCE = 1.0
-"""Seconds in which a server must take a connection to count as one that answers."""
+_PROBE_TIMEOUT = 1.0
+"""Seconds in which an existing server must accept a connection."""
 
 
 def is_unix(place: str) -> bool:
@@ -25,9 +25,9 @@ def is_unix(place: str) -> bool:
 
 
 def checked_unix(place: str) -> str:
-    """The place, with an absolute path.
+    """Return the address with an absolute path.
 
-    Raises TaskRpcError without a path, or where there are no unix sockets.
+    Raises TaskRpcError without a path, or if Python has no Unix sockets here.
     """
     if not hasattr(socket, "AF_UNIX"):
         raise TaskRpcError(f"{place}: Python has no unix sockets on Windows; use 127.0.0.1:PORT")
@@ -37,15 +37,15 @@ def checked_unix(place: str) -> str:
 
 
 def path_of(place: str) -> str:
-    """The path in `unix:/path`. Raises TaskRpcError where there are no unix sockets."""
+    """Return the path in `unix:/path`. Raises TaskRpcError if Python has no Unix sockets here."""
     return checked_unix(place).removeprefix(PREFIX)
 
 
 def bound_unix(place: str, name: str) -> tuple[socket.socket, str, os.stat_result]:
-    """A listening socket that only this user can reach, its path, and what is there now.
+    """Return a listening socket that only this user can reach, its path, and its file's status.
 
-    `unix:` alone means a socket of this name in the runtime folder. A socket file that a dead
-    server left is replaced. Raises CannotListen, also where a server answers at it.
+    `unix:` alone means a socket of this name in the runtime folder. The socket file of a dead
+    server is replaced. Raises CannotListen, also if a living server has the path.
     """
     own = place == PREFIX
     path = Path(path_of(place)) if not own else platform.runtime_dir() / name
@@ -61,12 +61,12 @@ def bound_unix(place: str, name: str) -> tuple[socket.socket, str, os.stat_resul
 
 
 def remove_unix(path: str, made: os.stat_result) -> None:
-    """Remove a listening socket's files, unless it is another server's by now."""
+    """Remove the files of a listening socket, unless another server has replaced them."""
     file = Path(path)
     with contextlib.suppress(OSError), platform.locked(_lock_of(file)):
         _lock_of(file).unlink(missing_ok=True)
         found = file.lstat()
-        # Its number alone may have been given to another file since.
+        # The inode alone is not enough: the file system may have reused it for another file.
         if os.path.samestat(found, made) and found.st_mtime_ns == made.st_mtime_ns:
             file.unlink()
 
@@ -74,9 +74,9 @@ def remove_unix(path: str, made: os.stat_result) -> None:
 def unix_peer_credentials(
     sock: socket.socket, *, serving: bool, has_accounts: bool
 ) -> PeerCredentials | None:
-    """What the system says of the other end.
+    """Return what the system knows about the peer: whether it belongs to this user or to root.
 
-    Raises PermissionDenied for a program of another user that calls a server without accounts.
+    Raises PermissionDenied if a program of another user calls a server without accounts.
     """
     uid = platform.peer_user(sock)
     if uid is not None and (uid == 0 or platform.is_this_user(uid)):
@@ -97,17 +97,17 @@ def _clear(path: Path) -> None:
     except FileNotFoundError:
         return
     if not stat.S_ISSOCK(found.st_mode):
-        raise TaskRpcError("there is a file that is no socket")
+        raise TaskRpcError("a file that is not a socket exists there")
     with _unix_socket() as probe:
-        probe.settimeout(_PATIENCE)
+        probe.settimeout(_PROBE_TIMEOUT)
         try:
             probe.connect(str(path))
         except ConnectionRefusedError:
             path.unlink()
             return
-        except OSError as error:  # a full backlog, too, is somebody's
+        except OSError as error:  # for example a full backlog: the server lives
             raise TaskRpcError(f"a server is there: {error.strerror or error}") from None
-    raise TaskRpcError("another server answers there")
+    raise TaskRpcError("another server listens there")
 
 
 def _unix_socket() -> socket.socket:
@@ -123,7 +123,7 @@ def _bound(path: Path) -> socket.socket:
     sock = _unix_socket()
     try:
         sock.bind(str(path))
-        # Whatever the umask is; and the folder lets nobody in meanwhile.
+        # The umask may allow more; until this call, the private folder keeps other users out.
         path.chmod(0o600)
         sock.listen(BACKLOG)
         sock.setblocking(False)

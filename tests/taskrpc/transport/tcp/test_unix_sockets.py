@@ -169,7 +169,7 @@ async def test_the_socket_of_a_living_server_is_left_alone(folder):
         taskrpc.Node("local") as local,
     ):
         first.create_service(Add, "add", add)
-        with pytest.raises(taskrpc.CannotListen, match="another server answers there"):
+        with pytest.raises(taskrpc.CannotListen, match="another server listens there"):
             second.create_service(Add, "other", add)
         assert (await call(local)).sum == 5
 
