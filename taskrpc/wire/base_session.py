@@ -27,7 +27,7 @@ from taskrpc.wire.handshake import (
 from taskrpc.wire.messages import DEFAULT_LIMITS
 
 HANDSHAKE_LIMIT = 4096
-"""Bytes of a body before the peer has proved itself."""
+"""Bytes of a body before the peer has proved its identity."""
 
 
 class BaseSession:
@@ -59,10 +59,13 @@ class BaseSession:
         """Bytes of the largest body that the peer accepts."""
         self.splitter = Splitter(HANDSHAKE_LIMIT)
         self._magic_seen = is_client
+        """Whether the peer's first bytes were valid; only a client sends MAGIC."""
         self._head = b""
+        """The peer's bytes until MAGIC is complete."""
         self.out: list[Body] = []
         """Output for `take`; public, because connections check it before each write."""
         self._large_out = False
+        """Whether `out` contains a large body."""
         if isinstance(self.handshake, ClientHandshake):
             self.out.append(self.handshake.start())
 
@@ -83,16 +86,16 @@ class BaseSession:
         return self.splitter.mid_frame
 
     def handled(self, frames: list[Frame]) -> list[Event]:
-        """The events of frames that arrived after the handshake."""
+        """Return the events of frames that arrived after the handshake."""
         raise NotImplementedError
 
     def take(self) -> list[Body]:
-        """The output for the peer, in few pieces.
+        """Take the output for the peer, in few pieces.
 
         Small frames are joined. A large body stays a piece of its own: joining would copy it.
         """
         out, self.out = self.out, []
-        if len(out) < 2:  # a large body comes behind its header
+        if len(out) < 2:  # so it contains no large body, which would follow its header
             return out
         if self._large_out:
             self._large_out = False
@@ -100,7 +103,7 @@ class BaseSession:
         return [b"".join(out)]
 
     def reject(self, error: TaskRpcError) -> None:
-        """Tell the peer why the connection ends; nothing is read or sent afterwards."""
+        """Send the peer the reason, and end; nothing is read or sent afterwards."""
         if not self.is_client and self.state is not ConnectionState.CLOSED:
             self.out.append(refusal(error))
         self.advance(StateEvent.END)
@@ -131,32 +134,31 @@ class BaseSession:
     def feed_handshake(
         self, handshake: ClientHandshake | ServerHandshake, data: bytes
     ) -> list[Event]:
-        """Take the next bytes during the handshake; returns the events."""
+        """Process the next bytes during the handshake; return the events."""
         try:
             if not self._magic_seen:
                 data = self._after_magic(data)
-            return self._shaken(handshake, data)
+            return self._handshake_events(handshake, data)
         except TaskRpcError as error:
             return [self._closed(error)]
 
-    def _shaken(self, handshake: ClientHandshake | ServerHandshake, data: bytes) -> list[Event]:
+    def _handshake_events(
+        self, handshake: ClientHandshake | ServerHandshake, data: bytes
+    ) -> list[Event]:
         frames = self.splitter.feed(data)
         for index, frame in enumerate(frames):
             if frame[0] < FIRST_OPTIONAL_TYPE:
-                self._shake_hands(handshake, frame)
+                reply = handshake.receive(frame)
+                if reply:
+                    self.out.append(reply)
             if handshake.peer is not None:
                 ready = self._open(handshake.peer)
-                # The frames behind the handshake were checked by its smaller size limit.
+                # Now the splitter can cut the bytes that exceeded the handshake's smaller limit.
                 rest = frames[index + 1 :] + self.splitter.feed(b"")
                 return [ready, *self.handled(rest)]
         if self.splitter.error is not None:
             raise self.splitter.error
         return []
-
-    def _shake_hands(self, handshake: ClientHandshake | ServerHandshake, frame: Frame) -> None:
-        answer = handshake.receive(frame)
-        if answer:
-            self.out.append(answer)
 
     def _open(self, peer: Peer) -> Ready:
         self.advance(StateEvent.HANDSHAKE_DONE)

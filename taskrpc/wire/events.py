@@ -19,20 +19,21 @@ class Ready(msgspec.Struct, gc=False):
 
 
 class RequestReceived(msgspec.Struct):
-    """The peer called method `method`; answer with `respond` or `fail`."""
+    """The peer called a method; end the call with `respond` or `fail`."""
 
     call_id: int
     method: int
     flags: int
+    """The bits of `Flag`."""
     time_left: int
-    """Milliseconds, `NO_DEADLINE` without a deadline."""
+    """Milliseconds until the deadline, `NO_DEADLINE` without one."""
     body: Body
     size: int
-    """Bytes of the body, which count as in flight until the answer."""
+    """Bytes of the body, which count as in flight until the call ends."""
     span: bytes = b""
     """The caller's trace span, b"" without one."""
     ticket: Any = None
-    """Any object of the answering side, kept while the call is open."""
+    """Any object of the server's side, kept while the call is open."""
 
 
 class ResolveReceived(msgspec.Struct):
@@ -48,7 +49,8 @@ class ResolveReceived(msgspec.Struct):
 class LargeRequestBegan(msgspec.Struct, gc=False):
     """The peer has begun to send a large request that exceeds its quota.
 
-    Raise the quota with `set_quota`, or call `skip_large`."""
+    Raise the quota with `set_quota`, or call `skip_large`.
+    """
 
     method: int
     size: int
@@ -64,7 +66,7 @@ class QuotaExceeded(msgspec.Struct, gc=False):
 
 
 class CancelReceived(msgspec.Struct, gc=False):
-    """The peer cancelled a call; it still expects the terminal frame."""
+    """The peer cancelled a call; it still expects a response or an error."""
 
     call_id: int
     request: RequestReceived | ResolveReceived
@@ -85,9 +87,9 @@ class UnsubscribeReceived(msgspec.Struct, gc=False):
 
 
 class LimitsExceeded(msgspec.Struct, gc=False):
-    """The peer exceeded our limits: its last call was not begun, and it may call no more.
+    """The peer exceeded our limits: its last call did not begin, and it may make no more calls.
 
-    Close the connection once the calls in flight are answered.
+    Close the connection once the calls in flight have ended.
     """
 
     error: TaskRpcError
@@ -127,14 +129,15 @@ class MessageReceived(msgspec.Struct, gc=False):
     subscription_id: int
     publisher: int
     sequence: int
-    """Counts the publisher's messages: a gap is a loss."""
+    """Counts the publisher's messages; a gap means that messages were lost."""
     body: Body
 
 
 class Draining(msgspec.Struct, gc=False):
-    """The peer takes no new calls on this connection; it never began those in `refused`."""
+    """The peer accepts no new calls on this connection; it never began those in `refused`."""
 
     refused: list[Any]
+    """The tickets of these calls."""
 
 
 class Closed(msgspec.Struct):

@@ -13,22 +13,23 @@ MAGIC = b"TRPC"
 """The first bytes of every connection, before any frame."""
 
 HEADER = struct.Struct("<IBBHII")
-"""length of what follows this field, type, flags, method, call_id, arg."""
+"""length, type, flags, method, call_id, arg; the length counts all bytes behind itself."""
 
 _LENGTH_SIZE = 4
 SIZE_OF_EMPTY = HEADER.size - _LENGTH_SIZE
-"""A header's length field, where no body follows."""
+"""The length field of a frame without a body."""
 _HEADER_SIZE = HEADER.size
 _unpack = HEADER.unpack_from
 NO_DEADLINE = 0xFFFFFFFF
+"""The `arg` of a request without a deadline."""
 LARGE = 65_536
-"""From this size on a body is collected in, and sent from, a buffer of its own."""
+"""Bytes from which a body is received into a buffer of its own, and sent without being copied."""
 GROWTH = 4
-"""How much larger a full buffer of a large body becomes: each time its bytes are copied once."""
+"""The factor by which a full buffer of a large body grows; each time its bytes are copied once."""
 
 
 class FrameType(IntEnum):
-    """What a frame is; values below 0x80 must be understood, others may be skipped."""
+    """The type of a frame; a receiver must know values below 0x80, and skips unknown others."""
 
     HELLO = 1
     HELLO_ACK = 2
@@ -62,31 +63,30 @@ class Flag(IntFlag):
 
 
 Body: TypeAlias = bytes | bytearray
-"""What a frame carries behind its header; a large one that was received is a bytearray."""
+"""The bytes behind a frame's header; a received large body is a bytearray."""
 
 Frame: TypeAlias = tuple[int, int, int, int, int, Body]
-"""type, flags, method, call_id, arg, body: a plain tuple, since one is made for every frame."""
+"""type, flags, method, call_id, arg, body; a plain tuple, because it is the fastest to create."""
 
 
 def pack_frame(
     type_: int, flags: int, method: int, call_id: int, arg: int, body: Body = b""
 ) -> bytes:
-    """One frame as bytes."""
+    """Return a frame as bytes."""
     return HEADER.pack(SIZE_OF_EMPTY + len(body), type_, flags, method, call_id, arg) + body
 
 
 def pack_header(type_: int, flags: int, method: int, call_id: int, arg: int, size: int) -> bytes:
-    """A frame's header alone, for a body of `size` bytes that is written separately."""
+    """Return the header of a frame whose body of `size` bytes is written separately."""
     return HEADER.pack(SIZE_OF_EMPTY + size, type_, flags, method, call_id, arg)
 
 
 class Splitter:
-    """Cuts a byte stream into frames, whatever the pieces in which it arrives.
+    """Cuts a byte stream into frames; the stream may arrive in any pieces.
 
-    `limit` is the largest body that is accepted; it is checked against a frame's announced length
-    before anything of the frame is kept. It may be raised after the handshake. Memory is taken as
-    bytes arrive, never for an announcement: at most `2 * GROWTH` times what came,
-    or two times `LARGE`.
+    `limit` is the size of the largest accepted body. It is checked as soon as a header has arrived,
+    and may be raised after the handshake. Memory grows only with the bytes that have arrived: it is
+    at most `2 * GROWTH` times their size, or `2 * LARGE`.
     """
 
     __slots__ = ("_tail", "behind", "error", "large", "limit", "most")
@@ -94,15 +94,16 @@ class Splitter:
     def __init__(self, limit: int) -> None:
         self.limit = limit
         self.error: ProtocolError | None = None
-        """Why no frame can follow those that were returned, once a length is not valid."""
+        """Set after an invalid length: no further frame can be read."""
         self.large: LargeBody | None = None
-        """The large body that is arriving: its `room()` may be written to directly, then `filled`
-        is called instead of `feed`."""
+        """The large body that is arriving. Bytes may be written directly into its `room()`; then
+        call `filled` instead of `feed`."""
         self.most = sys.maxsize
-        """The most frames that one `feed` returns."""
+        """The largest number of frames that one `feed` returns."""
         self.behind = False
-        """Whether it stopped there; `feed(b"")` goes on."""
+        """Whether `feed` stopped at this number; `feed(b"")` continues."""
         self._tail = b""
+        """The beginning of a frame that has not arrived completely."""
 
     @property
     def mid_frame(self) -> bool:
@@ -110,9 +111,9 @@ class Splitter:
         return bool(self._tail) or self.large is not None
 
     def only(self, data: bytes) -> Frame | None:
-        """The frame, where `data` is one and nothing else; None wherever `feed` must be asked.
+        """Return the frame if `data` is exactly one frame; else None, and `feed` must be called.
 
-        Most reads are of this kind, and this spares them the lists.
+        Most reads are exactly one frame; this is faster because it needs no lists.
         """
         size = len(data)
         if size < _HEADER_SIZE or self._tail or self.large is not None:
@@ -123,7 +124,7 @@ class Splitter:
         return type_, flags, method, call_id, arg, data[_HEADER_SIZE:]
 
     def filled(self, count: int) -> list[Frame]:
-        """Say that `count` bytes were written to `large`; returns the frame once it is whole."""
+        """Count bytes that were written to `large`; return the frame once it is complete."""
         large = self.large
         assert large is not None, "filled() without a large body"
         if not large.filled(count):
@@ -132,10 +133,10 @@ class Splitter:
         return [(*large.header, large.body)]
 
     def feed(self, data: bytes) -> list[Frame]:
-        """Take the next bytes of the stream; returns the frames that they complete.
+        """Process the next bytes of the stream; return the frames that are complete now.
 
-        Look at `error` afterwards: what came before a bad length is returned all the same, so that
-        the cuts of the stream make no difference.
+        Check `error` afterwards. Frames before an invalid length are still returned, so that the
+        result does not depend on how the stream is cut.
         """
         if self.large is not None:
             return self._feed_large(data)
@@ -182,49 +183,49 @@ class Splitter:
 
     def _bad_length(self, length: int) -> ProtocolError:
         if length < 0:
-            told = length + SIZE_OF_EMPTY
-            return ProtocolError(f"a frame's length is {told}, shorter than its own header")
+            announced = length + SIZE_OF_EMPTY
+            return ProtocolError(f"a frame's length is {announced}, shorter than its own header")
         return ProtocolError(f"a frame of {length} bytes; at most {self.limit} are accepted")
 
 
 class LargeBody:
-    """A body that arrives in one buffer, which grows as the bytes come.
+    """The buffer of a large body; it grows as the bytes arrive.
 
-    A buffer of the announced size would be simpler, and would let sixteen bytes of a header take
-    megabytes: Python writes zeros into every page of a new bytearray.
+    A buffer of the announced size would be simpler. But then a peer could take megabytes with a
+    header of sixteen bytes: Python writes zeros into every page of a new bytearray.
     """
 
     def __init__(self, header: tuple[int, int, int, int, int], size: int, start: bytes) -> None:
         self.header = header
         self.size = size
-        """Bytes that are taken for it, and will be."""
+        """The size of the whole body in bytes; 0 if it is skipped."""
         self.is_announced = False
-        """Whether somebody was told of it."""
+        """Whether the session has seen it; it reports a large request only once."""
         self._missing = size - len(start)
         self._received = len(start)
         self.body = bytearray(start)
-        """Once it is whole; then only its receiver has it."""
+        """The body once it is complete; before, the bytes so far and free space."""
 
     def room(self) -> memoryview:
-        """Where the next bytes belong."""
+        """Return the free part of the buffer, for the next bytes."""
         if not self.size:
             return memoryview(self.body)[: self._missing]
         if self._received == len(self.body):
             wanted = max(LARGE, GROWTH * self._received)
-            # Not twice for the sake of a few last bytes: that would copy all of it once more.
+            # If the full size is at most twice the next step, take it at once: this saves a copy.
             grown = bytearray(self.size if self.size <= 2 * wanted else wanted)
             grown[: self._received] = self.body
             self.body = grown
         return memoryview(self.body)[self._received :]
 
     def filled(self, count: int) -> bool:
-        """Count bytes that were written to `room()`; returns whether the body is whole."""
+        """Count bytes that were written to `room()`; return whether the body is complete."""
         self._received += count
         self._missing -= count
         return not self._missing
 
     def skip(self) -> None:
-        """Keep nothing of it, and have it skipped by whoever gets it as a frame."""
+        """Drop the body, and change its type so that the session skips the frame."""
         self.header = (FIRST_OPTIONAL_TYPE, 0, 0, 0, 0)
         self.size = 0
         self.body = bytearray(LARGE)

@@ -6,15 +6,15 @@
     AUTH(proof)                 ─▶
                                 ◀─      AUTH_OK(proof)
 
-A proof is an HMAC over both nonces and the prover's role, so that it can neither be replayed nor
-sent back to the one who asked for it; and over the certificate that the server showed, so that
-nobody can pass it on to another server, or from a plain connection to an encrypted one.
+A proof is an HMAC over both nonces and the prover's role. So it can neither be replayed nor sent
+back to the other side. It also covers the server's certificate (channel binding). So an attacker
+cannot forward it to another server, or from a plain connection to an encrypted one.
 
-The server knows a token of its own and those of its accounts; which of them the caller proves to
-know says who he is.
+The server knows its own token and those of its accounts. The token that the caller proves to know
+identifies the caller.
 
-Where the connection itself has proved the peer, by a certificate or since the system says which
-user it belongs to, the empty token may be proved instead.
+The connection itself may already identify the peer: by a certificate, or because the system knows
+the user of the peer's process. Then the caller may prove the empty token instead.
 """
 
 from __future__ import annotations
@@ -32,37 +32,39 @@ from taskrpc.wire.frames import MAGIC, Frame, FrameType, pack_frame
 from taskrpc.wire.messages import DEFAULT_LIMITS, VERSION, Hello, HelloAck, Limits
 
 _REFUSED = "the token is not this server's"
-"""All that a refused caller learns: not whether there is such an account, nor what became of it."""
+"""The whole text that a refused caller gets: it must not reveal whether an account exists."""
 
 
 class PeerCredentials(msgspec.Struct, frozen=True):
-    """What the connection proves of the other side before anything is said on it."""
+    """What the connection itself proves about the peer, before the handshake."""
 
     name: str
-    """Whom its certificate names."""
+    """The common name in the peer's certificate."""
     is_owner: bool = False
-    """Whether it is no certificate, but the system: the peer is a program of this user."""
+    """Whether the system has identified the peer as a program of this user (or root)."""
 
 
 class Identity(msgspec.Struct, frozen=True):
-    """What one side brings to a handshake. Ids and nonce are 16 random bytes each."""
+    """The data of one side for a handshake. Ids and nonce are 16 random bytes each."""
 
     id: bytes
     """The client id, or the server's boot id."""
     nonce: bytes
-    """Fresh for every connection."""
+    """New for every connection."""
     token: bytes
+    """The secret that this side proves to know; for a client with an account, the account's."""
     domain: int = 0
     name: str = ""
+    """The caller's node or program; servers need none."""
     limits: Limits = DEFAULT_LIMITS
     """What this side accepts as a server; a client always accepts the defaults."""
     accounts: Accounts | None = None
-    """A server's, where it has any."""
+    """The server's accounts; None without accounts."""
     today: float = 0.0
-    """Seconds since 1970, when a server looks whether an account has expired."""
+    """The present time in seconds since 1970; the server compares it with expiry times."""
 
     def __repr__(self) -> str:
-        # Without the token: what is printed ends in logs.
+        # Without the token: it must not appear in logs.
         return (
             f"Identity(id={self.id!r}, nonce={self.nonce!r}, domain={self.domain},"
             f" name={self.name!r}, limits={self.limits!r})"
@@ -70,38 +72,40 @@ class Identity(msgspec.Struct, frozen=True):
 
 
 class Peer(msgspec.Struct, frozen=True):
-    """What is known of the other side once the handshake is done."""
+    """What one side knows about the other once the handshake is done."""
 
     id: bytes
     name: str
     limits: Limits
-    """What the other side accepts (a server's view of a client has the defaults)."""
+    """What the other side accepts; for a client always the defaults."""
     account: Account | None = None
-    """What a client proved to have, None where it proved the server's own token."""
+    """The client's account; None if it proved the server's own token."""
 
 
 class ClientHandshake:
-    """The calling side."""
+    """The client's side of the handshake."""
 
     def __init__(self, me: Identity) -> None:
         self._me = me
         self._ack: HelloAck | None = None
         self.channel_binding = b""
-        """What both ends know of the connection itself."""
+        """A value that only the two ends of this connection share; b"" for a plain one."""
         self.peer_credentials: PeerCredentials | None = None
+        """What the connection itself proves about the peer."""
         self.peer: Peer | None = None
+        """Set once the handshake is done."""
 
     def start(self) -> bytes:
-        """The first bytes of the connection."""
+        """Return the first bytes of the connection."""
         me = self._me
         account = account_of(me.token)
         hello = Hello(VERSION, VERSION, me.id, me.nonce, me.domain, me.name, account)
         return MAGIC + pack_frame(FrameType.HELLO, 0, 0, 0, 0, messages.encode(hello))
 
     def receive(self, frame: Frame) -> bytes:
-        """Take the server's next frame; returns what to send. `peer` is set once it is done.
+        """Handle the server's next frame; return the bytes to send. The last one sets `peer`.
 
-        Raises AuthenticationFailed, ProtocolError, or whatever error the server answered.
+        Raises AuthenticationFailed, ProtocolError, or the error that the server sent.
         """
         type_, flags, _, _, arg, body = frame
         if type_ == FrameType.ERROR:
@@ -110,11 +114,11 @@ class ClientHandshake:
             return self._prove(messages.decode_hello_ack(body))
         if type_ == FrameType.AUTH_OK and self._ack is not None:
             return self._accept(messages.decode_auth(body), self._ack)
-        raise ProtocolError(f"frame type {type_} came where the server's handshake was expected")
+        raise ProtocolError(f"expected the server's handshake, got frame type {type_}")
 
     def _prove(self, ack: HelloAck) -> bytes:
         if not self._me.token and self.peer_credentials is None:
-            # Whoever listens there knows the empty token too, and would be given our requests.
+            # Any program can prove the empty token, so the server could be an attacker's.
             raise AuthenticationFailed("its secret is needed (token, TASKRPC_TOKEN)")
         if ack.version != VERSION:
             raise ProtocolError(f"the server speaks version {ack.version}; this is {VERSION}")
@@ -134,39 +138,41 @@ class ClientHandshake:
 
 
 class _Key(NamedTuple):
-    """What a caller must know, and what it opens."""
+    """A token that a caller may prove, and the account that it belongs to."""
 
     token: bytes
     account: Account | None = None
-    """None for everything."""
+    """None for the server's own token, which allows everything."""
 
     def __repr__(self) -> str:
-        return f"_Key({self.account!r})"  # without the token: what is printed ends in logs
+        return f"_Key({self.account!r})"  # without the token: it must not appear in logs
 
 
 class ServerHandshake:
-    """The called side."""
+    """The server's side of the handshake."""
 
     def __init__(self, me: Identity) -> None:
         self._me = me
         self._own = _Key(me.token)
         self._hello: Hello | None = None
         self.channel_binding = b""
-        """What both ends know of the connection itself."""
+        """A value that only the two ends of this connection share; b"" for a plain one."""
         self.peer_credentials: PeerCredentials | None = None
+        """What the connection itself proves about the peer."""
         self.peer: Peer | None = None
+        """Set once the handshake is done."""
 
     def receive(self, frame: Frame) -> bytes:
-        """Take the client's next frame; returns what to send. `peer` is set once it is done.
+        """Handle the client's next frame; return the bytes to send. The last one sets `peer`.
 
-        Raises AuthenticationFailed or ProtocolError; tell the client with `refusal(error)`.
+        Raises AuthenticationFailed or ProtocolError; send `refusal(error)` to the client then.
         """
         type_, body = frame[0], frame[5]
         if type_ == FrameType.HELLO and self._hello is None:
             return self._greet(messages.decode_hello(body))
         if type_ == FrameType.AUTH and self._hello is not None:
             return self._accept(messages.decode_auth(body), self._hello)
-        raise ProtocolError(f"frame type {type_} came where the client's handshake was expected")
+        raise ProtocolError(f"expected the client's handshake, got frame type {type_}")
 
     def _greet(self, hello: Hello) -> bytes:
         me = self._me
@@ -194,20 +200,26 @@ class ServerHandshake:
         return pack_frame(FrameType.AUTH_OK, 0, 0, 0, 0, messages.encode(messages.Auth(proof)))
 
     def _key_of(self, name: str) -> tuple[_Key, str]:
-        """What a caller of this account must know, and what is wrong if he does not."""
+        """Return the key of an account, and the reason for the log if the caller cannot prove it.
+
+        "" is the server's own token.
+        """
         accounts = self._me.accounts
         if not name or accounts is None:
             return self._own, "it does not know this server's token"
         account = accounts.find(name, self._me.today)
         if account is None:
-            # Compared with a token all the same, so that the time tells nothing; and it may be
-            # this server's own, with a dot in it.
+            # A proof is checked in any case, so that the time reveals nothing. It may even be
+            # valid: a server's own token can look like that of an account, with a dot in it.
             return self._own, accounts.refusal(name, self._me.today)
         why = f"it does not know the secret of the account {name}"
         return _Key(account.token.encode(), account), why
 
     def _key_by_credentials(self, auth: messages.Auth, hello: Hello, why: str) -> _Key:
-        """What a caller may do who proved no token. Raises AuthenticationFailed."""
+        """Return the key of a caller that the connection itself identifies.
+
+        Raises AuthenticationFailed for any other caller without a valid proof.
+        """
         accounts, credentials = self._me.accounts, self.peer_credentials
         if credentials is None or not self._proves(auth, hello, b""):
             raise _refused(why)
@@ -226,14 +238,14 @@ class ServerHandshake:
 
 
 def refusal(error: TaskRpcError) -> bytes:
-    """The ERROR frame that tells a peer why its connection is closed."""
+    """Return the ERROR frame with the reason why the connection is closed."""
     wire = status.to_wire(error)
     arg = wire.code << 16 | wire.retry_after
     return pack_frame(FrameType.ERROR, wire.flags, 0, 0, arg, wire.body)
 
 
 def _refused(why: str) -> AuthenticationFailed:
-    """The same for every caller; the note is for our own log."""
+    """Return the same error for every caller; only this server's log gets the reason."""
     error = AuthenticationFailed(_REFUSED)
     error.add_note(why)
     return error

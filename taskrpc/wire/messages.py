@@ -15,7 +15,7 @@ VERSION = 1
 """The protocol version that this code speaks."""
 
 Name = Annotated[str, Meta(max_length=512, pattern=r"^[^\x00-\x1f\x7f-\x9f]*\Z")]
-"""Names end up in logs and on terminals, where a peer's control characters would do harm."""
+"""Without control characters, because names are printed in logs and on terminals."""
 Id = Annotated[bytes, Meta(min_length=16, max_length=16)]
 Proof = Annotated[bytes, Meta(min_length=32, max_length=32)]
 _Count = Annotated[int, Meta(ge=1, le=2**31)]
@@ -23,7 +23,7 @@ _Struct = TypeVar("_Struct")
 
 
 class Limits(msgspec.Struct, array_like=True, frozen=True):
-    """What one side accepts from the other on one connection."""
+    """The limits that one side sets for the other on one connection."""
 
     body: _Count = 16 * 1024 * 1024 + 65_536
     """Bytes of one body."""
@@ -37,7 +37,7 @@ DEFAULT_LIMITS = Limits()
 
 
 class Hello(msgspec.Struct, array_like=True):
-    """HELLO: who calls, and in which versions it can speak."""
+    """HELLO: the client, and the range of protocol versions that it can use."""
 
     lowest: int
     highest: int
@@ -47,11 +47,11 @@ class Hello(msgspec.Struct, array_like=True):
     name: Name
     """The caller's node or program, for logs and `current_call().caller`."""
     account: Name = ""
-    """Whose token the caller is going to prove, "" for the server's own."""
+    """The account whose token the caller is going to prove; "" for the server's own token."""
 
 
 class HelloAck(msgspec.Struct, array_like=True):
-    """HELLO_ACK: the version to speak, and the server's side of the bargain."""
+    """HELLO_ACK: the chosen version, the server, and its limits."""
 
     version: int
     boot_id: Id
@@ -67,28 +67,28 @@ class Auth(msgspec.Struct, array_like=True):
 
 
 class Resolve(msgspec.Struct, array_like=True):
-    """RESOLVE: asks for the method id of a service that the caller knows by this hash.
+    """RESOLVE: asks for the method id of a service with this name and type hash.
 
-    An empty hash asks without claiming to know the type; an empty name asks for a `Listing`.
+    With an empty hash, the server does not compare the types. An empty name asks for a `Listing`.
     """
 
     name: Name
     type_hash: Name = ""
     caller: Name = ""
-    """The calling node; the method id that is answered stands for it too."""
+    """The calling node; the returned method id identifies it in later requests."""
 
 
 class Resolved(msgspec.Struct, array_like=True):
-    """The answer to RESOLVE for one service."""
+    """The response to RESOLVE for one service."""
 
     method: Annotated[int, Meta(ge=1, le=0xFFFF)]
     mode: int
     type_name: Name
     type_hash: Name
     definition: str
-    """The interface's full text, for callers that have no file of it; only where asked."""
+    """The interface's full text, for callers without its file; "" unless requested."""
     store_id: Annotated[bytes, Meta(max_length=16)]
-    """The store of an exactly-once service, towards which requests are counted; else empty."""
+    """The id of an exactly-once service's store; sequence numbers count per store. Else empty."""
 
 
 class ServiceEndpoint(msgspec.Struct, array_like=True, frozen=True):
@@ -110,27 +110,27 @@ class TopicEndpoint(msgspec.Struct, array_like=True, frozen=True):
     depth: _Count
     reliable: bool
     latched: bool
-    """Durability transient_local, else volatile."""
+    """Whether the durability is transient_local; otherwise it is volatile."""
 
 
 class Publishing(msgspec.Struct, array_like=True):
-    """One publisher of a topic, as its process tells a subscription of it."""
+    """One publisher of a topic, as its process announces it to a subscription."""
 
     number: Annotated[int, Meta(ge=0, le=0xFFFF)]
-    """What its messages carry."""
+    """The number that its messages carry."""
     publisher: TopicEndpoint
     refusal: Name = ""
-    """Why the subscription gets nothing of it, where that is the caller's role."""
+    """Why the caller's role forbids its messages; "" if it does not."""
 
 
 class Announcement(msgspec.Struct, array_like=True):
-    """The answer to SUBSCRIBE, and again whenever it changes: who publishes the topic here."""
+    """The response to SUBSCRIBE, sent again after each change: the publishers of the topic."""
 
     publishers: list[Publishing]
 
 
 class Listing(msgspec.Struct, array_like=True):
-    """What a process has to offer, and who is in it."""
+    """The nodes of a process, with their services, clients and topics."""
 
     nodes: list[Name]
     services: list[ServiceEndpoint]
@@ -140,7 +140,7 @@ class Listing(msgspec.Struct, array_like=True):
 
 
 class ErrorBody(msgspec.Struct, array_like=True):
-    """ERROR: a sentence for the caller; `path` names a wrong field."""
+    """ERROR: a sentence for the caller; `path` is the invalid field, "" without one."""
 
     message: str
     path: str = ""
@@ -152,7 +152,7 @@ def _decoder(cls: type[_Struct]) -> Callable[[Body], _Struct]:
     def decoded(body: Body) -> _Struct:
         try:
             return decode(body)
-        # msgspec lets a text that is not UTF-8 and too deep a nesting out as these.
+        # msgspec raises the last two for text that is not UTF-8, and for too deep nesting.
         except (msgspec.MsgspecError, UnicodeDecodeError, RecursionError) as error:
             raise ProtocolError(f"{cls.__name__} is not valid: {error}") from None
 
@@ -161,7 +161,7 @@ def _decoder(cls: type[_Struct]) -> Callable[[Body], _Struct]:
 
 encode = msgspec.msgpack.Encoder().encode
 
-# Each raises ProtocolError for a body that is not one of its Struct, and nothing else.
+# Each raises ProtocolError for an invalid body, and no other error.
 decode_hello = _decoder(Hello)
 decode_hello_ack = _decoder(HelloAck)
 decode_auth = _decoder(Auth)
@@ -174,11 +174,11 @@ decode_error = _decoder(ErrorBody)
 
 
 SPAN_SIZE = 25
-"""Bytes: 16 of the trace's id, 8 of the span's, 1 of flags."""
+"""Bytes of a span: 16 for the trace id, 8 for the span id, 1 for flags."""
 
 
 def cut_span(body: Body) -> tuple[bytes, Body]:
-    """The span and the rest of a body. Raises ProtocolError where it is too short for one."""
+    """Return the span and the rest of a body. Raises ProtocolError if the body is too short."""
     if len(body) < SPAN_SIZE:
         raise ProtocolError("a traced request without its span")
     return bytes(body[:SPAN_SIZE]), body[SPAN_SIZE:]

@@ -1,9 +1,9 @@
 """One end of a connection without its socket: bytes and requests in, events and bytes out.
 
-`Session` knows call ids, the calls in flight and who may still call; its base class knows frames
-and the handshake. It knows no clock: a deadline travels as the time that is left. Every call gets
-exactly one terminal frame (RESPONSE or ERROR); only then are its id and its place in the limits
-free. After GOAWAY the server drops newer calls, and the client knows that they never began.
+`Session` handles calls, their ids and limits; its base class handles frames and the handshake. It
+has no clock: a deadline is sent as the time that is left. Every call gets exactly one terminal
+frame (RESPONSE or ERROR); until then it counts against the limits. After GOAWAY the server ignores
+newer calls, and the client knows that they never began.
 """
 
 from __future__ import annotations
@@ -41,13 +41,13 @@ from taskrpc.wire.frames import (
 from taskrpc.wire.handshake import Identity
 
 LAST_CALL_ID = 3 * 2**30
-"""A connection takes no new calls after so many."""
+"""The highest call id of a connection; then a client uses a new connection."""
 
 LONGEST_TIME = 0xFFFFFFFF
-"""Most microseconds that a response can carry; longer calls carry this value."""
+"""The longest server time in a response, in microseconds; longer calls report this value."""
 
 
-# Looking a member up in its class costs as much as packing a header.
+# Module constants: looking an enum's member up takes as long as packing a header.
 _, _OPEN, _DRAINING, _CLOSED = ConnectionState
 _REQUEST, _RESPONSE = int(FrameType.REQUEST), int(FrameType.RESPONSE)
 _SUBSCRIBE, _PUBLISH = int(FrameType.SUBSCRIBE), int(FrameType.PUBLISH)
@@ -72,32 +72,33 @@ class Session(BaseSession):
         self.last_call_id = 0
         """The newest call id: sent by a client, accepted by a server."""
         self.free_calls, self.free_bytes = self.limits.calls, self.limits.bytes
-        """What may be in flight before a request is reported as `QuotaExceeded`."""
+        """Calls and bytes that may be in flight before a request is reported as `QuotaExceeded`."""
         self.open_calls: dict[int, Any] = {}
-        """Calls without a terminal frame, by their ids: for a client (ticket, size), for a server
-        the request."""
+        """Calls without a terminal frame, by call id. The value is (ticket, size) for a client, and
+        the request for a server."""
         self.bytes_in_flight = 0
+        """Bytes of the requests in `open_calls`."""
         self.answers_pings = True
         """False while the peer does not read, because PONG frames would only pile up."""
 
     def set_quota(self, calls: int, size: int) -> None:
-        """Report requests beyond so many calls in flight, or bytes of their requests."""
+        """Set `free_calls` and `free_bytes`."""
         self.free_calls, self.free_bytes = calls, size
 
     def answer_pings(self, *, wanted: bool) -> None:
-        """Answer pings or not: while the peer does not read, PONG frames would only pile up."""
+        """Set whether to answer PING frames; see `answers_pings`."""
         self.answers_pings = wanted
 
     # Bytes in, events out
 
     def filled(self, count: int) -> list[Event]:
-        """Say that `count` bytes were written to `splitter.large`; returns the events."""
+        """Count bytes that were written to `splitter.large`; return the events."""
         return [] if self.state is _CLOSED else self.handled(self.splitter.filled(count))
 
     def feed(self, data: bytes) -> list[Event]:
-        """Take the next bytes from the peer; returns the events.
+        """Process the next bytes from the peer; return the events.
 
-        A peer that breaks the protocol yields `Closed` as the last event; nothing is read after it.
+        If the peer breaks the protocol, the last event is `Closed`; nothing is read afterwards.
         """
         if self.state is _OPEN:
             frame = self.splitter.only(data)
@@ -114,7 +115,7 @@ class Session(BaseSession):
             return self.feed_handshake(self.handshake, data)
         return self.handled(self.splitter.feed(data))
 
-    # The calling side
+    # The client's side
 
     @property
     def in_flight(self) -> int:
@@ -122,15 +123,15 @@ class Session(BaseSession):
         return len(self.open_calls)
 
     def request(self, ticket: Any, method: int, body: Body, time_left: int, flags: int = 0) -> int:
-        """Send a request; `ticket` comes back with the answer. Returns the call id.
+        """Send a request; `ticket` is returned with the response. Return the call id.
 
-        Returns 0, and sends nothing, where the request does not fit into the peer's limits now.
+        Return 0, and send nothing, if the request does not fit into the peer's limits now.
         """
         open_calls, size = self.open_calls, len(body)
         in_flight = self.bytes_in_flight + size
         if self.state is not _OPEN:
             return 0
-        if open_calls:  # alone, a request may be larger than all together
+        if open_calls:  # a single request may exceed the limit for all requests together
             limits = self.their_limits
             if len(open_calls) >= limits.calls or in_flight > limits.bytes:
                 return 0
@@ -145,7 +146,7 @@ class Session(BaseSession):
         return call_id
 
     def resolve(self, ticket: Any, question: messages.Resolve, *, definition: bool = False) -> int:
-        """Ask for a service, or for a listing; `ticket` comes back with the answer."""
+        """Ask for a service, or for a listing; `ticket` is returned with the response."""
         body = messages.encode(question)
         self.last_call_id = call_id = self.last_call_id + 1
         self.open_calls[call_id] = (ticket, len(body))
@@ -154,12 +155,12 @@ class Session(BaseSession):
         return call_id
 
     def cancel(self, call_id: int) -> None:
-        """Cancel a call: the peer is asked to stop it, and its response is dropped."""
+        """Cancel a call: ask the peer to stop it, and ignore its response."""
         self.ask_to_stop(call_id)
         self.drop(call_id)
 
     def ask_to_stop(self, call_id: int) -> None:
-        """Ask the peer to stop a call; its response is still returned with the ticket."""
+        """Ask the peer to stop a call; the response is still reported."""
         held = self.open_calls.get(call_id)
         if held is not None and held[0] is not None:
             self.send(FrameType.CANCEL, 0, 0, call_id, 0, b"")
@@ -171,22 +172,25 @@ class Session(BaseSession):
             self.open_calls[call_id] = (None, held[1])
 
     def open_tickets(self) -> list[Any]:
-        """The tickets of all calls that are in flight and not cancelled."""
-        calls = list(self.open_calls.values())  # another thread may answer one meanwhile
+        """Return the tickets of all calls that are in flight and not cancelled."""
+        calls = list(self.open_calls.values())  # a copy: another thread may end a call meanwhile
         tickets = [call[0] for call in calls] if self.is_client else [call.ticket for call in calls]
         return [ticket for ticket in tickets if ticket is not None]
 
     def lost(self) -> list[Any]:
-        """End the session; returns every ticket without a response. See `unknown_error`."""
+        """End the session; return the tickets of all calls without a response.
+
+        See `unknown_error` for their error.
+        """
         tickets = self.open_tickets()
         self.advance(StateEvent.END)
         self.open_calls = {}
         return tickets
 
-    # The answering side
+    # The server's side
 
     def respond(self, call_id: int, body: Body, server_time: int = 0) -> bool:
-        """Answer a call, which took so many microseconds; False if it was answered before."""
+        """Send a response; False if the call has ended. `server_time` is in microseconds."""
         request = self.open_calls.pop(call_id, None)
         if request is None:
             return False
@@ -204,10 +208,10 @@ class Session(BaseSession):
     def answer_beside(
         self, call_id: int, body: bytes, server_time: int
     ) -> tuple[bytes, int] | None:
-        """The answer to a call as a frame, for another thread to write beside `out`.
+        """Return the response as a frame that another thread writes directly, without `out`.
 
-        Also the size of its request, for `freed` to be told of on the session's own thread. None
-        for a call that has its answer. The body is smaller than LARGE.
+        Also return the size of the request; pass it to `freed` on the session's own thread. Return
+        None if the call has ended. The body must be smaller than LARGE.
         """
         request = self.open_calls.pop(call_id, None)
         if request is None:
@@ -217,11 +221,11 @@ class Session(BaseSession):
         return header + body, request.size
 
     def freed(self, size: int) -> None:
-        """A request of so many bytes was answered beside `out`."""
+        """Count the request of `answer_beside`, of so many bytes, as no longer in flight."""
         self.bytes_in_flight -= size
 
     def fail(self, call_id: int, error: TaskRpcError) -> bool:
-        """Answer a call with an error; False if it was answered before."""
+        """Send an error for a call; False if the call has ended."""
         request = self.open_calls.pop(call_id, None)
         if request is None:
             return False
@@ -233,7 +237,7 @@ class Session(BaseSession):
 
     @property
     def bytes_coming(self) -> int:
-        """Bytes of the requests in flight, and of a large one that is arriving."""
+        """Bytes of the requests in flight, including a large one that is arriving."""
         large = self.splitter.large
         return self.bytes_in_flight + (0 if large is None else large.size)
 
@@ -253,15 +257,15 @@ class Session(BaseSession):
             self.send(FrameType.ADVERTISE, 0, 0, 0, 0, b"")
 
     def drain(self) -> None:
-        """Take no new calls; those in flight are still answered."""
+        """Send GOAWAY: accept no new calls, but finish those in flight."""
         if self.state is _OPEN:
             self.advance(StateEvent.DRAIN)
             self.send(FrameType.GOAWAY, 0, 0, 0, self.last_call_id, b"")
 
-    # Inside
+    # Frames to events
 
     def handled(self, frames: list[Frame]) -> list[Event]:
-        """What frames mean that came after the handshake."""
+        """Return the events of frames that arrived after the handshake."""
         events: list[Event] = []
         try:
             for frame in frames:
@@ -301,12 +305,12 @@ class Session(BaseSession):
                 return topics.received(frame, is_client=self.is_client)
             return self._on_control(type_, flags, call_id, arg, body)
         size, open_calls = len(body), self.open_calls
-        # Only requests: RESOLVE is answered at once, and clients do not count it.
-        is_crowded = len(open_calls) >= self.free_calls
-        if open_calls and (is_crowded or self.bytes_in_flight + size > self.free_bytes):
+        # Only for requests: a server answers RESOLVE at once, and clients do not count it.
+        exceeds_quota = len(open_calls) >= self.free_calls
+        if open_calls and (exceeds_quota or self.bytes_in_flight + size > self.free_bytes):
             if self._is_full(size):
                 return self._overrun()
-            is_crowded = True
+            exceeds_quota = True
         if self.is_client or call_id <= self.last_call_id or self.state is _DRAINING:
             self._refuse(call_id)
             return None
@@ -314,7 +318,7 @@ class Session(BaseSession):
         self.bytes_in_flight += size
         request = RequestReceived(call_id, method, flags, arg, body, size)
         open_calls[call_id] = request
-        return QuotaExceeded(request) if is_crowded else request
+        return QuotaExceeded(request) if exceeds_quota else request
 
     def _on_resolve(self, call_id: int, arg: int, body: Body) -> ResolveReceived | None:
         question = messages.decode_resolve(body)
@@ -341,7 +345,7 @@ class Session(BaseSession):
             case FrameType.PING if self.answers_pings:
                 self.send(FrameType.PONG, 0, 0, 0, arg, b"")
             case FrameType.ADVERTISE | FrameType.GOAWAY if not self.is_client:
-                raise ProtocolError(f"frame type {type_} is not a client's to send")
+                raise ProtocolError(f"a client may not send frame type {type_}")
             case FrameType.ADVERTISE:
                 return ServicesChanged()
             case FrameType.GOAWAY:
@@ -353,7 +357,7 @@ class Session(BaseSession):
         return None
 
     def _is_full(self, size: int) -> bool:
-        """Whether a request of `size` bytes beside others is beyond the limits."""
+        """Whether a further request of `size` bytes would exceed the limits."""
         limits = self.limits
         many = len(self.open_calls) >= limits.calls
         return many or self.bytes_in_flight + size > limits.bytes
@@ -370,18 +374,19 @@ class Session(BaseSession):
         return LimitsExceeded(ProtocolError(f"more than {limit} in flight on one connection"))
 
     def _refuse(self, call_id: int) -> None:
-        """Ignore a call that crossed our GOAWAY, which says that it never began.
+        """Ignore a call that the client sent before it received GOAWAY; it never began.
 
-        Raises ProtocolError for any other call that may not begin."""
+        Raises ProtocolError for any other call that may not begin.
+        """
         if self.is_client:
             raise ProtocolError("a server may not call")
         if call_id <= self.last_call_id:
-            raise ProtocolError(f"call id {call_id} came after {self.last_call_id}")
+            raise ProtocolError(f"call id {call_id} follows {self.last_call_id}; ids must increase")
 
     def _settled(self, call_id: int) -> Any:
         held = self.open_calls.pop(call_id, None) if self.is_client else None
         if held is None:
-            raise ProtocolError(f"an answer to call {call_id}, which is not in flight")
+            raise ProtocolError(f"a response to call {call_id}, which is not in flight")
         self.bytes_in_flight -= held[1]
         return held[0]
 
@@ -401,12 +406,14 @@ class Session(BaseSession):
 
 
 def unknown_error() -> OutcomeUnknown:
-    """The error for a call that was in flight when its connection was lost."""
-    return OutcomeUnknown("the connection was lost before the answer came; the call may have run")
+    """Return the error for a call that was in flight when its connection was lost."""
+    return OutcomeUnknown(
+        "the connection was lost before the response arrived; the call may have run"
+    )
 
 
 def refused_error() -> ConnectionLost:
-    """The error for a call that a draining server never began."""
+    """Return the error for a call that a draining server never began."""
     return ConnectionLost(
         "the server is shutting down and did not begin this call", not_executed=True
     )

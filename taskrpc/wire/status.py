@@ -1,4 +1,4 @@
-"""Errors as they travel: exception to code, flags and sentence, and back."""
+"""Errors on the wire: from exceptions to a code, flags and a sentence, and back."""
 
 from __future__ import annotations
 
@@ -15,6 +15,7 @@ MAX_MESSAGE = 1024
 """Bytes of an error's sentence on the wire."""
 
 _RETRY_UNIT = 0.01
+"""Seconds in one unit of `retry_after`."""
 _RETRY_MOST = 0xFFFF
 _CONTROLS = re.compile(r"[\x00-\x08\x0b-\x1f\x7f-\x9f]")
 
@@ -46,7 +47,7 @@ class WireError(NamedTuple):
 
 
 def to_wire(error: TaskRpcError) -> WireError:
-    """What to send for an error; callbacks' own errors keep their code."""
+    """Return the content of the ERROR frame; errors of handlers keep their own code."""
     flags = Flag.NOT_EXECUTED if error.not_executed else Flag(0)
     message, path, retry = str(error), "", 0
     if isinstance(error, errors.HandlerError | errors.HandlerFailed):
@@ -55,28 +56,28 @@ def to_wire(error: TaskRpcError) -> WireError:
     if isinstance(error, errors.InvalidRequest):
         message, path = error.problem, error.path
     if isinstance(error, errors.ServerBusy):
-        # Rounded up: nobody is asked back before there is room.
+        # Rounded up: the caller must not come back earlier.
         retry = math.ceil(min(max(0.0, error.retry_after / _RETRY_UNIT), _RETRY_MOST))
     body = messages.encode(messages.ErrorBody(_shortened(message), _shortened(path)))
     return WireError(code_of(error), flags, retry, body)
 
 
 def code_of(error: TaskRpcError) -> Code:
-    """The status code of an error; callbacks' own errors have one already."""
+    """Return the status code of an error; errors of handlers have their own."""
     if isinstance(error, errors.HandlerError | errors.HandlerFailed):
         return error.code
     return next((code for cls, code in _CODES if isinstance(error, cls)), Code.UNKNOWN)
 
 
 def from_wire(code: int, flags: int, retry_after: int, body: Body) -> TaskRpcError:
-    """The exception that an ERROR frame means; never raises, whatever the peer sent."""
+    """Return the exception of an ERROR frame; never raises, even for an invalid body."""
     try:
-        said = messages.decode_error(body)
+        content = messages.decode_error(body)
     except errors.ProtocolError:
-        said = messages.ErrorBody("the peer sent an error without a readable message")
-    message, path = _readable(said.message), _readable(said.path)
+        content = messages.ErrorBody("the peer sent an error without a readable message")
+    message, path = _readable(content.message), _readable(content.path)
     error = _rebuilt(code, flags, retry_after * _RETRY_UNIT, message, path)
-    # Only the flag makes a repetition safe; of handlers alone it is known that they ran.
+    # Only this flag makes a retry safe. Only an error of the handler shows that the call ran.
     if flags & Flag.NOT_EXECUTED:
         error.not_executed = True
     else:
@@ -97,7 +98,7 @@ def _rebuilt(code: int, flags: int, retry_after: float, message: str, path: str)
 
 
 def _readable(text: str) -> str:
-    # Whoever prints an error must not let a peer drive the terminal.
+    # Control characters from a peer must not reach the terminal that prints the error.
     return _shortened(_CONTROLS.sub(lambda found: f"\\x{ord(found[0]):02x}", text))
 
 

@@ -1,7 +1,7 @@
-"""Topics on a connection: a subscription, who publishes its topic, each message; who matches whom.
+"""Topics on a connection: subscriptions, lists of publishers, messages; which of them match.
 
-The subscriber's side is the connection's client. It chooses a number for each subscription; the
-publishers' process answers, and says again whenever it changes, which publishers there are.
+The subscriber is the connection's client. It chooses a number for each subscription. The server
+responds with the list of its publishers, and sends the list again after each change.
 """
 
 from __future__ import annotations
@@ -20,21 +20,23 @@ from taskrpc.wire.events import (
 from taskrpc.wire.frames import Body, Frame, FrameType
 from taskrpc.wire.messages import TopicEndpoint
 
-# Looking a member up in its class costs as much as packing a header.
+# Module constants: looking an enum's member up takes as long as packing a header.
 _SUBSCRIBE, _UNSUBSCRIBE = int(FrameType.SUBSCRIBE), int(FrameType.UNSUBSCRIBE)
 _PUBLISH = int(FrameType.PUBLISH)
 
 SEQUENCE_MASK = 0xFFFFFFFF
+"""The bits of a sequence number that a frame carries."""
 PUBLISHER_MASK = 0xFFFF
+"""The bits of a publisher's number that a frame carries."""
 MAX_SUBSCRIPTIONS = 4096
 """Subscriptions that one connection may have."""
 
 Mismatch: TypeAlias = Literal["TYPE", "RELIABILITY", "DURABILITY"]
-"""What stands between a publisher and a subscription of the same topic."""
+"""Why a publisher and a subscription of the same topic do not match."""
 
 
 def mismatch_of(publisher: TopicEndpoint, subscription: TopicEndpoint) -> Mismatch | None:
-    """Why a subscription gets nothing from a publisher of its topic; None where it does."""
+    """Return why a publisher and a subscription of its topic do not match; None if they match."""
     if publisher.type_hash != subscription.type_hash:
         return "TYPE"
     if subscription.latched and not publisher.latched:
@@ -45,20 +47,20 @@ def mismatch_of(publisher: TopicEndpoint, subscription: TopicEndpoint) -> Mismat
 
 
 def subscribe(session: BaseSession, subscription_id: int, wanted: TopicEndpoint) -> None:
-    """Ask for a topic's messages."""
+    """Send a subscription."""
     body = messages.encode(wanted)
     session.send(_SUBSCRIBE, 0, 0, subscription_id, 0, body)
 
 
 def unsubscribe(session: BaseSession, subscription_id: int) -> None:
-    """Want no more messages."""
+    """Send the end of a subscription."""
     session.send(_UNSUBSCRIBE, 0, 0, subscription_id, 0, b"")
 
 
 def announce(
     session: BaseSession, subscription_id: int, publishers: list[messages.Publishing]
 ) -> None:
-    """Tell a subscription who publishes its topic here."""
+    """Send the list of this process's publishers to a subscription."""
     body = messages.encode(messages.Announcement(publishers))
     session.send(_SUBSCRIBE, 0, 0, subscription_id, 0, body)
 
@@ -73,7 +75,7 @@ def publish(
 def received(
     frame: Frame, *, is_client: bool
 ) -> SubscribeReceived | UnsubscribeReceived | PublishersReceived | MessageReceived:
-    """What a SUBSCRIBE, UNSUBSCRIBE or PUBLISH frame says. Raises ProtocolError."""
+    """Return the event of a SUBSCRIBE, UNSUBSCRIBE or PUBLISH frame. Raises ProtocolError."""
     type_, _, publisher, subscription_id, sequence, body = frame
     if is_client:
         if type_ == _PUBLISH:

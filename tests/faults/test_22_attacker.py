@@ -200,17 +200,17 @@ def any_certificate_stands_for_an_account(patch):
 
 
 def frames_heard_before_the_proof(patch):
-    shaken = Session._shaken
+    known = Session._handshake_events
 
     def hasty(self, given, data):
         early = [frame for frame in Splitter(4096).feed(data) if frame[0] == attacker.RESOLVE]
         return (
             self.handled(early)
             if early and not self.splitter.mid_frame
-            else shaken(self, given, data)
+            else known(self, given, data)
         )
 
-    patch(Session, "_shaken", hasty)
+    patch(Session, "_handshake_events", hasty)
 
 
 def second_guess_allowed(patch):

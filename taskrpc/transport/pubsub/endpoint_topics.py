@@ -1,4 +1,4 @@
-"""The topics of an endpoint: who publishes what here, who wants it, and who must be asked."""
+"""The topics of an endpoint: its publishers and subscriptions, and the remote subscriptions."""
 
 from __future__ import annotations
 
@@ -21,7 +21,10 @@ _Item = TypeVar("_Item")
 
 
 class Topics:
-    """Matches publishers and subscriptions, those of this process and those of others."""
+    """Matches publishers and subscriptions: those of this process, and remote ones.
+
+    A link goes to each process that publishes a topic with a subscription here.
+    """
 
     def __init__(self, context: TopicsContext) -> None:
         self._context = context
@@ -29,14 +32,19 @@ class Topics:
         self._remote_subscriptions: dict[str, dict[RemoteSubscription, None]] = {}
         self._local_subscriptions: dict[str, dict[LocalSubscription, None]] = {}
         self._links: dict[str, SubscriptionLink] = {}
-        self._numbers = 0
-        self._last_number = 0
+        """The links by address."""
+        self._last_subscription = 0
+        """The number of the newest subscription of this process."""
+        self._last_publisher = 0
+        """The number of the newest publisher; 16 bits of it are sent with messages."""
         self._changed: dict[str, None] = {}
+        """Topics whose publishers must be announced."""
         self._search: asyncio.Task[None] | None = None
+        """Searches for publishers, as long as there is a subscription."""
         self._will_look = False
 
     def soon(self, action: Callable[[], object]) -> None:
-        """Do something in a later turn of the loop."""
+        """Call a function in a later turn of the loop."""
         self._context.loop.call_soon(action)
 
     # Publishers
@@ -48,7 +56,7 @@ class Topics:
         role: Role,
         on_mismatch: OnMismatch | None = None,
     ) -> LocalPublisher:
-        """A new publisher's way to its subscriptions."""
+        """Create a publisher, and match it with the known subscriptions."""
         self._context.publish(EntryChange(publisher=named))
         number = self._number_for(named.name)
         each = LocalPublisher(self, named, msg_type, number, role, on_mismatch)
@@ -61,16 +69,16 @@ class Topics:
         return each
 
     def _number_for(self, topic: str) -> int:
-        """One that no other publisher of the topic has, and none had lately."""
-        self._last_number += 1
-        if self._last_number > wire.PUBLISHER_MASK:
+        """Return a number that no publisher of the topic has, and none had recently."""
+        self._last_publisher += 1
+        if self._last_publisher > wire.PUBLISHER_MASK:
             taken = {each.number for each in self._local_publishers.get(topic, ())}
-            while self._last_number & wire.PUBLISHER_MASK in taken:
-                self._last_number += 1
-        return self._last_number & wire.PUBLISHER_MASK
+            while self._last_publisher & wire.PUBLISHER_MASK in taken:
+                self._last_publisher += 1
+        return self._last_publisher & wire.PUBLISHER_MASK
 
     def publisher_closed(self, publisher: LocalPublisher) -> None:
-        """A publisher is gone."""
+        """Remove a publisher."""
         named = publisher.named
         if _drop(self._local_publishers, named.name, publisher):
             for subscription in publisher.local:
@@ -83,13 +91,13 @@ class Topics:
             self._announce_soon(named.name)
 
     def subscriber_of(self, connection: ServingConnection) -> SubscriberEvents:
-        """What the caller of a connection has subscribed to."""
+        """Return the subscriber of a connection: the topics of its caller."""
         if connection.subscriber is None:
             connection.subscriber = RemoteSubscriber(self, connection)
         return connection.subscriber
 
     def subscribed(self, subscription: RemoteSubscription) -> None:
-        """Another process wants a topic."""
+        """Add a subscription of another process."""
         topic = subscription.wanted.name
         _put(self._remote_subscriptions, topic, subscription)
         publishers = list(self._local_publishers.get(topic, ()))
@@ -98,26 +106,26 @@ class Topics:
             subscription.match(each)
 
     def unsubscribed(self, subscription: RemoteSubscription) -> None:
-        """Another process wants a topic no more."""
+        """Remove a subscription of another process."""
         topic = subscription.wanted.name
         _drop(self._remote_subscriptions, topic, subscription)
         for publisher in self._local_publishers.get(topic, ()):
             publisher.unfeed(subscription)
 
     def role_changed(self, subscription: RemoteSubscription) -> None:
-        """The caller may see less than before."""
+        """Stop the publishers that the subscriber's new role may not see."""
         for publisher in self._local_publishers.get(subscription.wanted.name, ()):
             if subscription.refusal(publisher):
                 publisher.unfeed(subscription)
 
     def _announce_soon(self, topic: str) -> None:
-        """Once, however many publishers come and go in one turn."""
+        """Announce the publishers of a topic, once in a turn of the loop."""
         if not self._changed:
             self.soon(self.announce_changed)
         self._changed[topic] = None
 
     def announce_changed(self) -> None:
-        """Tell subscriptions of other processes who publishes their topics now."""
+        """Announce changed publishers to the subscriptions of other processes."""
         changed, self._changed = self._changed, {}
         for topic in changed:
             publishers = list(self._local_publishers.get(topic, ()))
@@ -135,22 +143,24 @@ class Topics:
         deliver: Deliver,
         on_mismatch: OnMismatch | None = None,
     ) -> LocalSubscription:
-        """A new subscription's way to the publishers of its topic."""
+        """Create a subscription, and search for publishers of its topic."""
         self._context.publish(EntryChange(subscription=named))
-        self._numbers += 1
-        each = LocalSubscription(self, named, msg_type, self._numbers, deliver, on_mismatch)
+        self._last_subscription += 1
+        each = LocalSubscription(
+            self, named, msg_type, self._last_subscription, deliver, on_mismatch
+        )
         _put(self._local_subscriptions, named.name, each)
         for publisher in self._local_publishers.get(named.name, ()):
             self._match_here(publisher, each)
         if self._search is None:
             self._search = self._context.loop.create_task(self._searched())
-        elif not self._will_look:  # once, however many subscriptions are made in one turn
+        elif not self._will_look:  # once for all subscriptions of one turn
             self._will_look = True
             self.soon(self._look)
         return each
 
     def subscription_closed(self, subscription: LocalSubscription) -> None:
-        """A subscription is gone."""
+        """Remove a subscription."""
         named = subscription.named
         if _drop(self._local_subscriptions, named.name, subscription):
             for publisher in self._local_publishers.get(named.name, ()):
@@ -189,7 +199,7 @@ class Topics:
                 subscription.arrived_here(body)
 
     async def _searched(self) -> None:
-        """Look who publishes, whenever that may have changed."""
+        """Search for publishers after each change of the registry."""
         while True:
             mark = self._context.availability.mark()
             self._look()
@@ -214,7 +224,7 @@ class Topics:
         self._drop_links(there)
 
     def _drop_links(self, there: set[str]) -> None:
-        """A process that is known no more may still be connected, and have something to say."""
+        """Close the links to processes that no longer publish, unless they are still connected."""
         for place, link in list(self._links.items()):
             if place not in there and not (link.subscriptions and link.is_connected):
                 del self._links[place]
@@ -226,7 +236,7 @@ def _put(items: dict[str, dict[_Item, None]], topic: str, item: _Item) -> None:
 
 
 def _drop(items: dict[str, dict[_Item, None]], topic: str, item: _Item) -> bool:
-    """Returns whether it was there."""
+    """Remove an item; return whether it was there."""
     of_topic = items.get(topic, {})
     if item not in of_topic:
         return False

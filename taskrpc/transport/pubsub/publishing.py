@@ -1,7 +1,7 @@
-"""The publishers of a process, and the subscriptions of others that they feed.
+"""The publishers of a process, and the subscriptions of other processes that they feed.
 
-A message is encoded once. A subscription whose process does not read is owed at most the
-publisher's `depth` messages, and a bounded number of bytes; the oldest are dropped and counted.
+A message is encoded once. If the other process does not read, at most `depth` messages of a
+publisher and a bounded number of bytes wait for it; the oldest are dropped and counted.
 """
 
 from __future__ import annotations
@@ -27,17 +27,17 @@ if TYPE_CHECKING:
 
 log = logging.getLogger("taskrpc.topics")
 
-MOST_TOLD = 100
-"""Warnings of one publisher: peers can make up any number of mismatches."""
+MAX_WARNINGS = 100
+"""Warnings of one publisher; a peer could cause any number of mismatches."""
 MAX_OWED = 32 * 1024 * 1024
-"""Bytes of messages that wait for one connection to read."""
+"""Bytes of messages that may wait for one connection."""
 
 
 class PublisherTopics(Protocol):
     """What publishers and remote subscriptions need from the topics of their process."""
 
     def soon(self, action: Callable[[], object]) -> None:
-        """Do something in a later turn of the event loop."""
+        """Call a function in a later turn of the event loop."""
 
     def announce_changed(self) -> None:
         """Announce new publishers to the subscriptions of other processes."""
@@ -56,7 +56,7 @@ class PublisherTopics(Protocol):
 
 
 class LocalPublisher:
-    """One publisher, seen from the wire."""
+    """One publisher of this process."""
 
     def __init__(
         self,
@@ -69,37 +69,41 @@ class LocalPublisher:
     ) -> None:
         self.named = named
         self.number = number
-        """What its messages carry, so that a subscription tells publishers apart."""
+        """Sent with each message, so that a subscription can distinguish publishers."""
         self.role = role
-        """The least that a subscriber's account must be."""
+        """The lowest role of a subscriber's account."""
         self._encode = codec_of(msg_type).encode
         self.feeds: dict[RemoteSubscription, Feed] = {}
+        """The matched subscriptions of other processes."""
         self.local: dict[LocalSubscription, None] = {}
+        """The matched subscriptions of this process."""
         self.on_matched: Callable[[], object] = _nothing
-        """Called in a turn of its own when other subscriptions match."""
+        """Called in a later turn of the loop when the matched subscriptions have changed."""
         self.is_announced = False
-        """Whether subscriptions know of it; they shall before its first message."""
+        """Whether it was announced to subscriptions; this must precede its first message."""
         self.sent = 0
         self.lost = 0
-        """Messages that did not reach a subscription, since it did not read or takes no such size;
-        counted for each."""
+        """Messages that were dropped, one for each subscription: it did not read, or its process
+        does not accept messages of this size."""
         self.latched: deque[tuple[int, bytes]] | None = None
-        """The last messages, for those who come later."""
+        """The last messages with their sequence numbers, for later subscriptions; else None."""
         if named.latched:
             self.latched = deque(maxlen=named.depth)
         self._topics = topics
         self._on_mismatch = on_mismatch
-        self._told: set[TopicEndpoint] = set()
+        self._warned: set[TopicEndpoint] = set()
+        """Subscriptions whose mismatch was reported."""
 
     @property
     def matched(self) -> int:
-        """How many subscriptions there are."""
+        """The number of matched subscriptions."""
         return len(self.feeds) + len(self.local)
 
     def encode(self, message: Any) -> bytes:
-        """What `publish` takes.
+        """Return the message as bytes for `publish`.
 
-        Raises InvalidRequest for another type, a value out of place, or more than anybody accepts.
+        Raises InvalidRequest for another type, if a value does not fit its field, or if the message
+        is larger than any process accepts.
         """
         body, limit = self._encode(message), DEFAULT_LIMITS.body
         if len(body) > limit:
@@ -107,7 +111,7 @@ class LocalPublisher:
         return body
 
     def publish(self, body: bytes) -> None:
-        """Send an encoded message to all subscriptions."""
+        """Send an encoded message to all matched subscriptions."""
         if not self.is_announced:
             self._topics.announce_changed()
         self.sent += 1
@@ -120,29 +124,29 @@ class LocalPublisher:
             subscription.arrived_here(body)
 
     def unfeed(self, subscription: RemoteSubscription) -> None:
-        """Send nothing more to a subscription, if it was sent anything."""
+        """Send nothing more to a subscription, if it was matched."""
         feed = self.feeds.pop(subscription, None)
         if feed is not None:
             feed.drop_waiting()
             self.matches_changed()
 
     def forget_latched(self) -> None:
-        """Keep nothing of what was sent so far for those who come later."""
+        """Forget the messages that are kept for later subscriptions."""
         if self.latched is not None:
             self.latched.clear()
 
     def matches_changed(self) -> None:
-        """Say that it has other subscriptions than before."""
-        self._topics.soon(self._tell_of_matches)
+        """Report that the matched subscriptions have changed."""
+        self._topics.soon(self._report_matches)
 
-    def _tell_of_matches(self) -> None:
-        self.on_matched()  # asked for only now: it may have been set in the turn of the match
+    def _report_matches(self) -> None:
+        self.on_matched()  # looked up only now: it may have been set in the turn of the match
 
     def refuses(self, wanted: TopicEndpoint, subscriber: str) -> bool:
-        """Whether a subscription does not match; says so, once for each."""
+        """Whether a subscription does not match; reports each mismatch once."""
         mismatch = wire.mismatch_of(self.named, wanted)
-        if mismatch is not None and wanted not in self._told and len(self._told) < MOST_TOLD:
-            self._told.add(wanted)
+        if mismatch is not None and wanted not in self._warned and len(self._warned) < MAX_WARNINGS:
+            self._warned.add(wanted)
             if self._on_mismatch is None:
                 log.warning("%s", _unmatched(self.named, wanted, mismatch, subscriber))
             else:
@@ -150,7 +154,7 @@ class LocalPublisher:
         return mismatch is not None
 
     def close(self) -> None:
-        """Publish no more."""
+        """End the publisher."""
         self._topics.publisher_closed(self)
 
 
@@ -166,7 +170,8 @@ class Feed:
         self._subscriber = subscriber
         self._subscription_id = subscription_id
         self.waiting: deque[tuple[int, bytes]] = deque()
-        """As long as there is something, it is among the subscriber's `feeds_behind`."""
+        """Messages with their sequence numbers. If it is not empty, the feed is among the
+        subscriber's `feeds_behind`."""
 
     def send(self, sequence: int, body: bytes) -> None:
         """Send a message, or keep it until the other process reads."""
@@ -179,14 +184,14 @@ class Feed:
             self._write(sequence, body)
 
     def send_waiting(self) -> bool:
-        """Send the oldest message that waits; returns whether more do."""
+        """Send the oldest waiting message; return whether more wait."""
         sequence, body = self.waiting.popleft()
         self._subscriber.owed -= len(body)
         self._write(sequence, body)
         return bool(self.waiting)
 
     def drop_waiting(self) -> None:
-        """Nobody wants what waits any more."""
+        """Drop all waiting messages."""
         self._subscriber.owed -= sum(len(body) for _, body in self.waiting)
         self._subscriber.feeds_behind.pop(self, None)
         self.waiting.clear()
@@ -216,7 +221,7 @@ class RemoteSubscription:
         self.wanted = wanted
 
     def announce(self, publishers: list[LocalPublisher]) -> None:
-        """Tell it who publishes its topic here, and match it with those that it can have."""
+        """Send it the list of this process's publishers of its topic."""
         connection = self.subscriber.connection
         publishing = [
             Publishing(each.number, each.named, self.refusal(each)) for each in publishers
@@ -225,7 +230,7 @@ class RemoteSubscription:
         connection.flush_soon()
 
     def match(self, publisher: LocalPublisher) -> None:
-        """Feed it from a publisher, if it can have that one."""
+        """Feed it from a publisher, if its role and its QoS allow that."""
         where = self.subscriber.connection.peer_name
         if self.refusal(publisher) or publisher.refuses(self.wanted, where):
             return
@@ -236,7 +241,7 @@ class RemoteSubscription:
                 feed.send(sequence, body)
 
     def refusal(self, publisher: LocalPublisher) -> str:
-        """Why its caller's role is too small for a publisher, "" where it is not."""
+        """Why its caller's role is too low for a publisher; "" if it is not."""
         connection = self.subscriber.connection
         if connection.role >= publisher.role:
             return ""
@@ -247,26 +252,28 @@ class RemoteSubscription:
 
 
 class RemoteSubscriber:
-    """Another process's end of a connection: its subscriptions, and what they are owed."""
+    """The subscriptions of another process over one connection, and the messages that wait."""
 
     def __init__(self, topics: PublisherTopics, connection: ServingConnection) -> None:
         self.connection = connection
         self.owed = 0
-        """Bytes that wait for it to read."""
+        """Bytes of messages that wait until it reads."""
         self.feeds_behind: dict[Feed, None] = {}
-        """Those with something that waits, in order."""
+        """Feeds with waiting messages; the feed whose turn is next comes first."""
         self._topics = topics
         self._subscriptions: dict[int, RemoteSubscription] = {}
         self._unwritten = 0
+        """Bytes of messages since the last flush."""
         self._has_written = False
+        """Whether a message was sent in this turn of the loop."""
 
     @property
     def is_behind(self) -> bool:
-        """Whether it must read before it gets more."""
+        """Whether it must read before more messages are sent to it."""
         return self.connection.writing_paused or bool(self.feeds_behind)
 
     def subscribe(self, event: SubscribeReceived) -> None:
-        """It wants a topic's messages."""
+        """Add a subscription."""
         number, connection, most = event.subscription_id, self.connection, wire.MAX_SUBSCRIPTIONS
         if number in self._subscriptions or len(self._subscriptions) >= most:
             problem = f"subscription {number} is there already, or one of {most}"
@@ -279,24 +286,24 @@ class RemoteSubscriber:
         self._topics.subscribed(subscription)
 
     def role_changed(self) -> None:
-        """Its account may see less than before; what that is, it gets no more."""
+        """Stop the publishers that its account's new role may not see."""
         for subscription in self._subscriptions.values():
             self._topics.role_changed(subscription)
 
     def unsubscribe(self, number: int) -> None:
-        """It wants no more of them."""
+        """Remove a subscription."""
         subscription = self._subscriptions.pop(number, None)
         if subscription is not None:
             self._topics.unsubscribed(subscription)
 
     def left(self) -> None:
-        """The connection is gone."""
+        """Remove all subscriptions: the connection is gone."""
         for number in list(self._subscriptions):
             self.unsubscribe(number)
         self.feeds_behind.clear()
 
     def write(self, number: int, publisher: int, sequence: int, body: bytes) -> None:
-        """Send a message: the first of a turn at once, what follows it together."""
+        """Send a message: the first of a turn at once, the others together at its end."""
         connection = self.connection
         wire.publish(connection.session, number, publisher, sequence, body)
         self._unwritten += HEADER.size + len(body)
@@ -307,15 +314,15 @@ class RemoteSubscriber:
             connection.owner.loop.call_soon(self._turn_over)
 
     def caught_up(self) -> None:
-        """It has read: hear what it has to say, then send what waits."""
-        # Two turns, between which the loop looks at the sockets: sent at once, the messages of a
-        # flood would pause the reading again, and nobody would hear a call or a farewell.
+        """Send the waiting messages soon: the write buffer has room again."""
+        # Two turns, so that the loop reads the sockets between them. If a flood of messages were
+        # sent at once, the connection would pause again before a call or a GOAWAY is read.
         loop = self.connection.owner.loop
         if self.feeds_behind:
             loop.call_soon(loop.call_soon, self._send_waiting)
 
     def _send_waiting(self) -> None:
-        """Each publisher's in turn."""
+        """Send waiting messages, one of each publisher in turn."""
         behind = self.feeds_behind
         while behind and not self.connection.writing_paused:
             feed = next(iter(behind))
@@ -335,7 +342,7 @@ class RemoteSubscriber:
 
 
 def _nothing() -> None:
-    """Nobody wants to know."""
+    """The default of `on_matched`."""
 
 
 def _unmatched(publisher: TopicEndpoint, wanted: TopicEndpoint, mismatch: str, where: Any) -> str:

@@ -1,7 +1,7 @@
-"""The subscriptions of a process: finds the publishers of their topics, and takes what comes.
+"""The subscriptions of a process, and its links to the processes that publish their topics.
 
-One link to each process that publishes any of the topics, for as long as it does; dialled again
-when it was lost.
+A link connects to one process, as long as that process publishes one of the topics. It connects
+again when the connection is lost.
 """
 
 from __future__ import annotations
@@ -29,21 +29,21 @@ if TYPE_CHECKING:
     from taskrpc.transport.discovery.availability import Availability
     from taskrpc.transport.discovery.entries import EntryChange
 
-MOST_TOLD = 100
-"""Warnings of one subscription: peers can make up any number of mismatches."""
+MAX_WARNINGS = 100
+"""Warnings of one subscription; a peer could cause any number of mismatches."""
 STEADY = 1.0
-"""Seconds after which a connection that is lost is dialled again at once."""
+"""Seconds for which a connection must have lasted to be dialled again without a delay."""
 _HALF = wire.SEQUENCE_MASK // 2
-"""Counts wrap around: a message that is further ahead is one of before."""
+"""Sequence numbers wrap around; a larger gap means that the message is late."""
 
 log = logging.getLogger("taskrpc.topics")
 
 
 class TopicsContext(Protocol):
-    """What the topics of an endpoint need of it."""
+    """What the topics of an endpoint need from it."""
 
     id: bytes
-    """What its callers know it by, and those whom it calls."""
+    """Identifies the endpoint in handshakes."""
     loop: asyncio.AbstractEventLoop
     network: Network
     dialler: Dialler
@@ -51,21 +51,21 @@ class TopicsContext(Protocol):
     address: str
 
     def publish(self, change: EntryChange, *, claim: str = "") -> None:
-        """Tell everybody of a change to what this process has."""
+        """Publish a change of this process's registry entry."""
 
 
 class SubscriptionTopics(Protocol):
     """What a subscription needs from the topics of its process."""
 
     def soon(self, action: Callable[[], object]) -> None:
-        """Do something in a later turn of the event loop."""
+        """Call a function in a later turn of the event loop."""
 
     def subscription_closed(self, subscription: LocalSubscription) -> None:
         """Remove a subscription."""
 
 
 class LocalSubscription:
-    """One subscription, seen from the wire."""
+    """One subscription of this process."""
 
     def __init__(
         self,
@@ -78,49 +78,51 @@ class LocalSubscription:
     ) -> None:
         self.named = named
         self.number = number
+        """Identifies it on every link."""
         self.decode: Callable[[Body], Any] = codec_of(msg_type).decode
         self.publishers: dict[tuple[object, int], TopicEndpoint] = {}
-        """Those that it gets messages from, by link and number."""
+        """The matched publishers, by link and number, or (publisher, 0) in this process."""
         self.lost = 0
-        """Messages that publishers sent and that did not come."""
+        """Messages that publishers sent and that did not arrive."""
         self.on_matched: Callable[[], object] = _nothing
-        """Called in a turn of its own when other publishers match."""
+        """Called in a later turn of the loop when the matched publishers have changed."""
         self._topics = topics
         self._deliver = deliver
         self._on_mismatch = on_mismatch
         self._sequences: dict[tuple[bytes, int], int] = {}
-        """What came last, by the publishers' program and number; kept over lost connections."""
-        self._told: set[object] = set()
+        """The last sequence number, by peer id and publisher; kept after a lost connection."""
+        self._warned: set[object] = set()
+        """Publishers whose mismatch was reported."""
 
     @property
     def matched(self) -> int:
-        """How many publishers there are."""
+        """The number of matched publishers."""
         return len(self.publishers)
 
     def matches_changed(self) -> None:
-        """Say that it has other publishers than before."""
-        self._topics.soon(self._tell_of_matches)
+        """Report that the matched publishers have changed."""
+        self._topics.soon(self._report_matches)
 
-    def _tell_of_matches(self) -> None:
-        self.on_matched()  # asked for only now: it may have been set in the turn of the match
+    def _report_matches(self) -> None:
+        self.on_matched()  # looked up only now: it may have been set in the turn of the match
 
     def arrived_here(self, body: bytes) -> None:
         """Deliver a message of a publisher of this process."""
         self._deliver(body, 0)
 
     def arrived(self, link: SubscriptionLink, event: MessageReceived, read: int) -> None:
-        """A message came, with others of the same read."""
+        """Deliver a message of another process, and count lost ones; `read` numbers the read."""
         source = (link.peer_id, event.publisher)
         last = self._sequences.get(source)
         if last is not None and (missed := (event.sequence - last - 1) & wire.SEQUENCE_MASK):
-            if missed > _HALF:  # a new connection begins with what is kept for latecomers
+            if missed > _HALF:  # already received: a new connection sends the latched ones again
                 return
             self.lost += missed
         self._sequences[source] = event.sequence
         self._deliver(event.body, read)
 
     def announced(self, link: SubscriptionLink, publishers: list[Publishing]) -> None:
-        """A process has said who publishes the topic there."""
+        """Replace the publishers of a process by those that it has announced."""
         self.forget(link)
         numbers = {each.number for each in publishers}
         self.forget_counts(lambda peer_id, n: peer_id == link.peer_id and n not in numbers)
@@ -130,89 +132,90 @@ class LocalSubscription:
         self.matches_changed()
 
     def forget(self, link: SubscriptionLink) -> None:
-        """A process publishes nothing any more, or says anew what it does."""
+        """Forget the publishers of a process."""
         for source in [each for each in self.publishers if each[0] is link]:
             del self.publishers[source]
             self.matches_changed()
 
     def forget_counts(self, of: Callable[[bytes, int], bool]) -> None:
-        """Forget what came last of publishers that are gone for good."""
+        """Forget the sequence numbers of publishers for which `of(peer_id, number)` is true."""
         for source in [each for each in self._sequences if of(*each)]:
             del self._sequences[source]
 
     def refuses(self, publisher: TopicEndpoint) -> bool:
-        """Whether a publisher does not match; says so, once for each."""
+        """Whether a publisher does not match; reports each mismatch once."""
         mismatch = wire.mismatch_of(publisher, self.named)
         if mismatch is not None:
             if self._on_mismatch is None:
-                self._tell(publisher, _unmatched(publisher, self.named, mismatch))
+                self._warn(publisher, _unmatched(publisher, self.named, mismatch))
             elif self._is_new(publisher):
                 self._topics.soon(partial(self._on_mismatch, mismatch))
         return mismatch is not None
 
     def close(self) -> None:
-        """Want no more messages."""
+        """End the subscription."""
         self._topics.subscription_closed(self)
 
     def _matches(self, each: Publishing) -> bool:
         if each.refusal:
-            self._tell(each.publisher, each.refusal)
+            self._warn(each.publisher, each.refusal)
             return False
         return not self.refuses(each.publisher)
 
-    def _tell(self, about: object, warning: str) -> None:
+    def _warn(self, about: object, warning: str) -> None:
         if self._is_new(about):
             log.warning("%s", warning)
 
     def _is_new(self, about: object) -> bool:
-        """Whether nothing was said of it yet."""
-        if about in self._told or len(self._told) >= MOST_TOLD:
+        """Whether it was not reported yet, and may be."""
+        if about in self._warned or len(self._warned) >= MAX_WARNINGS:
             return False
-        self._told.add(about)
+        self._warned.add(about)
         return True
 
 
 class SubscriptionLink:
-    """This process's subscriptions at one other process."""
+    """The connection to another process that publishes topics of this one's subscriptions."""
 
     def __init__(self, context: TopicsContext, address: Address) -> None:
         self.address = address
         self.peer_id = b""
-        """The program at the other end, once connected."""
+        """The id of the process at the other end, once connected."""
         self.subscriptions: dict[int, LocalSubscription] = {}
-        """Those that want something of that process."""
+        """The subscriptions, by number, for which the process publishes."""
         self._context = context
         self._connection: CallingConnection | None = None
         self._is_answered = self._has_too_many = False
-        self._mute = context.id
-        """A program that is not asked: ourselves, by another address, or one without topics."""
+        self._without_topics = context.id
+        """The id of a process to which nothing is subscribed: this one, under another address, or
+        one that does not know topics."""
         self._task = context.loop.create_task(self._keep())
 
     def want(self, subscriptions: Iterable[LocalSubscription]) -> None:
-        """Subscribe, now or as soon as there is a connection."""
+        """Add subscriptions; subscribe now or once connected."""
         for each in subscriptions:
             if each.number in self.subscriptions:
                 continue
             if len(self.subscriptions) >= wire.MAX_SUBSCRIPTIONS:
-                self._tell_of_too_many(each)
+                self._warn_of_too_many(each)
                 return
             self.subscriptions[each.number] = each
             self._subscribe(each)
 
     def forget(self, subscription: LocalSubscription) -> None:
-        """Unsubscribe."""
+        """Remove a subscription."""
         if self.subscriptions.pop(subscription.number, None) is not None and self._connection:
             self._connection.say(lambda session: wire.unsubscribe(session, subscription.number))
 
     def publishers_received(self, event: PublishersReceived) -> None:
-        """The process has said who publishes a topic there."""
+        """Pass on the announced publishers of a topic."""
         self._is_answered = True
         subscription = self.subscriptions.get(event.subscription_id)
         if subscription is not None:
             subscription.announced(self, event.publishers)
 
     def published(self, event: MessageReceived, read: int) -> None:
-        """A message came, with others of the same read."""
+        """Pass on a message; `read` numbers the read that received it."""
         subscription = self.subscriptions.get(event.subscription_id)
         if subscription is not None:
             subscription.arrived(self, event, read)
@@ -223,7 +226,7 @@ class SubscriptionLink:
         return self._connection is not None
 
     def close(self) -> asyncio.Task[None]:
-        """Look for the process no more."""
+        """Remove all subscriptions, and stop connecting; return the task that ends."""
         self._forget_counts()
         for subscription in list(self.subscriptions.values()):
             self.forget(subscription)
@@ -233,19 +236,19 @@ class SubscriptionLink:
         return self._task
 
     async def _keep(self) -> None:
-        loop, failures, said = self._context.loop, 0, ""
+        loop, failures, reported = self._context.loop, 0, ""
         while True:
             try:
                 connection = await self._context.dialler.connection(self.address, None)
             except TaskRpcError as error:
-                if said != str(error):
-                    said = str(error)
-                    is_away = isinstance(error, ConnectionLost)  # and may come at any time
+                if reported != str(error):
+                    reported = str(error)
+                    is_away = isinstance(error, ConnectionLost)  # it may start at any time
                     log.log(logging.DEBUG if is_away else logging.WARNING, "%s", error)
             else:
-                said, began = "", loop.time()
+                reported, began = "", loop.time()
                 await self._use(connection)
-                self._context.availability.notify()  # perhaps it is dialled in vain from now on
+                self._context.availability.notify()  # the process may be gone: search again
                 if loop.time() - began >= STEADY:
                     failures = 0
                     continue
@@ -253,7 +256,7 @@ class SubscriptionLink:
             failures += 1
 
     async def _use(self, connection: CallingConnection) -> None:
-        """Have a connection until it ends."""
+        """Subscribe over a connection, and wait until it ends."""
         if connection.peer_id != self.peer_id:
             self._forget_counts()
         self.peer_id, self._connection = connection.peer_id, connection
@@ -268,12 +271,12 @@ class SubscriptionLink:
             self._connection = None
             for subscription in self.subscriptions.values():
                 subscription.forget(self)
-        # One of whom nothing comes any more may only have lost its network.
-        has_spoken = connection.received > received and not self._is_answered
-        if has_spoken and isinstance(connection.why_closed, ProtocolError):
-            self._mute = self.peer_id  # or calls to it would break off, too
+        # Only if it sent something: a silent process may just have lost its network.
+        has_sent = connection.received > received and not self._is_answered
+        if has_sent and isinstance(connection.why_closed, ProtocolError):
+            self._without_topics = self.peer_id  # subscribing again would break calls to it, too
             log.warning(
-                "%s has no topics: it ended the connection when it was asked for one (%s)",
+                "%s has no topics: it closed the connection when this program subscribed (%s)",
                 self.address.place,
                 connection.why_closed,
             )
@@ -282,7 +285,7 @@ class SubscriptionLink:
         for subscription in self.subscriptions.values():
             subscription.forget_counts(lambda peer_id, _: peer_id == self.peer_id)
 
-    def _tell_of_too_many(self, first: LocalSubscription) -> None:
+    def _warn_of_too_many(self, first: LocalSubscription) -> None:
         if not self._has_too_many:
             self._has_too_many = True
             log.warning(
@@ -293,13 +296,13 @@ class SubscriptionLink:
             )
 
     def _subscribe(self, subscription: LocalSubscription) -> None:
-        if self._connection is not None and self.peer_id != self._mute:
+        if self._connection is not None and self.peer_id != self._without_topics:
             number, wanted = subscription.number, subscription.named
             self._connection.say(lambda session: wire.subscribe(session, number, wanted))
 
 
 def _nothing() -> None:
-    """Nobody wants to know."""
+    """The default of `on_matched`."""
 
 
 def _unmatched(publisher: TopicEndpoint, wanted: TopicEndpoint, mismatch: str) -> str:

@@ -261,14 +261,14 @@ def test_a_greeting_that_is_none_is_a_protocol_error(name):
 )
 def test_nothing_but_the_handshake_in_its_order_comes_before_the_proof(frames, type_):
     _, events = server_after(*frames)
-    sentence = f"frame type {type_} came where the client's handshake was expected"
+    sentence = f"expected the client's handshake, got frame type {type_}"
     assert str(why_closed(events)) == sentence
 
 
 @pytest.mark.parametrize("type_", [FrameType.AUTH_OK, FrameType.HELLO, FrameType.RESPONSE, 127])
 def test_a_client_expects_the_servers_handshake(type_):
     client = Session(CLIENT, is_client=True)
-    sentence = f"frame type {int(type_)} came where the server's handshake was expected"
+    sentence = f"expected the server's handshake, got frame type {int(type_)}"
     assert str(why_closed(receive(client, control(type_)))) == sentence
 
 

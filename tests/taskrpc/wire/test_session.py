@@ -277,7 +277,7 @@ def test_a_cancelled_call_that_crosses_goaway_is_nobodys():
 def test_only_a_server_drains():
     pair = open_pair()
     (closed,) = receive(pair.server, frame(FrameType.GOAWAY))
-    assert str(closed.error) == "frame type 13 is not a client's to send"
+    assert str(closed.error) == "a client may not send frame type 13"
 
 
 def test_a_server_that_drains_before_the_handshake_says_nothing():
@@ -311,15 +311,15 @@ def question(call_id=1, body=b"\x91\xa0"):
 
 
 OFFENCES_OF_A_CLIENT = {
-    "a response to nothing": (frame(FrameType.RESPONSE, 1), "an answer to call 1, which is not"),
-    "an error to nothing": (frame(FrameType.ERROR, 5), "an answer to call 5, which is not"),
-    "call id 0": (frame(FrameType.REQUEST, 0), "call id 0 came after 0"),
-    "a used call id": (frame(FrameType.REQUEST, 4) * 2, "call id 4 came after 4"),
+    "a response to nothing": (frame(FrameType.RESPONSE, 1), "a response to call 1, which is not"),
+    "an error to nothing": (frame(FrameType.ERROR, 5), "a response to call 5, which is not"),
+    "call id 0": (frame(FrameType.REQUEST, 0), "call id 0 follows 0"),
+    "a used call id": (frame(FrameType.REQUEST, 4) * 2, "call id 4 follows 4"),
     "a smaller call id": (frame(FrameType.REQUEST, 4) + question(3), "call id 3"),
     "an unknown type": (frame(0x7F), "frame type 127 is not part of this protocol"),
     "type 0": (frame(0), "frame type 0 is not part of this protocol"),
     "a second greeting": (frame(FrameType.HELLO), "frame type 1 is not part of this protocol"),
-    "an advertisement": (frame(FrameType.ADVERTISE), "frame type 5 is not a client's to send"),
+    "an advertisement": (frame(FrameType.ADVERTISE), "a client may not send frame type 5"),
     "a question that is none": (question(body=b"?"), "Resolve is not valid: "),
     "a question not in UTF-8": (question(body=b"\x91\xa1\xff"), "Resolve is not"),
     "a question too deep": (question(body=b"\x93\xa0\xa0" + b"\x91" * 10**5), "Resolve is not"),

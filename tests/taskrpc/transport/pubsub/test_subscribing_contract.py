@@ -102,7 +102,7 @@ async def test_a_peer_of_before_there_were_topics_is_asked_once_and_can_be_calle
         assert (await calling.call(ask(2, 3))).sum == 5
         await asyncio.sleep(0.01)
     assert of_topics(caplog) == [
-        f"{server.address} has no topics: it ended the connection when it was asked for one"
+        f"{server.address} has no topics: it closed the connection when this program subscribed"
         " (frame type 14 is not part of this protocol)"
     ]
     assert subscription.get_publisher_count() == 0
@@ -165,7 +165,7 @@ async def test_a_program_that_names_itself_among_its_peers_gets_its_messages_onc
 async def test_publishers_of_one_topic_never_share_a_number(net):
     talker, listener = await net.node("talker"), await net.node("listener")
     first = talker.create_publisher(Int32, "counts")
-    talker._transport.topics._last_number = first._sender.number - 3 & 0xFFFF
+    talker._transport.topics._last_publisher = first._sender.number - 3 & 0xFFFF
     others = [talker.create_publisher(Int32, "counts") for _ in range(5)]
     got = []
     subscription = listener.create_subscription(Int32, "counts", got.append)
