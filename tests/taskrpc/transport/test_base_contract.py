@@ -132,7 +132,7 @@ async def test_a_deadline_that_has_passed_fails_without_sending(net, timeout):
     assert gate.started == [0]
 
 
-async def test_no_deadline_waits_as_long_as_it_takes(net):
+async def test_a_call_without_a_deadline_waits_without_limit(net):
     gate = Gate()
     _, client = await served(net, gate)
     call = client.call_async(ask(7), timeout=None)
@@ -252,7 +252,7 @@ async def test_a_cancelled_call_in_the_queue_never_starts(net):
     assert gate.started == [1, 3]
 
 
-async def test_the_callers_end_cancels_what_runs_for_it(net):
+async def test_the_end_of_the_caller_cancels_its_calls(net):
     gate = Gate()
     server = await net.node()
     server.create_service(Add, "gate", gate)
@@ -321,7 +321,7 @@ async def test_wait_for_cancels_a_call_that_takes_too_long(net):
     await until(lambda: gate.cancelled)
 
 
-async def test_calls_that_nobody_keeps_run_to_their_end(net):
+async def test_calls_without_a_reference_still_complete(net):
     done = []
 
     async def slow(request, response):

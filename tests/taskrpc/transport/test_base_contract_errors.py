@@ -110,7 +110,7 @@ async def test_a_response_that_cannot_be_sent_is_the_handlers_failure(
     assert logged in caplog.text
 
 
-async def test_a_handlers_error_whose_message_is_no_string_still_arrives(net):
+async def test_a_handlers_error_with_a_non_string_message_arrives(net):
     def refuse(request, response):
         raise taskrpc.HandlerError("NOT_FOUND", 404)
 
@@ -194,7 +194,7 @@ async def test_a_call_that_certainly_did_not_run_is_repeated(net):
     assert calls == [1, 1, 1, 1]
 
 
-async def test_a_call_that_ran_is_never_repeated_whatever_the_policy(net):
+async def test_a_call_that_ran_is_never_retried(net):
     calls, callback = counting(3)
     _, client = await served(net, callback)
     with pytest.raises(taskrpc.HandlerFailed):

@@ -225,7 +225,7 @@ async def test_destroyed_nodes_leave_no_task_timer_or_warning(net, caplog):
     assert [each for each in caplog.records if each.name == "asyncio"] == []
 
 
-async def test_a_connection_refused_while_others_wait_for_it_fails_them_all_alike(net):
+async def test_a_refused_connection_fails_all_calls_that_wait_for_it(net):
     server, client = await served(net)
     await server.destroy()
     results = await asyncio.gather(*[outcome(client.call(ask())) for _ in range(20)])

@@ -73,7 +73,7 @@ async def test_a_destroyed_node_leaves_running_calls_with_an_unknown_outcome(net
     assert {each.not_executed for each in errors[5:]} == {True}
 
 
-async def test_drain_answers_what_is_in_flight_and_the_rest_moves_on_unseen(net):
+async def test_drain_finishes_calls_in_flight_and_moves_later_ones_to_another_server(net):
     first, second = await net.node("first"), await net.node("second")
     places = []
 
@@ -201,7 +201,7 @@ async def test_many_clients_of_many_servers_are_all_answered(net):
 # Callbacks
 
 
-async def test_current_call_tells_who_calls_what(net):
+async def test_current_call_names_the_caller_and_the_service(net):
     seen = []
 
     def look(request, response):
@@ -301,7 +301,7 @@ async def test_a_node_that_its_own_callback_destroys_leaves_the_graph(net):
     assert place not in [entry.address for entry in await watcher.graph()]
 
 
-async def test_the_graph_and_definitions_are_told(net):
+async def test_the_graph_and_definitions_are_available(net):
     server, client = await served(net)
     node = await net.node("looker")
     entries = await node.graph()

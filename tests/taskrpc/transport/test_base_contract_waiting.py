@@ -25,7 +25,7 @@ async def test_wait_returns_false_at_its_timeout(net):
     assert not await client.wait_for_service(0)
 
 
-async def test_a_client_that_waits_is_woken_by_the_server_whatever_the_order(net):
+async def test_a_waiting_client_is_woken_when_the_server_starts(net):
     for delay in (0, 0.001, 0.039, 0.041, 0.1):
         client = await net.client(Add, f"late{delay * 1000:.0f}")
         waiting = asyncio.create_task(client.wait_for_service(None))
@@ -48,7 +48,7 @@ async def test_many_waiters_are_all_woken(net):
         assert all(await asyncio.gather(*waiting))
 
 
-async def test_waiters_whose_neighbours_give_up_still_wake(net):
+async def test_a_waiting_client_wakes_after_others_have_stopped_waiting(net):
     client = await net.client(Add, "late")
     waiting = [asyncio.create_task(client.wait_for_service(None)) for _ in range(4)]
     await asyncio.sleep(0.02)

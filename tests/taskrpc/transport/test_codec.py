@@ -18,7 +18,7 @@ int64 = st.integers(-(2**63), 2**63 - 1)
 
 
 @given(a=int64, b=int64)
-def test_what_is_encoded_is_decoded(a, b):
+def test_encoded_messages_are_decoded(a, b):
     codec = codec_of(Add.Request)
     assert codec.decode(codec.encode(Add.Request(a=a, b=b))) == Add.Request(a=a, b=b)
 
@@ -83,7 +83,7 @@ def test_a_value_deep_inside_is_named_by_its_path():
         ([[[0, -1], "a"], []], "header.stamp.nanosec", "expected uint32 in 0..4294967295, got -1"),
     ],
 )
-def test_what_msgspec_refuses_is_named_by_its_path_too(body, path, said):
+def test_errors_of_msgspec_contain_the_field_path(body, path, said):
     with pytest.raises(taskrpc.InvalidRequest) as caught:
         codec_of(srvgen.load("nav_msgs/msg/Path")).decode(encode(body))
     assert (caught.value.path, said in str(caught.value)) == (path, True)
@@ -152,7 +152,7 @@ def test_a_codec_is_made_once():
     assert codec_of(Add.Request) is codec_of(Add.Request)
 
 
-def test_bodies_too_long_to_be_harmless_are_decoded_whatever_their_fields_are_called():
+def test_long_bodies_are_decoded_with_any_field_names():
     item = "uint8[100000] filler\nint32 from\nstring[] words\nfloat32[] numbers\nbyte level\n"
     text = f"demo_msgs/Odd[] odds\n{'=' * 80}\nMSG: demo_msgs/msg/Odd\n{item}"
     cls = srvgen.define("demo_msgs/msg/Odds", text)

@@ -46,7 +46,7 @@ async def turns(count=10):
         await asyncio.sleep(0)
 
 
-async def test_bytes_arrive_in_order_in_later_turns_whatever_the_pieces():
+async def test_bytes_arrive_in_order_in_later_turns():
     chance = random.Random(1)
     one, other = joined(room=7)
     data = chance.randbytes(5000)
@@ -74,7 +74,7 @@ async def test_a_writer_is_paused_while_the_reader_pauses():
     assert len(other.received) == HIGH_WATER + 1
 
 
-async def test_what_was_written_before_close_is_read():
+async def test_bytes_written_before_close_are_read():
     one, other = joined()
     one.transport.write(b"last words")
     one.transport.close()
@@ -84,7 +84,7 @@ async def test_what_was_written_before_close_is_read():
     assert one.log == other.log == ["lost"]
 
 
-async def test_abort_takes_back_what_was_not_read():
+async def test_abort_drops_unread_bytes():
     one, other = joined()
     one.transport.write(b"gone")
     one.transport.abort()
@@ -101,7 +101,7 @@ async def test_closing_both_ends_loses_each_once():
     assert one.log == other.log == ["lost"]
 
 
-async def test_a_paused_reader_learns_of_the_end_after_it_has_read_all():
+async def test_a_paused_reader_sees_the_end_after_all_bytes():
     one, other = joined()
     other.transport.pause_reading()
     one.transport.write(b"data")

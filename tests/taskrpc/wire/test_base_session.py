@@ -33,7 +33,7 @@ def frame(type_, call_id=0, arg=0, body=b"", flags=0, method=0):
     return pack_frame(type_, flags, method, call_id, arg, body)
 
 
-def test_a_ping_is_answered_and_tells_nobody():
+def test_a_ping_is_answered_without_an_event():
     pair = open_pair()
     pair.client.ping(99)
     assert pair.deliver(pair.server) == []
@@ -43,7 +43,7 @@ def test_a_ping_is_answered_and_tells_nobody():
 
 
 @pytest.mark.parametrize("offence", [frame(0x7F), bytes(16), frame(FrameType.RESPONSE, 1)])
-def test_who_breaks_the_protocol_is_told_how(offence):
+def test_a_protocol_error_is_sent_to_the_peer(offence):
     pair = open_pair()
     (closed,) = receive(pair.server, offence)
     (told,) = pair.deliver(pair.client)
@@ -51,7 +51,7 @@ def test_who_breaks_the_protocol_is_told_how(offence):
     assert not pair.server.take()
 
 
-def test_who_does_not_speak_the_protocol_is_told_nothing():
+def test_a_peer_without_the_magic_bytes_gets_no_reply():
     pair = ConnectionPair()
     assert types(receive(pair.server, b"GET / HTTP/1.1")) == [Closed]
     assert not pair.server.take()
@@ -90,7 +90,7 @@ def test_a_closed_session_takes_no_large_body():
         frame(FrameType.RESPONSE, 1) * 2,
     ],
 )
-def test_what_came_before_the_offence_is_heard_and_nothing_after_it(bad):
+def test_frames_before_a_protocol_error_are_handled_and_none_after_it(bad):
     for piece in (1, 65_536):
         pair = open_pair()
         for ticket in "ab":
@@ -180,7 +180,7 @@ hostile_frame = st.builds(
 
 @given(st.lists(hostile_frame, max_size=12), st.integers(1, 300), st.booleans())
 @settings(max_examples=150)
-def test_whole_frames_of_nonsense_raise_nothing(stream, piece, is_client):
+def test_frames_with_random_content_raise_nothing(stream, piece, is_client):
     pair = open_pair()
     for n in range(3):
         pair.client.request(n, 1, b"", 100)

@@ -20,7 +20,7 @@ def types(events):
 
 
 @pytest.mark.parametrize(("second", "kind"), [(5, RequestReceived), (6, QuotaExceeded)])
-def test_request_is_crowded_when_it_exceeds_the_free_bytes(second, kind):
+def test_a_request_over_the_free_bytes_exceeds_the_quota(second, kind):
     pair = open_pair()
     pair.server.free_bytes = 10
     pair.client.request("a", 3, bytes(5), 250)

@@ -81,7 +81,7 @@ def test_both_sides_prove_the_token_and_know_each_other(piece):
     assert pair.server.body_limit == DEFAULT_LIMITS.body
 
 
-def test_a_client_with_another_token_is_refused_and_told():
+def test_a_client_with_a_wrong_token_is_refused_with_a_reason():
     pair = ConnectionPair(client=replace(CLIENT, token=b"guess"))
     at_client, at_server = pair.run()
     assert isinstance(why_closed(at_server), AuthenticationFailed)
@@ -259,7 +259,7 @@ def test_a_greeting_that_is_none_is_a_protocol_error(name):
         ([control(0)], 0),
     ],
 )
-def test_nothing_but_the_handshake_in_its_order_comes_before_the_proof(frames, type_):
+def test_only_handshake_frames_in_order_are_accepted_before_the_proof(frames, type_):
     _, events = server_after(*frames)
     sentence = f"expected the client's handshake, got frame type {type_}"
     assert str(why_closed(events)) == sentence
@@ -310,7 +310,7 @@ BEHIND = pack_frame(FrameType.REQUEST, 0, 1, 1, 50, b"z" * 5000) + pack_frame(
 
 @given(st.lists(st.integers(0, len(handshake_stream() + BEHIND)), max_size=8))
 @settings(max_examples=80)
-def test_the_cuts_of_a_handshake_and_of_what_follows_make_no_difference(cuts):
+def test_a_handshake_and_later_frames_may_arrive_in_any_pieces(cuts):
     stream = handshake_stream() + BEHIND
     server = Session(SERVER, is_client=False)
     events = []
@@ -323,7 +323,7 @@ def test_the_cuts_of_a_handshake_and_of_what_follows_make_no_difference(cuts):
     assert [len(event.body) for event in events[1:]] == [5000, LARGE + 5]
 
 
-def test_what_a_server_says_right_behind_the_handshake_is_heard():
+def test_frames_directly_behind_the_handshake_are_handled():
     pair = ConnectionPair()
     pair.deliver(pair.server)
     pair.deliver(pair.client)

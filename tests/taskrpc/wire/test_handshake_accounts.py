@@ -54,7 +54,7 @@ def why_not(event):
     return str(event.error), *event.error.__notes__
 
 
-def test_who_proves_an_accounts_token_is_that_account():
+def test_the_token_of_an_account_identifies_the_account():
     at_client, at_server = shaken(ANA.token.encode())
     assert right(at_server) == ("ana", Role.OPERATE)
     assert isinstance(at_client[-1], Ready)
@@ -114,7 +114,7 @@ def test_a_server_without_accounts_knows_only_its_own_token():
         (OWNER, None, ("", Role.ADMIN)),
     ],
 )
-def test_what_the_connection_has_proved_stands_for_a_token(credentials, accounts, expected):
+def test_peer_credentials_replace_a_token(credentials, accounts, expected):
     server = replace(KNOWING, accounts=accounts)
     assert right(shaken(b"", server, credentials, trusted=OWNER)[1]) == expected
 
@@ -140,7 +140,7 @@ def test_an_account_is_believed_before_the_certificate_beside_it():
     assert right(shaken(ANA.token.encode(), KNOWING, PeerCredentials("eve"))[1])[0] == "ana"
 
 
-def test_the_empty_token_opens_nothing_that_nobody_vouches_for():
+def test_the_empty_token_is_refused_without_peer_credentials():
     told = why_not(shaken(b"", trusted=OWNER)[1])
     assert told == ("the token is not this server's", "it does not know this server's token")
 
@@ -201,7 +201,9 @@ def deserved(name, key, credentials, accounts):
     st.booleans(),
 )
 @settings(max_examples=200)
-def test_nobody_is_more_than_what_he_proves(name, key, credentials, role, theirs, with_accounts):
+def test_a_caller_gets_only_the_role_that_it_proves(
+    name, key, credentials, role, theirs, with_accounts
+):
     server = replace(KNOWING, accounts=ACCOUNTS if with_accounts else None)
     session = Session(server, is_client=False)
     if credentials is not None:
@@ -243,7 +245,7 @@ OVERHEARD = [
 
 @given(st.lists(st.sampled_from(OVERHEARD), max_size=6), st.data())
 @settings(max_examples=150)
-def test_what_was_overheard_opens_nothing_in_any_order(frames, data):
+def test_recorded_handshakes_cannot_be_replayed(frames, data):
     stream = bytearray(b"".join(frames))
     for place in data.draw(st.lists(st.integers(0, 500), max_size=3)):
         if place < len(stream):

@@ -53,7 +53,7 @@ def test_a_call_is_answered(piece):
     assert pair.client.in_flight == pair.server.in_flight == 0
 
 
-def test_an_answer_resumed_out_beside_what_the_session_says():
+def test_a_thread_can_write_a_response_directly():
     pair = open_pair()
     call_id = pair.client.request("ticket", 3, b"question", NO_DEADLINE)
     pair.deliver(pair.server)
@@ -79,7 +79,7 @@ def test_a_call_fails_with_the_servers_error():
 
 
 @pytest.mark.parametrize("size", [LARGE - 1, LARGE, LARGE + 1, 300_000])
-def test_large_bodies_arrive_both_ways_in_whatever_pieces(size):
+def test_large_bodies_arrive_in_any_pieces(size):
     pair = open_pair()
     body = bytes(range(251)) * (size // 251 + 1)
     call_id = pair.client.request("ticket", 1, body[:size], NO_DEADLINE)
@@ -122,7 +122,7 @@ def test_a_cancelled_call_keeps_its_place_until_its_terminal_frame():
     assert pair.client.request("room", 1, b"", NO_DEADLINE)
 
 
-def test_the_answer_to_a_call_that_was_asked_to_stop_comes_until_it_is_dropped():
+def test_a_stopped_call_still_gets_its_response_until_it_is_dropped():
     pair = open_pair()
     kept, dropped = (pair.client.request(name, 1, b"", NO_DEADLINE) for name in ("a", "b"))
     pair.deliver(pair.server)
@@ -139,7 +139,7 @@ def test_the_answer_to_a_call_that_was_asked_to_stop_comes_until_it_is_dropped()
     assert pair.deliver(pair.server) == []
 
 
-def test_the_servers_time_stops_at_what_a_frame_can_tell():
+def test_the_server_time_is_capped_at_the_largest_value_of_a_frame():
     pair = open_pair()
     call_id = pair.client.request("ticket", 1, b"", NO_DEADLINE)
     pair.deliver(pair.server)
@@ -194,7 +194,7 @@ def test_a_client_that_exceeds_its_calls_has_its_answers_and_the_reason():
     assert str(closed.error) == str(overrun.error)
 
 
-def test_who_heeds_no_farewell_is_not_heard_and_costs_nothing():
+def test_requests_over_the_limits_after_goaway_are_ignored():
     pair = open_pair(limits=Limits(calls=2))
     pair.client.their_limits = UNHEEDED
     for n in range(1000):
@@ -233,7 +233,7 @@ def test_an_advertisement_tells_the_client_to_look_again():
 # Drain
 
 
-def test_a_draining_server_answers_what_it_has():
+def test_a_draining_server_finishes_its_calls():
     pair = open_pair()
     call_id = pair.client.request("ticket", 1, b"", NO_DEADLINE)
     pair.deliver(pair.server)
@@ -265,7 +265,7 @@ def test_a_call_that_crosses_goaway_never_runs_and_its_owner_learns_that(questio
     assert refused_error().not_executed is True
 
 
-def test_a_cancelled_call_that_crosses_goaway_is_nobodys():
+def test_a_cancelled_call_that_crosses_goaway_is_not_reported():
     pair = open_pair()
     pair.server.drain()
     call_id = pair.client.request("gone", 1, b"", NO_DEADLINE)
@@ -293,7 +293,7 @@ def test_a_server_that_drains_before_the_handshake_says_nothing():
 # Ends
 
 
-def test_lost_tells_every_owner_once_that_nobody_knows():
+def test_lost_returns_every_open_ticket_once():
     pair = open_pair()
     ids = [pair.client.request(n, 1, b"", NO_DEADLINE) for n in range(4)]
     pair.deliver(pair.server)

@@ -51,7 +51,7 @@ def test_an_error_arrives_as_it_was(error):
 
 
 @pytest.mark.parametrize("code", Code)
-def test_what_a_callback_says_arrives_as_handler_failed_with_its_code(code):
+def test_an_error_of_a_callback_arrives_as_handler_failed_with_its_code(code):
     arrived = travelled(errors.HandlerError(code, "because"))
     assert type(arrived) is errors.HandlerFailed
     assert (arrived.code, arrived.message) == (code, "because")
@@ -68,7 +68,7 @@ def test_what_a_callback_says_arrives_as_handler_failed_with_its_code(code):
         errors.ConnectionLost("no"),
     ],
 )
-def test_what_only_one_side_can_mean_arrives_as_the_root(error):
+def test_errors_of_one_side_only_arrive_as_the_base_error(error):
     arrived = travelled(error)
     assert type(arrived) is TaskRpcError
     assert str(arrived) == str(error)
@@ -76,7 +76,7 @@ def test_what_only_one_side_can_mean_arrives_as_the_root(error):
 
 
 @given(st.floats(allow_nan=True, allow_infinity=True))
-def test_nobody_is_asked_back_too_early(seconds):
+def test_retry_after_is_rounded_up(seconds):
     wire = to_wire(errors.ServerBusy("full", retry_after=seconds))
     assert 0 <= wire.retry_after <= 0xFFFF
     arrived = from_wire(*wire).retry_after
@@ -153,7 +153,7 @@ sentences = st.builds(ErrorBody, st.text(characters), st.text(characters))
     st.one_of(st.binary(max_size=50), sentences.map(messages.encode)),
 )
 @settings(max_examples=150)
-def test_whatever_is_sent_means_some_error(code, flags, retry_after, body):
+def test_any_error_frame_becomes_an_error(code, flags, retry_after, body):
     arrived = from_wire(code, flags, retry_after, body)
     assert isinstance(arrived, TaskRpcError)
     assert (arrived.not_executed is True) is bool(flags & Flag.NOT_EXECUTED)

@@ -74,7 +74,7 @@ def test_a_large_message_arrives_between_calls(size):
         (endpoint(reliable=False), endpoint(reliable=False), None),
     ],
 )
-def test_who_matches_whom(publisher, subscription, mismatch):
+def test_publishers_and_subscriptions_match_by_type_and_qos(publisher, subscription, mismatch):
     assert topics.mismatch_of(publisher, subscription) == mismatch
 
 
@@ -88,7 +88,7 @@ def test_who_matches_whom(publisher, subscription, mismatch):
         (False, FrameType.SUBSCRIBE, b"\xc1", "Announcement is not valid"),
     ],
 )
-def test_what_makes_no_sense_ends_the_connection(to_server, type_, body, why):
+def test_invalid_topic_frames_end_the_connection(to_server, type_, body, why):
     pair = open_pair()
     end = pair.server if to_server else pair.client
     (closed,) = receive(end, pack_frame(type_, 0, 0, 1, 0, body))

@@ -22,7 +22,7 @@ def endpoint(name):
 
 
 @given(st.lists(st.tuples(st.sampled_from(["node", "client", "service"]), NAMES, st.booleans())))
-def test_what_came_and_has_not_gone_is_there_as_often_as_it_came(steps):
+def test_an_entry_contains_each_item_as_often_as_it_was_added_and_not_removed(steps):
     tracked = TrackedEntry(ABOUT)
     expected = {"node": Counter(), "client": Counter(), "service": Counter()}
     for kind, name, gone in steps:

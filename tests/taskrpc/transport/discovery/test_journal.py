@@ -149,7 +149,7 @@ def test_a_reader_takes_no_line_twice_and_none_out_of_turn(tmp_path):
         assert said(whole + b"garbage" + change, cut).nodes == ()
 
 
-def test_a_journal_stays_small_however_much_comes_and_goes(tmp_path):
+def test_a_journal_stays_small_after_many_changes(tmp_path):
     path = tmp_path / "journal"
     journal, tracked = Journal(path), TrackedEntry(ABOUT)
     for n in range(2000):

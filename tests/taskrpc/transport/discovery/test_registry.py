@@ -50,7 +50,7 @@ def files(registry):
     return sorted(path.name for path in registry._files())
 
 
-def test_what_one_process_publishes_the_others_see(registry, other):
+def test_a_published_entry_is_visible_to_other_processes(registry, other):
     mine = entry(services=(ADD,), address="127.0.0.1:7", token="ab")
     tracked = TrackedEntry(mine)
     registry.publish(tracked, EntryChange())
@@ -124,7 +124,7 @@ def test_a_forked_child_that_closes_leaves_its_parents_entry(registry, other):
     assert other.entries() == [entry()]
 
 
-def test_two_who_look_at_once_agree_about_the_living_and_the_dead(registry, other):
+def test_concurrent_readers_agree_on_living_and_dead_processes(registry, other):
     publish(registry, entry(services=(ADD,)))
     left_over = registry._folder / "1-dead.json"
     problems = []
@@ -230,7 +230,7 @@ def test_readers_see_each_of_many_changes_at_once(registry, other):
         assert other.entries() == [tracked.entry()]
 
 
-def test_of_two_who_claim_a_name_at_once_one_gets_it(registry):
+def test_only_one_of_two_concurrent_claims_succeeds(registry):
     """Each claim is an entry's first or one among many, in turns with another process's."""
     wins = []
 
@@ -257,7 +257,7 @@ def test_of_two_who_claim_a_name_at_once_one_gets_it(registry):
         own.close()
 
 
-def test_what_is_remembered_of_files_goes_with_them(registry):
+def test_readers_of_removed_files_are_forgotten(registry):
     for n in range(20):
         passing = Registry(0)
         publish(passing, entry(since=float(n)))
@@ -267,7 +267,9 @@ def test_what_is_remembered_of_files_goes_with_them(registry):
     assert registry._readers == {}
 
 
-def test_what_is_written_for_a_service_does_not_grow_with_their_number(registry, monkeypatch):
+def test_the_bytes_written_for_a_service_do_not_grow_with_the_number_of_services(
+    registry, monkeypatch
+):
     written = []
     write = os.write
     monkeypatch.setattr(os, "write", lambda fd, data: written.append(len(data)) or write(fd, data))
@@ -286,7 +288,7 @@ def test_what_is_written_for_a_service_does_not_grow_with_their_number(registry,
     assert spent(4000) < 2 * first
 
 
-def test_each_server_of_one_name_is_kept_until_it_goes(registry, other):
+def test_each_server_of_a_name_is_kept_until_it_is_removed(registry, other):
     """Nodes of one program may offer the same name."""
     first, second = (ServiceEndpoint("/s", "a/srv/B", "R", node) for node in ("/a", "/b"))
     tracked = TrackedEntry(entry())

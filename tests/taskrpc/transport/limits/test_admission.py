@@ -45,7 +45,7 @@ async def crowd(monkeypatch):
         yield Crowd(server, stack)
 
 
-async def test_an_account_with_most_connections_gives_one_to_who_has_fewer(crowd, caplog):
+async def test_the_account_with_the_most_connections_loses_one_to_a_smaller_account(crowd, caplog):
     crowd.server.create_service(Add, "add", add)
     leaked = [await crowd.client(ANA) for _ in range(5)]
     answers = [await outcome(client.call(ask(2, 3))) for client in leaked]
@@ -81,7 +81,7 @@ async def test_an_idle_connection_gives_way_before_a_busy_one(crowd):
     assert [(await call).sum for call in calls] == [0, 1, 2]
 
 
-async def test_calls_that_do_not_end_keep_nobody_out_for_long(crowd):
+async def test_endless_calls_do_not_prevent_an_eviction(crowd):
     crowd.server.create_service(Add, "add", gate := Gate(), concurrency=9)
     calls = [await calling(crowd, ANA, number) for number in range(4)]
     await until(lambda: len(gate.started) == 4)

@@ -46,7 +46,7 @@ def test_of_an_answer_that_is_sent_in_part_all_is_kept(kept):
     assert not kept.forbids("/small")
 
 
-def test_once_its_last_byte_is_sent_nothing_of_it_is_kept(kept):
+def test_a_sent_response_is_no_longer_counted(kept):
     one, other = QuotaKey(), QuotaKey()
     answer(kept, one, 700, sent=690)
     answer(kept, other, 400, sent=390)
@@ -58,7 +58,7 @@ def test_once_its_last_byte_is_sent_nothing_of_it_is_kept(kept):
     assert other.released == 1
 
 
-def test_answers_that_wait_behind_it_are_counted_once(kept):
+def test_responses_behind_a_large_one_are_counted_once(kept):
     caller = QuotaKey()
     answer(kept, caller, 400, sent=100)
     answer(kept, caller, 400, sent=0)
@@ -96,7 +96,7 @@ def released(crowd):
     return [caller.released for caller in crowd]
 
 
-def test_of_those_who_waited_one_goes_on_in_a_turn_and_what_comes_stays_behind(kept, crowd):
+def test_one_waiting_connection_continues_in_each_turn_before_new_calls(kept, crowd):
     for gone_on in range(1, 5):
         assert released(crowd) == [1] * gone_on + [0] * (5 - gone_on)
         assert kept.forbids("/big")
@@ -117,7 +117,7 @@ def test_they_wait_on_in_their_order_when_there_is_no_room_again(kept, crowd):
     assert not crowd[0].turns
 
 
-def test_who_came_while_others_had_their_turns_has_his_behind_them(kept, crowd):
+def test_a_connection_that_waits_later_continues_after_the_earlier_ones(kept, crowd):
     late = QuotaKey()
     late.loop = crowd[0].loop
     crowd[0].turns.popleft()()
@@ -132,7 +132,7 @@ def test_who_came_while_others_had_their_turns_has_his_behind_them(kept, crowd):
     assert not crowd[0].turns
 
 
-def test_who_leaves_before_his_turn_is_not_let_go_on(kept, crowd):
+def test_a_connection_that_is_lost_while_it_waits_is_not_released(kept, crowd):
     for caller in crowd[1:]:
         kept.left(caller)
     crowd[0].turns.popleft()()

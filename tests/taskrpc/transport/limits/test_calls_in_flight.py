@@ -106,7 +106,7 @@ async def test_one_laptop_cannot_have_more_calls_in_flight_than_are_left_for_oth
     assert len(answered) == len(gate.started) - 90
 
 
-async def test_who_repeats_what_was_refused_has_it_all_done(lab, monkeypatch):
+async def test_refused_calls_succeed_when_they_are_retried(lab, monkeypatch):
     monkeypatch.setattr(calls_in_flight, "MAX_CALLS", 100)
 
     async def work(request, response):
@@ -203,7 +203,7 @@ def load_header(call_id, size):
     return pack_header(FrameType.REQUEST, 0, 1, call_id, 10_000, size)
 
 
-async def test_what_is_refused_for_its_share_is_observed_and_logged_seldom(
+async def test_refusals_over_the_fair_share_are_observed_and_throttled_in_the_log(
     lab, monkeypatch, caplog
 ):
     monkeypatch.setattr(calls_in_flight, "MAX_CALLS", 10)

@@ -95,7 +95,7 @@ async def test_the_environment_chooses_where_the_program_does_not(monkeypatch):
     ("given", "environment", "where"),
     [("fast", "robot", "keepalive"), (None, "fast", "TASKRPC_KEEPALIVE")],
 )
-async def test_a_name_that_is_none_is_told_with_where_it_stands(
+async def test_an_unknown_profile_is_refused_with_its_source(
     given, environment, where, monkeypatch
 ):
     monkeypatch.setenv("TASKRPC_KEEPALIVE", environment)
@@ -117,7 +117,7 @@ async def test_nodes_with_different_profiles_have_connections_of_their_own():
 @pytest.mark.real_time
 @pytest.mark.skipif(sys.platform != "linux", reason="the options' names and units are Linux's")
 @pytest.mark.parametrize("profile", PROFILES)
-async def test_the_kernel_is_told_at_both_ends(profile):
+async def test_both_ends_set_the_kernel_timeouts(profile):
     keepalive = PROFILES[profile]
     with contextlib.closing(bound("127.0.0.1", 0)) as free:
         place = f"127.0.0.1:{free.getsockname()[1]}"
@@ -155,7 +155,7 @@ async def test_an_idle_connection_keeps_nothing_for_a_full_peer():
 
 @pytest.mark.real_time
 @pytest.mark.skipif(sys.platform != "linux", reason="only Linux takes the full for dead")
-async def test_a_peer_without_room_is_spared_until_it_reads_on():
+async def test_a_peer_with_a_full_buffer_is_kept_until_it_reads():
     loop = asyncio.get_running_loop()
     with contextlib.ExitStack() as stack:
         listening = stack.enter_context(bound("127.0.0.1", 0))

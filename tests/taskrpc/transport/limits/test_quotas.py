@@ -11,49 +11,49 @@ callers = st.sampled_from([ADA, BO, ("", "192.0.2.7")])
 steps = st.lists(st.tuples(st.booleans(), callers, st.integers(1, 50)), max_size=60)
 
 
-def take_all(shares, caller):
+def take_all(quota, caller):
     taken = 0
-    while shares.take(caller, 1):
+    while quota.take(caller, 1):
         taken += 1
     return taken
 
 
 def test_one_alone_has_a_half_and_the_next_half_of_the_rest():
-    shares = FairQuota(1000)
-    assert take_all(shares, ADA) == 500
-    assert take_all(shares, BO) == 250
-    assert not shares.take(ADA, 1)
+    quota = FairQuota(1000)
+    assert take_all(quota, ADA) == 500
+    assert take_all(quota, BO) == 250
+    assert not quota.take(ADA, 1)
 
 
-def test_those_who_take_in_turn_have_the_same():
-    shares = FairQuota(1000)
+def test_callers_that_take_in_turn_get_equal_quotas():
+    quota = FairQuota(1000)
     names = [(str(number), "") for number in range(9)]
     for _ in range(1000):
         for name in names:
-            shares.take(name, 1)
-    assert shares.left == pytest.approx(1000 / 10, abs=9)
+            quota.take(name, 1)
+    assert quota.left == pytest.approx(1000 / 10, abs=9)
 
 
-def test_what_is_given_back_can_be_taken_again():
-    shares = FairQuota(100)
-    assert shares.take(ADA, 50)
-    assert not shares.take(ADA, 1)
-    shares.give(ADA, 50)
-    assert shares.take(BO, 50)
+def test_returned_quota_can_be_taken_again():
+    quota = FairQuota(100)
+    assert quota.take(ADA, 50)
+    assert not quota.take(ADA, 1)
+    quota.give(ADA, 50)
+    assert quota.take(BO, 50)
 
 
 @given(steps)
-def test_there_is_always_as_much_left_as_anybody_just_took(steps):
-    shares, held = FairQuota(300), {}
+def test_some_quota_is_always_left(steps):
+    quota, held = FairQuota(300), {}
     for is_taken, caller, amount in steps:
         if is_taken:
             fits = held.get(caller, 0) + amount <= 300 - sum(held.values()) - amount
-            assert shares.take(caller, amount) == fits
+            assert quota.take(caller, amount) == fits
             held[caller] = held.get(caller, 0) + amount * fits
         elif amount <= held.get(caller, 0):
-            shares.give(caller, amount)
+            quota.give(caller, amount)
             held[caller] -= amount
-        assert shares.left == 300 - sum(held.values()) > 0
+        assert quota.left == 300 - sum(held.values()) > 0
 
 
 @pytest.mark.parametrize(

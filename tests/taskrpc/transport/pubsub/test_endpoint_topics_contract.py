@@ -39,7 +39,7 @@ async def test_messages_come_in_the_order_in_which_they_were_published(net):
     assert publisher.lost == subscription.lost == subscription.dropped == 0
 
 
-async def test_it_makes_no_difference_who_comes_first(net):
+async def test_publisher_and_subscription_match_in_any_order(net):
     listener = await net.node("listener")
     got = []
     subscription = listener.create_subscription(Int32, "counts", got.append)
@@ -52,7 +52,7 @@ async def test_it_makes_no_difference_who_comes_first(net):
 
 
 @pytest.mark.parametrize("reader", ["talker", "listener"])
-async def test_both_sides_are_told_when_others_match_and_when_they_are_gone(net, reader):
+async def test_both_sides_are_notified_of_matches_and_their_ends(net, reader):
     """Whether they are in one endpoint or in two."""
     nodes = {name: await net.node(name) for name in ("talker", "listener")}
     told = []
@@ -167,7 +167,7 @@ async def test_a_latecomer_that_keeps_one_gets_the_last_one(net):
         (QoS(), LATCHED, "DURABILITY"),
     ],
 )
-async def test_qos_that_does_not_match_is_told_at_both_ends(net, caplog, offered, wanted, policy):
+async def test_both_ends_report_incompatible_qos(net, caplog, offered, wanted, policy):
     talker, listener = await net.node("talker"), await net.node("listener")
     publisher = talker.create_publisher(Int32, "counts", offered)
     subscription = listener.create_subscription(Int32, "counts", print, wanted)
@@ -194,7 +194,7 @@ async def test_more_than_was_asked_for_matches(net, caplog, offered, wanted):
     assert not caplog.records
 
 
-async def test_another_type_of_the_same_name_is_told_at_both_ends(net, caplog):
+async def test_both_ends_report_a_different_type(net, caplog):
     talker, listener = await net.node("talker"), await net.node("listener")
     publisher = talker.create_publisher(Int32, "counts")
     subscription = listener.create_subscription(String, "counts", print)
@@ -205,7 +205,7 @@ async def test_another_type_of_the_same_name_is_told_at_both_ends(net, caplog):
         assert "std_msgs/msg/String" in message
 
 
-async def test_what_is_destroyed_gets_and_gives_nothing_more(net):
+async def test_a_destroyed_publisher_or_subscription_exchanges_no_messages(net):
     publisher, subscription, got = await joined(net)
     subscription.destroy()
     await until(lambda: not publisher.get_subscription_count())
@@ -242,7 +242,7 @@ async def test_the_last_words_of_a_node_arrive(net):
     await until(lambda: len(got) == 100)
 
 
-async def test_everybody_sees_publishers_and_subscriptions_in_the_graph(net):
+async def test_the_graph_contains_publishers_and_subscriptions(net):
     publisher, subscription, _ = await joined(net, LATCHED)
     looking = await net.node("looking")
     entries = await looking.graph()
@@ -319,7 +319,7 @@ async def test_mismatches_that_a_peer_makes_up_do_not_fill_the_log(net, caplog):
     assert len(of_publisher) == 100
 
 
-async def test_who_wants_to_be_told_of_mismatches_is_told_instead_of_the_log(net, caplog):
+async def test_a_mismatch_callback_replaces_the_log_line(net, caplog):
     talker, listener = await net.node("talker"), await net.node("listener")
     offered, wanted = [], []
     talker.create_publisher(

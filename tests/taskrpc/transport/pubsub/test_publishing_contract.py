@@ -53,7 +53,7 @@ def owed(publisher):
     return feed._subscriber.owed
 
 
-async def test_who_does_not_read_is_owed_at_most_the_depth_and_gets_the_newest(net):
+async def test_a_slow_subscriber_gets_the_newest_messages_up_to_the_depth(net):
     publisher, subscription, got = await joined(net, 5)
     await asyncio.sleep(0.05)
     reading_end(subscription).pause_reading()
@@ -74,7 +74,7 @@ async def test_who_does_not_read_is_owed_at_most_the_depth_and_gets_the_newest(n
     assert owed(publisher) == 0
 
 
-async def test_one_who_does_not_read_is_no_matter_of_the_others(net):
+async def test_a_slow_subscriber_does_not_delay_others(net):
     publisher, slow, _ = await joined(net, 5)
     quick = []
     listener = await net.node("quick")
@@ -89,7 +89,7 @@ async def test_one_who_does_not_read_is_no_matter_of_the_others(net):
     assert [number_of(each) for each in quick] == list(range(number))
 
 
-async def test_what_is_owed_is_bounded_in_bytes_whatever_the_depth(net, monkeypatch):
+async def test_waiting_messages_are_bounded_in_bytes(net, monkeypatch):
     monkeypatch.setattr(publishing, "MAX_OWED", 100_000)
     publisher, subscription, got = await joined(net, 1000)
     reading_end(subscription).pause_reading()
@@ -103,7 +103,7 @@ async def test_what_is_owed_is_bounded_in_bytes_whatever_the_depth(net, monkeypa
     await until(lambda: got and number_of(got[-1]) == 999_999)
 
 
-async def test_a_subscriber_that_goes_while_it_is_owed_something_leaves_nothing(net):
+async def test_a_lost_subscriber_leaves_no_waiting_messages(net):
     publisher, subscription, _ = await joined(net, 5)
     reading_end(subscription).pause_reading()
     await fill(publisher)
@@ -114,7 +114,7 @@ async def test_a_subscriber_that_goes_while_it_is_owed_something_leaves_nothing(
     await until(publisher.get_subscription_count)  # it comes again by itself
 
 
-async def test_what_waits_when_its_publisher_is_destroyed_is_counted_as_lost(net):
+async def test_waiting_messages_of_a_destroyed_publisher_count_as_lost(net):
     publisher, subscription, _ = await joined(net, 5)
     reading_end(subscription).pause_reading()
     await fill(publisher)
@@ -172,7 +172,7 @@ async def test_an_account_that_may_look_may_subscribe_and_no_more_than_its_role(
     ]
 
 
-async def test_who_loses_a_role_hears_no_more_of_it_however_long_his_calls_last(net):
+async def test_a_subscriber_that_loses_its_role_gets_no_more_messages_during_a_long_call(net):
     boss = Account("boss", "0123456789abcdef0124", Role.OPERATE)
     accounts = Accounts([boss])
     talker = await net.node("talker", accounts=accounts)
@@ -226,7 +226,7 @@ async def test_a_restarted_publisher_is_found_by_its_address_alone(net):
     await until(lambda: len(got) == 2)
 
 
-async def test_a_peer_without_the_topic_is_asked_once_and_tells_when_it_has_it(net):
+async def test_a_peer_announces_a_topic_that_it_publishes_later(net):
     if net.is_virtual:
         return
     server = await net.node("server", token="a secret of sixteen")
@@ -242,7 +242,7 @@ async def test_a_peer_without_the_topic_is_asked_once_and_tells_when_it_has_it(n
     await until(lambda: got)
 
 
-async def test_who_does_not_know_the_secret_is_told_so_once(net, caplog, monkeypatch, tmp_path):
+async def test_a_wrong_secret_is_logged_once(net, caplog, monkeypatch, tmp_path):
     if net.is_virtual:
         return
     server = await net.node("server", token="a secret of sixteen")

@@ -34,7 +34,7 @@ async def joined(net, callback, depth=10):
     return publisher, subscription
 
 
-async def test_a_callback_that_publishes_what_it_gets_for_ever_leaves_turns_to_others(net):
+async def test_an_endless_publishing_callback_does_not_block_the_loop(net):
     if net.is_virtual:
         return  # no time passes there as long as there is something to do
     node = await net.node("both")
@@ -108,7 +108,7 @@ async def test_a_peer_of_before_there_were_topics_is_asked_once_and_can_be_calle
     assert subscription.get_publisher_count() == 0
 
 
-async def test_a_peer_that_falls_silent_before_it_answers_is_asked_again(net, caplog, monkeypatch):
+async def test_a_peer_that_falls_silent_before_it_responds_is_asked_again(net, caplog, monkeypatch):
     talker, listener = await net.node("talker"), await net.node("listener")
     publisher = talker.create_publisher(Int32, "counts")
     asked = []
@@ -128,7 +128,7 @@ def of_topics(caplog):
     return [each.getMessage() for each in caplog.records if each.name == "taskrpc.topics"]
 
 
-async def test_who_hangs_up_on_subscribers_is_dialled_ever_more_seldom(net, monkeypatch):
+async def test_a_peer_that_closes_connections_is_dialled_at_growing_intervals(net, monkeypatch):
     dialled = []
 
     def hangs_up(self, event):
@@ -176,7 +176,7 @@ async def test_publishers_of_one_topic_never_share_a_number(net):
     assert subscription.lost == 0
 
 
-async def test_publishers_that_come_and_go_while_nobody_reads_leave_nothing(net):
+async def test_destroyed_publishers_leave_nothing_for_a_slow_subscriber(net):
     talker, listener = await net.node("talker"), await net.node("listener")
     steady = talker.create_publisher(String, "text", 5)
     subscription = listener.create_subscription(String, "text", print, 5)
@@ -255,7 +255,7 @@ async def test_a_plain_callback_that_is_too_slow_gets_the_newest_and_the_loop_go
         (lambda a, b: None, "expected a function that takes a message, got .*missing a required"),
     ],
 )
-async def test_what_cannot_be_called_with_a_message_is_refused_at_once(net, callback, problem):
+async def test_an_invalid_callback_is_refused_at_once(net, callback, problem):
     node = await net.node("node")
     with pytest.raises(TypeError, match=f"the callback of /counts: {problem}"):
         node.create_subscription(Int32, "counts", callback)
@@ -282,7 +282,7 @@ async def test_a_program_has_so_many_subscriptions_at_another_and_no_more(net, c
     assert len(of_topics(caplog)) == 1
 
 
-async def test_who_subscribes_without_end_is_cut_off_and_the_others_notice_nothing(net, caplog):
+async def test_a_caller_with_too_many_subscriptions_is_disconnected_alone(net, caplog):
     server, client = await net.node("server"), await net.node("client")
     publisher = server.create_publisher(Int32, "counts")
     server.create_service(Add, "add", add)
@@ -357,7 +357,7 @@ async def test_a_thread_that_waits_to_publish_learns_that_the_publisher_is_gone(
     assert await outcome(asyncio.sleep(0)) is None
 
 
-async def test_many_publishers_of_one_turn_are_told_together_and_before_their_messages(net):
+async def test_publishers_of_one_turn_are_announced_together_before_their_messages(net):
     talker, listener = await net.node("talker"), await net.node("listener")
     known = []
 
@@ -386,7 +386,7 @@ async def test_many_publishers_of_one_turn_are_told_together_and_before_their_me
     assert (first.get_subscription_count(), last.get_subscription_count()) == (1, 1)
 
 
-async def test_whatever_a_caller_makes_of_topic_frames_the_others_notice_nothing(net, caplog):
+async def test_invalid_topic_frames_do_not_affect_other_callers(net, caplog):
     talker, hostile, other = [await net.node(name) for name in ("talker", "hostile", "other")]
     got = []
     publisher = talker.create_publisher(Int32, "counts", QoS(3, durability="transient_local"))
@@ -431,9 +431,7 @@ def _wishes(named):
     ]
 
 
-async def test_who_sleeps_between_messages_instead_of_awaiting_is_told_why_nobody_hears(
-    net, caplog
-):
+async def test_a_blocking_sleep_between_messages_is_explained_in_the_log(net, caplog):
     if net.is_virtual:
         return  # no time passes there in a turn of the loop
     talker = await net.node("talker")

@@ -41,9 +41,7 @@ async def close(connections):
         writer.close()
 
 
-async def test_the_oldest_strangers_are_cut_off_and_who_has_proved_himself_stays(
-    monkeypatch, caplog
-):
+async def test_only_the_oldest_unauthenticated_connections_are_closed(monkeypatch, caplog):
     monkeypatch.setattr(admission, "MAX_UNAUTHENTICATED", 4)
     async with offering() as server, taskrpc.Node("client", token="c") as node:
         client = node.create_client(Add, "add")
@@ -260,7 +258,7 @@ def test_a_flood_of_strangers_fills_no_log(caplog):
     ]
 
 
-async def test_every_stranger_is_told_of_until_there_are_very_many(caplog):
+async def test_each_invalid_client_is_logged_up_to_a_limit(caplog):
     async with offering() as server:
         for _ in range(LINES + 20):
             _, writer = await asyncio.open_connection(*host_and_port(server))

@@ -144,7 +144,7 @@ async def test_a_token_opens_a_server_that_is_in_no_registry(monkeypatch, tmp_pa
 @pytest.mark.parametrize(
     ("token", "said"), [(None, "its secret is needed"), ("wrong", "not this server's")]
 )
-async def test_without_the_token_nobody_gets_in(monkeypatch, tmp_path, token, said, caplog):
+async def test_a_caller_without_the_token_is_refused(monkeypatch, tmp_path, token, said, caplog):
     gate = Gate()
     async with offering(gate, token="right") as server:
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))
@@ -243,7 +243,7 @@ async def talk(node, *pieces, wait=5.0):
     ],
     ids=["http", "tls", "almost", "noise", "length", "too long", "request first", "bad hello"],
 )
-async def test_a_stranger_is_closed_with_one_log_line_and_harms_nobody(pieces, caplog):
+async def test_an_invalid_client_is_disconnected_with_one_log_line(pieces, caplog):
     async with offering() as server, taskrpc.Node("client", token="c") as node:
         client = node.create_client(Add, "add")
         assert await client.wait_for_service(60)
@@ -255,7 +255,7 @@ async def test_a_stranger_is_closed_with_one_log_line_and_harms_nobody(pieces, c
     assert caplog.records[0].exc_info is None
 
 
-async def test_who_only_connects_and_leaves_is_not_worth_a_line(caplog):
+async def test_a_connection_without_data_is_not_logged(caplog):
     async with offering() as server:
         for _ in range(5):
             socket.create_connection(host_and_port(server)).close()
@@ -292,7 +292,7 @@ async def test_a_call_does_not_wait_longer_for_a_connection_than_its_deadline():
 # Leaving
 
 
-async def test_destroying_a_node_while_it_dials_ends_everything(caplog):
+async def test_destroying_a_node_ends_its_pending_connection(caplog):
     with silent() as place:
         async with taskrpc.Node("client", peers=[place]) as node:
             calls = [asyncio.create_task(node.create_client(Add, "add").call(ask()))]
@@ -384,7 +384,7 @@ def test_loops_that_have_ended_are_not_kept_alive():
     assert loop() is None
 
 
-async def test_the_registry_is_looked_at_once_for_all_who_wait(monkeypatch):
+async def test_one_look_at_the_registry_serves_all_waiting_clients(monkeypatch):
     network = TcpNetwork(domain=0)
     looks = 0
     signature = network._registry.signature
@@ -401,7 +401,7 @@ async def test_the_registry_is_looked_at_once_for_all_who_wait(monkeypatch):
     network.close()
 
 
-async def test_a_peer_whose_secret_is_not_known_is_not_called(monkeypatch, tmp_path):
+async def test_a_peer_with_an_unknown_secret_is_not_called(monkeypatch, tmp_path):
     """It could be anybody's program, and would be given the request."""
     async with taskrpc.Node("server", token="") as server:
         server.create_service(Add, "add", add)

@@ -48,7 +48,7 @@ async def call(node):
 
 
 @pytest.mark.parametrize("mask", [0o000, 0o022, 0o077, 0o177])
-async def test_only_its_user_can_reach_a_socket_whatever_the_umask(folder, mask):
+async def test_the_umask_cannot_open_a_socket_to_other_users(folder, mask):
     path = folder / "deep" / "robot.sock"
     (folder / "deep").mkdir(mode=0o700)
     with umask(mask):
@@ -100,7 +100,7 @@ async def test_unix_alone_is_a_socket_in_the_runtime_folder():
     assert not path.exists()
 
 
-async def test_an_account_is_who_it_is_on_a_unix_socket_too(folder):
+async def test_accounts_are_recognised_on_a_unix_socket(folder):
     seen = []
 
     def look(request, response):
@@ -117,7 +117,7 @@ async def test_an_account_is_who_it_is_on_a_unix_socket_too(folder):
     assert seen == ["ana"]
 
 
-async def test_another_user_is_refused_by_what_the_system_says_of_him(folder, monkeypatch):
+async def test_the_system_identifies_and_refuses_another_user(folder, monkeypatch):
     monkeypatch.setattr(platform, "peer_user", lambda sock: os.getuid() + 1)
     place = f"unix:{folder}/robot.sock"
     async with (
@@ -143,7 +143,7 @@ async def test_another_user_may_call_with_an_account_but_not_without(folder, mon
             assert isinstance(await call(eve), taskrpc.AuthenticationFailed)
 
 
-def test_the_system_says_who_is_at_the_other_end():
+def test_the_system_identifies_the_peer():
     left, right = socket.socketpair(socket.AF_UNIX)
     with left, right:
         assert platform.peer_user(left) in (os.getuid(), None)
@@ -192,7 +192,7 @@ async def test_a_server_that_ends_late_leaves_its_successors_socket_alone(folder
 
 
 @pytest.mark.parametrize("kind", ["file", "open folder", "link"])
-def test_what_is_no_socket_of_this_user_is_never_touched(folder, kind):
+def test_only_sockets_of_this_user_are_replaced(folder, kind):
     path = folder / "robot.sock"
     if kind == "file":
         path.write_text("precious")
@@ -220,7 +220,7 @@ def test_a_socket_to_call_needs_its_path():
         unix_sockets.checked_unix("unix:")
 
 
-def test_windows_is_told_in_one_sentence(monkeypatch):
+def test_windows_users_get_one_clear_sentence(monkeypatch):
     monkeypatch.delattr(socket, "AF_UNIX")
     with pytest.raises(taskrpc.TaskRpcError) as caught:
         unix_sockets.checked_unix("unix:/run/robot.sock")
