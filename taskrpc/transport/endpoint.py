@@ -275,7 +275,7 @@ class Endpoint(ThreadHandoff):
             served = cast("ServingConnection", connection)
             self._served[served] = None
             if self._admission is not None and connection.transport is not None:
-                self._admission.came(served, connection.transport.get_extra_info("peername"))
+                self._admission.arrived(served, connection.transport.get_extra_info("peername"))
         elif isinstance(connection, CallingConnection):
             self.dialler.connections[connection] = None
         self._identify(connection)

@@ -84,11 +84,11 @@ class Admission:
         self._eviction_log = ThrottledLog(log)
         self._problem = f"the server has {self._most} connections, as many as it can"
 
-    def came(self, connection: AdmittedConnection, peername: object) -> None:
+    def arrived(self, connection: AdmittedConnection, peername: object) -> None:
         """Count a new connection; close the oldest one without a proof if there are too many."""
         connection.host_name = host_of(peername)
         if len(self._unauthenticated) >= self._most_unauthenticated:
-            self._cut_oldest(connection)
+            self._close_oldest(connection)
         self._unauthenticated.add(connection.host_name, connection)
 
     def proved(self, connection: AdmittedConnection) -> None:
@@ -147,7 +147,7 @@ class Admission:
         loop.call_later(GRACE, evicted.abort, error)
         return True
 
-    def _cut_oldest(self, newest: AdmittedConnection) -> None:
+    def _close_oldest(self, newest: AdmittedConnection) -> None:
         oldest = self._unauthenticated.pop_oldest(self._unauthenticated.largest())
         self._unauthenticated_log.warning(
             newest.loop.time(),

@@ -2,7 +2,7 @@
 
 Each connection begins no more calls while its caller does not read. But a thousand callers with one
 large unread response each would still fill the memory. Above a bound, the services that send large
-responses begin no calls for anybody until callers have read, or stalled callers are disconnected.
+responses begin no calls until callers have read, or stalled callers are disconnected.
 """
 
 from __future__ import annotations

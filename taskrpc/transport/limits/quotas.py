@@ -51,7 +51,7 @@ class FairQuota:
     def __init__(self, total: int) -> None:
         self._total = total
         self.left = total
-        """The amount that nobody has taken."""
+        """The amount that is not taken."""
         self._taken: dict[QuotaKey, int] = {}
 
     def take(self, caller: QuotaKey, amount: int) -> bool:

@@ -17,7 +17,7 @@ CONTRACT = "_contract"
 
 
 def pytest_asyncio_loop_factories(config, item):
-    """One transport a loop; uvloop too where it is installed."""
+    """Return a transport for each loop; with uvloop too if it is installed."""
     if CONTRACT not in item.path.name:
         return None
     loops = {"memory": VirtualTimeLoop, "tcp": asyncio.SelectorEventLoop}
@@ -33,7 +33,7 @@ def pytest_collection_modifyitems(items):
 
 
 class Network:
-    """Makes nodes that are destroyed with the test; each has sockets of its own unless told."""
+    """Creates nodes that are destroyed with the test; each has its own sockets by default."""
 
     def __init__(self, stack):
         self.is_virtual = isinstance(asyncio.get_running_loop(), VirtualTimeLoop)

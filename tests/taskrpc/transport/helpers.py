@@ -21,7 +21,7 @@ def ask(a=0, b=0):
 
 
 class Gate:
-    """An async callback that waits until it is opened, and says what became of it."""
+    """An async callback that waits until the test opens it, and records how it ended."""
 
     def __init__(self):
         self.opened = asyncio.Event()
@@ -42,14 +42,14 @@ class Gate:
 
 
 async def until(condition, seconds=60):
-    """Return when `condition()` holds; fails when it never does."""
+    """Return once `condition()` is true; fail if it never is."""
     async with asyncio.timeout(seconds):
         while not condition():
             await asyncio.sleep(0.002)
 
 
 async def outcome(awaitable):
-    """The response, or the error instead of raising it."""
+    """Return the response, or the error without raising it."""
     try:
         return await awaitable
     except taskrpc.TaskRpcError as error:
@@ -60,7 +60,7 @@ FAST = taskrpc.RetryPolicy(wait_initial=0.001, wait_jitter=0)
 
 
 async def served(net, callback=add, name="add", srv_type=Add, **options):
-    """A server and a client of it, in endpoints of their own."""
+    """A server and its client, each with its own endpoint."""
     server = await net.node("server")
     server.create_service(srv_type, name, callback, **options)
     client = await net.client(srv_type, name)

@@ -1,4 +1,4 @@
-"""What every transport owes its callers: answers, deadlines, cancelling, awaiting as one likes.
+"""Contract of every transport: responses, deadlines, cancelling, and all ways to await.
 
 The contract suite (`test_*_contract*.py`) is one: all of it runs over memory and over TCP.
 """

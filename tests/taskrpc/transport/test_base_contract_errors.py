@@ -1,4 +1,4 @@
-"""Contract: every failure arrives as one typed error; repeated is only what is safe."""
+"""Contract: every failure arrives as one typed error; only safe calls are retried."""
 
 import asyncio
 

@@ -1,4 +1,4 @@
-"""Contract: services that come, go, drain and move; callbacks, names and the graph."""
+"""Contract: services that start, end, drain and move; callbacks, names and the graph."""
 
 import asyncio
 import logging

@@ -1,4 +1,4 @@
-"""Contract: whoever waits for a service is woken, whatever the order; nobody waits for ever."""
+"""Contract: every client that waits for a service wakes when the service is available."""
 
 import asyncio
 

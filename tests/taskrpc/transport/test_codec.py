@@ -1,4 +1,4 @@
-"""A body is what its class says, to the last field, or an InvalidRequest that says where not."""
+"""A body matches its class in every field, or an InvalidRequest names the field."""
 
 import tracemalloc
 from functools import partial

@@ -1,4 +1,4 @@
-"""Callers learn of changed services once a turn, however many change in it."""
+"""Callers are notified of changed services once in a turn, for any number of changes."""
 
 import asyncio
 

@@ -1,4 +1,4 @@
-"""Memory behaves as sockets do: order, back pressure, closing; seen by its own loop only."""
+"""Connections in memory behave like sockets: order, backpressure, closing; visible in one loop."""
 
 import asyncio
 import random

@@ -56,7 +56,7 @@ class ConnectionPair:
         return receive(end, data, piece)
 
     def run(self, *, piece: int = 65_536) -> tuple[list[Event], list[Event]]:
-        """Carry everything to and fro until nobody says anything; the client's events first."""
+        """Deliver all bytes until no end sends more; return the events of both ends."""
         at_client: list[Event] = []
         at_server: list[Event] = []
         self.collect()

@@ -1,4 +1,4 @@
-"""A connection's state changes by one table, whatever its two ends do."""
+"""The state of a connection changes only as its table allows."""
 
 import pytest
 from hypothesis import given

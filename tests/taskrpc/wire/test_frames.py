@@ -1,4 +1,4 @@
-"""Frames come out of the stream as they went in, whatever its pieces, and lies cost nothing."""
+"""The splitter returns the frames that were sent, in any pieces; false lengths take no memory."""
 
 import tracemalloc
 

@@ -1,4 +1,4 @@
-"""Nobody gets in without the token, and every stranger is turned away with one clear sentence."""
+"""Without the token, a caller is refused with one clear sentence."""
 
 import hmac
 
@@ -102,7 +102,7 @@ def test_a_server_that_does_not_know_the_token_is_left():
 def test_a_server_cannot_send_the_clients_own_proof_back():
     client = Session(CLIENT, is_client=True)
     client.take()
-    # With its own nonce for the other's, only the role tells the two proofs apart.
+    # With equal nonces, only the role distinguishes the two proofs.
     ack = HelloAck(1, SERVER.id, CLIENT.nonce, DEFAULT_LIMITS)
     assert receive(client, control(FrameType.HELLO_ACK, messages.encode(ack))) == []
     (auth,) = client.take()
@@ -143,7 +143,7 @@ def test_both_sides_know_the_same_of_an_encrypted_connection():
 
 
 def test_a_server_that_believes_to_speak_on_another_connection_is_left():
-    """It proves the token, but not to us: somebody stands between."""
+    """The peer proves the token, but over another connection: an attacker relays it."""
     client, server = Session(CLIENT, is_client=True), Session(SERVER, is_client=False)
     server.set_peer_credentials(None, b"k")
     receive(server, b"".join(client.take()))
@@ -245,7 +245,7 @@ def test_a_greeting_that_is_none_is_a_protocol_error(name):
     error = why_closed(events)
     assert type(error) is ProtocolError
     assert str(error).startswith("Hello is not valid: ")
-    assert server.out  # it is told why
+    assert server.out  # the client gets the reason
 
 
 @pytest.mark.parametrize(
@@ -293,7 +293,7 @@ def test_a_server_cannot_make_a_client_believe_in_impossible_limits(limits):
 
 
 def handshake_stream():
-    """All that a client says in a handshake, as the server of `SERVER` would hear it."""
+    """Return all bytes of a client's handshake with the server of `SERVER`."""
     pair = ConnectionPair()
     pair.collect()
     stream = bytes(pair.wire[pair.server])
@@ -317,7 +317,7 @@ def test_a_handshake_and_later_frames_may_arrive_in_any_pieces(cuts):
     edges = sorted(cuts)
     for start, end in zip([0, *edges], [*edges, len(stream)], strict=True):
         events += receive(server, stream[start:end])
-    # What comes in one piece need not be announced.
+    # A request that arrives in one piece is not announced.
     events = [event for event in events if not isinstance(event, LargeRequestBegan)]
     assert [type(event) for event in events] == [Ready, RequestReceived, RequestReceived]
     assert [len(event.body) for event in events[1:]] == [5000, LARGE + 5]

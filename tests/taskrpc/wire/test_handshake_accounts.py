@@ -1,4 +1,4 @@
-"""Who proves an account's token is that account; who does not learns nothing of it."""
+"""The token of an account identifies it; other callers learn nothing about the account."""
 
 import hashlib
 import hmac
@@ -182,7 +182,7 @@ def proof(key, role, mine, theirs):
 
 
 def deserved(name, key, credentials, accounts):
-    """By the documentation: whom the server must see, None for nobody."""
+    """Return the expected account and role by the documentation; None if it must be refused."""
     if key == ("ana" if name == "ana" and accounts else "own"):
         return ("ana", Role.OPERATE) if key == "ana" else ("", Role.ADMIN)
     if key != "empty" or credentials is None:

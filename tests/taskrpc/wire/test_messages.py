@@ -1,4 +1,4 @@
-"""Bodies of control frames arrive as they were sent; any other bytes are one ProtocolError."""
+"""Bodies of control frames arrive unchanged; any other bytes raise ProtocolError."""
 
 import pytest
 from hypothesis import given

@@ -1,4 +1,4 @@
-"""What a connection's end leaves is freed with it, however it ended."""
+"""After any end of a connection, its memory is freed."""
 
 import gc
 

@@ -206,10 +206,10 @@ class Talk(RuleBasedStateMachine):
         for ticket in self.pair.client.lost():
             self.end(ticket, "lost")
         self.pair.server.lost()
-        self.begun = dict.fromkeys(self.begun, True)  # nobody is owed an answer any more
+        self.begun = dict.fromkeys(self.begun, True)  # no call needs a response any more
         self.pair.wire = {end: bytearray() for end in self.pair.wire}
         self.lost = True
-        # Everything that was asked has been told something, and exactly once.
+        # Every call has ended, exactly once.
         assert self.ends.keys() | self.cancelled == self.made()
 
     def made(self):

@@ -1,4 +1,4 @@
-"""An error arrives as what it was, and no peer can make more of it than an error."""
+"""An error arrives unchanged, and a peer can cause nothing worse than an error."""
 
 import math
 

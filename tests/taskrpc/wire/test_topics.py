@@ -1,4 +1,4 @@
-"""Topic frames arrive as they were sent, and what makes no sense ends the connection."""
+"""Topic frames arrive unchanged; invalid ones end the connection."""
 
 import pytest
 from hypothesis import given

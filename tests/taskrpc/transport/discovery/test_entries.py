@@ -1,4 +1,4 @@
-"""A tracked kept up to date says what an entry made anew would say."""
+"""A tracked entry with changes applied equals an entry made from scratch."""
 
 from collections import Counter
 

@@ -1,4 +1,4 @@
-"""A journal says what was written last, wherever a write ends; reading on equals reading anew."""
+"""A reader gets the last complete state, wherever a write stops; reading on is enough."""
 
 import contextlib
 import os
@@ -28,7 +28,7 @@ CHANGES = st.builds(
 
 
 class Disk:
-    """Takes part in every write and shortening of a file, and can fail like a full one."""
+    """Observes every write and truncation of a file, and can fail like a full disk."""
 
     def __init__(self, monkeypatch):
         self.states = []
@@ -38,7 +38,7 @@ class Disk:
         monkeypatch.setattr(os, "ftruncate", self.truncate)
 
     def write(self, descriptor, data):
-        """Write, noting what the file holds after each byte."""
+        """Write, and record the content of the file after each byte."""
         if self.fails_after is not None:
             if not self.fails_after:
                 raise OSError("no space left")
@@ -64,13 +64,13 @@ def contents(descriptor):
 
 @contextlib.contextmanager
 def scratch(folder):
-    """A file that is written over and over: to open one anew takes longer than to read it."""
+    """A file that is overwritten many times, because opening new ones would take long."""
     with (folder / "cut").open("w+b", buffering=0) as file:
         yield file
 
 
 def said(data, file):
-    """What a reader of these bytes believes."""
+    """Return the entry that a reader gets from these bytes."""
     file.seek(0)
     file.write(data)
     file.truncate()
@@ -90,7 +90,7 @@ def test_wherever_a_write_ends_readers_find_the_old_state_or_the_new(changes, tm
         monkeypatch.setattr(module, "_SLACK", 0)  # so that new entries are often written
         disk = Disk(monkeypatch)
         journal, tracked = Journal(folder / "journal"), TrackedEntry(ABOUT)
-        # They look at each, and at every fiftieth, of the states.
+        # One reader reads every state, the other one every fiftieth.
         readers = {1: JournalReader(), 50: JournalReader()}
         old, looks = None, 0
         for change in changes:

@@ -1,4 +1,4 @@
-"""The registry never shows a dead process, never half an entry, and never to another user."""
+"""The registry shows no dead process and no incomplete entry, and nothing to other users."""
 
 import os
 import signal
@@ -28,7 +28,7 @@ def entry(**fields):
 
 
 def publish(registry, wanted, **options):
-    """The first thing that a process says of itself."""
+    """Return the first entry of a process."""
     registry.publish(TrackedEntry(wanted), EntryChange(), **options)
 
 
@@ -147,7 +147,7 @@ def test_concurrent_readers_agree_on_living_and_dead_processes(registry, other):
 
 
 def test_a_reader_never_sees_half_an_entry(registry):
-    """Neither torn contents nor a living process missing, while its entry grows and shrinks."""
+    """Readers see no torn content and miss no living process while its entry grows and shrinks."""
     stop = threading.Event()
     names = [f"/node{n}_{'x' * 50}" for n in range(300)]
     tracked = TrackedEntry(entry())
@@ -210,7 +210,7 @@ def test_two_hundred_processes_are_read():
 
 
 def test_every_change_changes_the_signature(registry, other, monkeypatch):
-    """Also where the system's clock stands still, and over many new entries of one length."""
+    """Also if the system's clock stands still, and for many new entries of the same length."""
     monkeypatch.setattr(time, "time_ns", lambda: 10**18)
     seen = {other.signature()}
     tracked = TrackedEntry(entry())
@@ -231,7 +231,7 @@ def test_readers_see_each_of_many_changes_at_once(registry, other):
 
 
 def test_only_one_of_two_concurrent_claims_succeeds(registry):
-    """Each claim is an entry's first or one among many, in turns with another process's."""
+    """Each claim is an entry's first service or one of many; two processes claim alternately."""
     wins = []
 
     def claim(own):
@@ -320,7 +320,7 @@ def test_a_second_offer_of_a_name_is_refused_with_all_that_helps(registry, other
         " `taskrpc stop 4711`, or join it with --join (join=True)"
     )
     publish(other, entry(), claim="/subtract")
-    publish(registry, entry(services=(ADD,)), claim="/add")  # one's own entry is no second
+    publish(registry, entry(services=(ADD,)), claim="/add")  # the own entry does not conflict
 
 
 def test_a_dead_process_does_not_hold_a_name(registry):
@@ -377,7 +377,7 @@ def test_every_change_changes_the_signature_also_where_the_clock_stands_ahead(
 
 
 def leave_behind(registry, name="1-dead.json"):
-    """The file of a process that died."""
+    """Create the file of a dead process."""
     left = registry._folder / name
     left.write_bytes(line_of(1, entry(script="dead.py", services=(ADD,))))
     return left

@@ -1,4 +1,4 @@
-"""Connections of accounts, when a server has as many as it can."""
+"""Connections of accounts when a server has as many as it can accept."""
 
 import asyncio
 import contextlib
@@ -57,7 +57,7 @@ async def test_the_account_with_the_most_connections_loses_one_to_a_smaller_acco
     await asyncio.sleep(1)
     assert crowd.principals() == ["ana", "ana", "otto", "otto"]
     assert "the account ana at this machine has 4 of them, and one is evicted" in caplog.text
-    # Who lost a connection calls on, once there is room.
+    # The caller that lost a connection can call again once there is room.
     assert isinstance(await outcome(leaked[0].call(ask())), taskrpc.ServiceUnavailable)
     leaked[3]._channel._connection.close()
     await asyncio.sleep(1)

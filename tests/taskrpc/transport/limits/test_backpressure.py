@@ -1,4 +1,4 @@
-"""What callers leave unread is counted by what is kept for them."""
+"""Unread responses are counted by the memory that they use."""
 
 from collections import deque
 from types import SimpleNamespace
@@ -10,7 +10,7 @@ from taskrpc.transport.limits.backpressure import Backpressure
 
 
 class QuotaKey:
-    """A connection whose caller reads as much as the test says."""
+    """A connection; the test decides how much its caller reads."""
 
     def __init__(self):
         self.turns = deque()
@@ -30,7 +30,7 @@ def kept(monkeypatch):
 
 
 def answer(kept, caller, size, sent):
-    """Give an answer, of which the system takes some bytes at once."""
+    """Send a response; the system takes some of its bytes at once."""
     caller.written += size
     caller.buffered += size - sent
     kept.answered("/big", caller, size)
@@ -52,7 +52,7 @@ def test_a_sent_response_is_no_longer_counted(kept):
     answer(kept, other, 400, sent=390)
     assert kept.is_active
     kept.hold(other)
-    one.written, one.buffered = one.written + 20, 20  # a small answer behind it
+    one.written, one.buffered = one.written + 20, 20  # a small response behind it
     kept.measure(one)
     assert not kept.is_active, "400 of the other and 20"
     assert other.released == 1
@@ -80,7 +80,7 @@ def test_a_connection_that_is_gone_keeps_nothing(kept):
 
 @pytest.fixture
 def crowd(kept):
-    """Five callers that wait for one who has read nothing, and has now gone."""
+    """Five callers that wait because of one that has read nothing and is now gone."""
     gone, crowd = QuotaKey(), [QuotaKey() for _ in range(5)]
     answer(kept, gone, 1001, sent=0)
     for caller in crowd:

@@ -1,4 +1,4 @@
-"""One student's runaway loop takes neither the turns nor the memory of the others of his class."""
+"""One student's endless loop takes neither the turns nor the memory of the other students."""
 
 import asyncio
 import contextlib
@@ -18,7 +18,7 @@ CLASS = Account("class", "one secret for the whole class".replace(" ", "_"))
 
 
 class Lab:
-    """A server, and programs on laptops which all have the string of the class."""
+    """A server, and programs on laptops that all use the join string of the class."""
 
     def __init__(self, stack, monkeypatch):
         self._stack = stack
@@ -73,9 +73,9 @@ async def test_the_laptops_of_one_account_take_turns(lab, once):
     server = await lab.server()
     store = taskrpc.MemoryCompletions() if once else None
     server.create_service(Add, "work", work, concurrency=1, exactly_once=store)
-    greedy = [await lab.client(1) for _ in range(3)]  # programs of one laptop
+    heavy = [await lab.client(1) for _ in range(3)]  # programs of one laptop
     modest = await lab.client(2)
-    calls = [client.call_async(ask(n)) for n in range(40) for client in greedy]
+    calls = [client.call_async(ask(n)) for n in range(40) for client in heavy]
     await until(lambda: len(order) == 3)
     place = len(order)
     await asyncio.gather(*[modest.call(ask(1000 + n)) for n in range(3)])
@@ -89,8 +89,8 @@ async def test_one_laptop_cannot_have_more_calls_in_flight_than_are_left_for_oth
     monkeypatch.setattr(calls_in_flight, "MAX_CALLS", 400)
     gate, server = Gate(), await lab.server()
     server.create_service(Add, "work", gate, concurrency=1000)
-    greedy = [await lab.client(1) for _ in range(5)]
-    calls = [client.call_async(ask(n)) for n, client in enumerate(greedy * 100)]
+    heavy = [await lab.client(1) for _ in range(5)]
+    calls = [client.call_async(ask(n)) for n, client in enumerate(heavy * 100)]
     await asyncio.sleep(0.5)
     refused = [call.exception() for call in calls if call.done()]
     assert all(isinstance(each, taskrpc.ServerBusy) for each in refused)
@@ -155,9 +155,9 @@ async def test_large_requests_beyond_a_laptops_share_are_refused_before_they_are
     server = await lab.server()
     server.create_service(Text, "take", slow, concurrency=1000)
     server.create_service(Add, "work", add)
-    greedy = [await lab.client(1, "take", Text) for _ in range(8)]
+    heavy = [await lab.client(1, "take", Text) for _ in range(8)]
     request = Text.Request(target="x" * size)
-    calls = [client.call_async(request) for client in greedy * 5]
+    calls = [client.call_async(request) for client in heavy * 5]
     await asyncio.sleep(1)
     refused = [call.exception() for call in calls if call.done()]
     assert refused
@@ -174,16 +174,17 @@ async def test_large_requests_beyond_a_laptops_share_are_refused_before_they_are
     gate.set()
     await another
     await asyncio.gather(*map(outcome, calls))
-    assert (await greedy[0].call(Text.Request(target="z" * 10 * LARGE))) is not None
+    assert (await heavy[0].call(Text.Request(target="z" * 10 * LARGE))) is not None
 
 
 async def test_a_request_that_is_announced_and_never_sent_costs_only_its_caller(lab, monkeypatch):
     monkeypatch.setattr(calls_in_flight, "MAX_BYTES", 100 * LARGE)
     server = await lab.server()
     server.create_service(Text, "take", lambda request, response: response)
-    monkeypatch.setattr(Connection, "tick", lambda connection, now: None)  # nobody is cut off
-    greedy = [await lab.client(1, "take", Text) for _ in range(8)]
-    for client in greedy:
+    # Without the checks, no caller is disconnected.
+    monkeypatch.setattr(Connection, "tick", lambda connection, now: None)
+    heavy = [await lab.client(1, "take", Text) for _ in range(8)]
+    for client in heavy:
         connection = holding(client)
         call_id = connection.session.request(None, 1, b"", 10_000)
         connection.session.take()
@@ -226,7 +227,7 @@ async def test_the_laptop_with_most_connections_gives_one_to_another_of_its_clas
     monkeypatch.setattr(admission, "MAX_CONNECTIONS", 4)
     server = await lab.server()
     server.create_service(Add, "work", add)
-    greedy = [await lab.client(1) for _ in range(4)]
+    heavy = [await lab.client(1) for _ in range(4)]
     for laptop in (2, 3):
         modest = await lab.client(laptop)
         assert (await modest.call(ask(1, 2))).sum == 3
@@ -234,4 +235,4 @@ async def test_the_laptop_with_most_connections_gives_one_to_another_of_its_clas
     places = sorted(each.quota_key for each in server._transport._served)
     assert places.count(("class", "192.0.2.1")) == 2
     assert {("class", "192.0.2.2"), ("class", "192.0.2.3")} < set(places)
-    assert len(greedy) == 4
+    assert len(heavy) == 4

@@ -1,4 +1,4 @@
-"""Each end gives up a machine that is gone as soon as its own profile says, and nobody else."""
+"""Each end drops a lost machine after the time of its own profile, and no other machine."""
 
 import asyncio
 import contextlib
@@ -63,7 +63,7 @@ async def test_a_peer_that_does_not_answer_is_pinged_once_per_silence():
 
 @pytest.mark.parametrize(("profile", "seconds"), [("default", 5 + 1 + 8), ("robot", 1 + 1 + 2)])
 async def test_a_server_stops_work_for_a_dead_caller_when_its_own_profile_says(profile, seconds):
-    """In memory nobody asks but we ourselves, within a second after the silence."""
+    """In memory only this framework sends pings, within a second after the silence."""
     async with apart({"keepalive": profile}, {}) as (network, gate, client):
         call = client.call_async(ask())
         await until(lambda: gate.started)
@@ -182,7 +182,7 @@ async def test_a_peer_with_a_full_buffer_is_kept_until_it_reads():
 
 
 class Ending:
-    """A socket that is full, and then closed, as asyncio or uvloop shows it."""
+    """A socket that is full and then closed, with the errors of asyncio or uvloop."""
 
     error = None
 

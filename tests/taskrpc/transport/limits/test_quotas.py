@@ -1,4 +1,4 @@
-"""Nobody takes all of what callers have in common, and who comes next finds some."""
+"""No caller can take a whole quota; some is left for the next caller."""
 
 import pytest
 from hypothesis import given

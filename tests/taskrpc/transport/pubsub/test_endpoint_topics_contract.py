@@ -1,4 +1,4 @@
-"""Topics behave the same over every transport: who gets what, in which order, and what is lost."""
+"""Topics behave the same over every transport: receivers, order and losses."""
 
 import asyncio
 

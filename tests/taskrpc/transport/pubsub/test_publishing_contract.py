@@ -111,7 +111,7 @@ async def test_a_lost_subscriber_leaves_no_waiting_messages(net):
     reading_end(subscription).abort()
     await until(lambda: subscriber not in publisher._sender.feeds)
     assert subscriber.subscriber.owed == 0
-    await until(publisher.get_subscription_count)  # it comes again by itself
+    await until(publisher.get_subscription_count)  # it reconnects by itself
 
 
 async def test_waiting_messages_of_a_destroyed_publisher_count_as_lost(net):
@@ -207,7 +207,7 @@ def peers(net, talker):
 
 async def test_a_restarted_publisher_is_found_by_its_address_alone(net):
     if net.is_virtual:
-        return  # nobody has an address of his own choice there
+        return  # in memory, programs cannot choose an address
     first = await net.node("first", token="a secret of sixteen")
     publisher = first.create_publisher(String, "text")
     place = first.address
@@ -247,7 +247,7 @@ async def test_a_wrong_secret_is_logged_once(net, caplog, monkeypatch, tmp_path)
         return
     server = await net.node("server", token="a secret of sixteen")
     server.create_publisher(String, "text")
-    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # or the registry would tell it
+    monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # otherwise the registry would contain it
     stranger = await net.node("stranger", token="another secret", peers=[server.address])
     stranger.create_subscription(String, "text", print)
     await until(lambda: told(caplog))

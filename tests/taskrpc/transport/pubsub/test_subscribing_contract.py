@@ -1,4 +1,4 @@
-"""Programs that misuse topics, by mistake or on purpose, hurt nobody else."""
+"""Programs that misuse topics, by mistake or on purpose, do not affect others."""
 
 import asyncio
 import gc
@@ -89,7 +89,7 @@ async def test_a_peer_of_before_there_were_topics_is_asked_once_and_can_be_calle
 ):
     monkeypatch.setitem(ServingConnection.handlers, SubscribeReceived, ends_who_subscribes)
     if net.is_virtual:
-        return  # there nobody is asked who publishes nothing
+        return  # in memory, only publishing processes are asked
     server = await net.node("server", token=SECRET)
     server.create_service(Add, "add", add)
     client = await net.node("client", token=SECRET, peers=[server.address])
@@ -421,7 +421,7 @@ def numbers_of(got):
 
 
 def _wishes(named):
-    """Others than anybody has: of great depths, long names, and other topics."""
+    """Subscriptions that no program has: with great depths, long names, and other topics."""
     long = "/" + "é" * 511
     return [
         msgspec.structs.replace(named, depth=2**31, latched=True),

@@ -1,4 +1,4 @@
-"""Whoever connects finds room or is told that there is none; strangers take nobody's place."""
+"""A caller gets a place or a reason; unauthenticated callers take no place of others."""
 
 import asyncio
 import contextlib
@@ -25,7 +25,7 @@ async def strangers(server, count):
 
 
 async def ends(connections):
-    """The places of those connections that have ended."""
+    """Return the indexes of the connections that have ended."""
     found = []
     for place, (reader, _) in enumerate(connections):
         with contextlib.suppress(TimeoutError, ConnectionError):
@@ -70,7 +70,7 @@ async def test_one_machines_strangers_take_no_places_of_another_machines(monkeyp
 
 
 class Began(asyncio.Protocol):
-    """Notes the ports of the connections that began, in order."""
+    """Records the ports of the connections that began, in order."""
 
     def __init__(self, ports):
         self._ports = ports
@@ -175,7 +175,7 @@ def _is_readable(sock):
 async def test_connections_that_are_never_made_do_not_keep_the_others_out(
     monkeypatch, caplog, tmp_path
 ):
-    """In a TLS handshake nobody has a protocol yet: the listener itself must count them."""
+    """During a TLS handshake there is no protocol object yet: the listener itself must count."""
     trustme = pytest.importorskip("trustme")
     monkeypatch.setattr(listening, "MAX_ARRIVING", 3)
     authority = trustme.CA()

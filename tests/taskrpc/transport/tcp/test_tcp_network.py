@@ -1,4 +1,4 @@
-"""What is particular to TCP: addresses, tokens, domains, strangers, descriptors."""
+"""Specific to TCP: addresses, tokens, domains, invalid clients, descriptors."""
 
 import asyncio
 import contextlib
@@ -31,12 +31,12 @@ async def offering(callback=add, **options):
 
 @contextlib.contextmanager
 def silent():
-    """A place where the kernel accepts and nobody answers."""
+    """An address at which the kernel accepts connections but no program responds."""
     with socket.create_server(("127.0.0.1", 0)) as listening:
         yield "{}:{}".format(*listening.getsockname())
 
 
-# Who is where
+# Addresses
 
 
 async def test_a_client_finds_its_server_with_nothing_configured():
@@ -133,7 +133,7 @@ async def test_a_peer_that_starts_late_is_asked_again(unused_tcp_port):
 @pytest.mark.parametrize("variable", [True, False])
 async def test_a_token_opens_a_server_that_is_in_no_registry(monkeypatch, tmp_path, variable):
     async with offering(token="right") as server:
-        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # another user's, as it were
+        monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))  # like that of another user
         if variable:
             monkeypatch.setenv("TASKRPC_TOKEN", "right")
         token = None if variable else "right"
@@ -212,11 +212,11 @@ async def test_this_machines_addresses_are_allowed(host):
         pytest.skip(str(error))
 
 
-# Strangers
+# Invalid clients
 
 
 async def talk(node, *pieces, wait=5.0):
-    """Send bytes to a node's port; returns what comes back until it closes."""
+    """Send bytes to a node's port; return the bytes that it sends until it closes."""
     reader, writer = await asyncio.open_connection(*host_and_port(node))
     for piece in pieces:
         writer.write(piece)
@@ -289,7 +289,7 @@ async def test_a_call_does_not_wait_longer_for_a_connection_than_its_deadline():
             assert asyncio.get_running_loop().time() - began < 1
 
 
-# Leaving
+# Closing
 
 
 async def test_destroying_a_node_ends_its_pending_connection(caplog):
@@ -307,7 +307,7 @@ async def test_destroying_a_node_ends_its_pending_connection(caplog):
 
 
 def descriptors():
-    """Open descriptors, where the system lists them; elsewhere only Python's warnings tell."""
+    """Return the open descriptors; without a list of them, only Python's warnings show leaks."""
     return set(os.listdir("/proc/self/fd")) if sys.platform == "linux" else set()
 
 
@@ -346,7 +346,7 @@ async def test_a_caller_that_ignores_the_farewell_does_not_hold_a_node_up():
 
 
 async def test_answers_to_a_caller_that_has_just_gone_are_not_logged_one_by_one(caplog):
-    """asyncio has a line for each attempt; of a thousand callers they fill a disk, or a pipe."""
+    """asyncio logs a line for each attempt; a thousand callers would fill a disk or a pipe."""
     opened, started = asyncio.Event(), []
 
     async def big(request, response):
@@ -363,7 +363,7 @@ async def test_answers_to_a_caller_that_has_just_gone_are_not_logged_one_by_one(
             await until(lambda: len(started) == 20)
             transport = client._channel._connection.transport
             transport.get_extra_info("socket").shutdown(socket.SHUT_RDWR)
-            opened.set()  # before the server hears of the end
+            opened.set()  # before the server notices the end
             await asyncio.gather(*map(outcome, calls))
             await until(lambda: not server._transport._served)
     assert "socket.send() raised" not in caplog.text
@@ -402,7 +402,7 @@ async def test_one_look_at_the_registry_serves_all_waiting_clients(monkeypatch):
 
 
 async def test_a_peer_with_an_unknown_secret_is_not_called(monkeypatch, tmp_path):
-    """It could be anybody's program, and would be given the request."""
+    """Any program could listen there, and would get the request."""
     async with taskrpc.Node("server", token="") as server:
         server.create_service(Add, "add", add)
         monkeypatch.setenv("XDG_RUNTIME_DIR", str(tmp_path))

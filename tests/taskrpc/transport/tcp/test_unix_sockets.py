@@ -1,4 +1,4 @@
-"""A unix socket is for its own user, whatever the umask; and a dead server's is replaced."""
+"""Only its user can reach a Unix socket, with any umask; a dead server's socket is replaced."""
 
 import contextlib
 import os
@@ -25,7 +25,7 @@ ANA = Account("ana", "anas-secret-of-27-characters")
 
 @pytest.fixture
 def folder():
-    # pytest's own are too long for a socket's path on macOS.
+    # pytest's folders have names that are too long for a socket's path on macOS.
     with tempfile.TemporaryDirectory() as made:
         yield Path(made)
 
@@ -122,7 +122,7 @@ async def test_the_system_identifies_and_refuses_another_user(folder, monkeypatc
     place = f"unix:{folder}/robot.sock"
     async with (
         taskrpc.Node("server", listen=place) as server,
-        taskrpc.Node("other") as other,  # has the token from the registry, and yet
+        taskrpc.Node("other") as other,  # has the token from the registry, and is still refused
     ):
         server.create_service(Add, "add", add)
         assert isinstance(await call(other), taskrpc.TaskRpcError)
@@ -182,7 +182,7 @@ async def test_a_server_that_ends_late_leaves_its_successors_socket_alone(folder
         taskrpc.Node("local", peers=[f"unix:{path}"]) as local,
     ):
         first.create_service(Add, "first", add)
-        # It has closed its socket, and comes to remove the file only after the second has started.
+        # The first server closes its socket, but removes the file after the second has started.
         first._transport.network._listener._sock.close()
         second.create_service(Add, "add", add)
         await first.destroy()
