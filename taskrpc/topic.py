@@ -60,13 +60,17 @@ class Publisher(Generic[MsgT]):
         self._loop = asyncio.get_running_loop()
         self._thread = threading.get_ident()
         self._handed: list[bytes] = []
+        """Messages of other threads that the event loop has not sent yet; guarded by `_room`."""
         self._room = threading.Condition()
+        """Notified when the event loop takes these messages."""
         self._destroyed = False
         self._turn_began: float | None = None
+        """When the present iteration of the loop published first; None if it has not."""
         self._warned = False
+        """Whether the log has the warning about a loop that stands still."""
 
     def publish(self, message: MsgT) -> None:
-        """Send a message to all subscriptions, without waiting for them; from any thread.
+        """Send a message to all subscriptions, without waiting for them; any thread may call it.
 
         Raises InvalidRequest for a message of another type, a value that does not fit its field, or
         more than 16 MiB; TaskRpcError once the publisher is destroyed.
@@ -81,12 +85,12 @@ class Publisher(Generic[MsgT]):
             self._hand_over(body)
 
     def get_subscription_count(self) -> int:
-        """How many subscriptions get the messages."""
+        """Return how many subscriptions get the messages."""
         return self._sender.matched
 
     @property
     def on_matched(self) -> Callable[[], object]:
-        """Set it to be called, on the event loop, when other subscriptions match."""
+        """A function that the event loop calls when the matching subscriptions change."""
         return self._sender.on_matched
 
     @on_matched.setter
@@ -94,7 +98,7 @@ class Publisher(Generic[MsgT]):
         self._sender.on_matched = action
 
     def forget_latched(self) -> None:
-        """Keep nothing of what was published so far for subscriptions that come later."""
+        """Forget the published messages that are kept for later subscriptions."""
         self._sender.forget_latched()
 
     @property
@@ -167,9 +171,9 @@ class Publisher(Generic[MsgT]):
 class Subscription(Generic[MsgT]):
     """Calls its callback with each message of a topic; made by `Node.create_subscription`.
 
-    One call at a time, in order. While one runs, the last `depth` messages wait. Plain callbacks
-    get a part of each iteration of the event loop; the remaining messages wait, too. The topic
-    `otherwise` is heard as long as nobody publishes the first one.
+    It makes one call at a time, in order. While a call runs, the last `depth` messages wait. Plain
+    callbacks get a part of each iteration of the event loop; the remaining messages wait, too. As
+    long as the topic has no publisher, the subscription receives from the topic `otherwise`.
     """
 
     def __init__(
@@ -199,29 +203,36 @@ class Subscription(Generic[MsgT]):
             callback, f"the callback of {name}", "a message", threaded=threaded, idle=self._run
         )
         self._waiting: deque[Body] = deque()
+        """Encoded messages for later calls, at most `depth`."""
         self._planned = False
+        """Whether the next iteration of the loop will call `_run_planned`."""
         self._destroyed = False
         self._running = False
+        """Whether `_run` is on the stack: the callback may publish on its own topic."""
         self._read = 0
+        """The number of the transport's read that the last message came from."""
         self._is_behind = False
+        """Whether messages wait longer than one iteration of the loop, or were dropped."""
         self._invalid = 0
+        """How many messages could not be decoded."""
         self._receiver = transport.create_subscription(
             named(msg_type, name, node, qos), msg_type, self._arrived, on_mismatch
         )
         self._elsewhere: TopicSubscription | None = None
+        """The subscription of the topic `otherwise`, if there is one."""
         if otherwise:
             there = named(msg_type, otherwise, node, qos)
             heard = self._arrived_elsewhere
             self._elsewhere = transport.create_subscription(there, msg_type, heard, on_mismatch)
 
     def get_publisher_count(self) -> int:
-        """How many publishers send messages to it."""
+        """Return how many publishers send messages to it."""
         elsewhere = self._elsewhere
         return self._receiver.matched or (elsewhere.matched if elsewhere is not None else 0)
 
     @property
     def on_matched(self) -> Callable[[], object]:
-        """Set it to be called, on the event loop, when other publishers match."""
+        """A function that the event loop calls when the matching publishers change."""
         return self._receiver.on_matched
 
     @on_matched.setter

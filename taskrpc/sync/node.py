@@ -10,12 +10,11 @@ import asyncio
 import inspect
 import os
 import threading
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future
-from functools import partial
-from pathlib import Path
+from functools import partial, wraps
 from types import TracebackType
-from typing import TYPE_CHECKING, Any, Generic, Self
+from typing import TYPE_CHECKING, Any, Concatenate, Generic, ParamSpec, Self
 
 from srvgen import excepthook
 from taskrpc import client as _client
@@ -27,8 +26,7 @@ from taskrpc.message_types import MsgT, RequestT, ResponseT, Srv
 from taskrpc.qos import QoS
 from taskrpc.request_ids.ids import CompletionStore
 from taskrpc.retry import RetryPolicy
-from taskrpc.security.roles import Accounts, Role
-from taskrpc.security.tls import Tls
+from taskrpc.security.roles import Role
 from taskrpc.service import Callback, Service
 from taskrpc.sync.loop_thread import SLICE, LoopThread, wait
 from taskrpc.sync.topics import Publisher, Subscription, Timer
@@ -37,7 +35,17 @@ from taskrpc.transport.discovery.entries import RegistryEntry
 
 if TYPE_CHECKING:
     from taskrpc.introspection import IntrospectionState
-    from taskrpc.observer import NodeStatus, Observer
+    from taskrpc.observer import NodeStatus
+
+
+_Settings = ParamSpec("_Settings")
+
+
+def _with_settings_of(
+    node: Callable[Concatenate[Any, _Settings], None],
+) -> Callable[[Callable[..., None]], Callable[Concatenate[Any, _Settings], None]]:
+    """Give a constructor the signature of another one, for type checkers and `inspect`."""
+    return wraps(node)
 
 
 class Node:
@@ -47,33 +55,10 @@ class Node:
     `start()` at the beginning and `close()` at the end instead.
     """
 
-    def __init__(
-        self,
-        name: str,
-        *,
-        namespace: str = "",
-        transport: str = "tcp",
-        listen: str | None = None,
-        peers: Sequence[str] | None = None,
-        tls: Tls | None = None,
-        token: str | None = None,
-        accounts: Accounts | str | Path | None = None,
-        keepalive: str | None = None,
-        observer: Observer | None = None,
-    ) -> None:
+    @_with_settings_of(_node.Node.__init__)
+    def __init__(self, *args: Any, **settings: Any) -> None:
         self._loop: LoopThread = LoopThread.shared()
-        self._node = _Node(
-            name,
-            namespace=namespace,
-            transport=transport,
-            listen=listen,
-            peers=peers,
-            tls=tls,
-            token=token,
-            accounts=accounts,
-            keepalive=keepalive,
-            observer=observer,
-        )
+        self._node = _Node(*args, **settings)
 
     def __enter__(self) -> Self:
         return self.start()

@@ -1,4 +1,8 @@
-"""Publishers, subscriptions and timers of blocking nodes."""
+"""Publishers, subscriptions and timers of blocking nodes.
+
+Each object passes its methods on to the asynchronous one behind it. Methods that must run on the
+event loop run there; the others are safe in any thread.
+"""
 
 from __future__ import annotations
 
@@ -49,7 +53,7 @@ class Publisher(_TopicEndpoint[MsgT]):
         self._inner.publish(message)
 
     def get_subscription_count(self) -> int:
-        """How many subscriptions get the messages."""
+        """Return how many subscriptions get the messages."""
         return self._inner.get_subscription_count()
 
     @property
@@ -63,7 +67,7 @@ class Publisher(_TopicEndpoint[MsgT]):
         return self._inner.lost
 
     def destroy(self) -> None:
-        """Publish no more."""
+        """End the publisher."""
         self._loop.do(self._inner.destroy, "destroy()")
 
 
@@ -73,7 +77,7 @@ class Subscription(_TopicEndpoint[MsgT]):
     _inner: _topic.Subscription[MsgT]
 
     def get_publisher_count(self) -> int:
-        """How many publishers send messages to it."""
+        """Return how many publishers send messages to it."""
         return self._inner.get_publisher_count()
 
     @property

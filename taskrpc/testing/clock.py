@@ -13,7 +13,7 @@ from typing import Any, TypeVar, TypeVarTuple
 _Args = TypeVarTuple("_Args")
 _Result = TypeVar("_Result")
 
-_EXECUTOR_PATIENCE = 30.0  # real seconds after which a job in a thread counts as stuck
+_EXECUTOR_TIMEOUT = 30.0  # real seconds after which a job in a thread counts as stuck
 
 
 class NothingWillEverHappen(RuntimeError):
@@ -84,7 +84,7 @@ class _JumpingSelector(selectors.BaseSelector):
         if ready or timeout == 0:
             return ready
         if self._loop.has_open_jobs:
-            return self._real.select(_EXECUTOR_PATIENCE)
+            return self._real.select(_EXECUTOR_TIMEOUT)
         if timeout is None:
             raise NothingWillEverHappen("everything waits and no timer is set")
         self._loop.advance(timeout)

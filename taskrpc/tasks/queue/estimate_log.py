@@ -31,7 +31,7 @@ class DelayEvent(msgspec.Struct, frozen=True):
     cause: str
     """What happened, as users read it."""
     only_task: int = 0
-    """If not 0: the id of the only task that the event counts for, at whatever place."""
+    """If not 0: the id of the only task that the event counts for, wherever its place is."""
 
 
 class DelayLog:

@@ -51,7 +51,7 @@ class EstimatedQueue:
         """Every delay since the queue was made, the newest ones at least."""
         self._tolerance = tolerance
         self._free_at = 0.0  # when the robot will be free for the first queued task
-        self._assumed_free_at = 0.0  # the same as the accepted estimates and the log have it
+        self._assumed_free_at = 0.0  # the same instant, as the estimates and the log assume it
         self._running: int | None = None
         self._accepted: dict[int, AcceptedEstimate] = {}  # of the queued and the running tasks
 

@@ -46,7 +46,7 @@ class ChangeFeed:
         self._wake()
 
     def changed_since(self, revision: int) -> list[int] | None:
-        """Return the tasks that changed since, oldest change first; None if it has forgotten."""
+        """Return the tasks that changed since then, oldest first; None if the feed forgot them."""
         if not self._known_from <= revision <= self.revision:
             return None
         newest_first = takewhile(

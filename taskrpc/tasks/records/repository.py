@@ -18,7 +18,7 @@ from taskrpc.tasks.records.change_feed import ChangeFeed
 from taskrpc.tasks.records.store import TaskStore
 
 OnStored: TypeAlias = Callable[[BaseException | None], object]
-"""Is called when a change is stored, with None, or with the error if it is not."""
+"""The repository calls it with None when a change is stored, or with the error if it is not."""
 
 
 class TaskRepository:
