@@ -240,7 +240,7 @@ def _wait_until(is_true: Callable[[], bool]) -> None:
     deadline = time.monotonic() + _PATIENCE
     while not is_true():
         assert time.monotonic() < deadline, f"nothing happened for {_PATIENCE:g} s"
-        time.sleep(0.01)
+        time.sleep(0.01)  # other processes make it true: they cannot wake us
 
 
 def _commands(text: str) -> list[tuple[str, str]]:

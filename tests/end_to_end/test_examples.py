@@ -158,7 +158,7 @@ class Running:
         """Wait until the output satisfies `is_there`, or give up; returns the output."""
         end = time.monotonic() + PATIENCE
         while not is_there(self.text()) and time.monotonic() < end and self.process.poll() is None:
-            time.sleep(0.01)
+            time.sleep(0.01)  # the process writes to a file, which cannot wake us
         return self.text()
 
     def press_ctrl_c(self):

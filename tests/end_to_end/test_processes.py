@@ -81,8 +81,7 @@ async def test_client_finds_a_server_in_another_process_without_configuration(st
 
 async def test_waiting_client_is_woken_when_a_server_starts(start, client):
     waiting = asyncio.create_task(client.wait_for_service(None))
-    await asyncio.sleep(0.05)
-    await asyncio.to_thread(start)
+    await asyncio.to_thread(start)  # the task begins to wait while the process starts
     async with asyncio.timeout(60):
         assert await waiting
 
@@ -116,7 +115,7 @@ async def test_calls_in_flight_finish_after_a_stop_signal(start, client, number)
     call = client.call_async(ask(5, 300))
     assert await line(server) == "running\n"
     server.send_signal(number)
-    await asyncio.sleep(0.1)
+    await until(lambda: not client.service_is_ready())
     assert isinstance(await outcome(client.call(ask(1))), taskrpc.ServiceUnavailable)
     assert (await call).sum == 5
     out, errors = await asyncio.to_thread(server.communicate)
@@ -128,7 +127,7 @@ async def test_second_signal_ends_a_draining_server_at_once(start, client):
     call = client.call_async(ask(5, 60_000))
     assert await line(server) == "running\n"
     server.terminate()
-    await asyncio.sleep(0.2)
+    await until(lambda: not client.service_is_ready())  # it drains
     assert server.poll() is None
     server.terminate()
     assert await asyncio.to_thread(server.wait, 5) == 128 + signal.SIGTERM
@@ -151,16 +150,17 @@ async def test_calls_move_to_a_second_server_without_errors(start, client):
     calls = []
 
     async def load():
-        for n in range(600):
-            calls.append(client.call_async(ask(n)))
-            await asyncio.sleep(0.0005)
+        while first.poll() is None:
+            calls.append(client.call_async(ask(len(calls))))
+            await asyncio.sleep(0.0005)  # the pace of the calls
 
     loading = asyncio.create_task(load())
-    await asyncio.sleep(0.1)
+    await until(lambda: len(calls) >= 100)
     first.terminate()
-    await loading
-    assert [each.sum for each in await asyncio.gather(*calls)] == list(range(600))
-    assert await asyncio.to_thread(first.wait, 5) == 0
+    async with asyncio.timeout(60):
+        await loading
+    assert [each.sum for each in await asyncio.gather(*calls)] == list(range(len(calls)))
+    assert first.returncode == 0
 
 
 async def test_second_server_is_refused_with_the_first_servers_details(start, tmp_path):
