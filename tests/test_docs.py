@@ -235,12 +235,17 @@ def _signature(function: Any, name: str) -> str:
 
 
 def _interface_of(value: Any, name: str) -> Iterator[str]:
-    """A public name, and below a class its public methods and properties."""
+    """A public name, and below a class its public methods and properties.
+
+    Those of a private base class belong to the class that users see.
+    """
     if not inspect.isclass(value):
         yield _signature(value, name)
         return
     yield name if name in NOT_CONSTRUCTED else _signature(value, name)
-    for member, found in vars(value).items():
+    private_bases = [base for base in value.__mro__[1:] if base.__name__.startswith("_")]
+    members = itertools.chain.from_iterable(vars(each).items() for each in (value, *private_bases))
+    for member, found in members:
         if member.startswith("_"):
             continue
         if isinstance(found, property):
