@@ -85,22 +85,6 @@ class NodeInterface(Protocol):
     def services(self) -> Iterator[Any]:
         """Its services."""
 
-    @property
-    def subscriptions(self) -> Iterator[Any]:
-        """Its subscriptions."""
-
-    @property
-    def timers(self) -> Iterator[Any]:
-        """Its timers."""
-
-    @property
-    def guards(self) -> Iterator[Any]:
-        """Its guard conditions."""
-
-    @property
-    def waitables(self) -> Iterator[Any]:
-        """Its waitables."""
-
     def get_name(self) -> str:
         """Its name, without the namespace."""
 
@@ -156,14 +140,6 @@ class NodeInterface(Protocol):
     @property
     def destroy_subscription(self) -> Callable[..., bool]:
         """Destroys a subscription."""
-
-    @property
-    def destroy_client(self) -> Callable[..., bool]:
-        """Destroys a client."""
-
-    @property
-    def destroy_service(self) -> Callable[..., bool]:
-        """Destroys a service."""
 
     @property
     def add_waitable(self) -> Callable[[Any], None]:
