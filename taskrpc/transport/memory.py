@@ -232,10 +232,6 @@ class Pipe(asyncio.Transport):
         """Whether the other end was closed."""
         self.peer: Pipe
 
-    def get_protocol(self) -> asyncio.BaseProtocol:
-        """Return the protocol of this end."""
-        return self._protocol
-
     def is_closing(self) -> bool:
         """Whether this end was closed."""
         return self._closing
