@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-from taskrpc import names
-from taskrpc.errors import InvalidName
+from functools import partial
 
-from ._impl.graph.names import kind_of, refuse_other_than_text, translated
+from taskrpc import names
+
+from ._impl.graph.names import checked, kind_of
 
 
 def validate_full_topic_name(name: str, *, is_service: bool = False) -> bool:
@@ -13,9 +14,6 @@ def validate_full_topic_name(name: str, *, is_service: bool = False) -> bool:
 
     Raises InvalidTopicNameException, or InvalidServiceNameException where it is a service's.
     """
-    refuse_other_than_text(name, kind_of(is_service))
-    try:
-        names.check_absolute(name, kind_of(is_service))
-    except InvalidName as error:
-        raise translated(error) from None
+    kind = kind_of(is_service)
+    checked(kind, name, partial(names.check_absolute, kind=kind))
     return True

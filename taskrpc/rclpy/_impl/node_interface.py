@@ -7,16 +7,16 @@ import this module instead of `rclpy.node`, which imports them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 from taskrpc import names
-from taskrpc.errors import InvalidName
 
 from ..context import Context
 from ..handle import Handle
 from ..parameter import Parameter
 from .arguments import Remapping
-from .graph.names import kind_of, refuse_other_than_text, translated
+from .graph.names import checked, kind_of
 
 if TYPE_CHECKING:
     from .bridge import Bridge
@@ -48,11 +48,8 @@ class NodeHandle(Handle):
         """
         self.check()
         kind = kind_of(is_service)
-        refuse_other_than_text(name, kind)
-        try:
-            full = names.expand(name, namespace=self.namespace, node=self.name, kind=kind)
-        except InvalidName as error:
-            raise translated(error) from None
+        expand = partial(names.expand, namespace=self.namespace, node=self.name, kind=kind)
+        full = checked(kind, name, expand)
         if only_expand:
             return full
         remap = self.remapping.service if is_service else self.remapping.topic

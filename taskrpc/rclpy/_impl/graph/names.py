@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import TypeVar
 
 from taskrpc.errors import InvalidName
 
@@ -14,6 +15,7 @@ from ...exceptions import (
     NameValidationException,
 )
 
+T = TypeVar("T")
 _EXCEPTIONS: dict[str, Callable[[str, str, int], NameValidationException]] = {
     "namespace": InvalidNamespaceException,
     "node name": InvalidNodeNameException,
@@ -27,17 +29,19 @@ def kind_of(is_service: bool) -> str:
     return "service name" if is_service else "topic name"
 
 
-def translated(error: InvalidName) -> NameValidationException:
-    """rclpy's exception for a name that breaks a rule."""
-    return _EXCEPTIONS[error.kind](error.name, ros_problem(error), error.index)
+def checked(kind: str, name: str, check: Callable[[str], T]) -> T:
+    """The value that `check` returns for a name.
+
+    Raises TypeError for a name that is not a str, and rclpy's exception for one that breaks a rule.
+    """
+    if not isinstance(name, str):
+        raise TypeError(f"expected a {kind} (str), got {name!r}")
+    try:
+        return check(name)
+    except InvalidName as error:
+        raise _EXCEPTIONS[error.kind](error.name, ros_problem(error), error.index) from None
 
 
 def ros_problem(error: InvalidName) -> str:
     """The rule in ROS's words, which say "topic name" for services too."""
     return error.problem.replace("service name", "topic name", 1)
-
-
-def refuse_other_than_text(name: object, kind: str) -> None:
-    """Raise TypeError for a name that is no text."""
-    if not isinstance(name, str):
-        raise TypeError(f"expected a {kind} (str), got {name!r}")
