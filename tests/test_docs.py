@@ -243,8 +243,9 @@ def _interface_of(value: Any, name: str) -> Iterator[str]:
         yield _signature(value, name)
         return
     yield name if name in NOT_CONSTRUCTED else _signature(value, name)
-    private_bases = [base for base in value.__mro__[1:] if base.__name__.startswith("_")]
-    members = itertools.chain.from_iterable(vars(each).items() for each in (value, *private_bases))
+    ours = [each for each in value.__mro__[1:] if each.__module__.startswith("taskrpc.")]
+    bases = [each for each in ours if each.__name__.startswith("_")]
+    members = itertools.chain.from_iterable(vars(each).items() for each in (value, *bases))
     for member, found in members:
         if member.startswith("_"):
             continue
