@@ -208,13 +208,13 @@ def send_in_thread(
 
 
 def send_in_thread_then(
-    client: Client[Any, Any], request: Any, timeout: float | Unset | None, tell: OnDone
+    client: Client[Any, Any], request: Any, timeout: float | Unset | None, on_done: OnDone
 ) -> CallbackCall | None:
-    """Do as `send_in_thread`, but call `tell(response, error)` at the end instead of waiting."""
+    """Do as `send_in_thread`, but call `on_done(response, error)` at the end instead of waiting."""
     channel = client._thread_channel
     if channel is None or client._retry is not None:
         return None
-    return channel.send_in_thread_then(request, client._deadline(timeout), tell)
+    return channel.send_in_thread_then(request, client._deadline(timeout), on_done)
 
 
 def _checked(timeout: float | None) -> float | None:

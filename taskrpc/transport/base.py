@@ -224,9 +224,9 @@ class Channel(Protocol):
         """
 
     def send_in_thread_then(
-        self, request: Any, deadline: float | None, tell: OnDone
+        self, request: Any, deadline: float | None, on_done: OnDone
     ) -> CallbackCall | None:
-        """Like `send_in_thread`; `tell(response, error)` is called on the event loop."""
+        """Like `send_in_thread`; `on_done(response, error)` is called on the event loop."""
 
     def close(self) -> None:
         """Close the channel; calls in flight still get their responses."""

@@ -158,10 +158,10 @@ class RemoteChannel:
         return waiter if self._begin_in_thread(waiter, request, deadline) else None
 
     def send_in_thread_then(
-        self, request: Any, deadline: float | None, tell: OnDone
+        self, request: Any, deadline: float | None, on_done: OnDone
     ) -> CallbackWaiter | None:
-        """Send a request from another thread; `tell` is called with its outcome."""
-        waiter = CallbackWaiter(tell)
+        """Send a request from another thread; `on_done` is called with its outcome."""
+        waiter = CallbackWaiter(on_done)
         return waiter if self._begin_in_thread(waiter, request, deadline) else None
 
     def _begin_in_thread(

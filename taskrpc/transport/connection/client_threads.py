@@ -87,16 +87,16 @@ class Waiter:
 class CallbackWaiter:
     """The future of an `OpenCall` with a function to call at its end.
 
-    `tell(response, error)` is called once, on the event loop's thread; one of the two is None.
+    `on_done(response, error)` is called once, on the event loop's thread; one of the two is None.
     """
 
-    __slots__ = ("_cancelled", "_done", "_tell", "call")
+    __slots__ = ("_cancelled", "_done", "_on_done", "call")
 
     call: OpenCall | None
     """None once the call has ended, since a reference cycle would delay freeing it."""
 
-    def __init__(self, tell: OnDone) -> None:
-        self._tell = tell
+    def __init__(self, on_done: OnDone) -> None:
+        self._on_done = on_done
         self._done = False
         self._cancelled = False
 
@@ -120,14 +120,14 @@ class CallbackWaiter:
         if not self._done:
             self._done = True
             self.call = None
-            self._tell(result, None)
+            self._on_done(result, None)
 
     def set_exception(self, error: BaseException) -> None:
         """Report an error."""
         if not self._done:
             self._done = True
             self.call = None
-            self._tell(None, error)
+            self._on_done(None, error)
 
 
 class ThreadedConnection(CallingConnection):
