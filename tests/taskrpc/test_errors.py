@@ -74,7 +74,7 @@ def test_default_of_not_executed_is_documented():
     ]
 
 
-def test_there_is_an_example_of_every_class_here():
+def test_examples_include_every_class():
     assert {type(error) for error in EXAMPLES} == set(CLASSES)
 
 
@@ -110,7 +110,7 @@ def test_a_code_is_given_as_such_or_by_name():
 
 
 @pytest.mark.parametrize("code", ["no such", "not_found", 99, None, 2.5, []])
-def test_a_code_that_is_none_is_named_with_those_that_are(code):
+def test_invalid_code_is_refused_with_the_valid_ones(code):
     with pytest.raises(ValueError, match="NOT_FOUND") as caught:
         errors.HandlerError(code, "x")
     assert str(caught.value).endswith(f"got {code!r}")
@@ -135,7 +135,7 @@ def test_an_empty_path_is_the_whole_message():
         ),
     ],
 )
-def test_what_callers_hear_of_a_store_names_no_file(text, heard):
+def test_text_for_callers_names_no_file(text, heard):
     error = errors.StoreError(text)
     if "my file" in text:
         error.files = ("/robot/my file.db",)

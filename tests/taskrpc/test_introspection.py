@@ -88,7 +88,7 @@ async def test_a_call_that_fails_has_no_response(server, listener):
     assert told(events) == [(RECEIVED, [(2, 3)], [])]
 
 
-async def test_it_is_switched_while_callers_call_and_none_of_them_notices(server, listener):
+async def test_switching_introspection_does_not_affect_running_calls(server, listener):
     service = server.create_service(Add, "add", add)
     client = listener.create_client(Add, "add")
     seen = 0
@@ -107,7 +107,7 @@ async def test_it_is_switched_while_callers_call_and_none_of_them_notices(server
     assert seen == 60
 
 
-async def test_what_is_off_leaves_calls_as_they_are(server, listener):
+async def test_switched_off_introspection_does_not_change_calls(server, listener):
     service = server.create_service(Add, "add", add)
     server.configure_introspection(service, "contents")
     server.configure_introspection(service, "off")
@@ -119,7 +119,7 @@ async def test_what_is_off_leaves_calls_as_they_are(server, listener):
     assert not [each for entry in entries for each in entry.publishers]
 
 
-async def test_what_is_switched_often_leaves_nothing_behind(server):
+async def test_repeated_switching_leaves_no_publisher(server):
     service = server.create_service(Add, "add", add)
     before = list(service.finished._callbacks)
     for state in ("contents", "metadata", "off") * 10:
@@ -149,7 +149,7 @@ async def test_observer_of_the_node_gets_the_same_events(listener):
     assert (counting.began, counting.ended) == (2, 2)
 
 
-async def test_who_may_only_look_sees_no_requests_of_others(caplog):
+async def test_submit_role_cannot_subscribe_to_service_events(caplog):
     accounts = Accounts(
         [
             Account("looker", "0123456789abcdef0123", Role.SUBMIT),
@@ -173,7 +173,7 @@ async def test_who_may_only_look_sees_no_requests_of_others(caplog):
     assert "/add/_service_event needs the role operate" in caplog.text
 
 
-async def test_another_word_than_the_three_is_refused(server):
+async def test_unknown_introspection_state_is_refused(server):
     service = server.create_service(Add, "add", add)
     with pytest.raises(ValueError, match="expected 'off', 'metadata' or 'contents', got 'on'"):
         server.configure_introspection(service, "on")
@@ -197,7 +197,7 @@ async def test_an_event_that_grows_too_large_is_missing_and_the_call_is_answered
     assert len(answer.message) == size
 
 
-async def test_the_task_server_tells_of_all_its_services_where_it_is_asked_to(server, listener):
+async def test_task_server_publishes_events_of_all_services_on_request(server, listener):
     task = srvgen.load("my_robot_interfaces/srv/RobotTask")
     robot = KinematicRobot(default_world())
     async with TaskServer(server, robot, MemoryStore(), introspection="contents"):

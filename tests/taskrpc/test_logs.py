@@ -53,7 +53,7 @@ def test_the_time_is_utc_with_microseconds():
     assert json.loads(text)["time"] == "1970-01-01T00:00:01.500000Z"
 
 
-def test_what_a_line_carries_besides_is_a_field_and_nothing_else_is():
+def test_extra_fields_of_a_record_are_keys_of_the_json_line():
     got = line(pose={"x": 1.5}, task=3)
     assert set(got) == {"time", "level", "logger", "message", "pose", "task"}
     assert got["pose"] == {"x": 1.5}
@@ -80,13 +80,13 @@ anything = st.recursive(
 @given(
     st.text(), st.dictionaries(st.from_regex(r"x_[a-z]{1,5}", fullmatch=True), anything, max_size=4)
 )
-def test_whatever_is_logged_becomes_one_line_of_valid_json(message, extra):
+def test_every_record_becomes_one_line_of_valid_json(message, extra):
     got = line("%s", message, **extra)
     assert got["message"] == message
     assert {name for name, value in extra.items() if value != ""} <= set(got)
 
 
-def test_a_ring_of_lists_becomes_text():
+def test_list_that_contains_itself_becomes_text():
     ring = []
     ring.append(ring)
     assert line(ring=ring)["ring"] == "[[...]]"
@@ -118,7 +118,7 @@ def test_a_caller_cannot_forge_a_line_of_text():
     assert text_of("two\nlines: %s", "a\n[ERROR] b") == "two\n  lines: a\n  [ERROR] b"
 
 
-def test_what_is_no_control_character_is_written_as_it_is():
+def test_printable_characters_are_not_escaped():
     assert text_of("%s", "Küche\t→ 厨房 \xa0✓") == "Küche\t→ 厨房 \xa0✓"
 
 
@@ -137,7 +137,7 @@ def test_traceback_that_another_handler_formatted_first_cannot_forge_a_line():
 
 @settings(max_examples=40)
 @given(st.text())
-def test_whatever_is_sent_is_one_line_of_text(message):
+def test_every_message_is_one_line_of_text(message):
     assert len(text_of("%s", message).splitlines()) <= 1
 
 
@@ -191,7 +191,7 @@ async def test_log_line_of_a_failed_call_has_the_number_that_the_caller_gets(sai
     assert "battery" not in found["message"]
 
 
-async def test_at_debug_each_call_tells_its_begin_and_its_end(said):
+async def test_begin_and_end_of_each_call_are_logged_at_debug(said):
     await call_once(add)
     lines = [each for each in said() if each["logger"] == "taskrpc.server"]
     number = lines[0]["call"]
@@ -199,7 +199,7 @@ async def test_at_debug_each_call_tells_its_begin_and_its_end(said):
     assert lines[1]["message"].startswith(f"call {number} of /add from /client ended: OK after ")
 
 
-async def test_at_info_a_call_says_nothing(said):
+async def test_calls_are_not_logged_at_info(said):
     logging.getLogger().setLevel(logging.INFO)
     await call_once(add)
     assert [each for each in said() if each["logger"].startswith("taskrpc")] == []

@@ -174,7 +174,7 @@ def test_a_name_means_this_to_a_node(name, in_robot1, in_root):
         ("{ns}", "service name must not end with a forward slash"),
     ],
 )
-def test_what_stands_for_nothing_is_refused(name, sentence):
+def test_substitution_without_a_value_is_refused(name, sentence):
     with pytest.raises(InvalidName) as caught:
         expand(name)
     assert caught.value.problem == sentence
@@ -211,7 +211,7 @@ def test_expand_returns_a_valid_name_or_raises_only_invalid_name(name, namespace
 
 
 @given(names, names, names)
-def test_nothing_that_is_given_for_node_and_namespace_makes_an_invalid_name(name, namespace, node):
+def test_any_valid_node_and_namespace_expand_to_a_valid_name(name, namespace, node):
     try:
         expanded = expand(name, namespace=namespace, node=node)
     except InvalidName:

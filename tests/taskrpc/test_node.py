@@ -83,7 +83,7 @@ async def test_an_unknown_transport_is_named():
         await taskrpc.Node("node", transport="pigeon").start()
 
 
-async def test_what_is_no_service_type_is_named():
+async def test_class_that_is_not_a_service_type_is_refused():
     async with memory() as node:
         for wrong, shown in ((Add.Request, "the class AddTwoInts_Request"), (42, "got 42")):
             with pytest.raises(TypeError, match=shown):
@@ -99,7 +99,7 @@ async def test_a_service_needs_room_for_one_call():
         node.create_service(Add, "add", add)
 
 
-async def test_the_error_that_ends_the_block_is_the_one_that_is_seen():
+async def test_error_that_ends_the_block_is_raised_unchanged():
     async def fail():
         async with memory() as node:
             node.create_service(Add, "add", add)
@@ -178,7 +178,7 @@ def test_the_fast_loop_is_uvloops_or_asyncios_own():
 
 @pytest.mark.parametrize("transport", ["memory", "tcp"])
 @pytest.mark.real_time
-async def test_what_is_destroyed_leaves_nothing_with_the_node(transport):
+async def test_destroyed_clients_and_services_are_forgotten_by_the_node(transport):
     async def come_and_go(count):
         for _ in range(count):
             client = node.create_client(Add, "add")

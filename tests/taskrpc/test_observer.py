@@ -209,7 +209,7 @@ def test_a_blocking_program_is_observed_too():
     assert [code for _, code, _ in log.requests] == [Code.OK] * 3
 
 
-async def test_retries_are_counted_also_of_clients_that_are_gone(pair):
+async def test_retries_of_destroyed_clients_are_counted(pair):
     answers = iter([taskrpc.HandlerError("UNAVAILABLE", "not yet")] * 2)
 
     def reluctant(request, response):
@@ -286,7 +286,7 @@ async def test_each_sending_of_a_request_has_the_span_of_its_call():
     assert len(theirs.seen) > 4
 
 
-async def test_the_first_of_several_observers_that_has_a_span_tells_it():
+async def test_request_carries_the_first_span_of_several_observers():
     theirs, silent, first, second = Spans(), Spans(), Spans(b"1" * 25), Spans(b"2" * 25)
     observer = taskrpc.Observers(taskrpc.Observer(), silent, first, second)
     async with (

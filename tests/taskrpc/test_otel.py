@@ -85,7 +85,7 @@ async def test_a_span_of_the_client_lies_below_the_current_one_and_took_as_long_
 
 
 @pytest.mark.parametrize("threaded", [False, True])
-async def test_what_a_callback_does_in_its_call_lies_below_the_calls_span(lab, threaded):
+async def test_spans_of_a_callback_are_children_of_its_calls_span(lab, threaded):
     tracer = trace.get_tracer("mine", tracer_provider=lab.provider)
 
     def traced(request, response):
@@ -119,7 +119,7 @@ async def test_a_servers_span_lies_below_its_callers(lab):
 
 
 @pytest.mark.parametrize("told", [bytes(25), b"t" * 16 + bytes(9)])
-async def test_a_span_that_is_none_begins_a_trace_of_its_own(lab, told):
+async def test_invalid_span_of_the_caller_starts_a_new_trace(lab, told):
     client = lab.offer(add)
     client._channel.span_of = lambda: told
     await client.call(ask())

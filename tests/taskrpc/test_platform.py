@@ -64,7 +64,7 @@ def test_owners_and_open_folders_are_recognised(tmp_path, monkeypatch):
 
 
 @posix
-def test_what_is_not_a_folder_of_ours_is_refused(tmp_path):
+def test_folder_of_another_user_or_a_file_is_refused(tmp_path):
     (tmp_path / "file").write_text("")
     (tmp_path / "target").mkdir()
     (tmp_path / "link").symlink_to(tmp_path / "target")
@@ -115,7 +115,7 @@ def test_a_lock_is_seen_by_others_and_ends_with_its_descriptor(tmp_path):
     os.close(other)
 
 
-def test_looking_at_a_lock_does_not_take_it(tmp_path):
+def test_checking_a_lock_does_not_take_it(tmp_path):
     one, other, third = (platform.open_private(tmp_path / "f") for _ in range(3))
     if os.name == "posix":
         assert not platform.is_locked(other)

@@ -20,7 +20,7 @@ def test_a_depth_is_a_number_from_1_on(depth):
         qos_of(depth)
 
 
-def test_other_words_are_refused_by_name():
+def test_unknown_reliability_or_durability_is_refused_by_name():
     with pytest.raises(ValueError, match=r"reliability: expected 'reliable' or 'best_effort'"):
         QoS(reliability="good")
     with pytest.raises(ValueError, match=r"durability: expected 'volatile' or 'transient_local'"):

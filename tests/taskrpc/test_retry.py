@@ -69,7 +69,7 @@ def test_jitter_is_the_share_that_is_drawn():
         ("wait_jitter", math.nan, "a share from 0 to 1, got nan"),
     ],
 )
-def test_a_setting_out_of_place_is_named(setting, value, expected):
+def test_setting_out_of_range_is_named(setting, value, expected):
     with pytest.raises(ValueError, match=setting) as caught:
         RetryPolicy(**{setting: value})
     assert str(caught.value) == f"{setting}: expected {expected}"
@@ -128,7 +128,7 @@ def test_a_long_success_earns_no_more_than_the_burst():
     assert [budget.book(0.0, 0.0, math.inf) for _ in range(11)].count(0.0) == 10
 
 
-def test_a_retry_that_comes_too_late_for_its_call_takes_no_place():
+def test_retry_after_the_deadline_is_not_booked():
     budget = RetryBudget()
     assert budget.book(5.0, 1.0, 6.0) is None
     for _ in range(10):

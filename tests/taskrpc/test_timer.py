@@ -20,14 +20,14 @@ def instants():
     return seen, lambda: seen.append(round(loop.time() - began, 6))
 
 
-async def test_it_calls_at_even_intervals_first_after_one(node):
+async def test_timer_calls_at_even_intervals_and_first_after_one(node):
     seen, note = instants()
     node.create_timer(0.25, note)
     await asyncio.sleep(1.1)
     assert seen == [0.25, 0.5, 0.75, 1.0]
 
 
-async def test_calls_that_are_due_while_one_runs_are_left_out(node):
+async def test_calls_that_are_due_while_a_call_runs_are_skipped(node):
     seen, note = instants()
 
     async def slow():
@@ -39,7 +39,7 @@ async def test_calls_that_are_due_while_one_runs_are_left_out(node):
     assert seen == [0.1, 0.4, 0.7, 1.0]
 
 
-async def test_it_stands_still_when_cancelled_and_begins_anew_when_reset(node):
+async def test_cancelled_timer_stops_until_it_is_reset(node):
     seen, note = instants()
     timer = node.create_timer(0.2, note)
     await asyncio.sleep(0.5)
@@ -52,7 +52,7 @@ async def test_it_stands_still_when_cancelled_and_begins_anew_when_reset(node):
     assert seen == [0.2, 0.4, 1.7]
 
 
-async def test_it_ends_with_its_node_and_takes_a_running_call_with_it():
+async def test_timer_and_its_running_call_end_with_the_node():
     ended = []
 
     async def waits():

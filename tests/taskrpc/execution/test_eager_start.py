@@ -45,7 +45,7 @@ async def start(starter, coroutine, prepare=lambda: None):
     return await outside(starter.start, prepare, coroutine)
 
 
-async def test_what_does_not_suspend_makes_no_task(starter):
+async def test_coroutine_that_does_not_suspend_creates_no_task(starter):
     async def quick():
         return 7
 
@@ -56,7 +56,7 @@ async def test_what_does_not_suspend_makes_no_task(starter):
     assert asyncio.all_tasks() == tasks
 
 
-async def test_what_suspends_is_carried_on_by_a_task(starter):
+async def test_coroutine_that_suspends_continues_in_a_task(starter):
     async def slow():
         await asyncio.sleep(1)
         return 7
@@ -66,7 +66,7 @@ async def test_what_suspends_is_carried_on_by_a_task(starter):
     assert await task == 7
 
 
-async def test_what_suspends_at_nothing_goes_on_too(starter):
+async def test_coroutine_that_yields_without_a_future_continues(starter):
     async def yielding():
         for _ in range(3):
             await asyncio.sleep(0)
@@ -316,7 +316,7 @@ async def test_errors_come_out_where_they_belong(starter):
         await task
 
 
-async def test_what_one_coroutine_sets_is_not_seen_by_the_next(starter):
+async def test_context_variable_of_one_coroutine_is_not_visible_to_the_next(starter):
     async def setting(value):
         before = variable.get()
         variable.set(value)
@@ -327,7 +327,7 @@ async def test_what_one_coroutine_sets_is_not_seen_by_the_next(starter):
     assert variable.get() == "unset"
 
 
-async def test_what_one_coroutine_sets_anew_is_not_seen_by_the_next(starter):
+async def test_changed_context_variable_is_not_visible_to_the_next_coroutine(starter):
     """A variable that had a value before the service was made has it in every call."""
     variable.set("base")
 
@@ -351,7 +351,7 @@ async def test_a_variable_lives_on_over_a_suspension(starter):
     assert await task == "mine"
 
 
-async def test_what_is_prepared_is_seen_by_its_coroutine(starter):
+async def test_prepared_context_is_visible_to_the_coroutine(starter):
     async def look():
         first = variable.get()
         await asyncio.sleep(0)

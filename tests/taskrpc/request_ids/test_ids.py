@@ -103,7 +103,7 @@ def test_a_client_that_has_left_an_old_number_open_counts_on_as_another():
     assert latest == OPEN_PER_CLIENT // 2 + 1
 
 
-def test_what_is_settled_twice_or_out_of_turn_counts_once():
+def test_settling_twice_or_out_of_order_counts_once():
     numbers = RequestCounter(ME)
     taken = [numbers.take() for _ in range(4)]
     for each in (3, 1, 1, 3, 2):

@@ -54,7 +54,7 @@ def test_another_request_under_a_used_number_is_refused_while_it_runs_and_afterw
     assert send(ledger, number, b"two") is Verdict.REUSED
 
 
-def test_what_was_abandoned_may_run():
+def test_abandoned_request_may_run():
     ledger, came = Ledger(), claim(RequestId(ME, 1, 1))
     ledger.decide("", came, 0.0)
     ledger.abandoned("", came)
@@ -83,7 +83,7 @@ def test_running_request_can_be_added_to_any_ledger_of_its_client():
     assert ledger.completion("", claim(number)) == done
 
 
-def test_what_is_settled_where_a_run_is_taken_over_never_runs_again():
+def test_request_settled_by_an_entered_one_never_runs_again():
     ledger = Ledger()
     ledger.add_running("", claim(RequestId(ME, 5, 5)), 0.0)
     assert send(ledger, RequestId(ME, 4, 4)) is Verdict.STALE
@@ -98,7 +98,7 @@ def test_a_client_whose_only_requests_were_refused_takes_no_place():
     assert len(ledger) == 0
 
 
-def test_what_the_client_has_settled_is_forgotten_and_never_run_again():
+def test_settled_requests_are_forgotten_and_never_run_again():
     ledger = Ledger()
     for sequence in (1, 2):
         send(ledger, RequestId(ME, sequence, 1))
@@ -281,7 +281,7 @@ def test_no_request_runs_twice_and_each_gets_its_own_answer(actions):
         assert ledger._sizes == ({"": ledger.size} if known else {})
 
 
-def test_what_an_account_had_counts_after_a_restart_until_its_lease_ends():
+def test_memory_of_an_account_counts_after_a_restart_until_its_lease_ends():
     old = [replace(completion(RequestId(bytes([n] * 16), 1, 1)), principal="ada") for n in range(2)]
     ledger = Ledger(old, memory=4 * (PER_CLIENT + PER_REQUEST), lease=10.0)
     assert send(ledger, RequestId(ME, 1, 1), principal="ada", now=9.0) is Verdict.FULL

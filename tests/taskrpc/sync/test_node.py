@@ -187,7 +187,7 @@ def test_forked_process_gets_an_error_that_the_node_belongs_to_its_parent(node):
         assert b"call_async(): this node belongs to the parent process" in pipe.read()
 
 
-def test_a_thread_that_waits_learns_that_its_server_is_gone():
+def test_waiting_thread_gets_an_error_when_its_server_ends():
     began, release = threading.Event(), threading.Event()
 
     def stuck(request, response):
@@ -267,7 +267,7 @@ def test_a_call_on_its_way_while_its_service_moves_reaches_that_service_and_no_o
     assert reached == ["new moving"]
 
 
-def test_whoever_waits_for_several_futures_learns_of_one_that_never_began(node):
+def test_wait_for_several_futures_ends_for_a_call_that_never_began(node):
     client = node.create_client(AddTwoInts, "nobody")
     node._loop.soon(lambda: time.sleep(0.05))
     future = client.call_async(AddTwoInts.Request())

@@ -138,7 +138,7 @@ def test_a_destroyed_publisher_says_so(talker):
         publisher.publish(Int32())
 
 
-def test_what_is_too_large_is_refused_in_the_thread_that_publishes_it(talker, listener):
+def test_too_large_message_is_refused_in_the_publishing_thread(talker, listener):
     box = Box()
     string = srvgen.load("std_msgs/msg/String")
     publisher = talker.create_publisher(string, "text")

@@ -163,7 +163,7 @@ async def test_a_long_list_comes_in_pages(client):
         await client("ListTasks", page="nonsense")
 
 
-async def test_a_watcher_hears_of_each_change_and_sleeps_in_between(client):
+async def test_watcher_wakes_only_for_changes(client):
     start = await client("ListTasks")
     watch = asyncio.ensure_future(client("WatchTasks", revision=start.revision, timeout=50.0))
     await asyncio.sleep(5)

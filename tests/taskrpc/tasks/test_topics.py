@@ -42,7 +42,7 @@ async def submit(node, *tasks):
     client.destroy()
 
 
-async def test_events_tell_each_change_of_a_task_to_its_end(server, node):
+async def test_events_contain_each_change_of_a_task_until_its_end(server, node):
     events = []
     node.create_subscription(TaskEvents, "/robot_task/events", events.append, LATEST)
     await asyncio.sleep(0.1)

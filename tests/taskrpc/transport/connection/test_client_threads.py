@@ -48,7 +48,7 @@ class Stingy:
 
 
 @pytest.mark.parametrize("takes", [0, 3, 17])
-def test_what_the_socket_does_not_take_at_once_is_sent_by_the_loop(node, takes):
+def test_loop_sends_the_bytes_that_the_socket_did_not_accept(node, takes):
     node.create_service(AddTwoInts, "add", add, concurrency=4)
     client = node.create_client(AddTwoInts, "add")
     assert client.wait_for_service(timeout=60)
@@ -118,7 +118,7 @@ def test_the_loop_waits_for_a_thread_that_begins_a_call(node, what):
     assert done.wait(60)
 
 
-def test_deadlines_that_threads_tell_of_at_the_same_time_are_all_kept(node):
+def test_simultaneous_deadlines_of_several_threads_are_all_kept(node):
     """The loop hears of several at once: a later one must not take the place of an earlier."""
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
@@ -136,7 +136,7 @@ def test_deadlines_that_threads_tell_of_at_the_same_time_are_all_kept(node):
     assert planned[0] < 1
 
 
-def test_a_function_is_told_of_each_answer_in_the_order_of_the_calls(node):
+def test_functions_get_the_responses_in_the_order_of_the_calls(node):
     node.create_service(AddTwoInts, "add", add)
     client = node.create_client(AddTwoInts, "add")
     told, all_told = [], threading.Event()
@@ -198,7 +198,7 @@ def test_a_thread_sends_nothing_while_the_transport_sends_what_was_left(node):
     connection.transport = sending._transport
 
 
-def test_answers_that_come_together_are_told_in_the_order_of_the_calls(node):
+def test_simultaneous_responses_arrive_in_the_order_of_the_calls(node):
     """Before the first call the connection has to be made; before the second it is there."""
     arrived, opened, loops = threading.Semaphore(0), asyncio.Event(), []
 
@@ -226,7 +226,7 @@ def test_answers_that_come_together_are_told_in_the_order_of_the_calls(node):
     assert told == [(0, None), (1, None)]
 
 
-def test_a_function_is_told_of_an_error(node):
+def test_function_gets_the_error_of_its_call(node):
     told = []
     heard = threading.Event()
 
@@ -239,7 +239,7 @@ def test_a_function_is_told_of_an_error(node):
     assert told == [(None, taskrpc.ServiceUnavailable)]
 
 
-def test_a_call_that_was_given_up_is_told_to_nobody_and_cancelled_at_the_server(node):
+def test_cancelled_call_is_not_reported_and_is_cancelled_at_the_server(node):
     begun, cancelled = threading.Event(), threading.Event()
 
     def wait(request, response):
