@@ -40,7 +40,7 @@ async def test_a_request_that_cannot_be_decoded_ends_without_having_begun(pair):
     assert pair.server_log.codes == [Code.INVALID_ARGUMENT]
 
 
-async def test_calls_without_an_observer_use_the_plain_client(pair):
+async def test_calls_without_an_observer_are_plain_calls(pair):
     client = pair.offer(add)
     await client.call(ask())
 
