@@ -1,4 +1,4 @@
-"""A server with accounts: who may call what, and what becomes of it when the file changes."""
+"""A server with accounts: roles of callers, and changes of the file of accounts."""
 
 import asyncio
 import json

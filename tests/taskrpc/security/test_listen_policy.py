@@ -1,4 +1,4 @@
-"""Nobody listens beyond this machine without a certificate and without asking for proof."""
+"""A server that other machines can reach needs a certificate and authenticates its callers."""
 
 import itertools
 

@@ -1,4 +1,4 @@
-"""Connections beyond this machine are encrypted, proved from both sides, and refused otherwise."""
+"""Connections to other machines are encrypted and authenticated on both sides, or refused."""
 
 import asyncio
 import contextlib

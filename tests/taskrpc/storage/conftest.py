@@ -1,4 +1,4 @@
-"""A disk that fails when it is told to: stands in for `sqlite3.connect` below a `Database`."""
+"""A disk that fails on request: it replaces `sqlite3.connect` below a `Database`."""
 
 import sqlite3
 

@@ -1,4 +1,4 @@
-"""A file that somebody takes away, puts back, damages or forbids while it is in use or after."""
+"""A database file that is removed, restored, damaged or made read-only, also while it is used."""
 
 import contextlib
 import errno

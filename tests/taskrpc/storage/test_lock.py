@@ -1,4 +1,4 @@
-"""One process has the lock of a file; its file says which one, and how far the store had come."""
+"""One process has the lock of a file; the lock file names it and counts the transactions."""
 
 import os
 import pickle

@@ -1,4 +1,4 @@
-"""What is said of a place that may not hold a store."""
+"""Error texts for paths that are not safe for a store."""
 
 import os
 import sys

@@ -1,4 +1,4 @@
-"""Group commit: one transaction for many, each with its own outcome, and none of them a guess."""
+"""Group commit: many changes share one transaction, and each gets its own correct outcome."""
 
 import asyncio
 import contextlib
