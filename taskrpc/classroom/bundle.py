@@ -38,11 +38,11 @@ Pip = Callable[[Sequence[str], str], None]
 
 
 def make_bundle(
-    folder: Path, pythons: Sequence[str], tell: Callable[[str], object], pip: Pip | None = None
+    folder: Path, pythons: Sequence[str], report: Callable[[str], object], pip: Pip | None = None
 ) -> Path:
     """Fill a folder with taskrpc's own wheel, its dependencies, and `INSTALL.txt`.
 
-    `tell` is called with one line for each step. Returns taskrpc's own wheel.
+    `report` is called with one line for each step. Returns taskrpc's own wheel.
 
     Raises:
         TaskRpcError: a wheel cannot be made or downloaded; the folder is not complete.
@@ -50,12 +50,12 @@ def make_bundle(
     pip = pip or _run_pip
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        tell("taskrpc's own wheel")
+        report("taskrpc's own wheel")
         wheel = make_own_wheel(folder, pip)
         for system, tags in SYSTEMS.items():
             for python in pythons:
                 what = f"{system}, Python {python}"
-                tell(what)
+                report(what)
                 pip(_download(folder, wheel, tags, python), what)
         (folder / INSTALL).write_text(_how_to_install(wheel, pythons), encoding="utf-8")
     except FileExistsError:

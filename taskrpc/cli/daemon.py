@@ -13,15 +13,15 @@ _NOT_RUNNING = "The daemon is not running"
 def configure(parser: argparse.ArgumentParser) -> None:
     """Give a parser the commands about the daemon."""
     commands = add_group(parser)
-    for name, purpose, answer in (
+    for name, purpose, text in (
         ("start", "Do nothing: programs find each other without a daemon", "No daemon is needed"),
         ("status", "Say that no daemon is running", _NOT_RUNNING),
         ("stop", "Do nothing: no daemon is running", _NOT_RUNNING),
     ):
         command = add_command(commands, name, purpose)
-        command.set_defaults(run=_say, answer=answer)
+        command.set_defaults(run=_say, text=text)
 
 
 def _say(options: argparse.Namespace) -> Exit:
-    print(f"{options.answer}: programs find each other without one here")
+    print(f"{options.text}: programs find each other without one here")
     return Exit.DONE

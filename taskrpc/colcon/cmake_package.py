@@ -31,7 +31,7 @@ target_compile_features({library} PUBLIC c_std_99 cxx_std_17)
 target_include_directories({library} PUBLIC
   $<BUILD_INTERFACE:${{CMAKE_CURRENT_SOURCE_DIR}}/include>
   $<INSTALL_INTERFACE:include/${{PROJECT_NAME}}>)
-{needs}# Whoever builds the library exports its symbols; whoever uses it imports them (Windows).
+{needs}# On Windows, the build of the library exports its symbols, and its users import them.
 target_compile_definitions({library} PRIVATE "{shouted}_BUILDING_LIBRARY")
 install(DIRECTORY include/
   DESTINATION include/${{PROJECT_NAME}})

@@ -97,7 +97,7 @@ def _tag(name: str, text: str) -> str:
 # Dependencies
 
 OURS = frozenset({"taskrpc", "srvgen"})
-"""Packages that a robot does not have until somebody installs taskrpc there."""
+"""Packages that a robot has only after the user installs taskrpc on it."""
 
 NOT_IN_ROS = frozenset({"my_robot_interfaces", "taskrpc_interfaces"})
 """Packages of definitions that taskrpc contains and ROS 2 does not."""

@@ -65,7 +65,7 @@ class _CallCounts:
 class LoopLateness:
     """Measures how late an event loop runs its timers, between `start` and `stop`.
 
-    Whatever delays the loop delays every call of the program.
+    A delay of the loop delays every call of the program.
     """
 
     def __init__(self) -> None:

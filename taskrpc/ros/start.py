@@ -38,8 +38,8 @@ def begin() -> "None":
     """Watch for imports of `rclpy` and of interface packages."""
     finders = sys.meta_path
     python = [n for n, each in enumerate(finders) if getattr(each, "__name__", "") == "PathFinder"]
-    # In front of Python's own finder, which takes a folder of definitions for a package; and behind
-    # it, for packages that it does not find.
+    # One watcher before Python's own finder, which would import a folder of definitions as a
+    # package; and one after it, for packages that it does not find.
     finders.insert(python[0] if python else 0, _Watcher(_has_definitions_here))
     finders.append(_Watcher(_may_be_known))
 

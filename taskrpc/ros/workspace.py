@@ -17,7 +17,7 @@ _DEPTH_ELSEWHERE = 2
 """Levels that are searched outside `src`: a folder and its subfolders."""
 
 _MOST = 5_000
-"""Most folders to search: `src` in a home folder may be large and no workspace."""
+"""Most folders to search: a large `src` in a home folder may not be a workspace."""
 
 
 def package_of(path: Path) -> Path | None:
@@ -31,8 +31,8 @@ def package_of(path: Path) -> Path | None:
 def packages(*starts: Path) -> dict[str, Path]:
     """The packages around some files or folders, by name; earlier starts take precedence.
 
-    For a file in a package these are all packages in the workspace's `src`; for a folder, the
-    packages of the workspace that it is or contains.
+    For a file in a package, these are all packages in the `src` of the workspace. For a folder,
+    these are the packages of the workspace that it is or contains.
     """
     found: dict[str, Path] = {}
     for start in starts:

@@ -59,9 +59,9 @@ def task_pages(server: TaskServer, metrics: Metrics) -> Pages:
     """Return the pages `/health` (503 while no tasks are accepted) and `/metrics`."""
 
     async def health() -> Page:
-        answer = await server.health()
-        body = json.dumps({"ready": answer.success, "message": answer.message})
-        return Page(f"{body}\n", "application/json", 200 if answer.success else 503)
+        response = await server.health()
+        body = json.dumps({"ready": response.success, "message": response.message})
+        return Page(f"{body}\n", "application/json", 200 if response.success else 503)
 
     async def measured() -> Page:
         return Page(metrics.text(), CONTENT_TYPE)

@@ -75,4 +75,4 @@ def _terminal() -> Console | None:
 
 
 def _print(line: Line) -> None:
-    print(f"{line.at:5.1f} s  {line.who:<9}  {line.text}", flush=True)
+    print(f"{line.at:5.1f} s  {line.actor:<9}  {line.text}", flush=True)

@@ -45,7 +45,12 @@ _STATES = {
     "CANCELED": "dim red",
     "QUEUED": "",
 }
-_WHO = {"client_1": "cyan", "client_2": "magenta", "client_3": "yellow", "robot": "bright_green"}
+_COLOURS = {
+    "client_1": "cyan",
+    "client_2": "magenta",
+    "client_3": "yellow",
+    "robot": "bright_green",
+}
 
 
 class Picture:
@@ -120,7 +125,7 @@ class Picture:
 
     def _clients(self) -> Panel:
         lines = [
-            Text.assemble((name, _WHO[name]), " ", self._stage.requests.get(name, ""))
+            Text.assemble((name, _COLOURS[name]), " ", self._stage.requests.get(name, ""))
             for name in CLIENTS
         ]
         return _boxed("three clients", lines)
@@ -145,7 +150,9 @@ class Picture:
     def _events(self, rows: int) -> Panel:
         lines = [
             Text.assemble(
-                (f"{line.at:5.1f} ", "dim"), (f"{line.who:<9}", _WHO.get(line.who, "")), line.text
+                (f"{line.at:5.1f} ", "dim"),
+                (f"{line.actor:<9}", _COLOURS.get(line.actor, "")),
+                line.text,
             )
             for line in self._stage.lines[-max(1, rows) :]
         ]

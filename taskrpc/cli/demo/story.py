@@ -63,7 +63,9 @@ class Line(NamedTuple):
     """An event of the story."""
 
     at: float
-    who: str
+    """In robot seconds since the story began."""
+    actor: str
+    """A client, `server` or `robot`."""
     text: str
 
 
@@ -89,12 +91,12 @@ class Stage:
         """Robot seconds since the story began."""
         return (asyncio.get_running_loop().time() - self._began) * self.robot.speed
 
-    def report(self, who: str, text: str, brief: str = "") -> None:
+    def report(self, actor: str, text: str, brief: str = "") -> None:
         """Add a line; `brief` is the short text for the panel of the clients."""
-        line = Line(self.now(), who, text)
+        line = Line(self.now(), actor, text)
         self.lines.append(line)
         if brief:
-            self.requests[who] = brief
+            self.requests[actor] = brief
         self._on_line(line)
 
     async def until(self, at: float) -> None:

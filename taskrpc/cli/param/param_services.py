@@ -21,30 +21,30 @@ class ParamServices:
 
     async def names(self, prefixes: Iterable[str] = ()) -> list[str]:
         """Return the names of all parameters, or of those below the prefixes, sorted."""
-        answer = await self._call("ListParameters", "list_parameters", prefixes=list(prefixes))
-        return sorted(answer.result.names)
+        response = await self._call("ListParameters", "list_parameters", prefixes=list(prefixes))
+        return sorted(response.result.names)
 
     async def values(self, names: list[str]) -> list[Any]:
         """Return the values of parameters, as ParameterValue messages."""
-        answer = await self._call("GetParameters", "get_parameters", names=names)
-        return list(answer.values)
+        response = await self._call("GetParameters", "get_parameters", names=names)
+        return list(response.values)
 
     async def descriptors(self, names: list[str]) -> list[Any]:
         """Return the descriptions of parameters, as ParameterDescriptor messages."""
-        answer = await self._call("DescribeParameters", "describe_parameters", names=names)
-        return list(answer.descriptors)
+        response = await self._call("DescribeParameters", "describe_parameters", names=names)
+        return list(response.descriptors)
 
     async def set(self, parameters: list[Any]) -> list[Any]:
         """Set parameters one by one; returns SetParametersResult messages."""
-        answer = await self._call("SetParameters", "set_parameters", parameters=parameters)
-        return list(answer.results)
+        response = await self._call("SetParameters", "set_parameters", parameters=parameters)
+        return list(response.results)
 
     async def set_together(self, parameters: list[Any]) -> Any:
         """Set all parameters or none; returns a SetParametersResult message."""
-        answer = await self._call(
+        response = await self._call(
             "SetParametersAtomically", "set_parameters_atomically", parameters=parameters
         )
-        return answer.result
+        return response.result
 
     async def _call(self, type_name: str, verb: str, **fields: Any) -> Any:
         srv_type = srvgen.load(f"rcl_interfaces/srv/{type_name}")
